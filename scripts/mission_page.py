@@ -42,6 +42,9 @@ the run that was cut off before. While it holds, the mission is paused or has en
 *stopped* counts first; where that says "-", the state's own column counts. A mission that has ended
 and does not stay open takes nothing, stopped or not.
 
+Between the mission and the motors stands the gate, with [states](hazards.md#states-of-the-gate)
+and a [list before the start](hazards.md#before-the-start) of its own.
+
 A request is done, *refused* (the status tells why in `refusal`), or left alone for the reason in
 brackets. What is to be done is still refused where it cannot be: no way leads there, the plan is
 not good, the robot was carried away.

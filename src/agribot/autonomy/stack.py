@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import msgspec
+
 from agribot.autonomy.control.follower import Follower
 from agribot.autonomy.control.hand_drive import HandControl
 from agribot.autonomy.control.supervise import Supervisor
@@ -82,14 +84,14 @@ class Stack:
         implement = self.treatment.step(estimate, self.weed_map, goal.tool_on)
         wanted = RobotCommand(t_s=batch.t_s, drive=drive, implement=implement)
         command, reason = self.supervisor.check(
-            wanted, estimate, batch, goal, is_by_hand=is_by_hand
+            wanted, estimate, batch, goal, scenes, is_by_hand=is_by_hand
         )
         platform.write(command)
         record = TickRecord(
             batch=batch,
             scenes=scenes,
             estimate=estimate,
-            status=goal.status,
+            status=msgspec.structs.replace(goal.status, gate=self.supervisor.gate),
             tracking=tracking,
             command=command,
             reason=reason,

@@ -146,6 +146,8 @@ class SafetyConfig(Config, frozen=True):
     on_operator_lost: Literal["continue", "pause"] = "continue"
     # Wheels or IMU silent for longer stop the robot; so late the wheels may follow a command.
     sensor_timeout_s: Positive = 0.3
+    # Pictures, or what the network sees in them, missing or late by more switch the tool off.
+    camera_timeout_s: Positive = 1.0
     # Of the battery's charge: with less than the first the robot goes home, with less than the
     # second it stands. Where it sends the voltage alone, that of the pack counts; 0: not known.
     low_charge_ratio: Ratio = 0.2

@@ -11,6 +11,7 @@ Yaw is counter-clockwise from East, radians, in (-pi, pi].
 from agribot.core.messages.arrays import ByteArray, FloatArray, Four, MapPoint, Vec3
 from agribot.core.messages.command import STOP, DriveCommand, ImplementCommand, RobotCommand
 from agribot.core.messages.estimate import Estimate
+from agribot.core.messages.gate import Check, GateState, GateStatus
 from agribot.core.messages.mission import (
     Goal,
     MissionState,
@@ -55,10 +56,11 @@ from agribot.core.messages.tick import TickRecord, Tracking
 
 __all__ = [
     "INBOX_LIMIT", "LIVE_SETTINGS", "SENSOR_WATCH", "STOP", "WHEEL_NAMES", "BaseFix",
-    "BatterySample", "BumperSample", "ByteArray", "CameraFrame", "CropCover", "DriveCommand",
-    "Estimate", "FloatArray", "Four", "GnssFix", "GnssHeading", "GnssQuality", "Goal",
-    "GroundPlant", "HandDrive", "ImplementCommand", "ImuSample", "Inbox", "MagSample",
-    "MapPoint", "MappedPlant", "MissionState", "MissionStatus", "OperatorAction",
-    "OperatorEvent", "OtherSample", "Path", "PlantClass", "RequestAnswer", "RobotCommand",
-    "Row", "RowLine", "Scene", "SensorBatch", "TickRecord", "Tracking", "Vec3", "WheelSample",
+    "BatterySample", "BumperSample", "ByteArray", "CameraFrame", "Check", "CropCover",
+    "DriveCommand", "Estimate", "FloatArray", "Four", "GateState", "GateStatus", "GnssFix",
+    "GnssHeading", "GnssQuality", "Goal", "GroundPlant", "HandDrive", "ImplementCommand",
+    "ImuSample", "Inbox", "MagSample", "MapPoint", "MappedPlant", "MissionState",
+    "MissionStatus", "OperatorAction", "OperatorEvent", "OtherSample", "Path", "PlantClass",
+    "RequestAnswer", "RobotCommand", "Row", "RowLine", "Scene", "SensorBatch", "TickRecord",
+    "Tracking", "Vec3", "WheelSample",
 ]  # fmt: skip
