@@ -7,7 +7,7 @@ from collections import Counter
 from typing import Literal
 
 from agribot.autonomy.estimate.ekf import ROW_OFFSET, Ekf, X, Y
-from agribot.autonomy.estimate.field_rows import FieldRows
+from agribot.autonomy.estimate.field_rows import FieldRows, Rows
 from agribot.autonomy.estimate.gate import Verdict
 from agribot.autonomy.estimate.history import MotionHistory
 from agribot.autonomy.estimate.measurement import Measurement
@@ -37,11 +37,18 @@ class PoseFilter:
         self.history = MotionHistory(ahead_s=config.wheel_timeout_s)
         self.rejected: Counter[str] = Counter()
         self.start = StartMark.of(field)
-        self.rows = FieldRows(field)
+        self.rows: Rows = FieldRows(field)
         self.agreement = RowAgreement()
         self.known: set[Known] = set()
         self.up_body: Vec3 = (0.0, 0.0, 1.0)
         self.base: BaseFix | None = None
+
+    def take_rows(self, rows: Rows) -> None:
+        """Go over to other rows; what was learnt of those before is past."""
+        self.rows = rows
+        self.ekf.row_yaw_rad = rows.yaw_rad
+        self.ekf.reset(ROW_OFFSET, 0.0, 0.0)
+        self.agreement.forget()
 
     @property
     def rows_off_m(self) -> tuple[float, float]:
