@@ -5,28 +5,51 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from agribot.app.simulated_run import SimulatedRun
 from agribot.autonomy.perception_host import NoPerception
 from agribot.core.geo import wrap_rad
-from agribot.core.messages import Row, RowLine, Scene, SensorBatch
+from agribot.core.messages import CropCover, FloatArray, Row, RowLine, Scene, SensorBatch
+from agribot.core.pose import Pose2
 from agribot.core.row_shape import project_on_row, row_length_m
+from tests.autonomy.estimate.paper_cover import Mask, cover_from
 
-LOOK_S, FAR_M, MAX_OFFSET_M = 0.1, 1.2, 0.6
+LOOK_S, FAR_M, MAX_OFFSET_M, HALF_ROW_M = 0.1, 1.2, 0.6, 0.1
 
 
 class CameraOnPaper(NoPerception):
-    """Sees the line of the row that truly lies under the robot, where one does."""
+    """Sees the line of the row that truly lies under the robot, where one does.
 
-    def __init__(self, session: SimulatedRun, rows: Sequence[Row]) -> None:
-        self._session, self._rows = session, rows
+    With `has_cover` it also sees crop beside that row.
+    """
+
+    def __init__(
+        self, session: SimulatedRun, rows: Sequence[Row], *, has_cover: bool = False
+    ) -> None:
+        self._session, self._rows, self._has_cover = session, rows, has_cover
         self._next_s, self._index = 0.0, 0
 
     def step(self, batch: SensorBatch) -> tuple[Scene, ...]:
         if batch.t_s < self._next_s:
             return ()
         self._next_s, self._index = batch.t_s + LOOK_S, self._index + 1
-        return (Scene(t_s=batch.t_s, ready_s=batch.t_s, frame_index=self._index, plants=(),
-                      view_body_m=(), row_line=self._line(batch.t_s)),)  # fmt: skip
+        t_s = batch.t_s
+        return (Scene(t_s=t_s, ready_s=t_s, frame_index=self._index, plants=(), view_body_m=(),
+                      row_line=self._line(t_s), crop_cover=self._cover()),)  # fmt: skip
+
+    def _cover(self) -> CropCover | None:
+        truth = self._session.simulator.truth()
+        pose = Pose2(truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
+        return cover_from(pose, self._grows) if self._has_cover else None
+
+    def _grows(self, x_map_m: FloatArray, y_map_m: FloatArray) -> Mask:
+        crop = np.zeros(np.broadcast(x_map_m, y_map_m).shape, dtype=bool)
+        for row in self._rows:
+            along_m, left_m, _ = project_on_row(row, x_map_m, y_map_m)
+            is_along = (along_m > 0.0) & (along_m < row_length_m(row))
+            crop |= is_along & (np.abs(left_m) < HALF_ROW_M)
+        return crop
 
     def _line(self, t_s: float) -> RowLine | None:
         truth = self._session.simulator.truth()

@@ -23,7 +23,7 @@ PITCH_M = 1.0
 
 
 def drive(
-    folder: Path, aside_m: float, monkeypatch: pytest.MonkeyPatch
+    folder: Path, aside_m: float, monkeypatch: pytest.MonkeyPatch, *, has_cover: bool = False
 ) -> tuple[Report, MissionStatus]:
     """`aside_m` is how far left of its mark the robot is put down, across the rows."""
 
@@ -33,7 +33,9 @@ def drive(
 
     monkeypatch.setattr("agribot.app.run_world.load_run_world", shifted)
     with simulate(config.load("rows-10x12", SETTINGS), folder) as session:
-        session.stack.perception = CameraOnPaper(session, lay_rows(session.config.field))
+        session.stack.perception = CameraOnPaper(
+            session, lay_rows(session.config.field), has_cover=has_cover
+        )
         *_, last = session.ticks()
         return session.finish(), last.status
 
@@ -72,3 +74,21 @@ def test_on_its_mark_the_same_robot_does_all_of_them(
     assert status.rows_unproven == ()
     assert report.mission.success and report.mission.rows_done == 3, report.reason
     assert report.mission.rows_unproven == ()
+
+
+@pytest.mark.parametrize("aside_m", [PITCH_M, -PITCH_M])
+def test_where_it_sees_what_grows_beside_its_row_it_asks_at_the_entry_which_row_this_is(
+    aside_m: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report, status = drive(tmp_path / "run", aside_m, monkeypatch, has_cover=True)
+    assert not report.ok
+    assert status.rows_done == status.rows_unproven == ()
+    assert "which row?" in report.reason
+    assert (report.mission.distance_m or 0.0) < 5.0  # of which it crosses the headland for 4 m
+    assert report.tracking.plants_crushed == 0
+
+
+def test_on_its_mark_it_asks_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    report, _ = drive(tmp_path / "run", 0.0, monkeypatch, has_cover=True)
+    assert report.ok, report.reason
+    assert report.mission.rows_done == 3

@@ -101,6 +101,8 @@ class EstimateConfig(Config, frozen=True):
     # Of the protection level: how often the true error may be larger.
     protection_risk: Annotated[float, msgspec.Meta(gt=0, lt=0.1)] = 1e-3
     row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
+    # Less sure than this of the row in which it is, the robot asks a person.
+    row_certainty: Ratio = 0.9
     gnss_timeout_s: Positive = 10.0  # without a fix for so long, GNSS counts as silent
     dead_reckoning_std_m: Positive = 1.0  # without GNSS, the pose is good up to this 1 sigma
     wheel_timeout_s: Positive = 0.3  # so long without a wheel reading, the pose is not good

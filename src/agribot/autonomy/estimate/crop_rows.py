@@ -126,10 +126,7 @@ class CropRows(Correction[Scene]):
         return sorted(crops, key=lambda p: math.hypot(p.x_body_m, p.y_body_m))
 
     def _view(self, epoch: Epoch, moved_m: float) -> Viewpoint:
-        x, (then, now, _) = self.pose.ekf.x, epoch
-        yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
-        pose = Pose2(x[X] - (now.x_m - then.x_m), x[Y] - (now.y_m - then.y_m), yaw_rad)
-        return Viewpoint(pose, moved_m)
+        return Viewpoint(self.pose.place(epoch), moved_m)
 
     def _place(
         self, plant: GroundPlant, view: Viewpoint, epoch: Epoch, together: int
