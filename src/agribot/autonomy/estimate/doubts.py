@@ -9,7 +9,6 @@ from agribot.autonomy.estimate.fix_watch import MAX_JUMP_M
 from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
 from agribot.autonomy.estimate.picture_watch import PictureWatch
 from agribot.autonomy.estimate.pose_filter import PoseFilter
-from agribot.autonomy.estimate.row_identity import RowIdentity
 from agribot.core.messages import Scene
 
 BELIEVE_CAMERA = "look where the robot stands, then resume to believe the camera"
@@ -18,9 +17,9 @@ BELIEVE_CAMERA = "look where the robot stands, then resume to believe the camera
 class Doubts:
     """`contradiction` halts a mission until a person decides, `text` only tells what is wrong."""
 
-    def __init__(self, pose: PoseFilter, gnss: Gnss, identity: RowIdentity) -> None:
+    def __init__(self, pose: PoseFilter, gnss: Gnss) -> None:
         self._pose, self._gnss, self._agreement = pose, gnss, pose.agreement
-        self._identity = identity
+        self._identity = pose.identity
         self._pictures = PictureWatch()
         self._moving_t_s = -math.inf
 

@@ -17,7 +17,6 @@ from agribot.autonomy.estimate.integrity import Integrity
 from agribot.autonomy.estimate.odometry import Odometry, Step
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.priors import motion_noise, slow_ageing
-from agribot.autonomy.estimate.row_identity import RowIdentity
 from agribot.autonomy.estimate.row_lines import RowLines
 from agribot.autonomy.estimate.row_sight import RowSight
 from agribot.core.arithmetic import clamp
@@ -59,8 +58,7 @@ class Localizer:
         self._corrections = [ladder.correction for ladder in self.ladders.values()]
         self._gnss = self._find(Gnss)
         self._crop_rows, self._row_lines = self._find(CropRows), self._find(RowLines)
-        self._identity = RowIdentity(config.row_certainty)
-        self._doubts = Doubts(self.pose, self._gnss, self._identity)
+        self._doubts = Doubts(self.pose, self._gnss)
         self._sight = RowSight(field)
         self._integrity = Integrity(self.pose, self._gnss)
         self._last_line: Motion | None = None
@@ -91,7 +89,6 @@ class Localizer:
     def take_rows(self, rows: Rows) -> None:
         """Hold what the camera sees against these rows from now on."""
         self.pose.take_rows(rows)
-        self._identity.restart()
 
     def observe(self, scene: Scene) -> None:
         """Correct the pose by the crop of a frame; the next estimate shows it.
@@ -110,7 +107,7 @@ class Localizer:
         epoch = self._history.epoch(scene.t_s)
         is_told = self._gnss.quality is GnssQuality.RTK_FIXED  # the fixes tell rows apart
         if scene.crop_cover is not None and epoch is not None and not is_told:
-            self._identity.look(scene.crop_cover, self.pose.place(epoch), self.pose.rows)
+            self.pose.identity.look(scene.crop_cover, self.pose.place(epoch), self.pose.rows)
 
     def is_stale(self, scene: Scene) -> bool:
         """Whether its picture is an old one: as good as none, for any use."""
@@ -226,7 +223,7 @@ class Localizer:
             across_plain_m=bounds.across_plain_m,
             rows_off_m=self.pose.rows_off_m,
             contradiction=self._doubts.contradiction if ok else "",
-            row_certainty=self._identity.certainty,
+            row_certainty=self.pose.identity.certainty,
         )
 
     def _quality(self, t_s: float) -> GnssQuality:

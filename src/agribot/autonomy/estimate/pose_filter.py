@@ -13,6 +13,7 @@ from agribot.autonomy.estimate.history import Epoch, MotionHistory
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.priors import initial_std
 from agribot.autonomy.estimate.row_agreement import RowAgreement
+from agribot.autonomy.estimate.row_identity import RowIdentity
 from agribot.autonomy.estimate.start import StartMark
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import BaseFix, Vec3
@@ -39,7 +40,7 @@ class PoseFilter:
         self.rejected: Counter[str] = Counter()
         self.start = StartMark.of(field)
         self.rows: Rows = FieldRows(field)
-        self.agreement = RowAgreement()
+        self.agreement, self.identity = RowAgreement(), RowIdentity(config.row_certainty)
         self.known: set[Known] = set()
         self.up_body: Vec3 = (0.0, 0.0, 1.0)
         self.base: BaseFix | None = None
@@ -50,6 +51,7 @@ class PoseFilter:
         self.ekf.row_yaw_rad = rows.yaw_rad
         self.ekf.reset(ROW_OFFSET, 0.0, 0.0)
         self.agreement.forget()
+        self.identity.restart()
 
     def place(self, epoch: Epoch) -> Pose2:
         """Say where the robot was at an epoch, as the filter sees it now."""

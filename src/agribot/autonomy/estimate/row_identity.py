@@ -87,6 +87,16 @@ class RowIdentity:
         self.restart()
         self._log = {shift: math.log(TOLD) if shift else 0.0 for shift in PRIOR}
 
+    def doubt_by(self, left: float, right: float) -> None:
+        """Take in that the pose may have found the row to the left or right of the true one.
+
+        `right` is the probability that the true row is to the right of the one it found.
+        """
+        share = {shift: self._share(shift) for shift in self._log}
+        for shift, own in share.items():
+            came = share.get(shift - 1, 0.0) * right + share.get(shift + 1, 0.0) * left
+            self._log[shift] = math.log(own * (1.0 - left - right) + came)
+
     def look(self, cover: CropCover, pose: Pose2, rows: Rows) -> None:
         """Take in the crop of a picture that was taken at a pose."""
         x_m, y_m = pose.transform(AHEAD_M, 0.0)

@@ -178,11 +178,11 @@ class RowLines(Correction[RowLine]):
         seen: Row = ((ROW_BIAS, -sign), (ROW_OFFSET, -1.0))
         row: Row = (*moved_row(frame.right, epoch, arm_m), *seen)
         across_m2 = ekf.project(row[:3])[1]
-        if across_m2 > (model.TELLS_APART_RATIO * frame.pitch_m) ** 2:
-            self.pose.rejected["row line ambiguous"] += 1
-            return None
         (right_x, right_y), (arm_x, arm_y), aside_m = frame.right, arm_m, sign * offset_m
         off_m = self._frame(epoch, (arm_x + aside_m * right_x, arm_y + aside_m * right_y)).off_m
+        if not self._tells_row(off_m, math.sqrt(across_m2), frame.pitch_m):
+            self.pose.rejected["row line ambiguous"] += 1
+            return None
         self.pose.agreement.add_look(line.t_s, off_m)
         opens = _opens(frame.right, model.RECOVERY_OFFSET_M)
         return Measurement(
@@ -190,6 +190,16 @@ class RowLines(Correction[RowLine]):
             model.offset_variance(line.offset_std_m), self._offset_gate,
             opens=(*opens, (YAW, model.RECOVERY_YAW_RAD**2)), is_retaken=False, has_tails=True,
         )  # fmt: skip
+
+    def _tells_row(self, off_m: float, std_m: float, pitch_m: float) -> bool:
+        """Whether the pose tells of which row a line is; a rest of doubt goes to its identity."""
+        if std_m <= model.TELLS_APART_RATIO * pitch_m:
+            return True
+        left, right = model.neighbour_shares(off_m, std_m, pitch_m)
+        if left + right > 1.0 - model.SURE_RATIO:
+            return False
+        self.pose.identity.doubt_by(left, right)
+        return True
 
     def _heading(self, heading_rad: float, variance: float, epoch: Epoch) -> Measurement:
         """Return the line's direction in the map, less the angle at which the robot sees it."""
