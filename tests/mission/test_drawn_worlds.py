@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,24 @@ def test_way_lost_in_turns_on_soil_is_no_reason_to_doubt_a_good_receiver(
         records = list(run.ticks())
     assert records[-1].status.row == 0
     assert not [r.status.reason for r in records if "off the row" in r.status.reason]
+
+
+def test_a_turn_on_soil_without_a_fix_leaves_the_filter_where_the_robot_is(
+    tmp_path: Path,
+) -> None:
+    """The receiver of this seed is silent for eight seconds of its first turn."""
+    config = load(
+        "farm", ["perception.enabled=false", "sim.preset=field", "duration_s=72", "seed=8"]
+    )
+    with simulate(config, tmp_path) as run:
+        apart_m = []
+        for record in run.ticks():
+            if record.batch.t_s > 58.0:
+                truth, pose = run.simulator.truth(), record.estimate
+                apart_m.append(
+                    math.dist((truth.x_map_m, truth.y_map_m), (pose.x_map_m, pose.y_map_m))
+                )
+    assert max(apart_m) < 0.22  # 0.26 where the filter believes the wheels
 
 
 def test_a_run_on_the_field_preset_reports_what_was_drawn_and_repeats_bit_by_bit(

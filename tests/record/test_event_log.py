@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from agribot.core.errors import RecordingError
-from agribot.core.messages import DriveCommand, RobotCommand, TickRecord
+from agribot.core.messages import DriveCommand, RobotCommand, TickRecord, Tracking
 from agribot.record.events import EventLog, read_events
 from tests.record import record_samples as samples
 
@@ -30,9 +30,9 @@ def test_a_quiet_run_has_one_line_for_each_change(tmp_path: Path) -> None:
     for record in samples.ticks(200):
         log(record)
     log.close()
-    assert [event.kind for event in log.events] == ["ready", "mission", "operator"]
+    assert [event.kind for event in log.events] == ["ready", "row", "mission", "operator"]
     assert read_events(path) == log.events
-    assert len(path.read_text().splitlines()) == 3
+    assert len(path.read_text().splitlines()) == 4
 
 
 def test_a_stop_is_one_event_though_its_number_changes_every_tick(log: EventLog) -> None:
@@ -54,7 +54,7 @@ def test_a_standing_robot_is_held_not_stopped(log: EventLog) -> None:
     log(_changed(records[0], 0.0, "no position yet"))
     log(_changed(records[1], 0.2, "speed limited to 0.2 m/s"))
     log(_changed(records[2], 0.0, "emergency stop pressed"))
-    kinds = [event.kind for event in log.events if event.kind not in {"ready", "mission"}]
+    kinds = [event.kind for event in log.events if event.kind not in {"ready", "row", "mission"}]
     assert kinds == ["hold", "limit", "stop"]
 
 
@@ -108,3 +108,30 @@ def test_a_stop_that_nobody_has_cleared_goes_on_while_nothing_asks_the_robot_to_
         log(msgspec.structs.replace(_changed(record, 0.0, reason), status=status))
         assert len(log.list_kind("clear")) == (1 if index == 5 else 0)
     assert len(log.list_kind("hold")) == 1
+
+
+def test_the_events_tell_how_each_row_went(log: EventLog) -> None:
+    records = samples.ticks(60)
+
+    def put(record: TickRecord, row: int, done: tuple[int, ...], off_m: float) -> TickRecord:
+        status = msgspec.structs.replace(
+            record.status, row=row, rows_done=done, s_m=10.0 * record.batch.t_s
+        )
+        tracking = Tracking(s_m=status.s_m, cross_track_m=off_m, heading_error_rad=0.0)
+        estimate = msgspec.structs.replace(record.estimate, row_seen=True)
+        return msgspec.structs.replace(record, status=status, tracking=tracking, estimate=estimate)
+
+    for index, record in enumerate(records):
+        if index < 30:
+            log(put(record, 2, (), -0.031 if index == 7 else 0.01))
+        elif index < 40:
+            log(put(record, -1, (2,), 0.2))
+        else:
+            log(put(record, 3, (2,), 0.0))
+    log(put(records[-1], -1, (2,), 0.0))
+    told = [event.reason for event in log.list_kind("row")]
+    assert told[0] == "row 3 begun"
+    assert told[1].startswith("row 3 done: ") and "at most 3.1 cm off its line" in told[1]
+    assert "crop seen 100 % of the time" in told[1]
+    assert told[2] == "row 4 begun"
+    assert told[3].startswith("row 4 left, not done: ")

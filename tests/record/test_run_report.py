@@ -64,6 +64,7 @@ CONTRACT: dict[str, Any] = {
     "implement": None,
     "preset": None,
     "conditions": None,
+    "beliefs": None,
 }  # fmt: skip
 NASTY = '<script>alert("x")</script> & more'
 

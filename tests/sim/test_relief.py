@@ -41,9 +41,13 @@ def _world(relief: Relief, **changes: object) -> WorldSpec:
 
 
 def _look(
-    world: WorldSpec, down_deg: float, surface: GroundSurface | None = None
+    world: WorldSpec,
+    down_deg: float,
+    surface: GroundSurface | None = None,
+    *,
+    height_m: float = 0.9,
 ) -> tuple[Rendering, FloatArray]:
-    map_from_camera = transform((0.0, 0.0, 0.9), (0.0, math.radians(down_deg), 0.3))
+    map_from_camera = transform((0.0, 0.0, height_m), (0.0, math.radians(down_deg), 0.3))
     map_from_camera = map_from_camera @ LINK_FROM_OPTICAL
     renderer = CameraRenderer(world, threads=1, ground=surface)
     return renderer.render(map_from_camera, CAMERA, noise_seed=None), map_from_camera
@@ -207,6 +211,38 @@ def test_a_stem_behind_a_clod_has_the_label_of_soil() -> None:
     open_px = count_crop()
     heights[190:212, 235:239] = 0.09  # a wall of clods in front of the plant
     assert 0 < count_crop() < 0.7 * open_px
+
+
+@pytest.mark.parametrize(
+    ("height_m", "down_deg", "allowed_ratio"),
+    [(0.9, 89.0, 1e-3), (0.9, 45.0, 1e-3), (0.28, 0.0, 0.04)],  # far off, heights are means
+)
+def test_plants_before_rough_ground_change_nothing_of_what_is_seen_between_them(
+    height_m: float, down_deg: float, allowed_ratio: float
+) -> None:
+    rng = np.random.default_rng(4)
+    plants = tuple(
+        Plant(
+            species="sugar_beet", plant=PlantClass.CROP, x_map_m=x, y_map_m=y, yaw_rad=0.0,
+            size_m=0.15, seed=1,
+        )
+        for x, y in rng.uniform((-0.6, -1.0), (3.0, 1.0), (60, 2)).tolist()
+    )  # fmt: skip
+    bare = _look(_world(TILLED), down_deg, height_m=height_m)[0]
+    planted = _look(_world(TILLED, plants=plants), down_deg, height_m=height_m)[0]
+    between = np.isfinite(planted.depth_m) & (planted.instance < 0)
+    assert 0.05 < between.mean() < 0.8
+    change = np.abs(planted.depth_m[between] / bare.depth_m[between] - 1.0)
+    assert np.quantile(change, 0.99) < allowed_ratio
+
+
+def test_rough_ground_has_no_holes_up_to_the_horizon() -> None:
+    for down_deg in (0.0, 20.0):
+        picture, _ = _look(_world(TILLED), down_deg, height_m=0.28)
+        row = np.arange(CAMERA.height_px) - (CAMERA.height_px - 1) / 2.0
+        below_rad = np.arctan2(row, CAMERA.focal_px) + math.radians(down_deg)
+        assert np.all(np.isfinite(picture.depth_m[below_rad > 0.03]))
+        assert not np.any(np.isfinite(picture.depth_m[below_rad < -0.05]))
 
 
 def test_wheel_ruts_show_in_the_next_picture() -> None:

@@ -7,9 +7,11 @@ from typing import Any, Protocol, TypeVar
 
 import msgspec
 
+from agribot.app.beliefs import ReportParts, compare, compute_worked_ratio
 from agribot.app.fault_verdict import judge_faults
 from agribot.app.judge import Judge
 from agribot.app.whole_job import JobSoFar, WholeJob
+from agribot.autonomy.plan.row_log import RowResult
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
 from agribot.core.messages import MissionStatus, Row, TickRecord
@@ -18,6 +20,7 @@ from agribot.core.robot import RobotSpec
 from agribot.core.version import __version__
 from agribot.record.events import Event, EventKind, EventLog
 from agribot.record.report import (
+    BeliefReport,
     EstimateReport,
     ImplementReport,
     IouReport,
@@ -52,6 +55,8 @@ class EndedRun(Protocol):
     def weed_map(self) -> WeedMap: ...
     @property
     def rows(self) -> tuple[Row, ...]: ...
+    @property
+    def row_results(self) -> tuple[RowResult, ...]: ...
     def worked_area_m2(self, rows: tuple[int, ...]) -> float: ...
 
 
@@ -71,7 +76,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
     if judge is not None:
         tracking = msgspec.convert(msgspec.to_builtins(judge.score_tracking()), TrackingReport)
     ok = bool(mission.success) and not tracking.plants_crushed and not why_ended
-    return Report(
+    report = Report(
         profile=config.profile,
         seed=config.seed,
         sensors=config.sim.sensors,
@@ -97,6 +102,26 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
         preset=config.sim.preset if find_platform(config.platform).is_simulated else None,
         conditions=drive.conditions,
+    )
+    return msgspec.structs.replace(report, beliefs=_beliefs(drive, job, report, done))
+
+
+def _beliefs(
+    drive: EndedRun, job: JobSoFar, report: Report, done: Sequence[int]
+) -> tuple[BeliefReport, ...]:
+    weeds = drive.weed_map.weeds() if report.weeds.mapped else ()
+    return compare(
+        job.believed,
+        ReportParts(
+            rows_done=len({*drive.rows_before, *done}),
+            worked_ratio=compute_worked_ratio(drive.row_results, drive.rows),
+            confidence=sum(w.confidence for w in weeds) / len(weeds) if weeds else None,
+            mission=report.mission,
+            tracking=report.tracking,
+            estimate=report.estimate,
+            weeds=report.weeds,
+            has_judge=drive.judge is not None,
+        ),
     )
 
 

@@ -19,6 +19,7 @@ from agribot.app.run_setup import PLAN_FILE, RunSetup
 from agribot.app.unattended import Unattended
 from agribot.app.whole_job import WholeJob
 from agribot.autonomy.perception_host import PerceptionMeter
+from agribot.autonomy.plan.row_log import RowResult
 from agribot.autonomy.plan.rows import list_row_ends
 from agribot.autonomy.plan.task import Task
 from agribot.autonomy.stack import MaskTap, Stack, Tap
@@ -161,6 +162,11 @@ class Run:
     def rows(self) -> tuple[Row, ...]:
         """Of the task: crop rows, or the swaths of a field plan."""
         return tuple(self.task.rows)
+
+    @property
+    def row_results(self) -> tuple[RowResult, ...]:
+        """Of the rows, as the robot believes they went."""
+        return self.stack.mission.row_results
 
     @property
     def goals_map_m(self) -> tuple[MapPoint, ...]:

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import msgspec
 
+from agribot.app.beliefs import BeliefSums
 from agribot.app.judge import Judge
 from agribot.app.run_clock import Clock
 from agribot.autonomy.perception_host import PerceptionMeter
@@ -46,6 +47,7 @@ class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
     judged: RefereeState | None = None
     plants: tuple[Track, ...] = ()
     implement: tuple[ReportLine, ...] = ()
+    believed: BeliefSums = msgspec.field(default_factory=BeliefSums)
     format: int = 1
 
     @property
@@ -82,6 +84,7 @@ class WholeJob:
         counts = dict(earlier.latency_s.counts)
         self._latency_s, self._looked = Histogram(width=LATENCY_BIN_S, counts=counts), 0
         self._run_s = 0.0
+        self.believed = msgspec.structs.replace(earlier.believed)
         self.lacks = list(earlier.lacks)
         if earlier.judged is not None:
             self.lacks += _restore_judgement(run.judge, earlier.judged)
@@ -90,6 +93,7 @@ class WholeJob:
         self.lacks += lost_events
 
     def __call__(self, record: TickRecord) -> None:
+        self.believed.add(record, record.batch.t_s - self._run_s)
         self._run_s = record.batch.t_s
 
     @property
@@ -119,6 +123,7 @@ class WholeJob:
             judged=None if self._run.judge is None else self._run.judge.export_state(),
             plants=self._run.weed_map.tracks,
             implement=add_lines(earlier.implement, self._run.implement_lines),
+            believed=msgspec.structs.replace(self.believed),
         )
 
     def events(self, own: Iterable[Event]) -> tuple[Event, ...]:

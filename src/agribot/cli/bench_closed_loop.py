@@ -9,6 +9,7 @@ import sys
 from agribot.cli.ranges import finite
 from agribot.cli.word_list import parse_names
 from agribot.core.errors import ConfigError
+from agribot.description.conditions import load_condition_preset
 from agribot.lab.sweep.plan import read_seeds
 
 
@@ -35,6 +36,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seeds", default="1", metavar="LIST", help="such as 1-4")
     parser.add_argument("--seconds", type=finite, default=25.0, metavar="S", help="of each drive")
+    parser.add_argument(
+        "--preset", default=closed_loop.PRESET, metavar="NAME|FILE",
+        help="how ground, plants and camera differ from seed to seed; light and growth are the "
+        "benchmark's own (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
@@ -53,8 +59,11 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"--heights {options.heights}: each must be from 0.2 to 3")
     if not 1.0 <= options.seconds <= 3600.0:
         raise ConfigError(f"--seconds {options.seconds:g}: must be from 1 to 3600")
+    load_condition_preset(options.preset)
     wanted = closed_loop.conditions(fields, lights, ratios, read_seeds(options.seeds))
-    result = closed_loop.run_conditions(wanted, options.seconds, options.model, _print_line)
+    result = closed_loop.run_conditions(
+        wanted, options.seconds, options.model, _print_line, options.preset
+    )
     _print_line("\n" + closed_loop.format_table(result))
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")

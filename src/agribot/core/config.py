@@ -100,6 +100,8 @@ class EstimateConfig(Config, frozen=True):
     recover_after: Count = 25  # rejected in a row before the filter opens up
     # Of the protection level: how often the true error may be larger.
     protection_risk: Annotated[float, msgspec.Meta(gt=0, lt=0.1)] = 1e-3
+    # Of their way, what turns on soil may cost the wheels; so much is learnt, 0 learns nothing.
+    max_turn_loss_ratio: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.3
     row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
     # Less sure than this of the row in which it is, the robot asks a person.
     row_certainty: Ratio = 0.9

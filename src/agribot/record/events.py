@@ -15,6 +15,7 @@ from agribot.core.messages import SENSOR_WATCH, STOP, OperatorEvent, TickRecord
 
 EventKind = Literal[
     "mission",
+    "row",
     "operator",
     "mark",
     "ready",
@@ -34,6 +35,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     """One change.
 
     mission   the mission's state or its reason changed, or it refused something
+    row       a crop row was begun or left, and how it went as the robot believes
     operator  somebody pressed something
     mark      somebody marked the moment
     ready     the estimate became usable; fault: it stopped being so, or a sensor fell silent,
@@ -50,6 +52,32 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     reason: str
 
 
+class _RowStory:
+    """What the robot believes of the row that it is in."""
+
+    def __init__(self, index: int, t_s: float, s_m: float) -> None:
+        self.index, self._t_s, self._from_m, self._to_m = index, t_s, s_m, s_m
+        self._off_m = 0.0
+        self._looks = self._seen = 0
+
+    def add(self, record: TickRecord) -> None:
+        self._to_m = record.status.s_m
+        if record.tracking is not None:
+            self._off_m = max(self._off_m, abs(record.tracking.cross_track_m))
+        if record.estimate.row_seen is not None:
+            self._looks += 1
+            self._seen += record.estimate.row_seen
+
+    def tell(self, t_s: float, *, is_done: bool) -> str:
+        seen = 100 * self._seen / max(self._looks, 1)
+        crop = f", crop seen {seen:.0f} % of the time" if self._looks else ""
+        return (
+            f"row {self.index + 1} {'done' if is_done else 'left, not done'}: "
+            f"{self._to_m - self._from_m:.1f} m in {t_s - self._t_s:.0f} s, at most "
+            f"{100 * self._off_m:.1f} cm off its line as the robot believes{crop}"
+        )
+
+
 class EventSieve:
     """Find what changed: call it with every TickRecord."""
 
@@ -62,6 +90,7 @@ class EventSieve:
         self._doubt = ""
         self._moving = False
         self._driver = ""
+        self._row: _RowStory | None = None
 
     def __call__(self, record: TickRecord) -> list[Event]:
         self._found = []
@@ -71,6 +100,7 @@ class EventSieve:
         self._note_hand(t_s, record)
         self._note_estimate(t_s, record)
         self._note_doubt(t_s, record)
+        self._note_row(t_s, record)
         self._note_mission(t_s, record)
         self._note_supervisor(t_s, record)
         self._note_warning(t_s, record.status.warning)
@@ -104,6 +134,18 @@ class EventSieve:
         if doubt and doubt != self._doubt:
             self._add(t_s, "fault", record.estimate.reason)
         self._doubt = doubt
+
+    def _note_row(self, t_s: float, record: TickRecord) -> None:
+        status, row = record.status, self._row
+        if row is not None and status.row != row.index:
+            self._add(t_s, "row", row.tell(t_s, is_done=row.index in status.rows_done))
+            self._row = None
+        if status.row >= 0 and self._row is None:
+            self._row = _RowStory(status.row, t_s, status.s_m)
+            again = " again" if status.row in status.rows_done else ""
+            self._add(t_s, "row", f"row {status.row + 1} begun{again}")
+        if self._row is not None:
+            self._row.add(record)
 
     def _note_mission(self, t_s: float, record: TickRecord) -> None:
         status = record.status

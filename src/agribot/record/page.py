@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -33,6 +34,7 @@ def render_report(report: Report, data: RunData) -> str:
     parts = [
         _render_header(report),
         f'<dl class="tiles">{"".join(_render_tile(*tile) for tile in make_tiles(report))}</dl>',
+        _render_beliefs(report),
         f"<h2>Map</h2>\n<div class='card map'>{encode_svg(draw_map(data), 'Map of the run')}</div>",
         _render_rows(data),
         _render_plots(data),
@@ -80,6 +82,28 @@ def _render_footer(report: Report) -> str:
 def _render_tile(name: str, value: str, note: str) -> str:
     small = f"<small>{escape(note)}</small>" if note else ""
     return f'<div class="tile"><dt>{escape(name)}</dt><dd>{escape(value)}</dd>{small}</div>'
+
+
+def _render_beliefs(report: Report) -> str:
+    """Render what the robot believes beside what is known: the two differ where it errs."""
+    if not report.beliefs:
+        return ""
+    heads = ("", "The robot believes", "Known")
+    body = [
+        [one.what, _format_belief(one.believed, one.unit), _format_belief(one.known, one.unit)]
+        for one in report.beliefs
+    ]
+    return "<h2>Believed and known</h2>\n" + _render_table(heads, body)
+
+
+def _format_belief(value: float | None, unit: str) -> str:
+    if value is None:
+        return "–"
+    if unit == "m" and abs(value) < 1.0:
+        return f"{100.0 * value:.1f} cm"
+    if unit == "rad":
+        return f"{math.degrees(value):.2f}°"
+    return f"{value:.4g}{' ' * bool(unit)}{unit}"
 
 
 def _render_rows(data: RunData) -> str:

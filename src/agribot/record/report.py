@@ -149,6 +149,18 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     person_distance_min_m: float | None = None
 
 
+class BeliefReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What the robot believes beside what a simulator knows; null where nobody can tell.
+
+    What is believed of an error is the root mean square of the 1 sigma that the robot stated.
+    """
+
+    what: str
+    unit: str = ""
+    believed: float | None = None
+    known: float | None = None
+
+
 class RunOfJob(msgspec.Struct, frozen=True, kw_only=True):
     """One of the runs that did a job, and how long it ran until it was cut off or ended."""
 
@@ -188,6 +200,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     implement: ImplementReport | None = None
     preset: str | None = None
     conditions: dict[str, Any] | None = None
+    beliefs: tuple[BeliefReport, ...] = ()
 
 
 def to_json(report: Report) -> bytes:

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, Protocol
-
-import msgspec
+from typing import Any, Protocol
 
 from agribot.core.errors import BridgeError
 from agribot.core.platform import Sensor
+from agribot.core.stamp_clock import Arrivals
 from agribot.ros.messages.sensor_readers import ReadSample, Sample, to_seconds
-from agribot.ros.messages.stamp_clock import StampClock, TickClock
-
-QUEUE_MESSAGES = 1000  # not taken yet; more lose the oldest
 
 
 class UntypedConnection(Protocol):
@@ -30,12 +25,6 @@ class UntypedConnection(Protocol):
         Raises: BridgeError: the bytes are no such message.
         """
         ...
-
-
-class _Arrival(NamedTuple):
-    stamp_s: float
-    arrived_s: float  # by the monotonic clock
-    sample: Sample
 
 
 class TopicSource:
@@ -57,42 +46,19 @@ class TopicSource:
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.sensor, self.name = sensor, name
-        self._connection, self._readers, self._refuse, self._now_s = (
-            connection,
-            readers,
-            refuse,
-            now_s,
-        )
-        self._arrived: deque[_Arrival] = deque(maxlen=QUEUE_MESSAGES)
-        self._ticks, self._clock = TickClock(), StampClock()
-        self._timed: deque[tuple[float, Sample]] = deque(maxlen=QUEUE_MESSAGES)  # by capture time
-        self._last_s = -1.0
+        self._connection, self._readers, self._refuse = connection, readers, refuse
+        self._arrivals: Arrivals[Sample] = Arrivals(now_s)
         connection.subscribe_any(name, self._on_message)
 
     def take(self, t_s: float) -> tuple[Sample, ...]:
         """Take the samples captured until `t_s`; one not newer than its predecessor is dropped."""
-        self._ticks.note_tick(t_s, self._now_s())
-        arrivals = [self._arrived.popleft() for _ in range(len(self._arrived))]
-        for stamp_s, arrived_s, _ in arrivals:
-            self._clock.note_message(stamp_s, self._ticks.convert_to_robot_s(arrived_s))
-        for stamp_s, arrived_s, sample in arrivals:
-            at_s = self._clock.convert_to_robot_s(
-                stamp_s, self._ticks.convert_to_robot_s(arrived_s)
-            )
-            if at_s > self._last_s:
-                self._last_s = at_s
-                self._timed.append((at_s, sample))
-        taken = []
-        while self._timed and self._timed[0][0] <= t_s:
-            at_s, sample = self._timed.popleft()
-            taken.append(msgspec.structs.replace(sample, t_s=at_s))
-        return tuple(taken)
+        return self._arrivals.take(t_s)
 
     def close(self) -> None:
         """Do nothing: the subscription ends with its connection."""
 
     def _on_message(self, ros_type: str, data: bytes) -> None:
-        arrived_s = self._now_s()
+        arrived_s = self._arrivals.now_s()
         read = self._readers.get(ros_type)
         try:
             if read is None:
@@ -103,4 +69,4 @@ class TopicSource:
             self._refuse(f"{self.sensor} from {self.name}: {error}")
             return
         if sample is not None:
-            self._arrived.append(_Arrival(to_seconds(message.header.stamp), arrived_s, sample))
+            self._arrivals.put(to_seconds(message.header.stamp), arrived_s, sample)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import copy
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -8,6 +9,7 @@ import pytest
 pytest.importorskip("torch")
 
 from agribot.core.messages import PlantClass
+from agribot.description.conditions import load_condition_preset
 from agribot.lab.bench import closed_loop
 from agribot.lab.bench.closed_loop import (
     LEAST_IOU,
@@ -69,3 +71,13 @@ def test_a_condition_changes_the_crop_its_height_and_the_light() -> None:
 
     small, large = crops(0.5), crops(1.0)
     assert small == pytest.approx([size_m / 2.0 for size_m in large], abs=1e-5)
+
+
+def test_the_preset_around_a_condition_leaves_its_light_and_growth_alone(tmp_path: Path) -> None:
+    around = tmp_path / "around.toml"
+    around.write_text(closed_loop._write_preset("field"), encoding="utf-8")
+    drawn, field = load_condition_preset(str(around)), load_condition_preset("field")
+    assert drawn.sun_elevation_deg is None
+    assert drawn.growth_ratio == (1.0, 1.0)
+    assert drawn.soil_classes == field.soil_classes
+    assert drawn.camera_angle_std_deg == field.camera_angle_std_deg > 0.0

@@ -19,10 +19,10 @@ from agribot.core.messages import (
     MagSample,
     WheelSample,
 )
+from agribot.core.stamp_clock import StampClock
 from agribot.description.loader import load_robot
 from agribot.ros.messages import rosmsg
 from agribot.ros.messages.sensor_readers import JointReader, TwistReader, make_readers, to_seconds
-from agribot.ros.messages.stamp_clock import StampClock
 from agribot.ros.messages.transforms import find_wheel_joints
 from tests.record import record_samples as samples
 

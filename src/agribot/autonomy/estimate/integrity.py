@@ -32,9 +32,11 @@ MEMORY_S = 300.0
 # soil in turns tighter than 2 m, as measured in the simulator, 1 % on hard ground. How much is
 # learnt, over so much turning way, while the receiver shows a loss and nothing else; what is left
 # of it has this share of the way as 1 sigma, and as much again as turns have cost.
-TURN_RADIUS_M, MAX_TURN_LOSS_RATIO, TURN_LOSS_STD_RATIO = 2.0, 0.3, 0.05
+TURN_RADIUS_M, TURN_LOSS_STD_RATIO = 2.0, 0.05
 LEARNING_WAY_M, LEARNING_GAIN = 0.2, 0.02
 LOSS_RESIDUAL_RATIO, LOSS_RESIDUAL_M = 0.3, 0.03
+# Where nothing holds the filter better than this it follows the wheels and shows no loss.
+LEARNING_STD_M = 0.03
 # Two solutions that differ by less than this part of the alarm agree again.
 AGREE_RATIO = 0.5
 # More than this share of the wheels' way is not lost by slip: the GNSS stands still, or the robot.
@@ -114,7 +116,7 @@ class Integrity:
         self._walk2_m = config.position_walk_m_per_sqrt_m**2
         self._x_m = self._y_m = self._driven_m = self._aside_x_m = self._aside_y_m = 0.0
         self._slid_m = self._turning_m = self._turning_x_m = self._turning_y_m = 0.0
-        self._turn_loss_ratio = 0.0
+        self._turn_loss_ratio, self._max_turn_loss_ratio = 0.0, config.max_turn_loss_ratio
         self._anchors: deque[_Anchor] = deque()
         self._is_split = False  # the two solutions contradict each other
         self._believed_m = self._moved_m = gnss.moved_m
@@ -136,7 +138,7 @@ class Integrity:
         self._x_m += way_m * cos + slide_m[0] * cos - slide_m[1] * sin
         self._y_m += way_m * sin + slide_m[0] * sin + slide_m[1] * cos
         self._slid_m += math.hypot(*slide_m)
-        turning_m = math.copysign(min(abs(way_m), TURN_RADIUS_M * abs(turn_rad)), way_m)
+        turning_m = _measure_turning_m(way_m, turn_rad)
         self._turning_m += abs(turning_m)
         self._turning_x_m += turning_m * cos
         self._turning_y_m += turning_m * sin
@@ -144,6 +146,10 @@ class Integrity:
         slips_m = abs(way_m) * self._ekf.slip_ratio(course_rad)
         self._aside_x_m -= slips_m * sin
         self._aside_y_m += slips_m * cos
+
+    def find_turn_loss_m(self, distance_m: float, turn_rad: float) -> float:
+        """Find how much less the robot gets on than its wheels turn, as turns have shown so far."""
+        return self._turn_loss_ratio * _measure_turning_m(distance_m, turn_rad)
 
     def restart(self) -> None:
         """Forget what was before: a person says where the robot is."""
@@ -199,11 +205,12 @@ class Integrity:
         """Learn what share of their way turns cost, where that explains how far it is apart."""
         (x_m, y_m), (way_x, way_y) = anchor.apart_m(here), anchor.turned_m(here)
         way_m2 = way_x * way_x + way_y * way_y
-        if way_m2 < LEARNING_WAY_M**2 or self._is_off:
+        is_held = here.spread.position_m <= LEARNING_STD_M
+        if way_m2 < LEARNING_WAY_M**2 or self._is_off or not is_held:
             return
         ratio = -(x_m * way_x + y_m * way_y) / way_m2
         residual_m = math.hypot(x_m + ratio * way_x, y_m + ratio * way_y)
-        is_loss = 0.0 <= ratio <= MAX_TURN_LOSS_RATIO
+        is_loss = 0.0 <= ratio <= self._max_turn_loss_ratio
         if is_loss and residual_m <= LOSS_RESIDUAL_RATIO * math.hypot(x_m, y_m) + LOSS_RESIDUAL_M:
             self._turn_loss_ratio += LEARNING_GAIN * (ratio - self._turn_loss_ratio)
 
@@ -284,6 +291,11 @@ class Integrity:
         loss_ratio = TURN_LOSS_STD_RATIO + self._turn_loss_ratio
         lost_m = loss_ratio * (self._turning_m - anchor.turning_m)
         return slid_m * slid_m + lost_m * lost_m
+
+
+def _measure_turning_m(way_m: float, turn_rad: float) -> float:
+    """Return the part of a way that counts as turning: all of it in turns of TURN_RADIUS_M."""
+    return math.copysign(min(abs(way_m), TURN_RADIUS_M * abs(turn_rad)), way_m)
 
 
 def _rayleigh(risk_ratio: float) -> float:

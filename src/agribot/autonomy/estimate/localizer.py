@@ -145,8 +145,9 @@ class Localizer:
         """Predict through one step, in pieces if it is long, and let the slow errors age."""
         last = self._motion
         pieces = clamp(math.ceil(step.dt_s / MAX_STEP_S - 1e-6), 1, MAX_PIECES)
+        lost_m = self._integrity.find_turn_loss_m(step.distance_m, step.turn_rad)
         dt_s, distance_m = step.dt_s / pieces, step.distance_m / pieces
-        slide_m = (step.slide_m[0] / pieces, step.slide_m[1] / pieces)
+        slide_m = ((step.slide_m[0] - lost_m) / pieces, step.slide_m[1] / pieces)
         bias_radps = self._ekf.x[GYRO_BIAS]
         turn_rad = bias_radps * dt_s if step.is_still or step.is_blind else 0.0
         if not step.is_still:

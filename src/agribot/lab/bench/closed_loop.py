@@ -16,9 +16,11 @@ from typing import Any
 import msgspec
 import numpy as np
 import numpy.typing as npt
+import tomli_w
 
 from agribot.core import config
 from agribot.core.world import Light, WorldSpec
+from agribot.description.conditions import load_condition_preset
 from agribot.description.field_generator import generate_field
 from agribot.description.field_settings import FieldSettings, read_field_settings
 from agribot.description.package import ROOT
@@ -28,6 +30,7 @@ from agribot.lab.train.evaluate import CLASS_NAMES, Scores, compute_scores
 
 Confusion = npt.NDArray[np.int64]
 FARM = "farm"
+PRESET = "field"  # of the ground, the plants' places and the camera's mount
 BEET = "beet"
 # What the network must hold on the beet field, pooled over its drives.
 LEAST_IOU = {"weed": 0.70, "crop": 0.85}
@@ -94,18 +97,21 @@ def run_conditions(
     seconds: float,
     model: str = "agribot-sim",
     tell: Callable[[str], None] = lambda line: None,
+    preset: str = PRESET,
 ) -> dict[str, Any]:
     """Drive each condition for so many simulated seconds.
 
-    Raises: AgribotError: no such network, or the robot cannot start.
+    What else differs from seed to seed is drawn from `preset`, but for light and growth.
+    Raises: AgribotError: no such network or preset, or the robot cannot start.
     """
     drives = []
     for condition in wanted:
-        drives.append(_drive(condition, seconds, model))
+        drives.append(_drive(condition, seconds, model, preset))
         tell(_format_line(_format_name(condition), drives[-1].scores))
     pooled = {name: _pool(drives, name) for name in dict.fromkeys(c.field for c in wanted)}
     return {
         "model": model,
+        "preset": preset,
         "seconds": seconds,
         "drives": [msgspec.to_builtins(drive) for drive in drives],
         "fields": {name: msgspec.to_builtins(score) for name, score in pooled.items()},
@@ -138,15 +144,18 @@ def format_table(result: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _drive(condition: Condition, seconds: float, model: str) -> ClosedLoopDrive:
+def _drive(condition: Condition, seconds: float, model: str, preset: str) -> ClosedLoopDrive:
     from agribot.app.simulated_run import simulate
 
     profile = FARM if condition.field == FARM else BEET
     with TemporaryDirectory() as folder:
         world = Path(folder) / "field.world"
         write_world(_make_world(condition), world)
+        around = Path(folder) / "around.toml"
+        around.write_text(_write_preset(preset), encoding="utf-8")
         settings = [
             f"world={world}",
+            f"sim.preset={around}",
             f"seed={condition.seed}",
             f"duration_s={seconds}",
             f"perception.model={model}",
@@ -170,6 +179,15 @@ def _make_world(condition: Condition) -> WorldSpec:
     else:
         world = generate_field(_make_plan(condition), condition.seed)
     return msgspec.structs.replace(world, light=LIGHTS[condition.light])
+
+
+def _write_preset(name: str) -> str:
+    """Write the preset without what a condition sets itself, light and growth."""
+    preset = load_condition_preset(name)
+    around = msgspec.structs.replace(
+        preset, sun_elevation_deg=None, cloud_ratio=(0.0, 0.0), growth_ratio=(1.0, 1.0)
+    )
+    return tomli_w.dumps(config.drop_none(msgspec.to_builtins(around)))
 
 
 def _make_plan(condition: Condition) -> FieldSettings:

@@ -19,6 +19,7 @@ from agribot.description.field_settings import (
     RowsSettings,
     WeedsSettings,
 )
+from agribot.lab.bench.ground import ROUGH
 
 CAMERA_RATE_HZ = 30.0
 SEED = 1
@@ -27,7 +28,7 @@ NADIR, ACROSS, FORWARD = (1.2, 89.9), (0.88, 45.0), (0.28, 0.0)
 
 
 @cache
-def dense_field(is_hilly: bool = False) -> WorldSpec:
+def dense_field(is_hilly: bool = False, is_rough: bool = False) -> WorldSpec:
     """40 rows of sugar beet of 40 m, every 18 cm, with 4 weeds on a square metre: 10,816 plants."""
     plan = FieldSettings(
         name="dense",
@@ -42,6 +43,8 @@ def dense_field(is_hilly: bool = False) -> WorldSpec:
         weeds=WeedsSettings(density_per_m2=4.0, cluster_ratio=0.5),
     )
     world = generate_field(plan, SEED)
+    if is_rough:
+        world = msgspec.structs.replace(world, relief=ROUGH)
     if not is_hilly:
         return world
     y_m, x_m = np.mgrid[-30.0:30.1:0.1, -30.0:30.1:0.1]
@@ -53,17 +56,21 @@ def dense_field(is_hilly: bool = False) -> WorldSpec:
 class DenseView:
     """One camera over the field, drawn by one thread, with noise and labels."""
 
-    def __init__(self, height_m: float, down_deg: float, is_hilly: bool = False) -> None:
+    def __init__(
+        self, height_m: float, down_deg: float, *, is_hilly: bool = False, is_rough: bool = False
+    ) -> None:
         from agribot.description.loader import load_robot
         from agribot.sim.camera import CameraRenderer
         from agribot.sim.camera.scene import sample_ground_heights
+        from agribot.sim.ground_surface import build_ground_surface
 
-        world, camera = dense_field(is_hilly), load_robot().camera
+        world, camera = dense_field(is_hilly, is_rough), load_robot().camera
+        surface = build_ground_surface(world)
         assert camera is not None  # of our own robot
         at = np.array([[-18.0, 0.0, 0.0]])
-        up_m = height_m + float(sample_ground_heights(world, at)[0])
+        up_m = height_m + float(sample_ground_heights(world, at, surface)[0])
         pose = transform((-18.0, 0.0, up_m), (0.0, math.radians(down_deg), 0.02))
-        self._renderer, self._camera = CameraRenderer(world, threads=1), camera
+        self._renderer, self._camera = CameraRenderer(world, threads=1, ground=surface), camera
         self._map_from_camera = pose @ LINK_FROM_OPTICAL
 
     def render(self) -> None:

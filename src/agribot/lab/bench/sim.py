@@ -95,8 +95,10 @@ def measure_render_ms() -> float:
     return 1e3 * measure_cpu_s(lambda: renderer.render(pose, camera, noise_seed=0))
 
 
-def measure_dense_render_ms(view: tuple[float, float], *, is_hilly: bool = False) -> float:
-    dense = DenseView(*view, is_hilly=is_hilly)
+def measure_dense_render_ms(
+    view: tuple[float, float], *, is_hilly: bool = False, is_rough: bool = False
+) -> float:
+    dense = DenseView(*view, is_hilly=is_hilly, is_rough=is_rough)
     return 1e3 * measure_cpu_s(dense.render)
 
 
@@ -162,6 +164,18 @@ FIGURES = {
     "render_hills_ms": Figure(
         "the same on hills, 45 degrees down (CPU ms)",
         lambda: measure_dense_render_ms(ACROSS, is_hilly=True),
+    ),
+    "render_relief_nadir_ms": Figure(
+        "the same on rough ground, straight down (CPU ms)",
+        lambda: measure_dense_render_ms(NADIR, is_rough=True),
+    ),
+    "render_relief_45_ms": Figure(
+        "the same on rough ground, 45 degrees down (CPU ms)",
+        lambda: measure_dense_render_ms(ACROSS, is_rough=True),
+    ),
+    "render_relief_forward_ms": Figure(
+        "the same on rough ground, level (CPU ms)",
+        lambda: measure_dense_render_ms(FORWARD, is_rough=True),
     ),
     "camera_loop_rtf": Figure(
         "physics, all sensors and the camera at 30 Hz there (x real time)", measure_camera_loop_rtf

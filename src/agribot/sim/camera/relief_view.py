@@ -1,19 +1,20 @@
 """Rough ground in a picture: where each ray meets it, what it hides, and how it is lit.
 
 Relief mapping (Policarpo, Oliveira, Comba 2005) on the height grid of the wheels: rays walk in
-steps over the heights and a secant finds where they go under. Rays of a lattice of every second
-row and column do so; between them the ground is interpolated where it is smooth.
+steps over the heights and a secant finds where they go under. Rays of a lattice of every fourth
+row and column do so; between them the ground is interpolated where it is smooth, and the lattice
+is refined, down to pixels, where it is not.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from agribot.core.messages import PlantClass
 from agribot.sim.camera.arrays import (
-    Bytes,
     Doubles,
     Ground,
     Ints,
@@ -34,11 +35,28 @@ from agribot.sim.jit import compile_fast, inline_fast
 
 SOIL = int(PlantClass.SOIL)
 BAND = 32  # rows that are walked together, from the nearest up
+COARSE = 4  # pixels between the first rays of a band
 BACK_M = 0.01  # a ray starts so far before where the one below it ended
 SMOOTH_M = 0.006  # heights between four rays that differ by less are interpolated
+SHORT_M = 0.05  # of the ground between two coarse rays, along the view
 LEVEL_UP = -0.08  # rays that fall less are never interpolated
 STEEPNESS = 0.7  # slopes of the ground that steps allow for
 MOST_STEPS = 64
+UNASKED = math.inf
+
+
+class Band(NamedTuple):
+    """A band of rows while its ground is found, (BAND + 1, columns + 1).
+
+    `near` is inverse depth, `level` height over the map's plane, at pixels whose ray was walked;
+    `start` the depth from which one is to be walked, UNASKED if it is not. `rays` (n, 2) lists
+    line and column of those to walk next.
+    """
+
+    near: Singles
+    level: Singles
+    start: Singles
+    rays: Ints
 
 
 @compile_fast
@@ -46,86 +64,232 @@ def draw_relief(
     first_band: int, last_band: int, view: PinholeView, relief: ReliefMap, targets: Targets
 ) -> None:
     """Draw the ground on the bands of BAND rows, before and behind the things drawn already."""
-    height, levels = relief.height, relief.levels
-    x_m, y_m, per_m = relief.x_m, relief.y_m, 1.0 / relief.step_m
-    turn, eye = view.camera_from_map, view.eye
-    eye_x, eye_y, eye_z = eye[0], eye[1], eye[2]
-    focal, cx, cy = view.focal_px, view.cx_px, view.cy_px
-    near_m, far_m, top_m = view.near_m, view.far_m, relief.top_m
-    inverse_depth = targets.inverse_depth
-    half = BAND // 2
-    columns = view.width // 2 + 1
-    depth, level = np.zeros((half + 1, columns)), np.zeros((half + 1, columns))
-    reached = np.zeros(columns)
-    is_upright = turn[1, 2] < 0.0
+    columns = (view.width + COARSE - 1) // COARSE * COARSE
+    size = (BAND + 1, columns + 1)
+    near, level = np.zeros(size, np.float32), np.zeros(size, np.float32)
+    start, rays = np.zeros(size, np.float32), np.zeros((size[0] * size[1], 2), np.int32)
+    cells, parts = np.zeros_like(rays), np.zeros_like(rays)
+    found = Band(near, level, start, rays)
     for band in range(first_band, last_band):
         top = band * BAND
-        used = (min(BAND, view.height - top) + 1) // 2
-        reached[:] = 0.0
-        for step in range(used + 1):
-            line = used - step if is_upright else step
-            row = min(top + 2 * line, view.height - 1)
-            down = (top + 2 * line - cy) / focal
-            for k in range(columns):
-                right = (2 * k - cx) / focal
-                east = turn[0, 0] * right + turn[1, 0] * down + turn[2, 0]
-                north = turn[0, 1] * right + turn[1, 1] * down + turn[2, 1]
-                up = turn[0, 2] * right + turn[1, 2] * down + turn[2, 2]
-                thing = inverse_depth[row, min(2 * k, view.width - 1)]
-                limit = 1.0 / thing if thing > 0.0 else far_m
-                found = walk(
-                    east, north, up, reached[k] - BACK_M, limit, eye_x, eye_y, eye_z, near_m, top_m,
-                    focal, height, levels, x_m, y_m, per_m,
-                )  # fmt: skip
-                depth[line, k] = found
-                reached[k] = found if found > 0.0 else limit
-                level[line, k] = eye_z + up * found
-        _fill_band(top, depth, level, view, relief, targets)
+        if not _can_see_ground(top, columns, view, relief.top_m):
+            continue
+        near[:], start[:] = 0.0, UNASKED
+        asked, count = _open_cells(top, view, relief.top_m, targets.inverse_depth, found, cells)
+        stride = COARSE
+        while stride > 1:
+            _walk_rays(stride, asked, top, found, view, relief, targets)
+            asked, count = _fill_cells(stride, count, top, found, cells, parts, view, targets)
+            cells, parts = parts, cells
+            stride //= 2
+        _walk_rays(stride, asked, top, found, view, relief, targets)
+        _show_band(top, near, view, targets)
 
 
 @compile_fast
-def _fill_band(
-    top: int, depth: Doubles, level: Doubles, view: PinholeView, relief: ReliefMap, targets: Targets
+def _can_see_ground(top: int, columns: int, view: PinholeView, top_m: float) -> bool:
+    """Return whether a ray of a band comes down to the highest ground in sight."""
+    turn, lowest = view.camera_from_map, 0.0
+    for row in (top, top + BAND):
+        for column in (0, columns):
+            right = (column - view.cx_px) / view.focal_px
+            down = (row - view.cy_px) / view.focal_px
+            lowest = min(lowest, turn[0, 2] * right + turn[1, 2] * down + turn[2, 2])
+    return bool(view.eye[2] + lowest * view.far_m < top_m)
+
+
+@compile_fast
+def _open_cells(
+    top: int, view: PinholeView, top_m: float, inverse_depth: Singles, found: Band, cells: Ints
+) -> tuple[int, int]:
+    """List the coarse cells in which ground may be seen, and the rays of their corners.
+
+    It may not where things hide all of the plane through the highest ground. Returns the numbers
+    of rays, from the nearest up, and of cells.
+    """
+    near, start, rays = found.near, found.start, found.rays
+    width, is_upright = view.width, view.camera_from_map[1, 2] < 0.0
+    lines, columns = near.shape[0] - 1, near.shape[1] - 1
+    spare = np.empty(columns, np.float32)  # by how much of inverse depth a column is hidden
+    asked, count = 0, 0
+    for line in range(0, min(lines, view.height - top), COARSE):
+        spare[:] = math.inf
+        for row in range(top + line, min(top + line + COARSE, view.height)):
+            _compare_with_plane(row, width, view, top_m, inverse_depth, spare)
+        for column in range(0, columns, COARSE):
+            least = spare[column]
+            for k in range(1, COARSE):
+                least = min(least, spare[column + k])
+            if least < 0.0:
+                cells[count, 0], cells[count, 1] = line, column
+                count += 1
+                start[line, column] = start[line, column + COARSE] = 0.0
+                start[line + COARSE, column] = start[line + COARSE, column + COARSE] = 0.0
+    for step in range(0, lines + 1, COARSE):
+        line = lines - step if is_upright else step
+        for column in range(0, columns + 1, COARSE):
+            if start[line, column] < UNASKED:
+                rays[asked, 0], rays[asked, 1] = line, column
+                asked += 1
+    return asked, count
+
+
+@compile_fast
+def _compare_with_plane(
+    row: int, width: int, view: PinholeView, top_m: float, inverse_depth: Singles, spare: Singles
 ) -> None:
-    """Complete a band from its lattice of depths and heights (BAND / 2 + 1, columns)."""
+    """Lower `spare` (columns,) to how far things are before the level `top_m`, negative behind."""
+    turn, focal, over_m = view.camera_from_map, view.focal_px, view.eye[2] - top_m
+    down = (row - view.cy_px) / focal
+    first, step = math.inf, 0.0
+    if over_m > 0.0:
+        step = -turn[0, 2] / (focal * over_m)
+        first = -(turn[1, 2] * down + turn[2, 2]) / over_m - step * view.cx_px
+    plane, ahead, behind = np.float32(first), np.float32(step), np.float32(-1.0)
+    for column in range(width):
+        thing = inverse_depth[row, column]
+        before = thing - (plane + ahead * np.float32(column)) if thing > 0.0 else behind
+        spare[column] = min(spare[column], before)
+
+
+@compile_fast
+def _walk_rays(
+    stride: int, count: int, top: int, found: Band, view: PinholeView, relief: ReliefMap,
+    targets: Targets,
+) -> None:  # fmt: skip
+    """Walk the first `count` listed rays; coarse ones from where the one below them ended."""
+    near, level, start, rays = found.near, found.level, found.start, found.rays
     height, levels = relief.height, relief.levels
     x_m, y_m, per_m = relief.x_m, relief.y_m, 1.0 / relief.step_m
     turn, eye_x, eye_y, eye_z = view.camera_from_map, view.eye[0], view.eye[1], view.eye[2]
     focal, cx, cy = view.focal_px, view.cx_px, view.cy_px
     near_m, far_m, top_m = view.near_m, view.far_m, relief.top_m
+    inverse_depth, last_row, last_column = targets.inverse_depth, view.height - 1, view.width - 1
+    reached = np.zeros(near.shape[1])
+    for k in range(count):
+        line, column = rays[k, 0], rays[k, 1]
+        right, down = (column - cx) / focal, (top + line - cy) / focal
+        east = turn[0, 0] * right + turn[1, 0] * down + turn[2, 0]
+        north = turn[0, 1] * right + turn[1, 1] * down + turn[2, 1]
+        up = turn[0, 2] * right + turn[1, 2] * down + turn[2, 2]
+        begin = reached[column] if stride == COARSE else float(start[line, column])
+        thing, limit = inverse_depth[min(top + line, last_row), min(column, last_column)], far_m
+        if thing > 0.0 and (stride == 1 or up >= LEVEL_UP):  # others are corners of what is seen
+            limit = 1.0 / thing
+        depth = walk(
+            east, north, up, begin - BACK_M, limit, eye_x, eye_y, eye_z, near_m, top_m, focal,
+            height, levels, x_m, y_m, per_m,
+        )  # fmt: skip
+        reached[column] = depth if depth > 0.0 else limit
+        near[line, column] = 1.0 / depth if depth > 0.0 else 0.0
+        level[line, column] = eye_z + up * depth
+
+
+@compile_fast
+def _fill_cells(
+    stride: int, count: int, top: int, found: Band, cells: Ints, parts: Ints, view: PinholeView,
+    targets: Targets,
+) -> tuple[int, int]:  # fmt: skip
+    """Interpolate the smooth ones of `count` cells; list rays in the others, and their quarters.
+
+    The inverse depth of a plane is linear in the picture. Returns the numbers of rays and quarters.
+    """
+    turn, focal, inverse_depth = view.camera_from_map, view.focal_px, targets.inverse_depth
+    near, level, start, rays = found.near, found.level, found.start, found.rays
+    share, asked, split = np.float32(1.0 / stride), 0, 0
+    for cell in range(count):
+        line, column = cells[cell, 0], cells[cell, 1]
+        a, b = near[line, column], near[line, column + stride]
+        c, d = near[line + stride, column], near[line + stride, column + stride]
+        p, q = level[line, column], level[line, column + stride]
+        r, s = level[line + stride, column], level[line + stride, column + stride]
+        far, most = min(a, b, c, d), max(a, b, c, d)
+        right, down = (column - view.cx_px) / focal, (top + line - view.cy_px) / focal
+        up = turn[0, 2] * right + turn[1, 2] * down + turn[2, 2]
+        is_smooth = max(p, q, r, s) - min(p, q, r, s) < SMOOTH_M and up < LEVEL_UP
+        is_short = stride < COARSE or stride < -up * SHORT_M * focal * far
+        if far > 0.0 and is_smooth and is_short:
+            for k in range(stride):
+                value, end = a + (c - a) * share * k, b + (d - b) * share * k
+                ahead = (end - value) * share
+                for j in range(stride):
+                    near[line + k, column + j] = value + ahead * j
+            continue
+        begin = _choose_start(top + line, column, stride, far, most, inverse_depth)
+        if begin < UNASKED:
+            asked, split = _split_cell(
+                line, column, stride, begin, start, rays, parts, asked, split
+            )
+    return asked, split
+
+
+@compile_fast
+def _choose_start(
+    row: int, column: int, stride: int, far: float, most: float, inverse_depth: Singles
+) -> float:
+    """Return the depth to walk from in a cell between rays; UNASKED where things hide it.
+
+    Of its corners the least and greatest inverse depths are `far` and `most`, 0 for none.
+    """
+    height, width = inverse_depth.shape
+    thing = np.float32(math.inf)
+    for r in range(row, min(row + stride, height)):
+        for c in range(column, min(column + stride, width)):
+            thing = min(thing, inverse_depth[r, c])
+    is_hidden = thing > 0.0 and most == 0.0
+    if far > 0.0:
+        is_hidden = thing * (1.0 - BACK_M * most) > most
+    if is_hidden:
+        return UNASKED
+    return 1.0 / most if far > 0.0 else 0.0
+
+
+@compile_fast
+def _split_cell(
+    line: int, column: int, stride: int, begin: float, start: Singles, rays: Ints, parts: Ints,
+    asked: int, split: int,
+) -> tuple[int, int]:  # fmt: skip
+    """List the rays halfway between the corners of a cell, and its quarters unless they are pixels.
+
+    A pixel belongs to the cell whose first corner it is or lies in.
+    """
+    half = stride // 2
+    end = stride if half > 1 else half
+    for k in range(0, end + 1, half):
+        for j in range(0, end + 1, half):
+            if half > 1 and k < stride and j < stride:
+                parts[split, 0], parts[split, 1] = line + k, column + j
+                split += 1
+            if half not in (k, j):
+                continue
+            if start[line + k, column + j] == UNASKED:
+                rays[asked, 0], rays[asked, 1] = line + k, column + j
+                asked += 1
+            start[line + k, column + j] = min(start[line + k, column + j], begin)
+    return asked, split
+
+
+@compile_fast
+def _show_band(top: int, near: Singles, view: PinholeView, targets: Targets) -> None:
+    """Show the ground of a band, inverse depths `near`, where nothing is before it."""
     inverse_depth, labels, instances = targets.inverse_depth, targets.label, targets.instance
     for row in range(top, min(top + BAND, view.height)):
-        line, odd_row = (row - top) >> 1, (row - top) & 1
-        down = (row - cy) / focal
         for column in range(view.width):
-            k, odd = column >> 1, column & 1
-            near = depth[line, k]
-            if odd + odd_row > 0:
-                second, third = depth[line, k + odd], depth[line + odd_row, k]
-                fourth = depth[line + odd_row, k + odd]
-                thing = inverse_depth[row, column]
-                if thing > 0.0 and max(near, second, third, fourth) == 0.0:
-                    continue  # among what hides the ground
-                nearest = min(near, second, third, fourth)
-                a, b = level[line, k], level[line, k + odd]
-                c, d = level[line + odd_row, k], level[line + odd_row, k + odd]
-                right = (column - cx) / focal
-                up = turn[0, 2] * right + turn[1, 2] * down + turn[2, 2]
-                is_smooth = max(a, b, c, d) - min(a, b, c, d) < SMOOTH_M
-                if nearest > 0.0 and is_smooth and up < LEVEL_UP:
-                    near = (0.25 * (a + b + c + d) - eye_z) / up
-                else:
-                    east = turn[0, 0] * right + turn[1, 0] * down + turn[2, 0]
-                    north = turn[0, 1] * right + turn[1, 1] * down + turn[2, 1]
-                    limit = 1.0 / thing if thing > 0.0 else far_m
-                    near = walk(
-                        east, north, up, nearest - BACK_M, limit, eye_x, eye_y, eye_z, near_m,
-                        top_m, focal, height, levels, x_m, y_m, per_m,
-                    )  # fmt: skip
-            if near > 0.0 and 1.0 / near > inverse_depth[row, column]:
-                inverse_depth[row, column] = 1.0 / near
-                labels[row, column] = SOIL
-                instances[row, column] = TERRAIN
+            value, thing = near[row - top, column], inverse_depth[row, column]
+            is_nearer = value > thing
+            inverse_depth[row, column] = value if is_nearer else thing
+            labels[row, column] = SOIL if is_nearer else labels[row, column]
+            instances[row, column] = TERRAIN if is_nearer else instances[row, column]
+
+
+@inline_fast
+def pick_copy(wide: float, last: int) -> int:
+    """Return the first copy of the heights, each of half the samples, whose cells are so wide."""
+    copy = 0
+    while wide > 1.0 and copy < last:
+        wide *= 0.5
+        copy += 1
+    return copy
 
 
 @inline_fast
@@ -163,7 +327,7 @@ def walk(
         way, fall = math.sqrt(east * east + north * north) + 1e-9, max(-up, 1e-6)
         # A copy of the heights whose cells are about as large as what a pixel covers.
         wide = max(2.0, 0.25 * way / fall) / focal * per_m * at
-        copy = min(max(0, math.ceil(math.log2(wide))), levels.shape[0] - 1)
+        copy = pick_copy(wide, levels.shape[0] - 1)
         origin, rows, columns = levels[copy, 0], levels[copy, 1], levels[copy, 2]
         scale = per_m / (1 << copy)
         u0, v0, du, dv = (eye_x - x_m) * scale, (eye_y - y_m) * scale, east * scale, north * scale
@@ -254,17 +418,6 @@ def _find_relief(
         layer[column] = surface[tile_y, tile_x]
 
 
-@inline_fast
-def find_sun(shade: Bytes, block: Ints, c: int, r: int) -> float:
-    """Return the share of the sun at a texel of the shadow map."""
-    sun = 1.0
-    if 0 < c < block.shape[1] * BLOCK and 0 < r < block.shape[0] * BLOCK:
-        here = block[r >> BLOCK_BITS, c >> BLOCK_BITS]
-        if here >= 0:
-            sun = shade[here, r & (BLOCK - 1), c & (BLOCK - 1)] * (1.0 / 255.0)
-    return sun
-
-
 @compile_fast
 def _light_relief(
     row: int, view: PinholeView, lamp: Lamp, ground: Ground, relief: ReliefMap, past: Singles,
@@ -277,7 +430,7 @@ def _light_relief(
     baked, levels = relief.light, relief.light_levels
     x_m, y_m, per_m = relief.x_m, relief.y_m, 1.0 / relief.light_step_m
     per_step, sun_share = 1.0 / ground.shade_step_m, lamp.diffuse * lamp.to_sun[2] / UNIT
-    coarser = per_m / texels_per_m
+    columns, rows, coarser = block.shape[1] * BLOCK, block.shape[0] * BLOCK, per_m / texels_per_m
     for column in range(view.width):
         if layer[column] < 0:
             continue
@@ -288,12 +441,17 @@ def _light_relief(
         covered = texels_per_m / (focal * near * max(0.25, steep))
         texels_per_px[column] = covered
         c, r = int((x - ground.shade_x_m) * per_step), int((y - ground.shade_y_m) * per_step)
-        sun = min(find_sun(shade, block, c, r), past[column])
-        covered, seam, copy = covered * coarser, SEAM[row & 3, column & 3], 0
+        sun = 1.0
+        if 0 < c < columns and 0 < r < rows:
+            here = block[r >> BLOCK_BITS, c >> BLOCK_BITS]
+            if here >= 0:
+                sun = shade[here, r & (BLOCK - 1), c & (BLOCK - 1)] * (1.0 / 255.0)
+        sun = min(sun, past[column])
+        covered, seam, copy, scale = covered * coarser, SEAM[row & 3, column & 3], 0, per_m
         while covered > seam and copy < levels.shape[0] - 1:
-            covered *= 0.5
+            covered, scale = covered * 0.5, scale * 0.5
             copy += 1
-        wide, scale = levels[copy, 2], per_m / (1 << copy)
+        wide = levels[copy, 2]
         u = min(max((x - x_m) * scale, 0.0), wide - 1.001)
         v = min(max((y - y_m) * scale, 0.0), levels[copy, 1] - 1.001)
         c, r = int(u), int(v)

@@ -135,7 +135,8 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
         )  # fmt: skip
 
     def estimate(self) -> EstimateConfig:
-        return EstimateConfig(mag_learn=False)  # its compass tells angles, no fields
+        # Its compass tells angles, no fields, and its soil takes no way in turns.
+        return EstimateConfig(mag_learn=False, max_turn_loss_ratio=0.0)
 
     def control(self) -> ControlConfig:
         return ControlConfig()

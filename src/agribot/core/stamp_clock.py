@@ -1,8 +1,16 @@
-"""Conversion of another clock's stamps to the robot's clock."""
+"""Conversion of another clock's stamps to the robot's clock, and samples that wait for their tick."""
 
 from __future__ import annotations
 
+import time
 from collections import deque
+from collections.abc import Callable
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import msgspec
+
+Sample = TypeVar("Sample", bound=msgspec.Struct)
+QUEUE_SAMPLES = 1000  # not taken yet; more lose the oldest
 
 WINDOW_S = 2.0
 # The freshest message of a window is younger than this if its stamps are of the robot's clock.
@@ -68,3 +76,51 @@ class TickClock:
     def convert_to_robot_s(self, moment_s: float) -> float:
         """Return the robot's time at a moment of the monotonic clock; only after a first tick."""
         return moment_s + max(lead_s for _, lead_s in self._leads)
+
+
+class _Arrival(NamedTuple):
+    stamp_s: float
+    arrived_s: float  # by the monotonic clock
+    sample: Any
+
+
+class Arrivals(Generic[Sample]):
+    """Samples that a thread puts in as they come, and the control loop takes at their time.
+
+    `now_s` is the monotonic clock. A loop that catches up on lost time finds every sample in the
+    tick in which it was captured. `latency_s` passes at least between capture and arrival; stamps
+    of another clock cannot show that.
+    """
+
+    def __init__(
+        self, now_s: Callable[[], float] = time.monotonic, *, latency_s: float = 0.0
+    ) -> None:
+        self.now_s, self._latency_s = now_s, latency_s
+        self._arrived: deque[_Arrival] = deque(maxlen=QUEUE_SAMPLES)
+        self._ticks, self._clock = TickClock(), StampClock()
+        self._timed: deque[tuple[float, Sample]] = deque(maxlen=QUEUE_SAMPLES)  # by capture time
+        self._last_s = -1.0
+
+    def put(self, stamp_s: float, arrived_s: float, sample: Sample) -> None:
+        """Put a sample in, in any thread; `stamp_s` is of the other clock, 0 without a stamp."""
+        self._arrived.append(_Arrival(stamp_s, arrived_s, sample))
+
+    def take(self, t_s: float) -> tuple[Sample, ...]:
+        """Take the samples captured until `t_s`; one not newer than its predecessor is dropped."""
+        self._ticks.note_tick(t_s, self.now_s())
+        arrivals = [self._arrived.popleft() for _ in range(len(self._arrived))]
+        for stamp_s, arrived_s, _ in arrivals:
+            self._clock.note_message(stamp_s, self._ticks.convert_to_robot_s(arrived_s))
+        for stamp_s, arrived_s, sample in arrivals:
+            at_s = self._clock.convert_to_robot_s(
+                stamp_s, self._ticks.convert_to_robot_s(arrived_s)
+            )
+            at_s = max(at_s - self._latency_s, 0.0)
+            if at_s > self._last_s:
+                self._last_s = at_s
+                self._timed.append((at_s, sample))
+        taken = []
+        while self._timed and self._timed[0][0] <= t_s:
+            at_s, sample = self._timed.popleft()
+            taken.append(msgspec.structs.replace(sample, t_s=at_s))
+        return tuple(taken)
