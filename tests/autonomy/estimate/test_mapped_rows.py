@@ -81,6 +81,12 @@ def test_a_corner_is_rounded_and_places_outside_it_belong_to_it() -> None:
     assert outside.off_m == pytest.approx(-math.hypot(0.02, 0.3))
 
 
-def test_a_field_without_rows_has_none() -> None:
-    assert not MappedRows([]).has_rows
-    assert not MappedRows([((1.0, 1.0), (1.0, 1.0))]).has_rows
+@pytest.mark.parametrize("lines", [[], [((1.0, 1.0), (1.0, 1.0))]])
+def test_a_field_without_rows_has_none_and_no_place_in_one(
+    lines: list[tuple[tuple[float, float], ...]],
+) -> None:
+    rows = MappedRows(lines)
+    assert not rows.has_rows
+    nowhere = rows.at(3.0, 4.0)
+    assert (nowhere.row, nowhere.length_m, nowhere.off_m) == (-1, 0.0, 0.0)
+    assert nowhere.right == pytest.approx((0.0, -1.0))

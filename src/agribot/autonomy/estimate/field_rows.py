@@ -49,7 +49,7 @@ class Rows(Protocol):
     def has_rows(self) -> bool: ...
 
     def at(self, x_map_m: float, y_map_m: float) -> RowFrame:
-        """Resolve a place of the map, by the row next to it; there has to be one."""
+        """Resolve a place of the map, by the row next to it; of -1 where there is none."""
         ...
 
 

@@ -16,6 +16,7 @@ from agribot.core.messages import MapPoint
 BLEND_M = 0.5
 # Points of a line nearer to each other than this are one.
 SAME_POINT_M = 1e-3
+NO_ROW = -1
 
 
 class MappedRows:
@@ -45,6 +46,10 @@ class MappedRows:
         return bool(self._row_length_m)
 
     def at(self, x_map_m: float, y_map_m: float) -> RowFrame:
+        if not self.has_rows:
+            return RowFrame(
+                0.0, 0.0, self.yaw_rad, *find_axes(self.yaw_rad), 1.0, NO_ROW, 0.0, 0.0, math.inf
+            )
         dx, dy = x_map_m - self._start[:, 0], y_map_m - self._start[:, 1]
         on_m = dx * self._ahead[:, 0] + dy * self._ahead[:, 1]
         inside_m = np.clip(on_m, 0.0, self._length_m)
