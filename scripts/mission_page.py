@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from agribot.autonomy.plan.requests import TABLE, Column, Do, Ignore, Reaction, Refuse
+from agribot.autonomy.plan.row_recovery import LADDER
 from agribot.core.messages import OperatorAction
 
 HEAD = """# The mission and what it is asked
@@ -24,7 +25,8 @@ STATES = (
     (
         "on an errand",
         "`running`",
-        "drives home, to a place, or back to the work, with the tool off",
+        "drives home, to a place, back to the work, or out of a row that it lost, with the tool "
+        "off",
         "the end of the way, or a fault",
     ),
     ("stopping", "`paused`", "comes to rest for an errand and plans its way there", "itself"),
@@ -62,10 +64,24 @@ COLUMNS: dict[Column, str] = {
 }
 
 
+LOST = """
+## Where the row is lost
+
+Known across its row worse than `mission.max_row_std_m`, or standing because it may reach crop, the
+robot takes these steps, each where the one before has not helped
+([`row_recovery.py`](../src/agribot/autonomy/plan/row_recovery.py)). Backing out it follows its own
+way straight back, wherever it is beside its row; the tool is off.
+
+| step | what the robot does | when |
+|---|---|---|
+"""
+
+
 def page() -> str:
     head = f"| request | {' | '.join(COLUMNS.values())} |\n|{'---|' * (len(COLUMNS) + 1)}\n"
     states = "".join(f"| {' | '.join(state)} |\n" for state in STATES)
-    return HEAD + states + RULES + head + "".join(map(_row, TABLE))
+    ladder = "".join(f"| {' | '.join(step)} |\n" for step in LADDER)
+    return HEAD + states + RULES + head + "".join(map(_row, TABLE)) + LOST + ladder
 
 
 def _row(action: OperatorAction) -> str:

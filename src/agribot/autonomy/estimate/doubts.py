@@ -19,6 +19,7 @@ class Doubts:
 
     def __init__(self, pose: PoseFilter, gnss: Gnss) -> None:
         self._pose, self._gnss, self._agreement = pose, gnss, pose.agreement
+        self._identity = pose.identity
         self._pictures = PictureWatch()
         self._moving_t_s = -math.inf
 
@@ -43,13 +44,13 @@ class Doubts:
 
     @property
     def contradiction(self) -> str:
-        """Two sensors that cannot both be right, or nothing."""
+        """Two sensors that cannot both be right, a row that may be another, or nothing."""
         agreement, jump = self._agreement, self._gnss.jump
         if agreement.must_halt:
             return f"{agreement.fault}; {BELIEVE_CAMERA}"
         if 0.0 < jump.off_m <= MAX_JUMP_M and self._is_seen:
             return f"camera and GNSS disagree by {jump.off_m:.2f} m; {BELIEVE_CAMERA}"
-        return jump.fault
+        return jump.fault or self._identity.doubt
 
     @property
     def text(self) -> str:
@@ -87,12 +88,14 @@ class Doubts:
                 ekf.inflate(state, (apart_m * part / 2.0) ** 2)
         gnss.settle(believes_fixes=not is_seen)
         agreement.forget()
+        self._identity.take_as_told()
         return True
 
     def forget(self) -> None:
         """Drop what was held against each other: a person says where the robot is."""
         self._gnss.forget()
         self._agreement.forget()
+        self._identity.take_as_told()
 
     @property
     def _right(self) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from agribot.autonomy.estimate.corrections import CORRECTIONS
 from agribot.autonomy.estimate.crop_rows import MIN_MOVED_M, CropRows
 from agribot.autonomy.estimate.doubts import Doubts
 from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, X, Y
+from agribot.autonomy.estimate.field_rows import Rows
 from agribot.autonomy.estimate.gnss import Gnss
 from agribot.autonomy.estimate.history import UNMOVED, Motion
 from agribot.autonomy.estimate.integrity import Integrity
@@ -85,12 +86,16 @@ class Localizer:
         elif event.action in ("start", "resume") and self._doubts.decide():
             self._integrity.restart()
 
+    def take_rows(self, rows: Rows) -> None:
+        """Hold what the camera sees against these rows from now on."""
+        self.pose.take_rows(rows)
+
     def observe(self, scene: Scene) -> None:
         """Correct the pose by the crop of a frame; the next estimate shows it.
 
         A row line is made of the same leaves as the plants, so that one of them serves.
         """
-        if "position" not in self.pose.known:
+        if "position" not in self.pose.known or not self.pose.rows.has_rows:
             return
         if scene.row_line is None or not self._row_lines.has_lines:
             self.ladders["scene"].update(scene)
@@ -99,6 +104,10 @@ class Localizer:
             if line is not None:
                 self.observe_line(line)
         self._sight.observe(scene.t_s, self._crop_rows.fitted + self._row_lines.fitted)
+        epoch = self._history.epoch(scene.t_s)
+        is_told = self._gnss.quality is GnssQuality.RTK_FIXED  # the fixes tell rows apart
+        if scene.crop_cover is not None and epoch is not None and not is_told:
+            self.pose.identity.look(scene.crop_cover, self.pose.place(epoch), self.pose.rows)
 
     def is_stale(self, scene: Scene) -> bool:
         """Whether its picture is an old one: as good as none, for any use."""
@@ -215,6 +224,7 @@ class Localizer:
             across_plain_m=bounds.across_plain_m,
             rows_off_m=self.pose.rows_off_m,
             contradiction=self._doubts.contradiction if ok else "",
+            row_certainty=self.pose.identity.certainty,
         )
 
     def _quality(self, t_s: float) -> GnssQuality:

@@ -15,7 +15,8 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     `protection_m` bounds the error, faults of GNSS included, `across_protection_m` that to the
     side of where the robot heads, of which the covariance alone makes `across_plain_m`.
     `rows_off_m` is how far the field's rows stand East and North of where the map has them.
-    `contradiction` names sensors that disagree, between which a person decides.
+    `contradiction` names sensors that disagree, between which a person decides, or asks one which
+    row this is: `row_certainty` is the probability that it is the one that the pose says.
     """
 
     t_s: float
@@ -37,6 +38,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     across_plain_m: float = 0.0
     contradiction: str = ""
     rows_off_m: tuple[float, float] = (0.0, 0.0)
+    row_certainty: float = 1.0
 
     def relate_to_rows(self) -> Estimate:
         """Return the pose in a map whose rows lie where those of the field stand."""
