@@ -56,7 +56,7 @@ agribot bench faults --seeds 1 --no-camera           # two minutes of a CPU
 agribot bench faults --faults gnss.wrong_fix,carried
 ```
 
-[What it measured](fault-campaign.md) last.
+[What it measured](fault-campaign.md) last. Which of them proves which [hazard](hazards.md).
 """
 
 

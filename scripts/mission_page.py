@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from agribot.autonomy.plan.requests import TABLE, Column, Do, Ignore, Reaction, Refuse
+from agribot.autonomy.plan.row_recovery import LADDER
 from agribot.core.messages import OperatorAction
 
 HEAD = """# The mission and what it is asked
@@ -24,7 +25,8 @@ STATES = (
     (
         "on an errand",
         "`running`",
-        "drives home, to a place, or back to the work, with the tool off",
+        "drives home, to a place, back to the work, or out of a row that it lost, with the tool "
+        "off",
         "the end of the way, or a fault",
     ),
     ("stopping", "`paused`", "comes to rest for an errand and plans its way there", "itself"),
@@ -41,6 +43,9 @@ A **stop** is latched in one place, `core/latch.py`, whoever closes it: a person
 the run that was cut off before. While it holds, the mission is paused or has ended, and the column
 *stopped* counts first; where that says "-", the state's own column counts. A mission that has ended
 and does not stay open takes nothing, stopped or not.
+
+Between the mission and the motors stands the gate, with [states](hazards.md#states-of-the-gate)
+and a [list before the start](hazards.md#before-the-start) of its own.
 
 A request is done, *refused* (the status tells why in `refusal`), or left alone for the reason in
 brackets. What is to be done is still refused where it cannot be: no way leads there, the plan is
@@ -59,10 +64,24 @@ COLUMNS: dict[Column, str] = {
 }
 
 
+LOST = """
+## Where the row is lost
+
+Known across its row worse than `mission.max_row_std_m`, or standing because it may reach crop, the
+robot takes these steps, each where the one before has not helped
+([`row_recovery.py`](../src/agribot/autonomy/plan/row_recovery.py)). Backing out it follows its own
+way straight back, wherever it is beside its row; the tool is off.
+
+| step | what the robot does | when |
+|---|---|---|
+"""
+
+
 def page() -> str:
     head = f"| request | {' | '.join(COLUMNS.values())} |\n|{'---|' * (len(COLUMNS) + 1)}\n"
     states = "".join(f"| {' | '.join(state)} |\n" for state in STATES)
-    return HEAD + states + RULES + head + "".join(map(_row, TABLE))
+    ladder = "".join(f"| {' | '.join(step)} |\n" for step in LADDER)
+    return HEAD + states + RULES + head + "".join(map(_row, TABLE)) + LOST + ladder
 
 
 def _row(action: OperatorAction) -> str:

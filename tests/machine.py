@@ -16,6 +16,7 @@ import pytest
 PACKAGES = {
     "check_urdf": "liburdfdom-tools",
     "chromium": "chromium",
+    "gpsd": "gpsd",
     "g++": "g++ libfastrtps-dev",
     "ign": "ignition-tools libsdformat-dev",
     "openssl": "openssl",

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
 from agribot.app.open_run import open_run
+from agribot.app.platform_lock import PlatformLock
 from agribot.app.simulated_run import SimulatedRun
 from agribot.cli.main import main
 from agribot.core import config, platforms
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.messages import Inbox, OperatorEvent, RobotCommand, SensorBatch
 
 BENCH = '''
@@ -56,6 +60,7 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """The name of a platform that is one file of somebody's own."""
     (tmp_path / "my_bench.py").write_text(BENCH)
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(platforms, "_KINDS", dict(platforms._KINDS))
     platforms.register_platform("bench", "my_bench:Bench")
     return "bench"
@@ -71,6 +76,43 @@ def test_a_platform_of_ones_own_is_one_file_and_a_registration(bench: str, tmp_p
     assert math.hypot(estimate.x_map_m, estimate.y_map_m) < 0.2  # the stack took its sensors
     assert run.platform.is_closed  # type: ignore[attr-defined]
     assert "3 s, as asked" in report.reason
+
+
+def test_a_second_program_on_the_same_platform_is_refused_until_the_first_has_ended(
+    bench: str, tmp_path: Path
+) -> None:
+    settings = config.load("farm", [f"platform={bench}", *SETTINGS])
+    with open_run(settings, tmp_path / "first"):
+        with pytest.raises(
+            PlatformError, match=f"process {os.getpid()}\\) drives platform = 'bench'"
+        ):
+            open_run(settings, tmp_path / "second")
+        assert not (tmp_path / "second").exists()
+    with open_run(settings, tmp_path / "second") as run:
+        assert next(run.ticks()).batch.t_s > 0.0
+    broken = config.load("farm", ["platform=my_bench:no_such", *SETTINGS])
+    for _ in range(2):
+        with pytest.raises(ConfigError, match="no_such"):
+            open_run(broken, tmp_path / "third")
+
+
+def test_the_lock_of_a_process_that_was_killed_is_nobodys(tmp_path: Path) -> None:
+    code = (
+        "import sys, time; from pathlib import Path; "
+        "from agribot.app.platform_lock import PlatformLock; "
+        "lock = PlatformLock('robot', Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
+    )
+    words = [sys.executable, "-c", code, str(tmp_path)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(PlatformError, match=f"process {holder.pid}"):
+            PlatformLock("robot", tmp_path)
+        PlatformLock("another robot", tmp_path).close()
+        holder.kill()
+    lock = PlatformLock("robot", tmp_path)
+    lock.close()
+    lock.close()
 
 
 def test_a_report_without_truth_has_nulls_where_only_the_truth_could_tell(

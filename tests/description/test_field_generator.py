@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.autonomy.estimate.mapped_rows import MappedRows
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.errors import DescriptionError
@@ -169,6 +170,28 @@ def test_a_boundary_keeps_plants_inside_the_polygon(tmp_path: Path) -> None:
     assert len(crops) == inside.sum()
 
 
+def test_plants_stand_on_the_rows_that_a_field_file_draws_however_they_lie(tmp_path: Path) -> None:
+    plan = FieldSettings(rows=RowsSettings(file="rows.geojson"), weeds=NO_WEEDS)
+    frame = MapFrame(plan.datum)
+    lines = [[(0.0, 0.0), (6.0, 1.0)], [(0.0, 1.0), (3.0, 2.0), (7.0, 2.5)]]
+    features = [
+        {"type": "Feature", "properties": {"kind": kind}, "geometry": {
+            "type": "LineString",
+            "coordinates": [list(frame.geodetic_from_map(*at)[1::-1]) for at in line],
+        }}
+        for kind, line in (("row", lines[0]), ("ab_line", [(0, 9), (9, 9)]), ("row", lines[1]))
+    ]  # fmt: skip
+    tree = {"type": "FeatureCollection", "features": features}
+    (tmp_path / "rows.geojson").write_text(json.dumps(tree))
+    xy = _xy(_of(generate_field(plan, 0, tmp_path), PlantClass.CROP))
+    rows = MappedRows(lines)
+    places = [rows.at(x_m, y_m) for x_m, y_m in xy.tolist()]
+    for row, length_m in enumerate((math.hypot(6, 1), math.hypot(3, 1) + math.hypot(4, 0.5))):
+        along_m = sorted(at.along_m for at in places if at.row == row)
+        assert along_m == pytest.approx(np.arange(0.0, length_m, plan.crop.spacing_m), abs=1e-3)
+    assert max(abs(at.off_m) for at in places) < 1e-3
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -177,6 +200,8 @@ def test_a_boundary_keeps_plants_inside_the_polygon(tmp_path: Path) -> None:
         ("[weeds]\nheight_min_m = 0.3\n", "height_min_m"),
         ("[rows\n", "not valid TOML"),
         ('boundary = "nowhere.geojson"\n', "nowhere.geojson"),
+        ('[rows]\nfile = "nowhere.geojson"\n', "nowhere.geojson"),
+        ('[rows]\nfile = "x.geojson"\n[soil]\ntrack_gauge_m = 0.6\n', "soil.track_gauge_m"),
         ("[crop]\nmissing_ratio = 1.0\n", "no crop left"),
     ],
 )

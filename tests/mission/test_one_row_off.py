@@ -2,63 +2,28 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from agribot.app.mission_file import read_mission
-from agribot.app.simulated_run import SimulatedRun, simulate
-from agribot.autonomy.perception_host import NoPerception
+from agribot.app.simulated_run import simulate
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core import config
-from agribot.core.geo import wrap_rad
-from agribot.core.messages import MissionStatus, RowLine, Scene, SensorBatch
-from agribot.core.row_shape import project_on_row, row_length_m
+from agribot.core.messages import MissionStatus
 from agribot.core.world import WorldSpec
 from agribot.description.worlds_sdf import load_run_world
 from agribot.record.report import Report
+from tests.mission.paper_camera import CameraOnPaper
 
 SETTINGS = ["seed=1", "perception.enabled=false", "record.enabled=false", "field.row_count=3",
             "field.row_length_m=5", 'world="empty"']  # fmt: skip
 PITCH_M = 1.0
-LOOK_S, FAR_M, MAX_OFFSET_M = 0.1, 1.2, 0.6
-
-
-class CameraOnPaper(NoPerception):
-    """Sees the line of the row that truly lies under the robot, where one does."""
-
-    def __init__(self, session: SimulatedRun) -> None:
-        self._session, self._rows = session, lay_rows(session.config.field)
-        self._next_s, self._index = 0.0, 0
-
-    def step(self, batch: SensorBatch) -> tuple[Scene, ...]:
-        if batch.t_s < self._next_s:
-            return ()
-        self._next_s, self._index = batch.t_s + LOOK_S, self._index + 1
-        return (Scene(t_s=batch.t_s, ready_s=batch.t_s, frame_index=self._index, plants=(),
-                      view_body_m=(), row_line=self._line(batch.t_s)),)  # fmt: skip
-
-    def _line(self, t_s: float) -> RowLine | None:
-        truth = self._session.simulator.truth()
-        for row in self._rows:
-            along_m, left_m, yaw_rad = map(float, project_on_row(row, truth.x_map_m, truth.y_map_m))
-            heading_rad = wrap_rad(truth.yaw_map_rad - yaw_rad)
-            sign = 1.0 if math.cos(heading_rad) > 0.0 else -1.0
-            ahead_m = along_m + sign * FAR_M
-            if abs(left_m) > MAX_OFFSET_M or not 0.0 <= ahead_m <= row_length_m(row):
-                continue
-            turned_rad = heading_rad if sign > 0.0 else wrap_rad(heading_rad - math.pi)
-            return RowLine(
-                t_s=t_s, offset_m=sign * left_m, heading_rad=turned_rad, offset_std_m=0.015,
-                heading_std_rad=0.012,
-            )  # fmt: skip
-        return None
 
 
 def drive(
-    folder: Path, aside_m: float, monkeypatch: pytest.MonkeyPatch
+    folder: Path, aside_m: float, monkeypatch: pytest.MonkeyPatch, *, has_cover: bool = False
 ) -> tuple[Report, MissionStatus]:
     """`aside_m` is how far left of its mark the robot is put down, across the rows."""
 
@@ -68,7 +33,9 @@ def drive(
 
     monkeypatch.setattr("agribot.app.run_world.load_run_world", shifted)
     with simulate(config.load("rows-10x12", SETTINGS), folder) as session:
-        session.stack.perception = CameraOnPaper(session)
+        session.stack.perception = CameraOnPaper(
+            session, lay_rows(session.config.field), has_cover=has_cover
+        )
         *_, last = session.ticks()
         return session.finish(), last.status
 
@@ -107,3 +74,21 @@ def test_on_its_mark_the_same_robot_does_all_of_them(
     assert status.rows_unproven == ()
     assert report.mission.success and report.mission.rows_done == 3, report.reason
     assert report.mission.rows_unproven == ()
+
+
+@pytest.mark.parametrize("aside_m", [PITCH_M, -PITCH_M])
+def test_where_it_sees_what_grows_beside_its_row_it_asks_at_the_entry_which_row_this_is(
+    aside_m: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report, status = drive(tmp_path / "run", aside_m, monkeypatch, has_cover=True)
+    assert not report.ok
+    assert status.rows_done == status.rows_unproven == ()
+    assert "which row?" in report.reason
+    assert (report.mission.distance_m or 0.0) < 5.0  # of which it crosses the headland for 4 m
+    assert report.tracking.plants_crushed == 0
+
+
+def test_on_its_mark_it_asks_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    report, _ = drive(tmp_path / "run", 0.0, monkeypatch, has_cover=True)
+    assert report.ok, report.reason
+    assert report.mission.rows_done == 3

@@ -272,3 +272,25 @@ def test_a_run_that_nobody_attends_ends_when_its_stop_is_not_cleared(tmp_path: P
     assert "nobody cleared the stop for 3 s" in report.reason
     assert any("bumper" in stop.reason for stop in report.safety.stops)
     assert read_mission(tmp_path).stopped.startswith("the bumper")
+
+
+@pytest.mark.parametrize(
+    ("fault", "words", "within_s"),
+    [("soil.mud=0.1@20", "stuck or slipping", 3.0), ("link.noise=0.2@20", "IMU sent 3", 45.0)],
+)
+def test_mud_and_a_noisy_line_are_told_by_their_names_on_rough_soil(
+    tmp_path: Path, fault: str, words: str, within_s: float
+) -> None:
+    """The same drive without a fault is stopped by nothing."""
+    rough = load("rows-10x12", [*QUICK, "sim.preset='field'", f"faults=['{fault}']"])
+    with simulate(rough, tmp_path) as session:
+        for record in session.ticks():
+            if record.status.gate.state == "stopped" or record.batch.t_s > 20.0 + within_s:
+                break
+        states = [event.reason for event in session.event_log.list_kind("gate")]
+        checks = session.event_log.list_kind("check")
+    assert words in record.status.gate.reason
+    assert record.status.gate.state == "stopped"
+    assert states[0].startswith("standby -> driving: ")
+    assert states[-1].partition(":")[0].endswith("-> stopped")
+    assert ["all is good" in check.reason for check in checks] == [True]

@@ -7,7 +7,14 @@ import msgspec
 import pytest
 
 from agribot.core.errors import RecordingError
-from agribot.core.messages import DriveCommand, RobotCommand, TickRecord, Tracking
+from agribot.core.messages import (
+    Check,
+    DriveCommand,
+    GateStatus,
+    RobotCommand,
+    TickRecord,
+    Tracking,
+)
 from agribot.record.events import EventLog, read_events
 from tests.record import record_samples as samples
 
@@ -108,6 +115,32 @@ def test_a_stop_that_nobody_has_cleared_goes_on_while_nothing_asks_the_robot_to_
         log(msgspec.structs.replace(_changed(record, 0.0, reason), status=status))
         assert len(log.list_kind("clear")) == (1 if index == 5 else 0)
     assert len(log.list_kind("hold")) == 1
+
+
+def test_the_gate_tells_its_way_from_state_to_state_and_the_list_before_the_start(
+    log: EventLog,
+) -> None:
+    good, bad = Check(name="clock", is_ok=True), Check(name="field", is_ok=False, text="outside")
+    statuses = (
+        GateStatus(),
+        GateStatus(state="checking", reason="outside", checks=(good, bad)),
+        GateStatus(state="checking", reason="outside"),
+        GateStatus(state="driving", reason="over: outside", told="IMU sent 1e+200"),
+        GateStatus(state="driving", reason="over: outside", told="IMU sent 3e+100"),
+        GateStatus(state="stopped", reason="the bumper touches something"),
+    )
+    for record, gate in zip(samples.ticks(len(statuses)), statuses, strict=True):
+        status = msgspec.structs.replace(record.status, gate=gate)
+        log(msgspec.structs.replace(record, status=status))
+    assert [event.reason for event in log.list_kind("gate")] == [
+        "standby -> checking: outside",
+        "checking -> driving: over: outside",
+        "driving -> stopped: the bumper touches something",
+    ]
+    assert [event.reason for event in log.list_kind("check")] == [
+        "before the start not good: field: outside. Good: clock"
+    ]
+    assert [event.reason for event in log.list_kind("fault")] == ["IMU sent 1e+200"]
 
 
 def test_the_events_tell_how_each_row_went(log: EventLog) -> None:

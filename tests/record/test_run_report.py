@@ -57,7 +57,7 @@ CONTRACT: dict[str, Any] = {
     ],
     "safety": [
         "stops", "noticed", "faults", "outside_m_max", "stop_distance_m_max",
-        "crushed_after_fault", "person_distance_min_m",
+        "crushed_after_fault", "person_distance_min_m", "gate", "checks",
     ],
     "marks": None,
     "job": None,
@@ -123,7 +123,7 @@ def test_what_nobody_measured_is_null() -> None:
     assert found["safety"] == {
         "stops": [], "noticed": [], "faults": [], "outside_m_max": None,
         "stop_distance_m_max": None, "crushed_after_fault": None,
-        "person_distance_min_m": None,
+        "person_distance_min_m": None, "gate": [], "checks": [],
     }  # fmt: skip
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 
 from agribot.app import whole_job
+from agribot.app.platform_lock import PlatformLock
 from agribot.app.run import Run
 from agribot.app.run_setup import prepare_run
 from agribot.app.simulated_run import SimulatedRun
@@ -23,17 +25,22 @@ def open_run(
 ) -> Run:
     """Prepare a run on the platform of its settings; the arguments are those of `prepare_run`.
 
-    Raises: AgribotError: the settings do not fit, or the platform cannot be opened.
+    Raises: AgribotError: the settings do not fit, the platform cannot be opened, or another process
+        drives it.
     """
     kind = require_platform(config.platform)
     setup = prepare_run(config, out_dir, saved, earlier, plan_text)
     if kind.is_simulated:
         return SimulatedRun(setup)
     open_platform = kind.find_opener()
-    stack = setup.build_stack()  # first: it moves nothing if it is refused
-    try:
+    with ExitStack() as opened:
+        lock = PlatformLock(setup.config.platform)
+        opened.callback(lock.close)
+        stack = setup.build_stack()  # first: it moves nothing if it is refused
+        opened.callback(stack.close)
         platform = open_platform(setup.config, setup.robot)
-    except BaseException:
-        stack.close()
-        raise
-    return Run(setup, platform, stack)
+        opened.callback(platform.close)
+        run = Run(setup, platform, stack)
+        run.add_close(lock.close)
+        opened.pop_all()
+    return run

@@ -259,6 +259,8 @@ def _safety(drive: EndedRun, events: Sequence[Event]) -> SafetyReport:
         stops=_select_events(events, "stop"),
         noticed=_select_events(events, "fault"),
         faults=judge_faults(drive.config.faults, events),
+        gate=_select_events(events, "gate"),
+        checks=_select_events(events, "check"),
     )
 
 

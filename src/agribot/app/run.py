@@ -80,6 +80,7 @@ class Run:
         self.job = WholeJob(self, whole_job.UNKNOWN if is_unknown else earlier)
         self.last: TickRecord | None = None
         self.trouble_taps: list[Callable[[str], None]] = []
+        self._closing = ExitStack()
         self.is_written = True  # every file of the run's end could be written
         before = whole_job.plants_before(earlier)
         files = files_to_run_again(setup.goals_map_m, saved, before, setup.plan_text)
@@ -119,9 +120,14 @@ class Run:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.platform.close()
-        self.stack.close()
-        self._files.close()
+        with self._closing:
+            self.platform.close()
+            self.stack.close()
+            self._files.close()
+
+    def add_close(self, close: Callable[[], None]) -> None:
+        """Let this be called after everything else is closed."""
+        self._closing.callback(close)
 
     def _leave_folder(self) -> None:
         if self.last is None:

@@ -31,7 +31,7 @@ class RunFolder:
         self._is_new = not path.exists()
         try:
             path.mkdir(parents=True, exist_ok=True)
-            lock = _open_locked(self._lock_path)
+            lock = open_locked(self._lock_path)
         except OSError as error:
             raise RecordingError(
                 f"cannot write into {path}: {error.strerror or error}; choose another --out folder"
@@ -99,7 +99,7 @@ def check_not_driven(path: Path) -> None:
     if not lock_path.exists():
         return
     try:
-        lock = _open_locked(lock_path)
+        lock = open_locked(lock_path)
     except OSError:
         return  # a folder that cannot be written is not being written
     if lock is None:
@@ -137,12 +137,13 @@ def _make_driven_error(path: Path) -> RecordingError:
     )
 
 
-def _open_locked(path: Path) -> BinaryIO | None:
+def open_locked(path: Path) -> BinaryIO | None:
     """Lock a file and open it; None where another process has it.
 
     Raises: OSError: no such place.
     """
-    file = path.open("ab")
+    # One that is there may be another user's, whom a folder for all lets nobody create anew.
+    file: BinaryIO = path.open("rb+") if path.exists() else path.open("ab")
     try:
         _lock(file)
     except (BlockingIOError, PermissionError):

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import msgspec
+
 from agribot.autonomy.control.follower import Follower
 from agribot.autonomy.control.hand_drive import HandControl
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.autonomy.estimate.localizer import Localizer
+from agribot.autonomy.estimate.mapped_rows import MappedRows
 from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.plants import observe
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.autonomy.perception_host import NoPerception, PerceptionHost, ThreadedPerception
+from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import NewTasks, Task
@@ -49,6 +53,7 @@ class Stack:
         supervisor: Supervisor,
         planning: ThreadedPlanning,
         mask_taps: list[MaskTap],
+        plant_spacing_m: float | None = None,
     ) -> None:
         self.localizer = localizer
         self.perception = perception
@@ -59,6 +64,7 @@ class Stack:
         self.treatment = treatment
         self.supervisor = supervisor
         self._planning = planning
+        self._task, self._spacing_m = mission.task, plant_spacing_m
         self.taps: list[Tap] = []
         self.mask_taps = mask_taps  # called in the network's thread
 
@@ -77,19 +83,20 @@ class Stack:
         self.mission.heed(self.supervisor.warning)
         on_rows = estimate.relate_to_rows()
         goal = self.mission.step(on_rows, (*batch.events, *takeover))
+        self._follow_task()
         drive, tracking = self.follower.step(on_rows, goal)
         drive, is_by_hand = self.hand.arbitrate(drive, goal.status)
         implement = self.treatment.step(estimate, self.weed_map, goal.tool_on)
         wanted = RobotCommand(t_s=batch.t_s, drive=drive, implement=implement)
         command, reason = self.supervisor.check(
-            wanted, estimate, batch, goal, is_by_hand=is_by_hand
+            wanted, estimate, batch, goal, scenes, is_by_hand=is_by_hand
         )
         platform.write(command)
         record = TickRecord(
             batch=batch,
             scenes=scenes,
             estimate=estimate,
-            status=goal.status,
+            status=msgspec.structs.replace(goal.status, gate=self.supervisor.gate),
             tracking=tracking,
             command=command,
             reason=reason,
@@ -97,6 +104,14 @@ class Stack:
         for tap in self.taps:
             tap(record)
         return record
+
+    def _follow_task(self) -> None:
+        """Look for the rows of a field plan that was taken under way."""
+        task = self.mission.task
+        if task is not self._task:
+            self._task = task
+            if task.work is not None:
+                self.localizer.take_rows(find_rows(task.work, self._spacing_m))
 
     def close(self) -> None:
         self.perception.close()
@@ -126,8 +141,11 @@ def build(
 
     if perception is None:
         perception = perceiving(config, robot, show_mask)
+    localizer = Localizer(config.estimate, config.field, robot)
+    if task.work is not None:
+        localizer.take_rows(find_rows(task.work, config.field.plant_spacing_m))
     return Stack(
-        localizer=Localizer(config.estimate, config.field, robot),
+        localizer=localizer,
         perception=perception,
         weed_map=WeedMap(config.weeds),
         mission=Mission(task, config.mission, saved, new_tasks, planning, latch),
@@ -137,7 +155,16 @@ def build(
         supervisor=Supervisor(config.safety, robot, latch),
         planning=planning,
         mask_taps=mask_taps,
+        plant_spacing_m=config.field.plant_spacing_m,
     )
+
+
+def find_rows(work: FieldWork, spacing_m: float | None) -> MappedRows:
+    """Take the crop rows of a field plan, and none where it has none, as the filter knows them.
+
+    Plants stand as far apart in them as the field's do.
+    """
+    return MappedRows(work.area.rows, spacing_m)
 
 
 def perceiving(

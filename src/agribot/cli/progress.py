@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
-from agribot.core.messages import TickRecord
+from agribot.core.messages import GateStatus, TickRecord
+from agribot.record.events import describe_checks
 
 if TYPE_CHECKING:
     from agribot.autonomy.weeds.map import WeedMap
@@ -39,8 +40,10 @@ class RunProgress:
         self._stream = sys.stderr if stream is None else stream
         self._is_terminal = self._stream.isatty()
         self._next_s = 0.0
+        self._gate = GateStatus()
 
     def __call__(self, record: TickRecord) -> None:
+        self._note_gate(record.status.gate)
         if record.batch.t_s < self._next_s:
             return
         self._next_s = record.batch.t_s + (BAR_EVERY_S if self._is_terminal else LINE_EVERY_S)
@@ -49,6 +52,18 @@ class RunProgress:
         else:
             self._stream.write(f"{self._format_line(record)}\n")
         self._stream.flush()
+
+    def _note_gate(self, gate: GateStatus) -> None:
+        """Print at once what the list before the start found, why it stopped, and what is wrong."""
+        before, self._gate = self._gate, gate
+        if gate is before:
+            return
+        if gate.checks and gate.checks is not before.checks:
+            self.note(describe_checks(gate.checks))
+        if gate.state == "stopped" != before.state:
+            self.note(f"stopped: {gate.reason}")
+        if gate.told and not before.told:
+            self.note(gate.told)
 
     def note(self, text: str) -> None:
         """Print a line of its own, above the bar."""

@@ -103,6 +103,8 @@ class EstimateConfig(Config, frozen=True):
     # Of their way, what turns on soil may cost the wheels; so much is learnt, 0 learns nothing.
     max_turn_loss_ratio: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.3
     row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
+    # Less sure than this of the row in which it is, the robot asks a person.
+    row_certainty: Ratio = 0.9
     gnss_timeout_s: Positive = 10.0  # without a fix for so long, GNSS counts as silent
     dead_reckoning_std_m: Positive = 1.0  # without GNSS, the pose is good up to this 1 sigma
     wheel_timeout_s: Positive = 0.3  # so long without a wheel reading, the pose is not good
@@ -146,6 +148,8 @@ class SafetyConfig(Config, frozen=True):
     on_operator_lost: Literal["continue", "pause"] = "continue"
     # Wheels or IMU silent for longer stop the robot; so late the wheels may follow a command.
     sensor_timeout_s: Positive = 0.3
+    # Pictures, or what the network sees in them, missing or late by more switch the tool off.
+    camera_timeout_s: Positive = 1.0
     # Of the battery's charge: with less than the first the robot goes home, with less than the
     # second it stands. Where it sends the voltage alone, that of the pack counts; 0: not known.
     low_charge_ratio: Ratio = 0.2

@@ -1,4 +1,4 @@
-"""Conversion of another clock's stamps to the robot's clock, and samples that wait for their tick."""
+"""Stamps of another clock on the robot's clock, and samples that wait for their tick."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class _Arrival(NamedTuple):
     sample: Any
 
 
-class Arrivals(Generic[Sample]):
+class SampleQueue(Generic[Sample]):
     """Samples that a thread puts in as they come, and the control loop takes at their time.
 
     `now_s` is the monotonic clock. A loop that catches up on lost time finds every sample in the

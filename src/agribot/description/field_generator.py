@@ -16,7 +16,18 @@ from agribot.core.errors import DescriptionError
 from agribot.core.geo import MapFrame
 from agribot.core.messages import FloatArray, PlantClass, Row
 from agribot.core.world import GroundTile, Plant, Relief, Soil, SoilStrength, WorldSpec
-from agribot.description.field_settings import FieldSettings, RowsSettings, read_field_settings
+from agribot.description.drawn_rows import (
+    list_pieces,
+    measure_line_m,
+    place_on_line,
+    read_drawn_rows,
+)
+from agribot.description.field_settings import (
+    CropSettings,
+    FieldSettings,
+    RowsSettings,
+    read_field_settings,
+)
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
 
@@ -30,11 +41,13 @@ PACKAGED = {"beet": 1, "rows-10x12": 1}  # plan -> seed of the worlds that come 
 def generate_field(plan: FieldSettings, seed: int, folder: Path = Path()) -> WorldSpec:
     """Generate a world with the field of a plan; the same plan and seed give the same plants.
 
-    `folder` is where the plan's boundary file lies.
-    Raises: DescriptionError: no crop is left, or the boundary cannot be read.
+    `folder` is where the plan's files of boundary and rows lie.
+    Raises: DescriptionError: no crop is left, or a file of the plan cannot be read.
     """
     rng = [np.random.default_rng([seed, part]) for part in range(2)]
-    rows = [_place_row(plan, index, rng[0]) for index in range(plan.rows.count)]
+    drawn = read_drawn_rows(folder / plan.rows.file, plan.datum) if plan.rows.file else []
+    rows = [_sow_line(plan.crop, line, rng[0]) for line in drawn]
+    rows = rows or [_place_row(plan, index, rng[0]) for index in range(plan.rows.count)]
     crops_xy_m = np.concatenate(rows)
     ring = _read_boundary(plan, folder)
     if ring is not None:
@@ -63,20 +76,20 @@ def generate_field(plan: FieldSettings, seed: int, folder: Path = Path()) -> Wor
         strength=SoilStrength(
             soil_class=plan.soil.soil_class, moisture_ratio=plan.soil.moisture_ratio
         ),
-        relief=_make_relief(plan, seed),
+        relief=_make_relief(plan, seed, list_pieces(drawn)),
         plants=tuple(plants),
     )
 
 
-def _make_relief(plan: FieldSettings, seed: int) -> Relief:
+def _make_relief(plan: FieldSettings, seed: int, drawn: list[Row]) -> Relief:
     """Make the relief of a plan, its ridges and tracks along the rows; none where none is asked."""
     asked, rows = plan.relief, plan.rows
     if not (
         asked.roughness_rms_m or asked.clods_per_m2 or asked.ridge_height_m or asked.track_depth_m
     ):
         return Relief()
-    lines = []
-    for index, offset_m in enumerate(compute_row_offsets_m(rows)):
+    lines = list(drawn)
+    for index, offset_m in enumerate([] if drawn else compute_row_offsets_m(rows)):
         ends = _bend(rows, np.array([0.0, rows.length_m]), offset_m).round(DIGITS).tolist()
         stretch = 1.0 + rows.curvature_radpm * offset_m
         lines.append(
@@ -122,12 +135,29 @@ def _place_row(plan: FieldSettings, index: int, rng: np.random.Generator) -> Flo
         )
     count = math.floor(rows.length_m * stretch / crop.spacing_m + 1e-9) + 1
     along_m: FloatArray = np.arange(count, dtype=np.float64) * (crop.spacing_m / stretch)
-    kept = rng.uniform(size=count) >= crop.missing_ratio
+    return _sow(crop, along_m, _bend(rows, along_m, offset_m), rows.length_m, rng)
+
+
+def _sow_line(crop: CropSettings, line: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Place the crops of a row that a map draws; return their map positions, (n, 2)."""
+    length_m = measure_line_m(line)
+    count = math.floor(length_m / crop.spacing_m + 1e-3) + 1  # degrees are rounded in files
+    along_m: FloatArray = np.arange(count, dtype=np.float64) * crop.spacing_m
+    return _sow(crop, along_m, place_on_line(line, along_m), length_m, rng)
+
+
+def _sow(
+    crop: CropSettings, along_m: FloatArray, places_m: FloatArray, length_m: float,
+    rng: np.random.Generator,
+) -> FloatArray:  # fmt: skip
+    """Leave out the plants of a row that did not come up, and move the others off their places."""
+    kept = rng.uniform(size=len(along_m)) >= crop.missing_ratio
     for _ in range(int(rng.poisson(crop.gaps_per_row))):
-        start_m = rng.uniform(0.0, max(rows.length_m - crop.gap_length_m, 0.0))
+        start_m = rng.uniform(0.0, max(length_m - crop.gap_length_m, 0.0))
         kept &= (along_m < start_m) | (along_m > start_m + crop.gap_length_m)
-    jitter_m = rng.uniform(-crop.jitter_m, crop.jitter_m, (count, 2))
-    return (_bend(rows, along_m, offset_m) + jitter_m)[kept]
+    jitter_m = rng.uniform(-crop.jitter_m, crop.jitter_m, (len(along_m), 2))
+    sown: FloatArray = (places_m + jitter_m)[kept]
+    return sown
 
 
 def _bend(rows: RowsSettings, along_m: FloatArray, offset_m: float) -> FloatArray:

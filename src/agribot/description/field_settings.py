@@ -42,6 +42,8 @@ class RowsSettings(FieldSection, frozen=True):
     curvature_radpm: Annotated[float, msgspec.Meta(ge=-0.2, le=0.2)] = 0.0
     tramline_every: Annotated[int, msgspec.Meta(ge=0)] = 0  # rows between two tramlines; 0: none
     tramline_m: NonNegative = 0.5  # more room where one lies
+    # A GeoJSON file beside this one whose lines are the rows, any lines; "": those above.
+    file: str = ""
 
 
 class CropSettings(FieldSection, frozen=True):
@@ -149,6 +151,11 @@ def read_field_settings(path: Path) -> FieldSettings:
         raise DescriptionError(
             f"{path.name}: relief.track_depth_m is {plan.relief.track_depth_m:g}, but there are no "
             "tracks; set soil.track_gauge_m"
+        )
+    if plan.rows.file and plan.soil.track_gauge_m:
+        raise DescriptionError(
+            f"{path.name}: soil.track_gauge_m lays tracks along rows of [rows] only, not along "
+            "those of rows.file; set it to 0"
         )
     _check_size(plan, path.name)
     return plan

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any, NamedTuple, TypeVar
-from urllib.parse import urlsplit
+from urllib.parse import parse_qsl, urlsplit
 
 import msgspec
 
@@ -25,11 +25,20 @@ _SENSOR_OF: dict[str, Sensor] = {"camera": "frames"}  # settings name it for peo
 
 
 class SourceUri(NamedTuple):
-    """`at` is what stands behind two slashes, such as HOST:PORT; `path` what comes after it."""
+    """`at` is what stands behind two slashes, such as HOST:PORT; `path` what comes after it.
+
+    `options` are what stands behind a question mark, such as `baud=38400&latency_s=0.06`.
+    """
 
     scheme: str
     at: str
     path: str
+    options: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Of the source, for people."""
+        return self.path if not self.at else self.at + self.path.rstrip("/")
 
 
 class RosNetwork(NamedTuple):
@@ -79,11 +88,16 @@ class SourceKind(NamedTuple):
     opener: OpenSource | str
     extra: str = ""  # of the installation, that it needs
     example: str = ""  # how its URIs are written
+    needs_path: bool = True  # else what stands behind two slashes is enough, or nothing
 
 
+_STREAMS = "agribot.drivers.stream_sources:"
 _KINDS: dict[str, SourceKind] = {
     "ros2": SourceKind("agribot.drivers.ros_topics:open_ros2_topic", "ros", "ros2:/topic"),
     "ros1": SourceKind("agribot.drivers.ros_topics:open_ros1_topic", "", "ros1:/topic"),
+    "serial": SourceKind(f"{_STREAMS}open_serial_source", "hardware", "serial:/dev/ttyACM0"),
+    "tcp": SourceKind(f"{_STREAMS}open_tcp_source", "", "tcp://HOST:PORT", needs_path=False),
+    "gpsd": SourceKind(f"{_STREAMS}open_gpsd_source", "", "gpsd:", needs_path=False),
 }
 
 
@@ -108,10 +122,12 @@ def read_uri(option: str, uri: str, name: str = "") -> SourceUri:
         parts = urlsplit(uri)
     except ValueError:  # half an IPv6 address
         parts = urlsplit("")
-    if parts.scheme not in _KINDS or not parts.path.strip("/"):
+    kind = _KINDS.get(parts.scheme)
+    if kind is None or (kind.needs_path and not parts.path.strip("/")):
         known = " or ".join(f"{name}{kind.example}" for kind in _KINDS.values())
         raise ConfigError(f"{option} {name}{uri}: write {known}, or leave it out")
-    return SourceUri(parts.scheme, parts.netloc, "/" + parts.path.strip("/"))
+    options = tuple(parse_qsl(parts.query, keep_blank_values=True))
+    return SourceUri(parts.scheme, parts.netloc, "/" + parts.path.strip("/"), options)
 
 
 def read_sources(sources: SourceConfig) -> dict[str, SourceUri]:

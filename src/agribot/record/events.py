@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Literal
@@ -11,7 +11,14 @@ from typing import Literal
 import msgspec
 
 from agribot.core.errors import RecordingError
-from agribot.core.messages import SENSOR_WATCH, STOP, OperatorEvent, TickRecord
+from agribot.core.messages import (
+    SENSOR_WATCH,
+    STOP,
+    Check,
+    GateStatus,
+    OperatorEvent,
+    TickRecord,
+)
 
 EventKind = Literal[
     "mission",
@@ -24,6 +31,8 @@ EventKind = Literal[
     "hold",
     "limit",
     "clear",
+    "gate",
+    "check",
     "injected",
     "truth",
 ]
@@ -43,6 +52,8 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     stop      the supervisor stopped a moving robot; hold: it keeps a standing one standing
     limit     the supervisor let it move, but less than asked
     clear     the supervisor has no objection any more
+    gate      the supervisor's state changed: "driving -> held: why"
+    check     what the list before the start of a mission found
     truth     what only the simulator knows: a crop was crushed, a person was touched
     injected  a fault of the simulator began or ended, which the robot itself is not told
     """
@@ -88,6 +99,7 @@ class EventSieve:
         self._unproven: tuple[int, ...] = ()
         self._estimate_ok = False
         self._doubt = ""
+        self._gate = GateStatus()
         self._moving = False
         self._driver = ""
         self._row: _RowStory | None = None
@@ -104,6 +116,7 @@ class EventSieve:
         self._note_mission(t_s, record)
         self._note_supervisor(t_s, record)
         self._note_warning(t_s, record.status.warning)
+        self._note_gate(t_s, record.status.gate, record.reason)
         self._moving = record.command.drive != STOP
         return self._found
 
@@ -180,8 +193,29 @@ class EventSieve:
         else:
             self._add(t_s, "stop" if self._moving else "hold", record.reason)
 
+    def _note_gate(self, t_s: float, gate: GateStatus, said: str) -> None:
+        before, self._gate = self._gate, gate
+        if gate is before:
+            return
+        if gate.checks and gate.checks is not before.checks:
+            self._add(t_s, "check", describe_checks(gate.checks))
+        if gate.state != before.state:
+            self._add(t_s, "gate", f"{before.state} -> {gate.state}: {gate.reason}")
+        told = _mask_numbers(gate.told)
+        if told and told not in (_mask_numbers(before.told), _mask_numbers(said)):
+            self._add(t_s, "fault", gate.told)
+
     def _add(self, t_s: float, kind: EventKind, reason: str) -> None:
         self._found.append(Event(t_s=t_s, kind=kind, reason=reason))
+
+
+def describe_checks(checks: Sequence[Check]) -> str:
+    """Say what the list before the start found, in one line."""
+    bad = [f"{check.name}: {check.text}" for check in checks if not check.is_ok]
+    good = ", ".join(check.name for check in checks if check.is_ok)
+    if not bad:
+        return f"before the start all is good: {good}"
+    return f"before the start not good: {'; '.join(bad)}" + (f". Good: {good}" if good else "")
 
 
 class EventLog:

@@ -135,6 +135,7 @@ class FaultReport(msgspec.Struct, frozen=True, kw_only=True):
 class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     """`noticed` are the faults that the robot told of, `faults` those that were injected.
 
+    `gate` are the changes of the supervisor's state, `checks` what the list before a start found.
     By the truth of a simulator: `outside_m_max` is how far the robot's middle got out of the
     field, `stop_distance_m_max` how far it rolled after a stop of the supervisor,
     `person_distance_min_m` how near its outline came to a person's.
@@ -147,6 +148,8 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     stop_distance_m_max: float | None = None
     crushed_after_fault: int | None = None
     person_distance_min_m: float | None = None
+    gate: tuple[SafetyEvent, ...] = ()
+    checks: tuple[SafetyEvent, ...] = ()
 
 
 class BeliefReport(msgspec.Struct, frozen=True, kw_only=True):

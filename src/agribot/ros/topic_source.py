@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from agribot.core.errors import BridgeError
 from agribot.core.platform import Sensor
-from agribot.core.stamp_clock import Arrivals
+from agribot.core.stamp_clock import SampleQueue
 from agribot.ros.messages.sensor_readers import ReadSample, Sample, to_seconds
 
 
@@ -47,7 +47,7 @@ class TopicSource:
     ) -> None:
         self.sensor, self.name = sensor, name
         self._connection, self._readers, self._refuse = connection, readers, refuse
-        self._arrivals: Arrivals[Sample] = Arrivals(now_s)
+        self._arrivals: SampleQueue[Sample] = SampleQueue(now_s)
         connection.subscribe_any(name, self._on_message)
 
     def take(self, t_s: float) -> tuple[Sample, ...]:

@@ -94,7 +94,7 @@ class RunView:
             mission=_mission(status),
             mode=self._mode(record),
             stop=status.stopped,
-            reason=record.reason or status.reason,
+            reason=record.reason or status.reason or status.gate.told,
             implement=self._describe_implement(record),
             signals=_take(self._signals),
         )

@@ -166,6 +166,7 @@ def test_a_new_way_in_the_same_field_does_not_free_a_robot_that_is_over_the_edge
         bounds = None if path is None else FIELD
         wanted = msgspec.structs.replace(goal("running"), bounds=bounds, path=path, s_m=s_m)
         batch = gate.rover.batch()
+        estimate = msgspec.structs.replace(estimate, t_s=batch.t_s)
         sent, reason = gate.supervisor.check(gate.command(AHEAD), estimate, batch, wanted)
         gate.rover.turn_wheels(sent.drive)
         return sent, reason

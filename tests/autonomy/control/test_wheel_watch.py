@@ -47,7 +47,8 @@ class Bench:
             found = self.watch.watch(self._sent, self._batch(), TICK_S)
             self._sent, self.runaway = command, found.runaway
             if any(found):
-                return tick * TICK_S, found.wheels, found.doubt
+                doubt = found.dead_motor or found.frozen_imu or found.wrong_turn
+                return tick * TICK_S, found.wheels, doubt
         return seconds, "", ""
 
     def _batch(self) -> SensorBatch:
@@ -201,13 +202,25 @@ def test_a_gyro_that_contradicts_the_wheels_is_told(
 
 
 @at_rates
-@pytest.mark.parametrize("gain", [0.6, 0.8, 1.2, 1.4])
+@pytest.mark.parametrize("gain", [0.3, 0.45, 0.6, 0.8, 1.2, 1.4])
 def test_a_robot_that_skids_is_no_fault_of_the_gyro(gain: float, rate_hz: float) -> None:
     bench = Bench(rate_hz=rate_hz)
     turn = DriveCommand(yaw_rate_radps=1.0)
     bench.gyro_off_radps = (gain - 1.0) * turn.yaw_rate_radps
     bench.drive(turn, 0.1)
     assert bench.drive(turn, 3.0)[2] == ""
+
+
+@pytest.mark.parametrize(("gain", "words"), [(0.05, "stuck or slipping in a turn"),
+                                             (-1.0, "the gyro says -1.00 rad/s")])  # fmt: skip
+def test_a_robot_that_does_not_turn_is_stuck_and_one_that_turns_backwards_has_a_wrong_gyro(
+    gain: float, words: str
+) -> None:
+    bench = Bench()
+    turn = DriveCommand(yaw_rate_radps=1.0)
+    bench.gyro_off_radps = (gain - 1.0) * turn.yaw_rate_radps
+    bench.drive(turn, 0.1)
+    assert bench.drive(turn, 3.0)[2].startswith(words)
 
 
 def test_an_imu_that_repeats_itself_is_told_of_a_moving_robot_only() -> None:

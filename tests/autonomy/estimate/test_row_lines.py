@@ -124,6 +124,23 @@ def test_a_pose_that_cannot_tell_rows_apart_uses_no_line() -> None:
     assert robot.ekf.x[Y] == 3.0
 
 
+@pytest.mark.parametrize(("off_m", "is_used"), [(0.25, True), (-0.25, True), (0.35, False)])
+def test_a_line_near_enough_to_one_row_is_of_that_row_and_leaves_a_rest_of_doubt(
+    off_m: float, is_used: bool
+) -> None:
+    """Known to 0.3 m, 0.25 m off its row, a robot would be 0.75 m off the next: 16 to 1."""
+    robot = Robot(5.0, 3.0, 0.0, std_m=0.3)
+    robot.see(offset_m=off_m)
+    if not is_used:
+        assert robot.rejected == {"row line ambiguous": 1}
+        return
+    assert robot.ekf.x[Y] == pytest.approx(3.0 + off_m, abs=0.03)
+    assert 0.90 < robot.pose.identity.certainty < 0.94
+    for _ in range(20):
+        robot.see(offset_m=off_m)
+    assert 0.90 < robot.pose.identity.certainty < 0.94  # the same doubt, not one for each look
+
+
 @pytest.mark.parametrize(
     ("yaw_rad", "ahead", "expected_m"),
     [

@@ -69,6 +69,13 @@ def test_a_robot_that_stands_elsewhere_is_told_so(errors: Errors) -> None:
     assert "field.start_map_m" in last.reason
 
 
+def test_a_robot_astride_the_row_beside_its_mark_is_told_so() -> None:
+    """Rows of 1 m: the receiver is right to 2 cm, and the mark is that of another row."""
+    last = run(record(stand, 5.0, seed=1, errors=RTK, start=START), moved(east_m=0.9))[-1]
+    assert not last.ok
+    assert "> 0.50 m away from it" in last.reason
+
+
 def test_a_robot_that_faces_elsewhere_is_told_so() -> None:
     last = run(record(stand, 5.0, seed=1, errors=RTK, start=START), moved(turned_deg=180.0))[-1]
     assert not last.ok

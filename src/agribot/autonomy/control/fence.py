@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from agribot.core.arithmetic import clamp
 from agribot.core.config import SafetyConfig
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import std_along_m
@@ -23,6 +24,7 @@ RECHECK_M = 0.25  # nearer than half the robot, so that it cannot get past an ed
 # A way in or out of the field leaves it; so far around such a stretch only the box counts.
 AWAY_M, AWAY_STEP_M = 2.0, 0.2
 LEAST_HALF_M = 0.05
+MOST_MPS, MOST_RADPS = 3.0, 3.0  # no wish is taken for more; what is sent has limits of its own
 
 
 class Fence(Protocol):
@@ -38,27 +40,30 @@ class PathFence(NamedTuple):
     y_min_m: float
     x_max_m: float
     y_max_m: float
+    decel_mps2: float = math.inf  # of the brakes
 
     @classmethod
-    def around(cls, path: Path, margin_m: float) -> PathFence:
+    def around(cls, path: Path, margin_m: float, decel_mps2: float = math.inf) -> PathFence:
         (x_min_m, y_min_m), (x_max_m, y_max_m) = (
             path.xy_map_m.min(axis=0),
             path.xy_map_m.max(axis=0),
         )
         return cls(
             float(x_min_m) - margin_m, float(y_min_m) - margin_m,
-            float(x_max_m) + margin_m, float(y_max_m) + margin_m,
+            float(x_max_m) + margin_m, float(y_max_m) + margin_m, decel_mps2,
         )  # fmt: skip
 
     def holds(self, x_map_m: float, y_map_m: float) -> bool:
         return self.x_min_m <= x_map_m <= self.x_max_m and self.y_min_m <= y_map_m <= self.y_max_m
 
     def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> str:
-        if self.holds(estimate.x_map_m, estimate.y_map_m):
+        here = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+        is_in = self.holds(*here[:2])
+        if is_in and self.holds(*predict_rest(here, drive, self.decel_mps2)[:2]):
             return ""
         return (
-            f"outside the geofence at East {estimate.x_map_m:.2f} m, North "
-            f"{estimate.y_map_m:.2f} m; bring it back or raise safety.geofence_margin_m"
+            f"{'about to leave' if is_in else 'outside'} the geofence at East {here[0]:.2f} m, "
+            f"North {here[1]:.2f} m; bring it back or raise safety.geofence_margin_m"
         )
 
 
@@ -141,7 +146,7 @@ class FieldFence:
         believed = self._box(-self._config.fence_tolerance_m, -self._config.fence_tolerance_m)
         box = self._box(self._growth_m(along_std_m), self._growth_m(across_std_m))
         here = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
-        at_rest = self._at_rest(here, drive)
+        at_rest = predict_rest(here, drive, self._decel_mps2)
         if not self._was_inside:
             self._was_inside = not self._here.touch(here, self._box(0.0, 0.0))
             return ""
@@ -159,6 +164,21 @@ class FieldFence:
             )
         return f"about to leave the field {place}; turn it round by hand, or check the plan"
 
+    def crossing(self, estimate: Estimate, drive: DriveCommand) -> str:
+        """Tell a hand that it is about to take the robot, as it is believed to stand, out.
+
+        One that is out already may be brought back as its driver sees fit.
+        """
+        box = self._box(-self._config.fence_tolerance_m, -self._config.fence_tolerance_m)
+        here = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
+        at_rest = predict_rest(here, drive, self._decel_mps2)
+        if self._here.touch(here, box) or not self._rest.touch(at_rest, box):
+            return ""
+        return (
+            f"about to leave the field at East {here[0]:.2f} m, North {here[1]:.2f} m; whoever "
+            "wants to take it out by hand clears the stop first"
+        )
+
     def _growth_m(self, std_m: float) -> float:
         config = self._config
         return max(config.fence_sigma * std_m - config.fence_unsure_m, -config.fence_tolerance_m)
@@ -170,19 +190,6 @@ class FieldFence:
         rear_m = max(bounds.rear_m + along_m, LEAST_HALF_M)
         side_m = max(bounds.half_width_m + across_m, LEAST_HALF_M)
         return -rear_m, front_m, -side_m, side_m
-
-    def _at_rest(
-        self, here: tuple[float, float, float], drive: DriveCommand
-    ) -> tuple[float, float, float]:
-        """Predict the pose after braking from what is wanted now, on the same arc."""
-        v_mps, (x_m, y_m, yaw_rad) = drive.v_mps, here
-        way_m = v_mps * REACTION_S + v_mps * abs(v_mps) / (2.0 * self._decel_mps2)
-        turn_rad = drive.yaw_rate_radps * (REACTION_S if v_mps == 0.0 else way_m / v_mps)
-        course_rad = yaw_rad + turn_rad / 2.0
-        return (
-            x_m + way_m * math.cos(course_rad), y_m + way_m * math.sin(course_rad),
-            yaw_rad + turn_rad,
-        )  # fmt: skip
 
     def _leads_out(self, goal: Goal) -> bool:
         """Whether the way itself, which was checked before, leaves the field near here."""
@@ -201,6 +208,22 @@ class FieldFence:
         )
         self._led_out = path, goal.s_m, is_out
         return is_out
+
+
+def predict_rest(
+    here: tuple[float, float, float], drive: DriveCommand, decel_mps2: float
+) -> tuple[float, float, float]:
+    """Predict the pose after braking from what is wanted now, on the same arc."""
+    x_m, y_m, yaw_rad = here
+    v_mps = clamp(drive.v_mps, -MOST_MPS, MOST_MPS)
+    way_m = v_mps * REACTION_S + v_mps * abs(v_mps) / (2.0 * decel_mps2)
+    yaw_rate_radps = clamp(drive.yaw_rate_radps, -MOST_RADPS, MOST_RADPS)
+    turn_rad = yaw_rate_radps * (REACTION_S if v_mps == 0.0 else way_m / v_mps)
+    course_rad = yaw_rad + turn_rad / 2.0
+    return (
+        x_m + way_m * math.cos(course_rad), y_m + way_m * math.sin(course_rad),
+        yaw_rad + turn_rad,
+    )  # fmt: skip
 
 
 def _std_m(estimate: Estimate) -> tuple[float, float]:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 from agribot.core.arithmetic import clamp
 from agribot.core.config import SafetyConfig
-from agribot.core.messages import SensorBatch, Vec3
+from agribot.core.messages import ImuSample, SensorBatch, Vec3
 
 TILT_FILTER_S = 0.5  # driving over clods shakes the accelerometer; a fall lasts longer
 MAX_DT_S = 0.1
 FROZEN_TICKS = 5  # ticks at the same time: a clock that stands
+# Beyond the range of such sensors: a number that came to harm on its way. One alone is left out and
+# told, several in a row of seconds are a line that is not fit to drive with.
+MAX_ACCEL_MPS2, MAX_GYRO_RADPS = 160.0, 40.0
+SPOILT_S, SPOILT_COUNT = 5.0, 3
 
 
 class SensorWatch:
@@ -23,6 +28,8 @@ class SensorWatch:
         self._wheel_t_s = self._imu_t_s = -math.inf
         self._wheels_rad = 0.0
         self._up = (0.0, 0.0, 0.0)
+        self._spoilt_s: deque[float] = deque(maxlen=SPOILT_COUNT)
+        self._spoilt = 0.0
         self.dt_s = 0.0
         self.clock_fault = ""
 
@@ -32,8 +39,11 @@ class SensorWatch:
             self._wheel_t_s = batch.wheels[-1].t_s
             self._wheels_rad = sum(batch.wheels[-1].angle_rad)
         for sample in batch.imu:
-            self._up = self._smooth(sample.accel_mps2, sample.t_s - self._imu_t_s)
+            if not self._is_spoilt(sample):
+                self._up = self._smooth(sample.accel_mps2, sample.t_s - self._imu_t_s)
             self._imu_t_s = sample.t_s
+        if self._spoilt_s and not 0.0 <= batch.t_s - self._spoilt_s[-1] <= SPOILT_S:
+            self._spoilt_s.clear()
 
     @property
     def tilt_rad(self) -> float:
@@ -66,6 +76,32 @@ class SensorWatch:
         if tilt_rad <= limit_rad:
             return ""
         return f"tilted by {tilt_rad:.2f} rad > {limit_rad:.2f} rad; drive it down by hand"
+
+    def spoilt_number(self) -> str:
+        """Tell of a number of the IMU that cannot be, for some seconds."""
+        if not self._spoilt_s:
+            return ""
+        return f"IMU sent a number that cannot be ({self._spoilt:.3g}); check the cable"
+
+    def spoilt_line(self) -> str:
+        """Tell of so many of them that the line cannot be trusted."""
+        times_s = self._spoilt_s
+        if len(times_s) < SPOILT_COUNT or times_s[-1] - times_s[0] > SPOILT_S:
+            return ""
+        return (
+            f"IMU sent {SPOILT_COUNT} numbers that cannot be within "
+            f"{times_s[-1] - times_s[0]:.1f} s < {SPOILT_S:g} s; check the cable"
+        )
+
+    def _is_spoilt(self, sample: ImuSample) -> bool:
+        """Whether a finite number is beyond the range of any such sensor."""
+        accel = max(map(abs, sample.accel_mps2))
+        gyro = max(map(abs, sample.gyro_radps))
+        if not (MAX_ACCEL_MPS2 < accel < math.inf or MAX_GYRO_RADPS < gyro < math.inf):
+            return False
+        self._spoilt = accel if accel > MAX_ACCEL_MPS2 else gyro
+        self._spoilt_s.append(sample.t_s)
+        return True
 
     def _last_times_s(self) -> tuple[tuple[str, float], tuple[str, float]]:
         return ("wheel encoders", self._wheel_t_s), ("IMU", self._imu_t_s)

@@ -1,20 +1,23 @@
 """The last gate before the motors: it may only make a command safer.
 
-It trusts nobody: a touch, wheels that do not as told, silent sensors, an uncertain pose, numbers
-that are none, a tilt, a place outside the field and an operator's stop all end in zero speed and
-an implement that is off.
+It trusts nobody: it works through the table of hazards in every tick, and what that finds ends in
+less speed, or in none and an implement that is off.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
 
 from agribot.autonomy.control.battery_watch import BatteryWatch
 from agribot.autonomy.control.bumper import Bumper
+from agribot.autonomy.control.camera_watch import CameraWatch
 from agribot.autonomy.control.fence import Fence, FieldFence, PathFence
+from agribot.autonomy.control.gate_machine import GateMachine, Seen
+from agribot.autonomy.control.hazards import Situation, check_start, find_hazard
+from agribot.autonomy.control.progress_watch import ProgressWatch
 from agribot.autonomy.control.sensor_watch import SensorWatch
-from agribot.autonomy.control.wheel_watch import Found, WheelWatch, name_motors
+from agribot.autonomy.control.wheel_watch import WheelWatch
 from agribot.core.arithmetic import clamp
 from agribot.core.config import SafetyConfig
 from agribot.core.field_bounds import FieldBounds
@@ -23,24 +26,17 @@ from agribot.core.messages import (
     STOP,
     DriveCommand,
     Estimate,
+    GateStatus,
     Goal,
     MissionStatus,
     Path,
     RobotCommand,
+    Scene,
     SensorBatch,
 )  # fmt: skip
 from agribot.core.robot import RobotSpec
 
 PAUSE_BRAKE_RATIO = 0.5  # of the drive's acceleration, the least braking that a pause must show
-STANDSTILL_MPS = 1e-3
-DRIVEN_OFF = ("wheel", "battery")  # with these at fault a hand may drive, once it is cleared
-
-
-class _Hazard(NamedTuple):
-    """What latches a stop: its kind, for whoever has cleared it, and its reason for people."""
-
-    kind: str
-    reason: str
 
 
 class Supervisor:
@@ -65,13 +61,23 @@ class Supervisor:
         self._works_backwards = robot.implement is None or robot.implement.works_backwards
         self._sensors = SensorWatch(config)
         self._wheels = WheelWatch(robot.drive, config.sensor_timeout_s)
+        self._progress = ProgressWatch(robot.drive)
         self._bumper = Bumper()
         self._battery = BatteryWatch(config)
+        self._camera = CameraWatch(config)
+        self._machine = GateMachine()
         self._held_kind = ""  # of the hazard that closed the latch, until it is cleared
-        self._accepted: set[str] = set()
+        self._accepted: frozenset[str] = frozenset()
+        self._cleared_by = ""
+        self._is_tool_working = False
         self._last = STOP
         # What the motors were told last; a replay puts in what they were told then.
         self.sent = STOP
+
+    @property
+    def gate(self) -> GateStatus:
+        """Its state after the last tick, and why."""
+        return self._machine.status
 
     @property
     def warning(self) -> str:
@@ -84,62 +90,109 @@ class Supervisor:
         estimate: Estimate,
         batch: SensorBatch,
         goal: Goal,
+        scenes: Sequence[Scene] = (),
         *,
         is_by_hand: bool = False,
     ) -> tuple[RobotCommand, str]:
         """Give the command to send, and why it was changed ("" if it was not).
 
         Of a robot that is to stand while its wheels turn on, the reason tells that.
-        A person who drives by hand sees where the robot is: neither its own position nor the
-        fence nor the mission holds it then, but stops, touches, silent sensors and limits do.
-        An implement switched off at standstill and the ramp after a stop need no reason.
+        A person who drives by hand sees where the robot is: the table of hazards says what of it
+        holds a hand. An implement switched off at standstill and the ramp after a stop need no
+        reason.
         """
-        status = goal.status
-        self._fence_in(goal)
-        self._sensors.update(batch)
-        self._battery.update(batch)
-        self._update(batch, status)
-        is_to_move = status.state == "running" or not command.drive == self._last == STOP
-        motion = self._wheels.watch(self.sent, batch, self._sensors.dt_s)
-        hazard = self._hazard(batch, motion, is_by_hand=is_by_hand, is_to_move=is_to_move)
-        if hazard and not self._latch.reason:
-            self._held_kind = hazard.kind
-            self._latch.hold(hazard.reason)
-        fault = self._fault(command, batch.t_s)
-        if not fault and not is_by_hand:
-            fault = self._mission_fault(command.drive, estimate, goal)
-        if fault:
+        self._hear(batch, goal.status)
+        now = self._look(command, estimate, batch, goal, scenes)
+        is_to_move = goal.status.state == "running" or not command.drive == self._last == STOP
+        self._latch_hazard(now, is_by_hand=is_by_hand, is_to_move=is_to_move)
+        held = self._why_held(now, is_by_hand=is_by_hand)
+        stopped = self._latch.reason and f"{self._latch.reason}; clear the stop to go on"
+        limited = ""
+        if stopped or held:
             drive = STOP
-            reason = fault if _moves(command) else ""
+            reason = (stopped or held) if _moves(command) else ""
         else:
-            drive, reason = self._limit(self._bumper.away(command.drive))
-            dt_s = self._sensors.dt_s
-            is_pausing = status.state == "paused" and not is_by_hand
-            drive = self._ramp(drive, -PAUSE_BRAKE_RATIO * dt_s if is_pausing else dt_s)
-            reason = reason or self._held_back(command.drive)
+            drive, limited = self._limit(self._bumper.away(command.drive))
+            drive = self._ramp(drive, self._ramp_s(goal.status, is_by_hand=is_by_hand))
+            reason = limited or self._held_back(command.drive)
+        told, alarm = self._tell(now)
         if drive == STOP:
-            reason = motion.runaway or reason
+            reason = alarm or reason
         self._last = self.sent = drive
         implement = command.implement
-        if not self._may_work(drive, status):
+        if self._is_tool_off(now, drive):
             implement = implement.switch_off()
+        self._is_tool_working = implement.is_on
+        hand = _name_hand(batch) if is_by_hand and command.drive != STOP else ""
+        self._step_machine(now, Seen(
+            stopped=self._latch.reason, hand=hand, held=held, idle=_describe_idle(goal.status),
+            limited=limited, cleared_by=self._cleared_by,
+        ), told)  # fmt: skip
         return RobotCommand(t_s=command.t_s, drive=drive, implement=implement), reason
 
-    def _may_work(self, drive: DriveCommand, status: MissionStatus) -> bool:
-        """Whether the implement may do what it is told: on the move in a running mission only."""
-        if abs(drive.v_mps) < STANDSTILL_MPS or status.state != "running":
-            return False
-        return drive.v_mps > 0.0 or self._works_backwards
+    def _tell(self, now: Situation) -> tuple[str, str]:
+        """Say what is told of a robot that may drive, and of wheels that turn on regardless."""
+        found = find_hazard(now, "tell")
+        if found is None:
+            return now.camera_fault, ""
+        hazard, told = found
+        return told, told if hazard.at_rest else ""
 
-    def _update(self, batch: SensorBatch, status: MissionStatus) -> None:
+    def _is_tool_off(self, now: Situation, drive: DriveCommand) -> bool:
+        """Whether the tool must not work over what the robot is going to do."""
+        command = RobotCommand(t_s=now.batch.t_s, drive=drive)
+        then = now._replace(command=command)
+        return find_hazard(then, "tool off") is not None
+
+    def _step_machine(self, now: Situation, seen: Seen, told: str) -> None:
+        if now.goal.status.state not in ("running", "paused"):
+            self._machine.end_mission()
+        is_starting = not self._machine.is_started and not (seen.idle or seen.stopped)
+        self._machine.step(seen, told, check_start(now) if is_starting else ())
+
+    def _ramp_s(self, status: MissionStatus, *, is_by_hand: bool) -> float:
+        """Return the time that a ramp has; a negative one demands braking."""
+        dt_s = self._sensors.dt_s
+        return -PAUSE_BRAKE_RATIO * dt_s if status.state == "paused" and not is_by_hand else dt_s
+
+    def _hear(self, batch: SensorBatch, status: MissionStatus) -> None:
+        """Open and close the latch as people ask."""
+        self._cleared_by = ""
         if status.state == "running":
-            self._accepted.clear()
+            self._accepted = frozenset()
         for event in batch.events:
             if event.action == "clear_stop":
                 self._bumper.accept()
-                self._accepted |= {self._held_kind} & {*DRIVEN_OFF}
-                self._held_kind = ""
+                self._progress.restart()
+                self._accepted |= {self._held_kind} - {""}
+                self._held_kind, self._cleared_by = "", event.source
             self._latch.hear(event)
+
+    def _look(
+        self,
+        command: RobotCommand,
+        estimate: Estimate,
+        batch: SensorBatch,
+        goal: Goal,
+        scenes: Sequence[Scene],
+    ) -> Situation:
+        """Ask every watch about this tick."""
+        self._fence_in(goal)
+        self._sensors.update(batch)
+        self._battery.update(batch)
+        self._camera.update(batch, scenes)
+        is_early = not self._machine.is_started
+        return Situation(
+            config=self._config, command=command, estimate=estimate, batch=batch, goal=goal,
+            sensors=self._sensors,
+            motion=self._wheels.watch(self.sent, batch, self._sensors.dt_s),
+            stuck=self._progress.watch(batch),
+            bumper=self._bumper, touch=self._bumper.feel(batch),
+            battery=self._battery, camera_fault=self._camera.fault,
+            has_camera=self._camera.is_used, fences=self._fences,
+            works_backwards=self._works_backwards,
+            is_tool_working=is_early and self._is_tool_working,
+        )  # fmt: skip
 
     def _fence_in(self, goal: Goal) -> None:
         """Box and field of what is driven now.
@@ -152,41 +205,27 @@ class Supervisor:
         self._fenced = goal.path, goal.bounds
         self._fences = ()
         if goal.path is not None:
-            self._fences = (PathFence.around(goal.path, self._config.geofence_margin_m),)
+            margin_m = self._config.geofence_margin_m
+            self._fences = (PathFence.around(goal.path, margin_m, self._max_accel_mps2),)
         if goal.bounds is not None:
             fence = self._field_fence
             if fence is None or fence.bounds is not goal.bounds:
                 fence = FieldFence(goal.bounds, self._config, self._max_accel_mps2)
             self._field_fence, self._fences = fence, (*self._fences, fence)
 
-    def _hazard(
-        self, batch: SensorBatch, motion: Found, *, is_by_hand: bool, is_to_move: bool
-    ) -> _Hazard | None:
-        """Say what a protective stop is for; but for a touch, only of a robot that is to move."""
-        motors = tuple(dict.fromkeys(name for wheel in batch.wheels for name in wheel.faults))
-        touch = self._bumper.feel(batch)
-        if not touch and not is_to_move:
-            return None
-        found = (
-            _Hazard("bumper", touch),
-            _Hazard("sensor", self._sensors.clock_fault or self._sensors.silence(batch.t_s)),
-            _Hazard("battery", self._battery.empty),
-            _Hazard("wheel", name_motors(motors) if motors else motion.wheels),
-        )
-        for hazard in found:
-            if hazard.reason and not (is_by_hand and hazard.kind in self._accepted):
-                return hazard
-        return None if is_by_hand else self._hazard_of_mission(motion.doubt)
+    def _latch_hazard(self, now: Situation, *, is_by_hand: bool, is_to_move: bool) -> None:
+        """Close the latch for what a person must look at, of a robot that is to move or touches."""
+        found = find_hazard(now, "latch", is_by_hand=is_by_hand, accepted=self._accepted)
+        if found is None or self._latch.reason:
+            return
+        hazard, reason = found
+        if is_to_move or hazard.at_rest:
+            self._held_kind = hazard.kind if hazard.for_hand == "until cleared" else ""
+            self._latch.hold(reason)
 
-    def _hazard_of_mission(self, doubt: str) -> _Hazard | None:
-        """Say what a person who drives by hand sees anyway and need not be stopped for."""
-        if sides := self._bumper.sides:
-            where = " and ".join(sides)
-            return _Hazard(
-                "bumper", f"the bumper still touches something {where}; back off by hand"
-            )
-        found = self._sensors.tilt() or doubt
-        return _Hazard("mission", found) if found else None
+    def _why_held(self, now: Situation, *, is_by_hand: bool) -> str:
+        found = find_hazard(now, "wait", is_by_hand=is_by_hand, accepted=self._accepted)
+        return "" if found is None else found[1]
 
     def _held_back(self, wanted: DriveCommand) -> str:
         """Why a hand does not get what it asked for."""
@@ -194,38 +233,6 @@ class Supervisor:
             return ""
         where = " and ".join(self._bumper.sides)
         return f"the bumper touches something {where}; only straight away from it by hand"
-
-    def _fault(self, command: RobotCommand, t_s: float) -> str:
-        drive = command.drive
-        if self._latch.reason:
-            return f"{self._latch.reason}; clear the stop to go on"
-        if not math.isfinite(drive.v_mps + drive.yaw_rate_radps):
-            return f"command is not finite: {drive.v_mps} m/s, {drive.yaw_rate_radps} rad/s"
-        if not command.implement.is_finite:
-            return f"implement command is not finite: {command.implement.setpoints}"
-        return self._sensors.unheard() or self._sensors.silence(t_s)
-
-    def _mission_fault(self, drive: DriveCommand, estimate: Estimate, goal: Goal) -> str:
-        if untrusted := self._untrusted_pose(estimate):
-            return untrusted
-        for fence in self._fences:
-            if objection := fence.objection(estimate, drive, goal):
-                return objection
-        return _idle_mission(goal.status)
-
-    def _untrusted_pose(self, estimate: Estimate) -> str:
-        if not estimate.ok:
-            return f"no position: {estimate.reason or 'the estimate is not ready'}"
-        if not math.isfinite(estimate.x_map_m + estimate.y_map_m + estimate.yaw_map_rad):
-            return "position is not finite; restart the localisation"
-        limit_m, limit_rad = self._config.max_pos_std_m, self._config.max_yaw_std_rad
-        if not estimate.pos_std_m <= limit_m:
-            return (
-                f"position uncertain: {estimate.pos_std_m:.2f} m > {limit_m:.2f} m; wait for GNSS"
-            )
-        if not estimate.yaw_std_rad <= limit_rad:
-            return f"heading uncertain: {estimate.yaw_std_rad:.2f} rad > {limit_rad:.2f} rad"
-        return estimate.contradiction
 
     def _limit(self, drive: DriveCommand) -> tuple[DriveCommand, str]:
         """Slower along the same curve when a limit is passed."""
@@ -274,7 +281,12 @@ def _moves(command: RobotCommand) -> bool:
     return drive != STOP or command.implement.is_on
 
 
-def _idle_mission(status: MissionStatus) -> str:
-    if status.state in ("running", "paused"):
+def _describe_idle(status: MissionStatus) -> str:
+    """Say why the mission does not drive; empty where it does."""
+    if status.state == "running":
         return ""
     return f"mission {status.state}" + (f": {status.reason}" if status.reason else "")
+
+
+def _name_hand(batch: SensorBatch) -> str:
+    return batch.hand[-1].source if batch.hand else "a person"

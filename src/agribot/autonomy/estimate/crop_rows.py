@@ -15,7 +15,7 @@ from typing import NamedTuple
 from agribot.autonomy.estimate.contradiction import Contradiction
 from agribot.autonomy.estimate.correction import Correction, Measurements
 from agribot.autonomy.estimate.ekf import ROW_OFFSET, YAW, Row, X, Y
-from agribot.autonomy.estimate.field_rows import RowFrame
+from agribot.autonomy.estimate.field_rows import RowFrame, find_slot
 from agribot.autonomy.estimate.gate import Gate, Verdict
 from agribot.autonomy.estimate.history import Epoch, Motion
 from agribot.autonomy.estimate.measurement import Measurement
@@ -104,9 +104,8 @@ class CropRows(Correction[Scene]):
 
     def _is_own_row(self, crops: list[CropSighting], view: Viewpoint) -> bool:
         """Whether one stands on the row that the robot drives over, not on one beside it."""
-        rows = self.pose.rows
-        row, _ = rows.row_at(rows.at(view.pose.x_m, view.pose.y_m).right_m)
-        return any(rows.row_at(crop.at.right_m)[0] == row for crop in crops)
+        row = self.pose.rows.at(view.pose.x_m, view.pose.y_m).row
+        return any(crop.at.row == row for crop in crops)
 
     def _crops(self, scene: Scene) -> list[GroundPlant]:
         """List the crops of a scene without those far too small, nearest first."""
@@ -127,10 +126,7 @@ class CropRows(Correction[Scene]):
         return sorted(crops, key=lambda p: math.hypot(p.x_body_m, p.y_body_m))
 
     def _view(self, epoch: Epoch, moved_m: float) -> Viewpoint:
-        x, (then, now, _) = self.pose.ekf.x, epoch
-        yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
-        pose = Pose2(x[X] - (now.x_m - then.x_m), x[Y] - (now.y_m - then.y_m), yaw_rad)
-        return Viewpoint(pose, moved_m)
+        return Viewpoint(self.pose.place(epoch), moved_m)
 
     def _place(
         self, plant: GroundPlant, view: Viewpoint, epoch: Epoch, together: int
@@ -147,17 +143,17 @@ class CropRows(Correction[Scene]):
 
     def _correct(self, seen: CropSighting) -> Generator[Measurement, Verdict, bool]:
         """Use one crop, across the row and where possible along it; False: it does not fit."""
-        rows, at = self.pose.rows, seen.at
-        if not -BEYOND_M <= at.along_m <= rows.length_m + BEYOND_M:
+        at = seen.at
+        if not -BEYOND_M <= at.along_m <= at.length_m + BEYOND_M:
             self.pose.rejected["crop beyond the rows"] += 1
             return False
         self.pose.look_at_rows()
         across: Row = (*_row(at.right, seen.lever_m), (ROW_OFFSET, -1.0))
         across_m2 = self.pose.ekf.project(across)[1]
-        if across_m2 > (TELLS_ROWS_APART_RATIO * rows.pitch_m) ** 2:
+        if across_m2 > (TELLS_ROWS_APART_RATIO * at.pitch_m) ** 2:
             self.pose.rejected["row ambiguous"] += 1
             return False
-        off_m = rows.row_at(at.right_m)[1] - at.right_m + self.pose.ekf.x[ROW_OFFSET]
+        off_m = at.off_m + self.pose.ekf.x[ROW_OFFSET]
         ahead = self._ahead(seen)
         verdict = yield Measurement(
             (off_m,) if ahead is None else (off_m, ahead[1]),
@@ -174,13 +170,12 @@ class CropRows(Correction[Scene]):
     def _ahead(self, seen: CropSighting) -> tuple[Row, float] | None:
         """How far ahead the plant's place in its row lies, where the pose tells which that is."""
         at, spacing_m = seen.at, self.pose.rows.spacing_m
-        slot = self.pose.rows.slot_at(at.along_m, at.stretch)
-        if slot is None or spacing_m is None:
+        if spacing_m is None:
             return None
         along = _row(at.forward, seen.lever_m)
         if self.pose.ekf.project(along)[1] > (TELLS_PLANTS_APART_RATIO * spacing_m) ** 2:
             return None
-        return along, (slot[1] - at.along_m) * at.stretch
+        return along, (find_slot(at, spacing_m)[1] - at.along_m) * at.stretch
 
     def _recover(self, seen: CropSighting, across: Row, off_m: float) -> Measurements:
         """When plant after plant is off by the same amount, it is the pose that is wrong."""
@@ -202,10 +197,9 @@ class CropRows(Correction[Scene]):
         self, crops: list[CropSighting], scene: Scene, view: Viewpoint
     ) -> Measurements:
         """Find the row's end: the outermost plant in view, with bare ground after it."""
-        rows = self.pose.rows
-        for row in sorted({rows.row_at(crop.at.right_m)[0] for crop in crops}):
-            mine = [crop for crop in crops if rows.row_at(crop.at.right_m)[0] == row]
-            for sign, end_m in ((1.0, rows.length_m), (-1.0, 0.0)):
+        for row in sorted({crop.at.row for crop in crops}):
+            mine = [crop for crop in crops if crop.at.row == row]
+            for sign, end_m in ((1.0, mine[0].at.length_m), (-1.0, 0.0)):
                 last = max(mine, key=lambda crop: sign * crop.at.along_m)
                 off_m = (end_m - last.at.along_m) * last.at.stretch
                 along = _row(last.at.forward, last.lever_m)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from agribot.autonomy.estimate.camera_watch import CameraWatch
 from agribot.autonomy.estimate.ekf import X, Y
 from agribot.autonomy.estimate.fix_watch import MAX_JUMP_M
 from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
@@ -13,6 +12,7 @@ from agribot.autonomy.estimate.picture_flow import PictureFlow
 from agribot.autonomy.estimate.picture_watch import PictureWatch
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_model import RECOVERY_OFFSET_M, RECOVERY_YAW_RAD
+from agribot.autonomy.estimate.scene_watch import SceneWatch
 from agribot.autonomy.estimate.verdicts import Finding
 from agribot.core.messages import Scene
 
@@ -24,7 +24,8 @@ class Doubts:
 
     def __init__(self, pose: PoseFilter, gnss: Gnss) -> None:
         self._pose, self._gnss, self._agreement = pose, gnss, pose.agreement
-        self._pictures, self._flow, self._camera = PictureWatch(), PictureFlow(), CameraWatch()
+        self._identity = pose.identity
+        self._pictures, self._flow, self._camera = PictureWatch(), PictureFlow(), SceneWatch()
         self._moving_t_s = -math.inf
 
     def move(self, t_s: float) -> None:
@@ -56,18 +57,18 @@ class Doubts:
 
     @property
     def contradiction(self) -> str:
-        """Two sensors that cannot both be right, or nothing."""
+        """Two sensors that cannot both be right, a row that may be another, or nothing."""
         agreement, jump = self._agreement, self._gnss.jump
         if agreement.must_halt:
             return f"{agreement.fault}; {BELIEVE_CAMERA}"
         if 0.0 < jump.off_m <= MAX_JUMP_M and self._is_seen:
             return f"camera and GNSS disagree by {jump.off_m:.2f} m; {BELIEVE_CAMERA}"
-        return jump.fault or self._gnss.drift.fault
+        return jump.fault or self._gnss.drift.fault or self._identity.doubt
 
     def find(self, t_s: float) -> Iterator[Finding]:
         """Find what is wrong with the sensors, although there is a pose without them."""
         gnss, agreement = self._gnss, self._agreement
-        if self.contradiction:
+        if gnss.jump.off_m or gnss.drift.is_drifting:
             yield Finding("gnss", "contradicted", self.contradiction)
         if gnss.repeats.fault:
             yield Finding("gnss", "frozen", gnss.repeats.fault)
@@ -116,12 +117,14 @@ class Doubts:
             gnss.drift.restart()  # it is part of the difference
         gnss.settle(believes_fixes=not is_seen)
         agreement.forget()
+        self._identity.take_as_told()
         return True
 
     def forget(self) -> None:
         """Drop what was held against each other: a person says where the robot is."""
         self._gnss.forget()
         self._agreement.forget()
+        self._identity.take_as_told()
 
     @property
     def _right(self) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from agribot.core.arithmetic import Number, clamp
 from agribot.core.config import FieldConfig
@@ -11,20 +11,12 @@ from agribot.core.pose import Pose2
 from agribot.core.row_shape import project_on_line
 
 
-class RowPlace(NamedTuple):
-    """A place of a row that a plant may stand on; `slot` is None where the spacing is unknown."""
-
-    row: int
-    slot: int | None
-    along_m: float
-    right_m: float
-
-
 class RowFrame(NamedTuple):
-    """A place in coordinates of the rows, and where these lead there.
+    """A place in coordinates of the rows, where these lead there, and the row next to it.
 
-    `forward` and `right` are unit vectors of the map. The row next to the place is `stretch`
-    times as long as `along_m` counts.
+    `forward` and `right` are unit vectors of the map. The row next to the place has the index
+    `row`, lies at `row_right_m`, ends at `along_m` = `length_m`, is `stretch` times as long as
+    `along_m` counts, and stands `pitch_m` from its neighbour.
     """
 
     along_m: float
@@ -33,6 +25,40 @@ class RowFrame(NamedTuple):
     forward: tuple[float, float]
     right: tuple[float, float]
     stretch: float
+    row: int
+    row_right_m: float
+    length_m: float
+    pitch_m: float
+
+    @property
+    def off_m(self) -> float:
+        """How far to the right of the place the row next to it stands."""
+        return self.row_right_m - self.right_m
+
+
+class Rows(Protocol):
+    """Any rows of crop that the filter may hold against what a camera sees.
+
+    `yaw_rad` is their direction on the whole, `spacing_m` the way from plant to plant.
+    """
+
+    yaw_rad: float
+    spacing_m: float | None
+
+    @property
+    def has_rows(self) -> bool: ...
+
+    def at(self, x_map_m: float, y_map_m: float) -> RowFrame:
+        """Resolve a place of the map, by the row next to it; of -1 where there is none."""
+        ...
+
+
+def find_slot(frame: RowFrame, spacing_m: float) -> tuple[int, float]:
+    """Find number and place along the row of the plant nearest to a place of that row."""
+    apart_m = spacing_m / frame.stretch
+    last = math.floor(frame.length_m / apart_m + 1e-6)
+    slot = clamp(round(frame.along_m / apart_m), 0, last)
+    return slot, slot * apart_m
 
 
 class FieldRows:
@@ -44,27 +70,35 @@ class FieldRows:
 
     def __init__(self, field: FieldConfig) -> None:
         yaw_map_rad = math.radians(field.row_yaw_deg)
-        self._yaw_map_rad, self._bend_radpm = yaw_map_rad, field.row_curvature_radpm
-        self.forward, self.right = _axes(yaw_map_rad)
+        self.yaw_rad, self._bend_radpm = yaw_map_rad, field.row_curvature_radpm
+        self.forward, self.right = find_axes(yaw_map_rad)
         self.pitch_m = field.row_pitch_m if field.row_count > 1 else math.inf
         self.length_m = field.row_length_m
         self.spacing_m = field.plant_spacing_m
         self._origin_map_m = field.first_row_start_map_m
         self._count = field.row_count
 
+    @property
+    def has_rows(self) -> bool:
+        return True
+
     def at(self, x_map_m: float, y_map_m: float) -> RowFrame:
         if not self._bend_radpm:
             along_m, right_m = self.along_right_m(x_map_m, y_map_m)
-            return RowFrame(along_m, right_m, self._yaw_map_rad, self.forward, self.right, 1.0)
+            return RowFrame(
+                along_m, right_m, self.yaw_rad, self.forward, self.right, 1.0,
+                *self.row_at(right_m), self.length_m, self.pitch_m,
+            )  # fmt: skip
         along_m, left_m, yaw_rad = map(
             float,
-            project_on_line(
-                self._origin_map_m, self._yaw_map_rad, self._bend_radpm, x_map_m, y_map_m
-            ),
+            project_on_line(self._origin_map_m, self.yaw_rad, self._bend_radpm, x_map_m, y_map_m),
         )
-        _, row_right_m = self.row_at(-left_m)
+        row, row_right_m = self.row_at(-left_m)
         stretch = 1.0 + self._bend_radpm * row_right_m
-        return RowFrame(along_m, -left_m, yaw_rad, *_axes(yaw_rad), stretch)
+        return RowFrame(
+            along_m, -left_m, yaw_rad, *find_axes(yaw_rad), stretch,
+            row, row_right_m, self.length_m, self.pitch_m,
+        )  # fmt: skip
 
     def along_right_m(self, x_map_m: Number, y_map_m: Number) -> tuple[Number, Number]:
         """Resolve places (...,) along and to the right of straight rows."""
@@ -79,17 +113,8 @@ class FieldRows:
         row = clamp(round(right_m / self.pitch_m), 0, self._count - 1)
         return row, row * self.pitch_m
 
-    def slot_at(self, along_m: float, stretch: float) -> tuple[int, float] | None:
-        """Find number and place of the nearest plant of a row; None without a known spacing."""
-        if self.spacing_m is None:
-            return None
-        spacing_m = self.spacing_m / stretch
-        last = math.floor(self.length_m / spacing_m + 1e-6)
-        slot = clamp(round(along_m / spacing_m), 0, last)
-        return slot, slot * spacing_m
 
-
-def _axes(yaw_rad: float) -> tuple[tuple[float, float], tuple[float, float]]:
+def find_axes(yaw_rad: float) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the unit vectors forward and to the right of a direction."""
     pose = Pose2(0.0, 0.0, yaw_rad)
     return pose.ahead, (pose.sin, -pose.cos)

@@ -107,7 +107,7 @@ class Integrity:
 
     def __init__(self, pose: PoseFilter, gnss: Gnss) -> None:
         config = pose.config
-        self._ekf, self._rows = pose.ekf, pose.rows
+        self._ekf, self._pose = pose.ekf, pose
         self._gnss = gnss
         self._gain = _rayleigh(config.protection_risk)
         self._fault_gain = _rayleigh(config.protection_risk / FAULT_RATIO)
@@ -222,7 +222,7 @@ class Integrity:
         off_m2 = float(cov[ROW_OFFSET, ROW_OFFSET])
         if not off_m2:
             return xx, xy, yy
-        east, north = self._rows.at(x[X], x[Y]).right
+        east, north = self._pose.rows.at(x[X], x[Y]).right
         off_x, off_y = float(cov[X, ROW_OFFSET]), float(cov[Y, ROW_OFFSET])
         return (
             xx - 2.0 * east * off_x + east * east * off_m2,

@@ -12,6 +12,7 @@ from agribot.autonomy.estimate.corrections import CORRECTIONS
 from agribot.autonomy.estimate.crop_rows import MIN_MOVED_M, CropRows
 from agribot.autonomy.estimate.doubts import Doubts
 from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, X, Y
+from agribot.autonomy.estimate.field_rows import Rows
 from agribot.autonomy.estimate.gnss import Gnss
 from agribot.autonomy.estimate.history import UNMOVED, Motion
 from agribot.autonomy.estimate.integrity import Integrity
@@ -95,12 +96,16 @@ class Localizer:
         elif event.action in ("start", "resume") and self._doubts.decide():
             self._integrity.restart()
 
+    def take_rows(self, rows: Rows) -> None:
+        """Hold what the camera sees against these rows from now on."""
+        self.pose.take_rows(rows)
+
     def observe(self, scene: Scene) -> None:
         """Correct the pose by the crop of a frame; the next estimate shows it.
 
         A row line is made of the same leaves as the plants, so that one of them serves.
         """
-        if "position" not in self.pose.known:
+        if "position" not in self.pose.known or not self.pose.rows.has_rows:
             return
         if scene.row_line is None or not self._row_lines.has_lines:
             self.ladders["scene"].update(scene)
@@ -109,6 +114,10 @@ class Localizer:
             if line is not None:
                 self.observe_line(line)
         self._sight.observe(scene.t_s, self._crop_rows.fitted + self._row_lines.fitted)
+        epoch = self._history.epoch(scene.t_s)
+        is_told = self._gnss.quality is GnssQuality.RTK_FIXED  # the fixes tell rows apart
+        if scene.crop_cover is not None and epoch is not None and not is_told:
+            self.pose.identity.look(scene.crop_cover, self.pose.place(epoch), self.pose.rows)
 
     def is_stale(self, scene: Scene) -> bool:
         """Whether its picture is an old one, or upside down: as good as none, for any use."""
@@ -215,7 +224,9 @@ class Localizer:
         pos_std_m = math.sqrt(middle + radius)
         doubts = (*self._doubts.find(t_s), *self._find_odd(t_s))
         findings = (*doubts, *self._find_silence(t_s))
-        ok, reason = self._health(t_s, pos_std_m, next((f.reason for f in doubts), ""))
+        contradiction = self._doubts.contradiction
+        doubt = contradiction or next((each.reason for each in doubts), "")
+        ok, reason = self._health(t_s, pos_std_m, doubt)
         bounds = self._integrity.bound(t_s, pos_std_m, is_ok=ok, is_held=self._doubts.is_held(t_s))
         return Estimate(
             t_s=t_s,
@@ -236,8 +247,9 @@ class Localizer:
             across_protection_m=bounds.across_m,
             across_plain_m=bounds.across_plain_m,
             rows_off_m=self.pose.rows_off_m,
-            contradiction=self._doubts.contradiction if ok else "",
+            contradiction=contradiction if ok else "",
             verdicts=self._verdicts.judge(t_s, findings),
+            row_certainty=self.pose.identity.certainty,
         )
 
     def _quality(self, t_s: float) -> GnssQuality:

@@ -7,16 +7,18 @@ from collections import Counter
 from typing import Literal
 
 from agribot.autonomy.estimate.ekf import ROW_BIAS, ROW_OFFSET, YAW, Ekf, X, Y
-from agribot.autonomy.estimate.field_rows import FieldRows
+from agribot.autonomy.estimate.field_rows import FieldRows, Rows
 from agribot.autonomy.estimate.gate import Verdict
-from agribot.autonomy.estimate.history import MotionHistory
+from agribot.autonomy.estimate.history import Epoch, MotionHistory
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.priors import initial_std
 from agribot.autonomy.estimate.row_agreement import RowAgreement
+from agribot.autonomy.estimate.row_identity import RowIdentity
 from agribot.autonomy.estimate.start import StartMark
 from agribot.autonomy.estimate.turn_watch import TurnWatch
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import BaseFix, Vec3
+from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
 
 Known = Literal["yaw", "position"]
@@ -38,13 +40,27 @@ class PoseFilter:
         self.history = MotionHistory(ahead_s=config.wheel_timeout_s)
         self.rejected: Counter[str] = Counter()
         self.start = StartMark.of(field)
-        self.rows = FieldRows(field)
-        self.agreement = RowAgreement()
+        self.rows: Rows = FieldRows(field)
+        self.agreement, self.identity = RowAgreement(), RowIdentity(config.row_certainty)
         self.turns = TurnWatch(config.mag_bias_std_rad)
         self.known: set[Known] = set()
         self.up_body: Vec3 = (0.0, 0.0, 1.0)
         self.base: BaseFix | None = None
         self.is_receiver_frozen = False  # its heading of two antennas is then an old one, too
+
+    def take_rows(self, rows: Rows) -> None:
+        """Go over to other rows; what was learnt of those before is past."""
+        self.rows = rows
+        self.ekf.row_yaw_rad = rows.yaw_rad
+        self.ekf.reset(ROW_OFFSET, 0.0, 0.0)
+        self.agreement.forget()
+        self.identity.restart()
+
+    def place(self, epoch: Epoch) -> Pose2:
+        """Say where the robot was at an epoch, as the filter sees it now."""
+        x, (then, now, _) = self.ekf.x, epoch
+        yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
+        return Pose2(x[X] - (now.x_m - then.x_m), x[Y] - (now.y_m - then.y_m), yaw_rad)
 
     @property
     def rows_off_m(self) -> tuple[float, float]:

@@ -69,7 +69,7 @@ class RowLines(Correction[RowLine]):
         frame = self._frame(epoch)
         sign = self._facing(frame, epoch)
         yield from self._line(sample, sign, epoch)
-        first_m, last_m = self._ends(sign)
+        first_m, last_m = _ends(frame, sign)
         for ahead_m, at_m in ((sample.start_ahead_m, first_m), (sample.end_ahead_m, last_m)):
             if ahead_m is not None:
                 yield self._range(at_m - sign * ahead_m / frame.stretch, sample.range_std_m, epoch)
@@ -92,7 +92,7 @@ class RowLines(Correction[RowLine]):
         if not is_along or abs(wrap_rad(line.heading_rad - heading_rad)) > MAX_DISAGREEMENT_RAD:
             self.pose.rejected["row line aslant"] += 1
             return None
-        first_m, last_m = self._ends(sign)
+        first_m, last_m = _ends(frame, sign)
         return msgspec.structs.replace(
             line,
             start_ahead_m=self._likely(line, line.start_ahead_m, first_m, sign, epoch),
@@ -119,11 +119,6 @@ class RowLines(Correction[RowLine]):
         self.pose.rejected["gap in the row"] += 1
         return None
 
-    def _ends(self, sign: float) -> tuple[float, float]:
-        """Where the first and the last plant stand along the rows, as the robot drives."""
-        length_m = self.pose.rows.length_m
-        return (0.0, length_m) if sign > 0.0 else (length_m, 0.0)
-
     def ageing(self, dt_s: float, turn_abs_rad: float) -> Sequence[tuple[int, float, float]]:
         """Say how the lasting error ages, and what is known of the row from those before it."""
         ageing = []
@@ -143,8 +138,8 @@ class RowLines(Correction[RowLine]):
         if measured is None or (yield measured) != "accept":
             return
         self.pose.agreement.hold(line.t_s)
-        self.fitted += abs(line.offset_m) <= self.pose.rows.pitch_m / 2.0
         frame = self._frame(epoch, self._arm_m(line, epoch))
+        self.fitted += abs(line.offset_m) <= frame.pitch_m / 2.0
         heading_rad = line.heading_rad + frame.yaw_rad + (0.0 if sign > 0.0 else math.pi)
         variance = model.heading_variance(FLOATS, line.heading_std_rad, since_last_s)
         yield self._heading(heading_rad, variance, epoch)
@@ -177,18 +172,17 @@ class RowLines(Correction[RowLine]):
         self, line: RowLine, offset_m: float, sign: float, epoch: Epoch
     ) -> Measurement | None:
         """How far off its row the robot is; None where the pose cannot tell which row this is."""
-        ekf, rows = self.pose.ekf, self.pose.rows
+        ekf = self.pose.ekf
         arm_m = self._arm_m(line, epoch)
         frame = self._frame(epoch, arm_m)
-        right_m = frame.right_m
         seen: Row = ((ROW_BIAS, -sign), (ROW_OFFSET, -1.0))
         row: Row = (*moved_row(frame.right, epoch, arm_m), *seen)
         across_m2 = ekf.project(row[:3])[1]
-        if across_m2 > (model.TELLS_APART_RATIO * rows.pitch_m) ** 2:
+        (right_x, right_y), (arm_x, arm_y), aside_m = frame.right, arm_m, sign * offset_m
+        off_m = self._frame(epoch, (arm_x + aside_m * right_x, arm_y + aside_m * right_y)).off_m
+        if not self._tells_row(off_m, math.sqrt(across_m2), frame.pitch_m):
             self.pose.rejected["row line ambiguous"] += 1
             return None
-        _, row_right_m = rows.row_at(right_m + sign * offset_m)
-        off_m = row_right_m - sign * offset_m - right_m
         self.pose.agreement.add_look(line.t_s, off_m)
         opens = _opens(frame.right, model.RECOVERY_OFFSET_M)
         return Measurement(
@@ -196,6 +190,16 @@ class RowLines(Correction[RowLine]):
             model.offset_variance(line.offset_std_m), self._offset_gate,
             opens=(*opens, (YAW, model.RECOVERY_YAW_RAD**2)), is_retaken=False, has_tails=True,
         )  # fmt: skip
+
+    def _tells_row(self, off_m: float, std_m: float, pitch_m: float) -> bool:
+        """Whether the pose tells of which row a line is; a rest of doubt goes to its identity."""
+        if std_m <= model.TELLS_APART_RATIO * pitch_m:
+            return True
+        left, right = model.neighbour_shares(off_m, std_m, pitch_m)
+        if left + right > 1.0 - model.SURE_RATIO:
+            return False
+        self.pose.identity.doubt_by(left, right)
+        return True
 
     def _heading(self, heading_rad: float, variance: float, epoch: Epoch) -> Measurement:
         """Return the line's direction in the map, less the angle at which the robot sees it."""
@@ -212,6 +216,11 @@ class RowLines(Correction[RowLine]):
             ((along_then_m - frame.along_m) * frame.stretch,), (moved_row(frame.forward, epoch),),
             std_m**2, self._range_gate, opens=_opens(frame.forward, model.RECOVERY_RANGE_M),
         )  # fmt: skip
+
+
+def _ends(frame: RowFrame, sign: float) -> tuple[float, float]:
+    """Where the first and the last plant stand along the row, as the robot drives."""
+    return (0.0, frame.length_m) if sign > 0.0 else (frame.length_m, 0.0)
 
 
 def _fade(state: int, std_m: float, part: float) -> tuple[int, float, float]:

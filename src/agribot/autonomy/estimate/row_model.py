@@ -15,6 +15,8 @@ OFFSET_FLOOR_M = 0.006
 TAIL_DEGREES = 4.0
 # The pose can tell rows apart up to this share of their distance, 1 sigma.
 TELLS_APART_RATIO = 0.25
+# Beyond it a line still tells which row it is of, where the next row would be so much less likely.
+SURE_RATIO = 0.93
 # Lines that do not fit come in runs only when the pose is wrong.
 GATE_SIGMA, RECOVER_AFTER = 3.5, 6
 RECOVERY_OFFSET_M, RECOVERY_YAW_RAD = 0.15, math.radians(3.0)
@@ -34,3 +36,17 @@ def heading_variance(m: Arithmetic[Number], std_rad: float, since_last_s: Number
 def tail_factor(m: Arithmetic[Number], distance2: Number) -> Number:
     """Say by how much the variance grows for a residual that looks like an outlier."""
     return m.most((TAIL_DEGREES + distance2) / (TAIL_DEGREES + 1.0), 1.0)
+
+
+def neighbour_shares(off_m: float, std_m: float, pitch_m: float) -> tuple[float, float]:
+    """Say how likely a line is of the row to the left or to the right of the nearest one.
+
+    The nearest row would put the robot `off_m` to the right of where it believes to be, known to
+    `std_m` (1 sigma, normal), the others one row distance less or more.
+    """
+    left, own, right = (
+        math.exp(((off_m**2 - (off_m + side * pitch_m) ** 2) / 2.0) / std_m**2)
+        for side in (-1, 0, 1)
+    )
+    total = left + own + right
+    return left / total, right / total

@@ -93,3 +93,24 @@ class CropGuard:
             f"may be {level_m:.2f} m off the row > {limit_m:.2f} m from wheels to crop; wait for "
             "GNSS, or look where the robot stands and resume"
         )
+
+
+class LostRow:
+    """How a robot drives that knows its row too little: a camera finds it only on the move."""
+
+    def __init__(self) -> None:
+        self._since_s: float | None = None
+
+    @property
+    def is_lost(self) -> bool:
+        return self._since_s is not None
+
+    def find(self) -> None:
+        """Forget what was: the row is known again."""
+        self._since_s = None
+
+    def creep(self, estimate: Estimate) -> float:
+        """Return the share of its speed at which it may go on and look; 0 where it must stand."""
+        self._since_s = estimate.t_s if self._since_s is None else self._since_s
+        looks = estimate.row_seen is not None and not estimate.reason
+        return CREEP_RATIO if looks and estimate.t_s - self._since_s < PATIENCE_S else 0.0

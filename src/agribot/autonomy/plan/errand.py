@@ -1,4 +1,4 @@
-"""A drive beside the work: home, to a place on demand, or back to where the work stopped."""
+"""A drive beside the work: home, to a place on demand, back to the work, or out of a lost row."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ import math
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
-from agribot.autonomy.plan.curves import Place
+import numpy as np
+
+from agribot.autonomy.plan.curves import Place, make_path
 from agribot.autonomy.plan.job import MissionJob
 from agribot.autonomy.plan.route import Route
-from agribot.autonomy.plan.saved_mission import SavedErrand
+from agribot.autonomy.plan.saved_mission import SavedErrand, take_pose
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
-from agribot.core.messages import Estimate, Path
+from agribot.core.messages import Estimate, MapPoint, Path
 
 STANDING_MPS = 0.02
-BATTERY = "the battery"  # the source of an errand that nobody asked for
+BATTERY, LOST = "the battery", "the lost row"  # sources of errands that nobody asked for
 CHECKING = "checks the plan"  # the leg while a field plan is judged
 STOPPING = "stops first"  # the leg until the robot stands and its errand is planned
 
@@ -24,19 +26,23 @@ STOPPING = "stops first"  # the leg until the robot stands and its errand is pla
 class Errand(NamedTuple):
     """Where to, who asked for it, and how to plan it from where the robot stands."""
 
-    to: Literal["home", "goal", "work"]
+    to: Literal["home", "goal", "work", "back", "out"]
     source: str
     plan: Callable[[Estimate], Path]
     goal: tuple[float, ...] = ()
 
     @property
     def leg(self) -> str:
-        return {"home": "way home", "goal": "to the goal", "work": "back to the work"}[self.to]
+        return {
+            "home": "way home", "goal": "to the goal", "work": "back to the work",
+            "back": "backs out to find its row", "out": "backs out of its row",
+        }[self.to]  # fmt: skip
 
     @property
     def refusal(self) -> str:
         return {
             "home": "cannot return home", "goal": "goal refused", "work": "cannot go back to work",
+            "back": "cannot back out", "out": "cannot back out",
         }[self.to]  # fmt: skip
 
     def plan_route(self, estimate: Estimate, config: MissionConfig) -> Route:
@@ -85,6 +91,33 @@ def make_work_errand(task: Task, job: MissionJob | None) -> Errand:
     return Errand("work", "the mission", lambda here: task.plan_back(here, place))
 
 
+def make_back_errand(job: MissionJob, to: Literal["back", "out"], s_m: float) -> Errand:
+    """Let the robot back out of its row to a distance along its route, straight as it came."""
+    return Errand(
+        to, LOST, lambda here: _plan_back_out(job.route, take_pose(here)[:2], s_m), (s_m,)
+    )
+
+
+def _plan_back_out(route: Route, place: MapPoint, s_m: float) -> Path:
+    """Plan the route backwards, moved aside to where the robot is.
+
+    Raises: MissionError: it is there already.
+    """
+    path, last = route.path, route.progress.index
+    first = int(np.searchsorted(path.s_m, s_m))
+    if last - first < 2:
+        raise MissionError("the robot is there already")
+    way = slice(first, last + 1)
+    table = np.zeros((last + 1 - first, 6))
+    aside = np.array(place) - path.xy_map_m[last]
+    table[:, :2] = path.xy_map_m[way][::-1] + aside
+    table[:, 2] = path.yaw_map_rad[way][::-1]
+    table[:, 3] = -path.curvature_radpm[way][::-1]
+    table[:, 4] = -1
+    table[:, 5] = path.s_m[last] - path.s_m[way][::-1]
+    return make_path(table)
+
+
 def restore_errand(saved: SavedErrand, task: Task, job: MissionJob | None) -> Errand:
     """Send the robot once more where an earlier run was to go.
 
@@ -92,7 +125,7 @@ def restore_errand(saved: SavedErrand, task: Task, job: MissionJob | None) -> Er
     """
     if saved.to == "home":
         return make_home_errand(task, job, saved.source)
-    if saved.to == "work":
+    if saved.to in ("work", "back", "out"):
         return make_work_errand(task, job)
     return make_goal_errand(task, saved.source, saved.goal)
 

@@ -141,6 +141,13 @@ class MissionJob:
             self.rows.leave()
             self.route.go_on(min(back_m, self.route.progress.s_m), self.route.visits.reached)
 
+    def go_back(self, s_m: float, *, leaves_out: bool) -> None:
+        """Go on from an earlier distance of the route, with the row there or with the next one."""
+        self.rows.leave()
+        self.route.go_on(min(s_m, self.route.progress.s_m), self.route.visits.reached)
+        if leaves_out:
+            self.skip_row()
+
     def skip_row(self) -> None:
         """Pass the row under the robot with the tool off. Called again, the next one.
 

@@ -12,8 +12,10 @@ from agribot.autonomy.plan.answers import MEANWHILE, Answers
 from agribot.autonomy.plan.errand import (
     BATTERY,
     CHECKING,
+    LOST,
     STANDING_MPS,
     Errand,
+    make_back_errand,
     make_goal_errand,
     make_home_errand,
     make_work_errand,
@@ -26,6 +28,7 @@ from agribot.autonomy.plan.planning import PlanningAtOnce, PlanningDesk, Plannin
 from agribot.autonomy.plan.requests import Do, Refuse, react
 from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.row_log import RowResult
+from agribot.autonomy.plan.row_recovery import RowRecovery
 from agribot.autonomy.plan.saved_mission import SavedMission, check_not_carried_away
 from agribot.autonomy.plan.states import (
     Driving,
@@ -85,7 +88,7 @@ class Mission:
         self._begun = saved if saved is not None and saved.planned_from is not None else None
         self._saved = saved
         self._desk = PlanningDesk(planning or PlanningAtOnce())
-        self._watch = Watch(config)
+        self._watch, self._recovery = Watch(config), RowRecovery()
         self._new_tasks = new_tasks
         self._last: Estimate | None = None
         self._is_located = False
@@ -284,6 +287,7 @@ class Mission:
             self._state = msgspec.structs.replace(state, reason=refusal)
             return refusal
         self._is_resumed = True
+        self._recovery.restart()
         if state.away:
             self._run_on(OnErrand(state.away.errand, state.away.route))
         else:
@@ -468,7 +472,10 @@ class Mission:
 
         def stay(error: MissionError) -> None:
             why = f"{errand.refusal}: {error}"
-            if errand.source == BATTERY:  # nobody asked for it, and may not be there to resume
+            if errand.source in (
+                BATTERY,
+                LOST,
+            ):  # nobody asked for it, and may not be there to resume
                 both = "; ".join(filter(None, (self._warning, why)))
                 self._pause(both, by_itself=True)
             else:
@@ -490,12 +497,28 @@ class Mission:
             reason = f"position lost: {estimate.reason or 'not finite'}"
         if self._state is not state:
             return
-        self._state = msgspec.structs.replace(state, reason=reason)
+        self._state = state = msgspec.structs.replace(state, reason=reason)
+        if isinstance(state, Driving) and self._is_located:
+            self._recover(state, estimate)
+        if self._state is not state:
+            return
         stalled = self._watch.check_headway(route, estimate.t_s, reason)
         if stalled and self._watch.is_guarding:
             self._pause(stalled, by_itself=True)
         elif stalled:
             self._end("failed", stalled)
+
+    def _recover(self, state: Driving, estimate: Estimate) -> None:
+        """Take the next step of the ladder where the row is lost."""
+        if not self._task.has_crop:
+            return
+        watch, route = self._watch, state.job.route
+        is_held = watch.caution == 0.0
+        step = self._recovery.judge(route, estimate, is_held=is_held, is_lost=watch.is_row_lost)
+        if step is not None:
+            errand = make_back_errand(state.job, *step)
+            reason = state.reason or "found its row aside"
+            self._stop_for(errand, f"{reason}; {errand.leg}")
 
     def _advance(self, state: Driving | OnErrand, route: Route, estimate: Estimate) -> str:
         """Move on and say why the robot is held back there; empty where nothing is wrong."""
@@ -511,6 +534,8 @@ class Mission:
             return ""
         reason = ""
         has_crop = self._task.has_crop
+        if isinstance(state, OnErrand) and state.errand.source == LOST:
+            return ""  # as it came, slowly: backwards
         if isinstance(state, Driving) and route.is_beside_row and has_crop:
             reason = self._watch.check_row(route, estimate, self._config)
         rows = self._task.rows if has_crop else ()
@@ -524,6 +549,11 @@ class Mission:
             called = f"returned home, called by {state.errand.source}"
             ended = self._ended or Ended("cancelled", called)
             self._end(ended.ending, ended.reason)
+        elif state.errand.source == LOST and self._job is not None:
+            self._job.go_back(*state.errand.goal, leaves_out=state.errand.to == "out")
+            self._is_away = False
+            self._watch.restart()
+            self._state = Driving(self._job)
         elif state.errand.to == "work" and self._job is not None:
             self._job.go_on()
             self._is_away = False

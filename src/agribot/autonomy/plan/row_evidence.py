@@ -14,6 +14,8 @@ from agribot.core.row_shape import project_on_row
 
 # Known across the rows to this share of their distance (1 sigma), one is told from the next.
 TELLS_APART_RATIO = 0.25
+# A bent row of a plan is worked in straight stretches, which begin where the last one ends.
+SAME_ROW_M = 0.05
 
 
 def row_pitch_m(rows: Sequence[Row]) -> float:
@@ -22,19 +24,18 @@ def row_pitch_m(rows: Sequence[Row]) -> float:
         abs(float(project_on_row(row, *following.start_map_m).left_m))
         for row, following in pairwise(rows)
     ]
-    return min((gap_m for gap_m in gaps_m if gap_m > 0.0), default=math.inf)
+    return min((gap_m for gap_m in gaps_m if gap_m > SAME_ROW_M), default=math.inf)
 
 
 def find_doubt(task: Task, estimate: Estimate, row_yaw_rad: float, pitch_m: float) -> Doubt:
     """Say why the robot may not be in the row of a task; empty where it has good reason to.
 
-    Where a camera looks, it has to see the crop of the row. The estimate knows of the rows of the
-    settings only: in those of a field plan, and without a camera, the position has to be known
-    well enough. A swath without crop is wherever the position is.
+    Where a camera looks, it has to see the crop of the row; without one, the position has to be
+    known well enough. A swath without crop is wherever the position is.
     """
     if not task.has_crop:
         return ""
-    if task.work is None and estimate.row_seen is not None:
+    if estimate.row_seen is not None:
         return "" if estimate.row_seen else "unseen"
     is_sure = across_std_m(estimate, row_yaw_rad) <= TELLS_APART_RATIO * pitch_m
     return "" if is_sure else "unsure"

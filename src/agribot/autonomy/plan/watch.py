@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agribot.autonomy.plan.caution import CropGuard, across_std_m, caution_ratio
+from agribot.autonomy.plan.caution import CropGuard, LostRow, across_std_m, caution_ratio
 from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.stall import StallWatch
 from agribot.core.config import MissionConfig
@@ -24,13 +24,14 @@ class Watch:
         self._stall = StallWatch(config.stall_timeout_s)
         self._limit_s = config.stall_timeout_s
         self.caution = 1.0  # share of its speed at which the robot drives here
-        self._guard = CropGuard()
+        self._guard, self._lost = CropGuard(), LostRow()
         self._in_crop: tuple[Path, Sequence[Row], list[bool]] | None = None
 
     def restart(self) -> None:
         """Forget what was: the robot sets off anew, as somebody asked."""
         self._stall.restart()
         self._guard.restart()
+        self._lost = LostRow()
 
     def restart_headway(self) -> None:
         """Go over to another route: what was made on the last one does not count."""
@@ -40,6 +41,11 @@ class Watch:
     def may_work(self) -> bool:
         """Whether the tool may work where the robot is, if it is where it believes."""
         return self._guard.may_work
+
+    @property
+    def is_row_lost(self) -> bool:
+        """Whether the robot does not know well enough where its row is."""
+        return self._lost.is_lost
 
     @property
     def is_guarding(self) -> bool:
@@ -63,7 +69,9 @@ class Watch:
         std_m = across_std_m(estimate, route.yaw_map_rad)
         self.caution = caution_ratio(std_m, config)
         if self.caution > 0.0:
+            self._lost.find()
             return ""
+        self.caution = self._lost.creep(estimate)
         return (
             f"row lost: known across it to {std_m:.2f} m > {config.max_row_std_m:.2f} m; "
             "check camera and crop, or use a receiver with corrections"

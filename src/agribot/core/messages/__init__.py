@@ -18,6 +18,7 @@ from agribot.core.messages.estimate import (
     SensorVerdict,
     SensorVerdicts,
 )
+from agribot.core.messages.gate import Check, GateState, GateStatus
 from agribot.core.messages.mission import (
     Goal,
     MissionState,
@@ -62,11 +63,11 @@ from agribot.core.messages.tick import TickRecord, Tracking
 
 __all__ = [
     "ALL_FINE", "FINE", "INBOX_LIMIT", "LIVE_SETTINGS", "SENSOR_WATCH", "STOP", "WHEEL_NAMES",
-    "BaseFix", "BatterySample", "BumperSample", "ByteArray", "CameraFrame", "CropCover",
-    "DriveCommand", "Estimate", "FloatArray", "Four", "GnssFix", "GnssHeading", "GnssQuality",
-    "Goal", "GroundPlant", "HandDrive", "ImplementCommand", "ImuSample", "Inbox", "MagSample",
-    "MapPoint", "MappedPlant", "MissionState", "MissionStatus", "OperatorAction", "OperatorEvent",
-    "OtherSample", "Path", "PlantClass", "RequestAnswer", "RobotCommand", "Row", "RowLine", "Scene",
-    "SensorBatch", "SensorState", "SensorVerdict", "SensorVerdicts", "TickRecord", "Tracking",
-    "Vec3", "WheelSample",
+    "BaseFix", "BatterySample", "BumperSample", "ByteArray", "CameraFrame", "Check", "CropCover",
+    "DriveCommand", "Estimate", "FloatArray", "Four", "GateState", "GateStatus", "GnssFix",
+    "GnssHeading", "GnssQuality", "Goal", "GroundPlant", "HandDrive", "ImplementCommand",
+    "ImuSample", "Inbox", "MagSample", "MapPoint", "MappedPlant", "MissionState", "MissionStatus",
+    "OperatorAction", "OperatorEvent", "OtherSample", "Path", "PlantClass", "RequestAnswer",
+    "RobotCommand", "Row", "RowLine", "Scene", "SensorBatch", "SensorState", "SensorVerdict",
+    "SensorVerdicts", "TickRecord", "Tracking", "Vec3", "WheelSample",
 ]  # fmt: skip

@@ -44,8 +44,9 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     `protection_m` bounds the error, faults of GNSS included, `across_protection_m` that to the
     side of where the robot heads, of which the covariance alone makes `across_plain_m`.
     `rows_off_m` is how far the field's rows stand East and North of where the map has them.
-    `contradiction` names sensors that disagree, between which a person decides; `verdicts` say of
-    every sensor whether it is believed.
+    `contradiction` names sensors that disagree, between which a person decides, or asks one which
+    row this is: `row_certainty` is the probability that it is the one that the pose says.
+    `verdicts` say of every sensor whether it is believed.
     """
 
     t_s: float
@@ -68,6 +69,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     contradiction: str = ""
     rows_off_m: tuple[float, float] = (0.0, 0.0)
     verdicts: SensorVerdicts = ALL_FINE
+    row_certainty: float = 1.0
 
     def relate_to_rows(self) -> Estimate:
         """Return the pose in a map whose rows lie where those of the field stand."""

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages.arrays import FloatArray
+from agribot.core.messages.gate import GateStatus
 
 MissionState = Literal["waiting", "running", "paused", "done", "cancelled", "failed"]
 
@@ -68,6 +69,7 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     held: str = ""  # why it paused by itself; a person has to look, and to resume it
     warning: str = ""  # what calls it home, such as a low battery
     answers: tuple[RequestAnswer, ...] = ()  # to the requests that were settled in this tick
+    gate: GateStatus = GateStatus()  # of the supervisor, the last gate before the motors
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):

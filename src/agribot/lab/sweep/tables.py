@@ -20,7 +20,7 @@ from agribot.lab.sweep.plan import SweepJob
 from agribot.record.report import Report
 
 # Lists have no place in a table of numbers: how many there were has.
-COUNTED = ("safety.stops", "safety.noticed", "safety.faults")
+COUNTED = ("safety.stops", "safety.noticed", "safety.faults", "safety.gate", "safety.checks")
 Value = str | int | float | bool | None
 
 

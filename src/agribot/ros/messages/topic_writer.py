@@ -126,9 +126,9 @@ class TopicWriter:
 
     def _write_mission(self, status: MissionStatus) -> None:
         before, now_s = self._status, self._now_ns / _SECOND_NS
-        changed = before is None or (before.state, before.reason, before.row) != (
-            status.state, status.reason, status.row,
-        )  # fmt: skip
+        changed = before is None or (
+            before.state, before.reason, before.row, before.gate.state,
+        ) != (status.state, status.reason, status.row, status.gate.state)  # fmt: skip
         if changed or self._now_ns >= self._next_second_ns:
             self._write_ros(topics.STATUS, rosmsg.make_status(status), now_s)
         goal_map_m = status.goal_map_m

@@ -8,12 +8,12 @@ from agribot.core.messages import Scene
 
 # Cameras give ten pictures a second or more: so many missing are no drop-out, and a robot at 0.4
 # m/s has driven half of what its last picture showed.
-SILENT_S = 1.5
+SILENT_S, MISSING = 1.5, 3.0  # of a slower one so many pictures
 # Later than the network promises: at 0.4 m/s a weed is then 8 cm from where the nozzle opens.
 LATE_S, LATE_PICTURES = 0.2, 5
 
 
-class CameraWatch:
+class SceneWatch:
     """Call `hear` with every scene and the time at which it came.
 
     A camera is in use from its first picture on; a robot without one is not told of.
@@ -21,10 +21,13 @@ class CameraWatch:
 
     def __init__(self) -> None:
         self._heard_s = math.inf  # when the last scene came, not when it was taken
+        self._interval_s = math.inf
         self._late = 0
         self._age_s = 0.0
 
     def hear(self, scene: Scene, now_s: float) -> None:
+        if now_s > self._heard_s:
+            self._interval_s = min(self._interval_s, now_s - self._heard_s)
         self._heard_s = now_s
         self._age_s = now_s - scene.t_s
         is_late = now_s - scene.ready_s > LATE_S
@@ -33,7 +36,8 @@ class CameraWatch:
     def silence(self, now_s: float) -> str:
         """Say that no picture comes any more; empty while they do."""
         silent_s = now_s - self._heard_s
-        if silent_s <= SILENT_S:
+        usual_s = 0.0 if math.isinf(self._interval_s) else self._interval_s
+        if silent_s <= max(SILENT_S, MISSING * usual_s):
             return ""
         return (
             f"no picture seen for {silent_s:.1f} s; check the camera, its cable and the network "

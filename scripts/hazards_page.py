@@ -1,0 +1,143 @@
+"""Print docs/hazards.md: hazards, states of the gate and checks, from the tables in the code.
+
+What was measured of each fault is read from docs/fault-campaign.md. `make pages` writes all such
+pages.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from agribot.autonomy.control.gate_machine import STATES
+from agribot.autonomy.control.hazards import CHECKS, HAZARDS, ForHand, Hazard, Reaction
+from agribot.core.config import SafetyConfig
+
+CAMPAIGN = Path(__file__).parents[1] / "docs" / "fault-campaign.md"
+HEAD = """# Hazards
+
+Written by `make pages` from
+[`hazards.py`](../src/agribot/autonomy/control/hazards.py) and
+[`gate_machine.py`](../src/agribot/autonomy/control/gate_machine.py).
+
+The last gate before the motors works through this table in every tick, from top to bottom. What
+each reaction means for people stands on [the page about stops](safety.md); how the faults are
+injected on [the page of faults](faults.md). The last column is read from
+[the measured campaign](fault-campaign.md): of each fault the share of its runs in which it was
+noticed, by this row or by another, the median time until then, and how far the robot rolled after
+a stop at most. Small faults are in it that change nothing, such as a motor that is weak and has
+not to be strong; "-" where no fault proves the row.
+
+| hazard | seen by | limit | reaction | holds a hand | proven by, and measured |
+|---|---|---|---|---|---|
+"""
+REACTIONS: dict[Reaction, str] = {
+    "latch": "**stops** until a person clears it",
+    "wait": "stops until it is over",
+    "slow": "slows down",
+    "tool off": "tool off",
+    "home": "turns home",
+    "tell": "is told",
+}
+FOR_HAND: dict[ForHand, str] = {"yes": "yes", "until cleared": "until it is cleared", "no": "no"}
+WHERE = """
+The robot's own stop distance is that of its drive: at 0.4 m/s and 1.5 m/s^2 it rolls 5 cm after the
+0.2 s that board and brakes take, 13 cm in all; `stop_distance_m_max` of
+[`report.json`](recordings.md) is what it was in a run. A program that dies cannot stop anything:
+then the motor board does, which must stop by itself when no command comes for its timeout.
+Speed by surroundings is no row: turns and headlands have planned speeds, the edge of the field
+counts with the way of braking, and no measurement shows a hazard that a lower speed there would
+cure.
+
+## States of the gate
+
+The first of these that applies is the state. It stands, with the reason for which it was entered,
+in `gate` of the status (`/agribot/mission/status`), in every tick of a recording, as lines of the
+kind `gate` in `events.jsonl`, and as `safety.gate` in `report.json`.
+
+| state | what passes | what ends it |
+|---|---|---|
+"""
+CHECK_HEAD = """
+## Before the start
+
+Before the first motion of a mission, this list is gone through. Each item is the rows of the table
+above that belong to it. One that is not good holds the start with its reason (state `checking`, or
+`stopped` where the row stops); but for the camera, without which the tool is off and the robot
+drives. What was found is told by `agribot run`, by a line of the kind `check` in `events.jsonl`,
+by `safety.checks` in `report.json`, and in the status.
+
+| item | good unless |
+|---|---|
+"""
+_SETTING = re.compile(r"`safety\.(\w+)`")
+
+
+def page() -> str:
+    measured = read_campaign(CAMPAIGN.read_text(encoding="utf-8"))
+    rows = "".join(_row(hazard, measured) for hazard in HAZARDS)
+    states = "".join(f"| `{row.state}` | {row.passes} | {row.ends} |\n" for row in STATES)
+    checks = "".join(f"| {name} | {_list_rows(name)} |\n" for name in CHECKS)
+    return HEAD + rows + WHERE + states + CHECK_HEAD + checks
+
+
+def read_campaign(text: str) -> dict[str, list[dict[str, str]]]:
+    """Read the measured lines of each fault, by its name: a text for each head of the table.
+
+    What was measured again further down counts instead.
+    """
+    found: dict[str, dict[tuple[str, str], dict[str, str]]] = {}
+    heads: list[str] = []
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if cells[0] == "fault":
+            heads = cells
+        if line.startswith("| `"):
+            row = dict(zip(heads, cells, strict=False))
+            name = re.split(r"[=+`]", row["fault"].strip("`"))[0]
+            found.setdefault(name, {})[row["fault"], row["drive"]] = row
+    return {name: list(rows.values()) for name, rows in found.items()}
+
+
+def _row(hazard: Hazard, measured: dict[str, list[dict[str, str]]]) -> str:
+    cells = (
+        hazard.name,
+        hazard.seen_by,
+        _SETTING.sub(_add_default, hazard.limit),
+        REACTIONS[hazard.reaction],
+        FOR_HAND[hazard.for_hand] + ("" if hazard.for_mission else ", a hand only"),
+        "; ".join(_describe_fault(name, measured.get(name, [])) for name in hazard.faults) or "-",
+    )
+    return f"| {' | '.join(cells)} |\n"
+
+
+def _describe_fault(name: str, rows: list[dict[str, str]]) -> str:
+    noticed = _span([row["detected"] for row in rows], 0, " %")
+    after = _span([row["after"] for row in rows], 1, " s")
+    rolled = _span([row.get("rolled", "-") for row in rows], 2, " m")
+    parts = [noticed, after and f"after {after}", rolled and f"rolled {rolled}"]
+    words = ", ".join(part for part in parts if part) or "not measured"
+    return f"`{name}` ({words})"
+
+
+def _add_default(match: re.Match[str]) -> str:
+    value = getattr(SafetyConfig(), match[1])
+    return f"{match[0]} ({value:g})" if isinstance(value, float) else f"{match[0]} ({value})"
+
+
+def _span(cells: list[str], digits: int, unit: str) -> str:
+    """Format the least and the largest of the numbers that were measured; empty without any."""
+    values = [float(cell.split()[0]) for cell in cells if cell != "-"]
+    if not values:
+        return ""
+    least, most = (f"{value:.{digits}f}" for value in (min(values), max(values)))
+    return f"{least}{unit}" if least == most else f"{least} to {most}{unit}"
+
+
+def _list_rows(check: str) -> str:
+    return "; ".join(hazard.name for hazard in HAZARDS if hazard.check == check)
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page())

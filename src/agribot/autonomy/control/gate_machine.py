@@ -1,0 +1,95 @@
+"""The states of the gate: one table, and a reason for every way from one to another."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from agribot.core.messages import Check, GateState, GateStatus
+
+
+class Seen(NamedTuple):
+    """What decides the state in a tick: texts are empty where it is not so."""
+
+    stopped: str  # why the latch is closed
+    hand: str  # who moves the robot by hand
+    held: str  # what passes by itself
+    idle: str  # why the mission does not drive
+    limited: str
+    cleared_by: str  # who has just cleared a stop
+
+
+class StateRow(NamedTuple):
+    """One state, for people: what passes the gate, and what ends it."""
+
+    state: GateState
+    passes: str
+    ends: str
+
+
+# The first that applies is the state.
+STATES = (
+    StateRow("stopped", "nothing, the tool is off", "a person who clears the stop"),
+    StateRow("by hand", "what a person asks for, within what holds for a hand", "the hand lets go"),
+    StateRow("standby", "nothing but braking", "the mission drives"),
+    StateRow("checking", "nothing: an item of the list before the start is not good", "it is good"),
+    StateRow("held", "nothing until the hazard is over", "the hazard is over"),
+    StateRow("slowed", "the command, slower along the same curve", "the command is within limits"),
+    StateRow("driving", "the command", "any of the above"),
+)
+
+
+class GateMachine:
+    """Call `step` once a tick; a mission that begins is `checking` until its list is good."""
+
+    def __init__(self) -> None:
+        self.status = GateStatus()
+        self.is_started = False
+        self._checks: tuple[Check, ...] = ()
+
+    def step(self, seen: Seen, told: str, checks: tuple[Check, ...]) -> None:
+        """Take in a tick; `checks` is looked at while the mission has not started."""
+        before = self.status
+        state, reason = self._choose(seen)
+        if state == before.state and not (reason and state != "driving"):
+            reason = before.reason
+        outcome: tuple[Check, ...] = ()
+        if state in ("checking", "held", "slowed", "driving") and not self.is_started:
+            bad = tuple(check for check in checks if not check.is_ok)
+            is_new = [c.name for c in bad] != [c.name for c in self._checks if not c.is_ok]
+            self.is_started = state != "checking"
+            if is_new or not self._checks or self.is_started:
+                outcome = self._checks = checks
+        if (state, reason, told, outcome) != (before.state, before.reason, before.told, ()) or (
+            before.checks
+        ):
+            self.status = GateStatus(state=state, reason=reason, told=told, checks=outcome)
+
+    def end_mission(self) -> None:
+        """Go through the list anew before whatever comes next."""
+        self.is_started, self._checks = False, ()
+
+    def _choose(self, seen: Seen) -> tuple[GateState, str]:
+        """Go through the states in the order of the table."""
+        held: GateState = "held" if self.is_started or seen.hand else "checking"
+        if seen.stopped:
+            return "stopped", seen.stopped
+        if seen.hand and not seen.held:
+            return "by hand", f"{seen.hand} drives by hand"
+        if seen.idle and not seen.hand:
+            by = f"the stop was cleared by {seen.cleared_by}; " if seen.cleared_by else ""
+            return "standby", by + seen.idle
+        if seen.held:
+            return held, seen.held
+        if seen.limited:
+            return "slowed", seen.limited
+        return "driving", _why_driving(self.status, seen, is_started=self.is_started)
+
+
+def _why_driving(before: GateStatus, seen: Seen, *, is_started: bool) -> str:
+    if before.state == "stopped":
+        return f"the stop was cleared by {seen.cleared_by or 'a person'}"
+    if not is_started:
+        return "the mission sets off, all that is checked before is good"
+    if before.state in ("held", "slowed", "checking"):
+        return f"over: {before.reason}"
+    return "the mission goes on"

@@ -1,0 +1,312 @@
+"""The table of hazards: what may go wrong on the way to the motors, and what is done about it.
+
+Each row is one hazard from its detection to the fault of the simulator that proves it. The
+supervisor works through the rows from top to bottom; the first that finds something speaks.
+Rows without `find` are looked after elsewhere, where `seen_by` says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+from agribot.autonomy.control.battery_watch import BatteryWatch
+from agribot.autonomy.control.bumper import Bumper
+from agribot.autonomy.control.fence import Fence, FieldFence
+from agribot.autonomy.control.sensor_watch import SensorWatch
+from agribot.autonomy.control.wheel_watch import Found, name_motors
+from agribot.core.config import SafetyConfig
+from agribot.core.messages import Check, Estimate, Goal, RobotCommand, SensorBatch
+
+# latch: stands until a person clears the stop. wait: stands until it is over. slow: along the same
+# curve. tool off: it drives on, the tool does not work. home: the mission turns home. tell: told.
+Reaction = Literal["latch", "wait", "slow", "tool off", "home", "tell"]
+# Whether a person who drives is held, too; "until cleared": once, and then drives the robot off.
+ForHand = Literal["yes", "until cleared", "no"]
+STANDSTILL_MPS = 1e-3
+
+
+class Situation(NamedTuple):
+    """All that the gate knows in a tick; `command` is what is asked for."""
+
+    config: SafetyConfig
+    command: RobotCommand
+    estimate: Estimate
+    batch: SensorBatch
+    goal: Goal
+    sensors: SensorWatch
+    motion: Found
+    stuck: str
+    bumper: Bumper
+    touch: str
+    battery: BatteryWatch
+    camera_fault: str
+    has_camera: bool  # pictures came at least once
+    fences: tuple[Fence, ...]
+    works_backwards: bool
+    is_tool_working: bool
+
+
+class Hazard(NamedTuple):
+    """One row. `limit` names settings by their keys, or says the limit in words.
+
+    `check` is the item of the list before the start that it belongs to. Accepting one hazard of
+    a `kind` accepts all of it. `faults` are those of the simulator that prove the row.
+    """
+
+    name: str
+    seen_by: str
+    limit: str
+    reaction: Reaction
+    find: Callable[[Situation], str] | None
+    for_hand: ForHand = "no"
+    kind: str = ""
+    faults: tuple[str, ...] = ()
+    check: str = ""
+    for_mission: bool = True
+    at_rest: bool = False  # counts also for a robot that is not to move
+
+
+def _motor_flags(now: Situation) -> str:
+    names = dict.fromkeys(name for wheel in now.batch.wheels for name in wheel.faults)
+    return name_motors(tuple(names)) if names else ""
+
+
+def _still_touches(now: Situation) -> str:
+    where = " and ".join(now.bumper.sides)
+    return f"the bumper still touches something {where}; back off by hand" if where else ""
+
+
+def _crossing(now: Situation) -> str:
+    if _pose_missing(now) or _pose_stale(now) or _pose_unsure(now):
+        return ""
+    fences = (fence for fence in now.fences if isinstance(fence, FieldFence))
+    return next((f.crossing(now.estimate, now.command.drive) for f in fences), "")
+
+
+def _not_finite(now: Situation) -> str:
+    drive, implement = now.command.drive, now.command.implement
+    if not math.isfinite(drive.v_mps + drive.yaw_rate_radps):
+        return f"command is not finite: {drive.v_mps} m/s, {drive.yaw_rate_radps} rad/s"
+    if not implement.is_finite:
+        return f"implement command is not finite: {implement.setpoints}"
+    return ""
+
+
+def _pose_missing(now: Situation) -> str:
+    estimate = now.estimate
+    if not estimate.ok:
+        return f"no position: {estimate.reason or 'the estimate is not ready'}"
+    if not math.isfinite(estimate.x_map_m + estimate.y_map_m + estimate.yaw_map_rad):
+        return "position is not finite; restart the localisation"
+    return ""
+
+
+def _pose_stale(now: Situation) -> str:
+    old_s, limit_s = now.batch.t_s - now.estimate.t_s, now.config.sensor_timeout_s
+    if abs(old_s) <= limit_s:
+        return ""
+    return f"position is {old_s:.2f} s old > {limit_s:.2f} s; look at what estimates it"
+
+
+def _pose_unsure(now: Situation) -> str:
+    std_m, limit_m = now.estimate.pos_std_m, now.config.max_pos_std_m
+    if std_m <= limit_m:
+        return ""
+    return f"position uncertain: {std_m:.2f} m > {limit_m:.2f} m; wait for GNSS"
+
+
+def _heading_unsure(now: Situation) -> str:
+    std_rad, limit_rad = now.estimate.yaw_std_rad, now.config.max_yaw_std_rad
+    if std_rad <= limit_rad:
+        return ""
+    return f"heading uncertain: {std_rad:.2f} rad > {limit_rad:.2f} rad"
+
+
+def _beyond_fence(now: Situation) -> str:
+    drive, goal = now.command.drive, now.goal
+    return next(
+        (told for fence in now.fences if (told := fence.objection(now.estimate, drive, goal))), ""
+    )
+
+
+def _mission_idle(now: Situation) -> str:
+    status = now.goal.status
+    if status.state in ("running", "paused"):
+        return ""
+    return f"mission {status.state}" + (f": {status.reason}" if status.reason else "")
+
+
+def _tool_early(now: Situation) -> str:
+    return "the tool is at work before the robot drives" if now.is_tool_working else ""
+
+
+def _tool_at_rest(now: Situation) -> str:
+    drive, status = now.command.drive, now.goal.status
+    if abs(drive.v_mps) < STANDSTILL_MPS or status.state != "running":
+        return "the robot stands, or no mission drives it"
+    return "" if drive.v_mps > 0.0 or now.works_backwards else "this tool does not work backwards"
+
+
+def _runs_away(now: Situation) -> str:
+    if not now.motion.runaway:
+        return ""
+    return f"RUNAWAY, cut the power with the red button: {now.motion.runaway}"
+
+
+HAZARDS = (
+    Hazard(name="touch", seen_by="bumper, in its very tick", limit="any touch", reaction="latch",
+           for_hand="yes", find=lambda now: now.touch, at_rest=True,
+           faults=("bumper.contact", "obstacle.unmapped")),
+    Hazard(name="clock goes back, stands or jumps; the program stood still",
+           seen_by="time of the tick", limit="`safety.clock_jump_s`", reaction="latch",
+           for_hand="yes", find=lambda now: now.sensors.clock_fault, check="clock",
+           faults=("clock.step",)),
+    Hazard(name="wheel encoders or IMU silent, or no numbers", seen_by="their samples",
+           limit="`safety.sensor_timeout_s`", reaction="latch", for_hand="yes",
+           find=lambda now: now.sensors.silence(now.batch.t_s), check="wheels and IMU",
+           faults=("board.silent", "imu.late", "link.noise")),
+    Hazard(name="IMU sends numbers that cannot be", seen_by="range of its numbers",
+           limit="3 in 5 s beyond 160 m/s^2 or 40 rad/s", reaction="latch", for_hand="yes",
+           find=lambda now: now.sensors.spoilt_line(), check="wheels and IMU",
+           faults=("link.noise",)),
+    Hazard(name="battery empty", seen_by="charge or voltage, for 5 s",
+           limit="`safety.empty_charge_ratio`, `safety.empty_battery_v`", reaction="latch",
+           for_hand="until cleared", kind="battery", find=lambda now: now.battery.empty,
+           check="battery", faults=("battery.empty",)),
+    Hazard(name="motor reports a fault", seen_by="motor board", limit="any flag",
+           reaction="latch", for_hand="until cleared", kind="wheel", find=_motor_flags,
+           check="motors", faults=("motor.weak",)),
+    Hazard(name="wheels stand, run away, turn backwards or are swapped",
+           seen_by="encoders against the command",
+           limit="30 % and 0.6 rad/s off for 0.4 s", reaction="latch",
+           for_hand="until cleared", kind="wheel", find=lambda now: now.motion.wheels,
+           faults=("wheels.stuck", "wheels.reversed", "motor.runaway", "motor.weak")),
+    Hazard(name="takes the robot out of the field by hand",
+           seen_by="position, edge and holes of a field plan, braking distance",
+           limit="`safety.fence_tolerance_m`", reaction="latch", for_mission=False,
+           for_hand="until cleared", kind="edge", find=_crossing),
+    Hazard(name="something still touches", seen_by="bumper", limit="any touch",
+           reaction="latch", find=_still_touches, check="bumper",
+           faults=("bumper.contact",)),
+    Hazard(name="tilt", seen_by="accelerometer, over 0.5 s", limit="`safety.max_tilt_rad`",
+           reaction="latch", find=lambda now: now.sensors.tilt(), check="upright"),
+    Hazard(name="motor without torque whose wheel rolls along",
+           seen_by="torque of each wheel", limit="none for 0.5 s while the others work",
+           reaction="latch", find=lambda now: now.motion.dead_motor, faults=("motor.dead",)),
+    Hazard(name="IMU repeats itself", seen_by="its samples while the wheels turn",
+           limit="0.5 s", reaction="latch", find=lambda now: now.motion.frozen_imu,
+           faults=("imu.frozen",)),
+    Hazard(name="gyro contradicts the wheels", seen_by="gyro against the wheels' difference",
+           limit="0.24 rad/s and 20 %, or half; in tight turns the robot may turn by 85 % less",
+           reaction="latch", find=lambda now: now.motion.wrong_turn, faults=("imu.bias",)),
+    Hazard(name="stuck or slipping", seen_by="way of the wheels against that of GNSS",
+           limit="less than 35 % of 0.5 m (1.5 m without corrections)", reaction="latch",
+           find=lambda now: now.stuck, faults=("soil.mud",)),
+    Hazard(name="command is no number", seen_by="the command", limit="finite",
+           reaction="wait", for_hand="yes", find=_not_finite),
+    Hazard(name="wheel encoders or IMU never spoke", seen_by="their samples", limit="one sample",
+           reaction="wait", for_hand="yes", find=lambda now: now.sensors.unheard(),
+           check="wheels and IMU"),
+    Hazard(name="no position", seen_by="estimate", limit="its own", reaction="wait",
+           find=_pose_missing, check="position",
+           faults=("gnss.outage", "start.aside", "start.turned")),
+    Hazard(name="position is old", seen_by="time of the estimate",
+           limit="`safety.sensor_timeout_s`", reaction="wait", find=_pose_stale,
+           check="position"),
+    Hazard(name="position uncertain", seen_by="estimate", limit="`safety.max_pos_std_m`",
+           reaction="wait", find=_pose_unsure, check="position"),
+    Hazard(name="heading uncertain", seen_by="estimate", limit="`safety.max_yaw_std_rad`",
+           reaction="wait", find=_heading_unsure, check="heading"),
+    Hazard(name="sensors contradict each other", seen_by="estimate", limit="its own",
+           reaction="wait", find=lambda now: now.estimate.contradiction, check="position",
+           faults=("gnss.jump", "gnss.wrong_fix", "gnss.frozen", "carried")),
+    Hazard(name="leaves the field, or the box around its path",
+           seen_by="position and its sigma, footprint, braking distance",
+           limit="`safety.fence_tolerance_m`, `safety.fence_sigma`, `safety.geofence_margin_m`",
+           reaction="wait", find=_beyond_fence, check="field"),
+    Hazard(name="no mission runs", seen_by="mission", limit="-", reaction="wait",
+           find=_mission_idle),
+    Hazard(name="may be off its row", seen_by="protection level, by the mission",
+           limit="clearance from wheels to crop", reaction="slow", find=None,
+           faults=("gnss.drift", "imu.bias")),
+    Hazard(name="too fast", seen_by="the command",
+           limit="`safety.max_speed_mps`, `safety.max_yaw_rate_radps`, those of the drive",
+           reaction="slow", for_hand="yes", find=None),
+    Hazard(name="battery low", seen_by="charge or voltage, for 5 s",
+           limit="`safety.low_charge_ratio`, `safety.low_battery_v`", reaction="home",
+           find=lambda now: now.battery.low),
+    Hazard(name="tool over a robot that stands or is driven by hand", seen_by="the command",
+           limit="at rest, no mission, or backwards", reaction="tool off", for_hand="yes",
+           find=_tool_at_rest),
+    Hazard(name="tool at work before the start", seen_by="what was sent last", limit="off",
+           reaction="wait", find=_tool_early, check="tool"),
+    Hazard(name="camera or network silent or late", seen_by="pictures and what is seen in them",
+           limit="`safety.camera_timeout_s`", reaction="tool off",
+           find=lambda now: now.camera_fault, check="camera",
+           faults=("camera.off", "camera.late", "network.hung")),
+    Hazard(name="wheels turn on though they are to stand", seen_by="encoders",
+           limit="0.4 s", reaction="tell", for_hand="yes", find=_runs_away, at_rest=True,
+           faults=("motor.runaway",)),
+    Hazard(name="a number of the IMU that cannot be", seen_by="range of its numbers",
+           limit="160 m/s^2, 40 rad/s", reaction="tell", for_hand="yes",
+           find=lambda now: now.sensors.spoilt_number(), faults=("link.noise",)),
+    Hazard(name="hand or its link is gone", seen_by="age of its requests",
+           limit="`safety.hand_timeout_s`", reaction="wait", for_hand="yes", find=None),
+    Hazard(name="operator's page is gone", seen_by="the run's side of the page",
+           limit="`safety.on_operator_lost`", reaction="wait", find=None),
+    Hazard(name="the robot's program dies or hangs", seen_by="motor board",
+           limit="no command for its timeout, 0.3 to 0.5 s (`drive.command_timeout_s`)",
+           reaction="wait", for_hand="yes", find=None),
+    Hazard(name="a second program drives the same robot or writes the same run",
+           seen_by="a lock for each folder and each platform, free once its holder is dead",
+           limit="one", reaction="wait", for_hand="yes", find=None),
+)  # fmt: skip
+
+
+def find_hazard(
+    now: Situation,
+    reaction: Reaction,
+    *,
+    is_by_hand: bool = False,
+    accepted: frozenset[str] = frozenset(),
+) -> tuple[Hazard, str] | None:
+    """Find the first row of a reaction that has something to say, and what.
+
+    Kinds that were `accepted` do not hold a hand.
+    """
+    for hazard, find in _COUNTING[reaction, is_by_hand]:
+        if (told := find(now)) and not (is_by_hand and hazard.kind in accepted):
+            return hazard, told
+    return None
+
+
+_REACTIONS: tuple[Reaction, ...] = ("latch", "wait", "slow", "tool off", "home", "tell")
+_COUNTING = {
+    (reaction, is_by_hand): tuple(
+        (hazard, hazard.find)
+        for hazard in HAZARDS
+        if hazard.find is not None
+        and hazard.reaction == reaction
+        and (hazard.for_hand != "no" if is_by_hand else hazard.for_mission)
+    )
+    for reaction in _REACTIONS
+    for is_by_hand in (False, True)
+}
+CHECKS = tuple(dict.fromkeys(hazard.check for hazard in HAZARDS if hazard.check))
+_BY_CHECK = {
+    name: tuple(hazard.find for hazard in HAZARDS if hazard.check == name and hazard.find)
+    for name in CHECKS
+}
+
+
+def check_start(now: Situation) -> tuple[Check, ...]:
+    """Go through the list before the first motion; a camera that is not in use is no item."""
+    checks = []
+    for name in CHECKS:
+        if name == "camera" and not now.has_camera:
+            continue
+        found = next((told for find in _BY_CHECK[name] if (told := find(now))), "")
+        checks.append(Check(name=name, is_ok=not found, text=found))
+    return tuple(checks)

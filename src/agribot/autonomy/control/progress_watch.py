@@ -1,0 +1,125 @@
+"""Do turning wheels get the robot on? A receiver that stays while they turn tells that they slip.
+
+The way of the wheels is compared with that of the receiver over the last metre, by its positions
+and, where it gives them, by its velocities: both must say that the robot stays behind, so that
+neither a frozen nor a jumping receiver looks like a robot that is stuck.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from agribot.core.geo import WGS84_A_M
+from agribot.core.messages import GnssFix, GnssQuality, SensorBatch, WheelSample
+from agribot.core.robot import DriveSpec
+
+# Wheels on rough soil that is driven every day keep more than 0.7 of their way.
+STUCK_RATIO = 0.35
+# Way of the wheels that is judged: with corrections a receiver tells single centimetres apart.
+CORRECTED_WAY_M, PLAIN_WAY_M = 0.5, 1.5
+LONGEST_S = 10.0
+MOST_TURN_RAD = 1.2  # on a curve the straight way is shorter than that of the wheels
+CORRECTED = (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
+
+
+class _Place(NamedTuple):
+    """Where wheels, gyro and receiver were at a fix; `flown` is the sum of its velocities."""
+
+    t_s: float
+    way_m: float
+    turn_rad: float
+    east_m: float
+    north_m: float
+    flown_m: tuple[float, float] | None
+
+
+class ProgressWatch:
+    """Call `watch` once a tick; `restart` when a person has looked."""
+
+    def __init__(self, drive: DriveSpec) -> None:
+        self._wheel_radius_m = drive.wheel_radius_m
+        self._max_speed_mps = 3.0 * drive.max_speed_mps  # else a number is spoilt, or counts anew
+        self._wheels: WheelSample | None = None
+        self._imu_t_s = math.nan
+        self._way_m = self._turn_rad = 0.0
+        self._origin_deg: tuple[float, float] | None = None
+        self._places: deque[_Place] = deque()
+        self._found = ""
+
+    def restart(self) -> None:
+        self._places.clear()
+        self._found = ""
+
+    def watch(self, batch: SensorBatch) -> str:
+        """Say how far the robot stays behind its wheels, empty where it gets on."""
+        self._add_motion(batch)
+        for fix in batch.gnss:
+            self._add_fix(fix)
+            self._found = self._judge(is_corrected=fix.quality in CORRECTED)
+        return self._found
+
+    def _add_motion(self, batch: SensorBatch) -> None:
+        for sample in batch.wheels:
+            if self._wheels is not None:
+                way_rad = (sum(sample.angle_rad) - sum(self._wheels.angle_rad)) / 4.0
+                way_m = way_rad * self._wheel_radius_m
+                if abs(way_m) <= self._max_speed_mps * (sample.t_s - self._wheels.t_s):
+                    self._way_m += way_m
+            self._wheels = sample
+        for imu in batch.imu:
+            turn_rad = imu.gyro_radps[2] * (imu.t_s - self._imu_t_s)
+            if abs(turn_rad) < 1.0:
+                self._turn_rad += turn_rad
+            self._imu_t_s = imu.t_s
+
+    def _add_fix(self, fix: GnssFix) -> None:
+        if not math.isfinite(fix.lat_deg + fix.lon_deg):
+            return
+        if self._origin_deg is None:
+            self._origin_deg = fix.lat_deg, fix.lon_deg
+        lat_deg, lon_deg = self._origin_deg
+        east_m = math.radians(fix.lon_deg - lon_deg) * WGS84_A_M * math.cos(math.radians(lat_deg))
+        north_m = math.radians(fix.lat_deg - lat_deg) * WGS84_A_M
+        last = self._places[-1] if self._places else None
+        if last is not None and not 0.0 < fix.t_s - last.t_s <= 1.0:
+            self._places.clear()  # of a receiver that was silent, nothing is known meanwhile
+            last = None
+        self._places.append(
+            _Place(fix.t_s, self._way_m, self._turn_rad, east_m, north_m, _fly_on(last, fix))
+        )
+        while fix.t_s - self._places[0].t_s > LONGEST_S:
+            self._places.popleft()
+
+    def _judge(self, *, is_corrected: bool) -> str:
+        if not self._places:
+            return ""
+        now = self._places[-1]
+        least_m = CORRECTED_WAY_M if is_corrected else PLAIN_WAY_M
+        then = next(
+            (place for place in reversed(self._places) if abs(now.way_m - place.way_m) >= least_m),
+            None,
+        )
+        if then is None or abs(now.turn_rad - then.turn_rad) > MOST_TURN_RAD:
+            return ""
+        way_m = abs(now.way_m - then.way_m)
+        moved_m = math.hypot(now.east_m - then.east_m, now.north_m - then.north_m)
+        if now.flown_m is not None and then.flown_m is not None:
+            moved_m = max(moved_m, math.dist(now.flown_m, then.flown_m))
+        if moved_m >= STUCK_RATIO * way_m:
+            return ""
+        return (
+            f"stuck or slipping: the wheels turned {way_m:.1f} m in {now.t_s - then.t_s:.1f} s, "
+            f"the robot got on {moved_m:.1f} m; look at the ground and drive it off by hand"
+        )
+
+
+def _fly_on(last: _Place | None, fix: GnssFix) -> tuple[float, float] | None:
+    """Add the way of one fix's velocity; None where the receiver gives none."""
+    if fix.velocity_mps is None:
+        return None
+    if last is None or last.flown_m is None:
+        return 0.0, 0.0
+    dt_s, (east_m, north_m) = fix.t_s - last.t_s, last.flown_m
+    return east_m + fix.velocity_mps[0] * dt_s, north_m + fix.velocity_mps[1] * dt_s

@@ -1,0 +1,111 @@
+"""What a robot does that has lost its row: one table of steps, the mildest first.
+
+It backs out along the way it came, which wheels and gyro know to centimetres, and enters anew:
+a camera finds a row from before it, where nothing is crushed by a robot that is aside.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Literal, NamedTuple
+
+from agribot.autonomy.plan.route import Route
+from agribot.core.messages import Estimate
+
+# It stands and looks for so long; where GNSS or light comes back, that is enough.
+LOOK_S = 10.0
+# From the last place where it was sure of its row it backs out so much more, to see that again,
+# and it does not back for longer than this.
+SURE_M, MAX_BACK_M = 1.5, 20.0
+# Found again so far aside of its row, it would steer through plants to get back astride it.
+ASIDE_M = 0.15
+# So many rows in a row are left out; then something else is wrong than a row.
+MOST_LEFT_OUT = 2
+
+Way = Literal["back", "out"]
+
+
+class Rung(NamedTuple):
+    """A rung of the ladder, for people: `docs/mission.md` shows the table."""
+
+    name: str
+    what: str
+    when: str
+
+
+LADDER = (
+    Rung("creep", "drives on at a quarter of its speed, tool off", "first, for 10 s: a camera "
+         "finds a row on the move"),
+    Rung("look", f"stands for {LOOK_S:g} s", "the row is still lost"),
+    Rung("back", f"backs out to {SURE_M:g} m before the last place where it was sure of its row, "
+         "or before the row, and drives on from there",
+         "the row is still lost, a camera looks, and no sensor is known to fail; or the row was "
+         f"found again with the robot more than {ASIDE_M:g} m aside of it"),
+    Rung("leave out", "backs out before the row, leaves it out as skipped and goes on with the "
+         "next", f"the same row is lost again; at most {MOST_LEFT_OUT} rows one after the other"),
+    Rung("ask", "stands, and fails or waits for a person after `mission.stall_timeout_s`",
+         "whatever is left, and wherever no camera looks"),
+)  # fmt: skip
+
+
+class RowRecovery:
+    """Call `judge` with every tick of a drive along the rows."""
+
+    def __init__(self) -> None:
+        self._held_since_s: float | None = None
+        self._was_lost = False
+        self._sure_s_m = 0.0
+        self._tries: Counter[int] = Counter()
+        self._left_out: list[int] = []
+
+    def restart(self) -> None:
+        """Begin the ladder anew: a person bids the robot go on."""
+        self._held_since_s, self._was_lost = None, False
+        self._tries.clear()
+        self._left_out.clear()
+
+    def judge(
+        self, route: Route, estimate: Estimate, *, is_held: bool, is_lost: bool
+    ) -> tuple[Way, float] | None:
+        """Give the next step, and how far along the route it leads back; None to go on as it is.
+
+        `is_held`: the robot must stand; `is_lost`: it does not know where its row is.
+        """
+        found_aside = self._was_lost and not is_lost and _is_aside(route)
+        self._was_lost = is_lost
+        if not is_held:
+            self._held_since_s = None
+            if estimate.row_seen and not is_lost:
+                self._sure_s_m = route.progress.s_m
+        elif self._held_since_s is None:
+            self._held_since_s = estimate.t_s
+        has_looked = self._held_since_s is not None
+        has_looked = has_looked and estimate.t_s - (self._held_since_s or 0.0) >= LOOK_S
+        may_try = estimate.row_seen is not None and not estimate.reason
+        if not may_try or not (has_looked or found_aside):
+            return None
+        return self._choose(route, is_aside=found_aside)
+
+    def _choose(self, route: Route, *, is_aside: bool) -> tuple[Way, float] | None:
+        row, here_m = route.row_here, route.progress.s_m
+        if row < 0:
+            return None
+        self._held_since_s = None
+        self._tries[row] += 1
+        before_m = float(route.path.s_m[route.before_row])
+        if self._tries[row] == 1:
+            to_m = before_m if is_aside else max(before_m, min(self._sure_s_m, here_m) - SURE_M)
+            return ("back", to_m) if here_m - to_m <= MAX_BACK_M else None
+        if self._tries[row] > 2 or here_m - before_m > MAX_BACK_M or not self._may_leave_out(row):
+            return None
+        self._left_out.append(row)
+        return "out", before_m
+
+    def _may_leave_out(self, row: int) -> bool:
+        """Not the last of too many one after the other."""
+        last = self._left_out[-MOST_LEFT_OUT:]
+        return len(last) < MOST_LEFT_OUT or abs(row - last[-1]) > 1
+
+
+def _is_aside(route: Route) -> bool:
+    return route.row_here >= 0 and abs(route.progress.cross_track_m) > ASIDE_M

@@ -1,0 +1,30 @@
+"""What the last gate before the motors does, and why."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+GateState = Literal["standby", "checking", "driving", "slowed", "held", "stopped", "by hand"]
+
+
+class Check(msgspec.Struct, frozen=True, kw_only=True):
+    """One item of the list that is gone through before the first motion of a mission."""
+
+    name: str
+    is_ok: bool
+    text: str = ""  # what is wrong
+
+
+class GateStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """State of the gate and why it is in it.
+
+    `told` is what is wrong though the robot may drive. `checks` is the list before the start, in
+    the tick in which it was gone through with another outcome than before; else it is empty.
+    """
+
+    state: GateState = "standby"
+    reason: str = ""
+    told: str = ""
+    checks: tuple[Check, ...] = ()

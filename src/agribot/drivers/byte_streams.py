@@ -1,0 +1,166 @@
+"""Bytes of a device: a serial line or a TCP connection that may break and come back.
+
+A thread reads, hands on what came with the time of its arrival, and opens the line again after a
+loss, first at once, then ever more rarely. The control loop never waits for it.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+from agribot.core.errors import ConfigError
+
+READ_BYTES = 4096
+POLL_S = 0.2  # a read returns after so long without a byte
+FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0  # between two tries to open a line
+
+
+class ByteStream(Protocol):
+    """An open line. Raises: OSError: it broke."""
+
+    def read(self) -> bytes:
+        """Return what came, nothing after POLL_S of silence."""
+        ...
+
+    def write(self, data: bytes) -> None: ...
+    def close(self) -> None: ...
+
+
+OpenStream = Callable[[], ByteStream]
+
+
+class SerialStream:
+    """A serial line, for this program alone."""
+
+    def __init__(self, path: str, baud: int) -> None:
+        """Open it.
+
+        Raises: OSError: there is no such line, or another program has it.
+        """
+        import serial
+
+        try:
+            self._port = serial.Serial(path, baud, timeout=POLL_S, exclusive=True)
+        except serial.SerialException as error:
+            raise OSError(error.errno, str(error)) from error
+
+    def read(self) -> bytes:
+        import serial
+
+        try:
+            data: bytes = self._port.read(1)
+            return data + self._port.read(self._port.in_waiting) if data else b""
+        except (serial.SerialException, TypeError) as error:  # TypeError: closed meanwhile
+            raise OSError(errno.EIO, str(error)) from error
+
+    def write(self, data: bytes) -> None:
+        self._port.write(data)
+
+    def close(self) -> None:
+        self._port.close()
+
+
+class TcpStream:
+    """A TCP connection. Raises: OSError: nobody answers there."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._socket = socket.create_connection((host, port), timeout=LONGEST_WAIT_S)
+        self._socket.settimeout(POLL_S)
+
+    def read(self) -> bytes:
+        try:
+            data = self._socket.recv(READ_BYTES)
+        except TimeoutError:
+            return b""
+        if not data:
+            raise ConnectionResetError(errno.ECONNRESET, "the other end closed the connection")
+        return data
+
+    def write(self, data: bytes) -> None:
+        self._socket.sendall(data)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class StreamReader:
+    """Reads a line in a thread of its own until it is closed.
+
+    `on_bytes(data, arrived_s)` gets what came, in that thread; `on_open(stream)` may write what
+    the device has to be told. `tell` hears of each loss and of each return, once.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        open_stream: OpenStream,
+        on_bytes: Callable[[bytes, float], None],
+        now_s: Callable[[], float],
+        tell: Callable[[str], None],
+        on_open: Callable[[ByteStream], None] = lambda stream: None,
+    ) -> None:
+        """Open the line and begin to read.
+
+        Raises: ConfigError: the line cannot be opened now.
+        """
+        self._name, self._open_stream, self._on_bytes = name, open_stream, on_bytes
+        self._now_s, self._tell, self._on_open = now_s, tell, on_open
+        self._ended = threading.Event()
+        try:
+            self._stream: ByteStream | None = self._open()
+        except OSError as error:
+            raise ConfigError(
+                f"{name}: {error.strerror or error}; check that it is plugged in, switched on and "
+                "used by no other program, and that you may read it (group dialout)"
+            ) from error
+        self._thread = threading.Thread(target=self._run, name=f"reads {name}", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread and close the line. Safe to call twice."""
+        self._ended.set()
+        self._thread.join()
+        if self._stream is not None:
+            self._stream.close()
+            self._stream = None
+
+    def _open(self) -> ByteStream:
+        stream = self._open_stream()
+        try:
+            self._on_open(stream)
+        except OSError:
+            stream.close()
+            raise
+        return stream
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            stream = self._stream or self._open_again()
+            if stream is None:
+                return
+            try:
+                data = stream.read()
+            except OSError as error:
+                stream.close()
+                self._stream = None
+                self._tell(f"{self._name} is lost: {error.strerror or error}; trying again")
+            else:
+                if data:
+                    self._on_bytes(data, self._now_s())
+
+    def _open_again(self) -> ByteStream | None:
+        """Try until it works; None where the reader was closed meanwhile."""
+        wait_s = FIRST_WAIT_S
+        while not self._ended.wait(wait_s):
+            try:
+                self._stream = self._open()
+            except OSError:
+                wait_s = min(2.0 * wait_s, LONGEST_WAIT_S)
+                continue
+            self._tell(f"{self._name} is back")
+            return self._stream
+        return None

@@ -1,0 +1,178 @@
+"""UBX of u-blox receivers: bytes to frames, frames to fixes with their stated accuracy.
+
+Source: u-blox F9 HPG 1.32 interface description (UBXDOC-963802114-12815), NAV-PVT and
+NAV-HPPOSLLH; older receivers (M8) send the same NAV-PVT.
+"""
+
+from __future__ import annotations
+
+import calendar
+import math
+import struct
+from typing import NamedTuple
+
+from agribot.core.messages import GnssFix, GnssQuality
+from agribot.drivers.nmea import StampedFix
+
+SYNC = b"\xb5\x62"
+LONGEST_PAYLOAD = 8192
+NAV_PVT, NAV_HPPOSLLH = (0x01, 0x07), (0x01, 0x14)
+_PVT = struct.Struct("<IHBBBBBBIiBBBBiiiiIIiiiiiIIH")
+_HPPOSLLH = struct.Struct("<BxxBIiiiibbbbII")
+_CARRIER = {1: GnssQuality.RTK_FLOAT, 2: GnssQuality.RTK_FIXED}
+_KNOWS_TIME = 0b11  # of NAV-PVT: date and time of day are valid
+
+
+class UbxFrame(NamedTuple):
+    """`kind` is class and id."""
+
+    kind: tuple[int, int]
+    payload: bytes
+
+
+class UbxDecoder:
+    """Finds frames in a stream of bytes; what is broken is counted in `bad` and left out."""
+
+    def __init__(self) -> None:
+        self._waiting = bytearray()
+        self.bad = 0
+
+    def feed(self, data: bytes) -> list[UbxFrame]:
+        waiting = self._waiting
+        waiting += data
+        found: list[UbxFrame] = []
+        while True:
+            start = waiting.find(SYNC)
+            if start < 0:
+                del waiting[: len(waiting) - waiting.endswith(SYNC[:1])]
+                return found
+            del waiting[:start]
+            if len(waiting) < 6:
+                return found
+            length = int.from_bytes(waiting[4:6], "little")
+            if length > LONGEST_PAYLOAD:
+                self.bad += 1
+                del waiting[:2]
+                continue
+            if len(waiting) < length + 8:
+                return found
+            if compute_checksum(waiting[2 : length + 6]) == bytes(waiting[length + 6 : length + 8]):
+                found.append(UbxFrame((waiting[2], waiting[3]), bytes(waiting[6 : length + 6])))
+                del waiting[: length + 8]
+            else:
+                self.bad += 1
+                del waiting[:2]
+
+
+def compute_checksum(data: bytes | bytearray) -> bytes:
+    """Compute the 8-bit Fletcher checksum over class, id, length and payload."""
+    a = b = 0
+    for byte in data:
+        a = (a + byte) & 0xFF
+        b = (b + a) & 0xFF
+    return bytes((a, b))
+
+
+def make_frame(kind: tuple[int, int], payload: bytes) -> bytes:
+    body = bytes(kind) + len(payload).to_bytes(2, "little") + payload
+    return SYNC + body + compute_checksum(body)
+
+
+class UbxFixes:
+    """Makes fixes of NAV-PVT, with the millimetres of NAV-HPPOSLLH where a receiver sends it.
+
+    The two come in any order within an epoch; a fix waits for the other one only if the epoch
+    before had it.
+    """
+
+    def __init__(self) -> None:
+        self._pvt: tuple[int, StampedFix] | None = None
+        self._precise: tuple[int, float, float, float] | None = None
+        self._is_precise = False
+
+    def add(self, frame: UbxFrame) -> list[StampedFix]:
+        """Add a frame; gives the fixes that it completes."""
+        if frame.kind == NAV_HPPOSLLH and len(frame.payload) >= _HPPOSLLH.size:
+            self._precise = read_hpposllh(frame.payload)
+            return self._join()
+        if frame.kind != NAV_PVT or len(frame.payload) < _PVT.size:
+            return []
+        late = self._give_up()
+        found = read_pvt(frame.payload)
+        if found is None:
+            return late
+        self._pvt = int.from_bytes(frame.payload[:4], "little"), found
+        return late + (self._join() if self._is_precise else self._join() or self._give_up())
+
+    def _join(self) -> list[StampedFix]:
+        pvt, precise = self._pvt, self._precise
+        if precise is None:
+            return []
+        self._is_precise = True
+        if pvt is None or pvt[0] != precise[0]:
+            return []
+        self._pvt = None
+        stamp_s, fix = pvt[1]
+        _, lat_deg, lon_deg, alt_m = precise
+        return [StampedFix(stamp_s, _move(fix, lat_deg, lon_deg, alt_m))]
+
+    def _give_up(self) -> list[StampedFix]:
+        """Take a fix as it is whose millimetres did not come."""
+        if self._pvt is None:
+            return []
+        (_, found), self._pvt = self._pvt, None
+        self._is_precise = False
+        return [found]
+
+
+def read_pvt(payload: bytes) -> StampedFix | None:
+    """Read NAV-PVT; None while the receiver has no position that it calls valid.
+
+    Its horizontal accuracy is that of both axes together, its height that over the ellipsoid.
+    """
+    (
+        i_tow_ms, year, month, day, hour, minute, second, valid, _, nano, fix_type, flags, _, _,
+        lon, lat, height_mm, _, h_acc_mm, _, north_mmps, east_mmps, down_mmps, _, _, s_acc_mmps,
+        _, _,
+    ) = _PVT.unpack_from(payload)  # fmt: skip
+    lat_deg, lon_deg = lat * 1e-7, lon * 1e-7
+    is_place = abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0
+    if not flags & 1 or fix_type not in (2, 3, 4) or not is_place:
+        return None
+    quality = _CARRIER.get(flags >> 6)
+    if quality is None:
+        quality = GnssQuality.DGNSS if flags & 2 else GnssQuality.SINGLE
+    stamp_s = i_tow_ms * 1e-3
+    if valid & _KNOWS_TIME == _KNOWS_TIME and 1 <= month <= 12:
+        stamp_s = calendar.timegm((year, month, day, hour, minute, second)) + nano * 1e-9
+    return StampedFix(
+        stamp_s,
+        GnssFix(
+            t_s=0.0, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=height_mm * 1e-3,
+            pos_std_m=max(h_acc_mm, 1) * 1e-3 / math.sqrt(2.0), quality=quality,
+            velocity_mps=(east_mmps * 1e-3, north_mmps * 1e-3, -down_mmps * 1e-3),
+            velocity_std_mps=max(s_acc_mmps, 1) * 1e-3,
+        ),
+    )  # fmt: skip
+
+
+def read_hpposllh(payload: bytes) -> tuple[int, float, float, float] | None:
+    """Read time of week (ms), latitude, longitude (degrees) and height (m); None where invalid."""
+    _, flags, i_tow_ms, lon, lat, height_mm, _, lon_hp, lat_hp, height_hp, _, _, _ = (
+        _HPPOSLLH.unpack_from(payload)
+    )
+    if flags & 1:
+        return None
+    return (
+        i_tow_ms,
+        lat * 1e-7 + lat_hp * 1e-9,
+        lon * 1e-7 + lon_hp * 1e-9,
+        height_mm * 1e-3 + height_hp * 1e-4,
+    )
+
+
+def _move(fix: GnssFix, lat_deg: float, lon_deg: float, alt_m: float) -> GnssFix:
+    return GnssFix(
+        t_s=fix.t_s, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m, pos_std_m=fix.pos_std_m,
+        quality=fix.quality, velocity_mps=fix.velocity_mps, velocity_std_mps=fix.velocity_std_mps,
+    )  # fmt: skip

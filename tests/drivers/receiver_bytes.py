@@ -1,0 +1,75 @@
+"""Bytes of made-up receivers, written by other people's libraries."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+
+from pynmeagps import GET, NMEAMessage
+from pyubx2 import UBXMessage
+
+EPOCH = dt.datetime(2026, 5, 4, 9, 30, 15, tzinfo=dt.UTC)
+LAT_DEG, LON_DEG, ALT_M = 52.15, 4.51, 11.5
+GEOID_M = 45.0
+
+
+def make_ubx_pvt(
+    at: dt.datetime = EPOCH, lat_deg: float = LAT_DEG, lon_deg: float = LON_DEG,
+    carrier: int = 0, h_acc_m: float = 1.4, is_ok: bool = True,
+    velocity_mps: tuple[float, float, float] = (0.3, 0.4, 0.0),
+) -> bytes:  # fmt: skip
+    """Write a NAV-PVT; `velocity_mps` is East, North, up."""
+    east, north, up = velocity_mps
+    message = UBXMessage(
+        "NAV", "NAV-PVT", GET,
+        iTOW=itow_ms(at), year=at.year, month=at.month, day=at.day, hour=at.hour, min=at.minute,
+        second=at.second, validDate=1, validTime=1, fullyResolved=1,
+        nano=at.microsecond * 1000, fixType=3, gnssFixOk=int(is_ok), diffSoln=int(carrier > 0),
+        carrSoln=carrier, lon=lon_deg, lat=lat_deg, height=round((ALT_M + GEOID_M) * 1e3),
+        hMSL=round(ALT_M * 1e3), hAcc=round(h_acc_m * 1e3), vAcc=2000,
+        velN=round(north * 1e3), velE=round(east * 1e3), velD=round(-up * 1e3),
+        gSpeed=round(math.hypot(east, north) * 1e3), sAcc=80,
+    )  # fmt: skip
+    data: bytes = message.serialize()
+    return data
+
+
+def make_ubx_hpposllh(at: dt.datetime, lat_deg: float, lon_deg: float) -> bytes:
+    coarse_lat_deg, coarse_lon_deg = round(lat_deg, 7), round(lon_deg, 7)
+    message = UBXMessage(
+        "NAV", "NAV-HPPOSLLH", GET, iTOW=itow_ms(at), lon=coarse_lon_deg, lat=coarse_lat_deg,
+        _HPlat=lat_deg - coarse_lat_deg, _HPlon=lon_deg - coarse_lon_deg,
+        height=round((ALT_M + GEOID_M) * 1e3), hMSL=round(ALT_M * 1e3), hAcc=14.0, vAcc=20.0,
+    )  # fmt: skip
+    data: bytes = message.serialize()
+    return data
+
+
+def make_nmea(
+    at: dt.datetime = EPOCH, lat_deg: float = LAT_DEG, lon_deg: float = LON_DEG, quality: int = 1,
+    std_m: float | None = 0.8, speed_mps: float = 0.5, course_deg: float = 90.0,
+) -> list[bytes]:  # fmt: skip
+    """Write RMC, GGA and, with `std_m`, GST of an epoch."""
+    north, east = "N" if lat_deg >= 0 else "S", "E" if lon_deg >= 0 else "W"
+    time = at.time()
+    messages = [
+        NMEAMessage(
+            "GN", "RMC", GET, time=time, status="A", lat=lat_deg, NS=north, lon=lon_deg, EW=east,
+            spd=speed_mps / (1852.0 / 3600.0), cog=course_deg, date=at.date(), posMode="A",
+        ),
+        NMEAMessage(
+            "GN", "GGA", GET, time=time, lat=lat_deg, NS=north, lon=lon_deg, EW=east,
+            quality=quality, numSV=12, HDOP=0.9, alt=ALT_M, altUnit="M", sep=GEOID_M, sepUnit="M",
+        ),
+    ]  # fmt: skip
+    if std_m is not None:
+        messages.append(
+            NMEAMessage("GN", "GST", GET, time=time, rangeRms=1.2, stdLat=std_m, stdLong=std_m)
+        )
+    return [message.serialize() for message in messages]
+
+
+def itow_ms(at: dt.datetime) -> int:
+    day = at.isoweekday() % 7
+    seconds = ((day * 24 + at.hour) * 60 + at.minute) * 60 + at.second
+    return seconds * 1000 + at.microsecond // 1000
