@@ -175,6 +175,7 @@ def test_every_package_that_is_imported_is_declared() -> None:
         "eclipse_zenoh": "zenoh",
         "foxglove_sdk": "foxglove",
         "rerun_sdk": "rerun",
+        "pyserial": "serial",
         "pyshp": "shapefile",
         "ruamel.yaml": "ruamel",
     }

@@ -18,6 +18,7 @@ MODULE_OF = {
     "mujoco-core": "mujoco",
     "opencv-python-headless": "cv2",
     "pillow": "PIL",
+    "pyserial": "serial",
     "pyshp": "shapefile",
     "rerun-sdk": "rerun",
     "ruamel-yaml": "ruamel.yaml",

@@ -33,7 +33,7 @@ GNSS_LATENCY_S = 0.06
 BAUD = {"gnss": 38400, "imu": 57600}
 
 
-class Decoder(Protocol):
+class StreamDecoder(Protocol):
     """Makes samples of the bytes of a device; the stamp is 0 where the device tells none."""
 
     def feed(self, data: bytes) -> list[tuple[float, Sample]]: ...
@@ -89,7 +89,7 @@ class StreamSource:
         sensor: Sensor,
         name: str,
         open_stream: OpenStream,
-        decoder: Decoder,
+        decoder: StreamDecoder,
         tell: Callable[[str], None],
         latency_s: float = 0.0,
         on_open: Callable[[ByteStream], None] = lambda stream: None,
@@ -200,7 +200,7 @@ def _open_stream(
     def refuse(text: str) -> None:
         context.refuse(f"{sensor} from {uri.name}: {text}")
 
-    makers: Mapping[str, Callable[[], Decoder]] = {
+    makers: Mapping[str, Callable[[], StreamDecoder]] = {
         "gnss": lambda: ReceiverDecoder(refuse),
         "imu": lambda: ImuDecoder(options, refuse),
     }
