@@ -168,6 +168,15 @@ def test_the_heading_of_a_receiver_that_repeats_itself_is_not_believed_either() 
     )
 
 
+def test_wheels_that_turn_in_mud_are_blamed_and_not_the_receiver() -> None:
+    recording = record(north, 18.0, seed=6, grip=lambda t_s: 0.1 if t_s > FROM_S else 1.0)
+    _, estimates = play_with(recording, lambda batch: batch)
+    first = first_accusing(estimates, "wheels")
+    assert FROM_S < first.t_s < FROM_S + 2.5
+    assert "wheels slip" in first.verdicts.wheels.reason
+    assert not any(e.contradiction for e in estimates)
+
+
 def with_gyro(bias_radps: float) -> Change:
     def turn(sample: ImuSample) -> ImuSample:
         x, y, z = sample.gyro_radps

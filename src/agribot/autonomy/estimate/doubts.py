@@ -78,6 +78,8 @@ class Doubts:
             yield Finding("gnss", "contradicted", agreement.fault)
         if gnss.rejected_in_a_row >= SUSPICIOUS_REJECTIONS:
             yield Finding("gnss", "contradicted", self._say_rejected())
+        if fault := gnss.spin_fault(t_s):
+            yield Finding("wheels", "contradicted", fault)
         if gnss.velocity_noise.fault:
             yield Finding("gnss", "contradicted", gnss.velocity_noise.fault)
 

@@ -44,6 +44,7 @@ from agribot.core.pose import Pose2
 FIRST_FIXES = 5
 UNKNOWN_M2 = 1e6
 SUSPICIOUS_REJECTIONS = 5  # in a row
+SPUN_S = 5.0  # so long wheels that slipped are named
 
 
 class Gnss(Correction[GnssFix]):
@@ -77,6 +78,7 @@ class Gnss(Correction[GnssFix]):
         self._spin_after = max(2, config.recover_after // 3)
         self._velocity_gate = Gate(config.gate_sigma, self._spin_after, "velocity outlier")
         self._spin_watch = SpinWatch(FLOATS, self._spin_after)
+        self._spun_t_s, self._spun_mps = -math.inf, (0.0, 0.0)
         self._first: list[tuple[float, float]] = []
         self._noise: FixNoise[float] | None = None
         self._is_corrected = self._is_differential = False
@@ -84,6 +86,16 @@ class Gnss(Correction[GnssFix]):
     @property
     def rejected_in_a_row(self) -> int:
         return self._position_gate.rejected_in_a_row
+
+    def spin_fault(self, t_s: float) -> str:
+        """Say that wheels turn and the robot hardly moves, or did so a moment ago."""
+        if t_s - self._spun_t_s > SPUN_S:
+            return ""
+        claimed_mps, shown_mps = self._spun_mps
+        return (
+            f"wheels slip: they turn for {claimed_mps:.2f} m/s, GNSS shows {shown_mps:.2f}; look "
+            "whether the robot is stuck or the ground soft"
+        )
 
     def move(self, distance_m: float, turn_rad: float) -> None:
         """Count a step of the wheels: of the robot's middle, and its turn about it."""
@@ -314,6 +326,7 @@ class Gnss(Correction[GnssFix]):
         spins = spins and self.velocity_noise.is_known
         if spins:
             self.pose.rejected["wheels spin"] += 1
+            self._spun_t_s, self._spun_mps = fix.t_s, (claimed_mps, claimed_mps + missing_mps)
         opened = doubts(
             FLOATS, residuals, (east_mps, north_mps), yaw_rad, since_last_s * self._spin_after,
             is_corrected=self._is_corrected,
