@@ -134,7 +134,7 @@ def test_a_receiver_without_a_fix_is_waited_for_in_vain(monkeypatch: pytest.Monk
         ("91,0", "LAT,LON"),
         ("nan,0", "finite"),
         ("1,2,3,4", "LAT,LON"),
-        ("serial:/dev/ttyUSB0", "write ros2:/topic"),
+        ("usb:/dev/ttyUSB0", "write ros2:/topic"),
     ],
 )
 def test_an_origin_that_is_none_is_refused(wanted: str, why: str) -> None:

@@ -206,7 +206,7 @@ def test_what_is_no_topic_is_refused_before_anything_starts(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     for wrong, why in (
-        ("gnss=serial:/dev/ttyUSB0", "write gnss=ros2:/topic"),
+        ("gnss=usb:/dev/ttyUSB0", "write gnss=ros2:/topic"),
         ("gnss=ros2:", "write gnss=ros2:/topic"),
         ("ros2:/fix", "write it as SENSOR=URI"),
         ("gpss=ros2:/fix", "did you mean 'gnss'"),

@@ -27,7 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="SENSOR=URI",
-        help=f"take a sensor ({names}) from a topic: gnss=ros2:/fix, imu=ros1:/imu/data; "
+        help=f"take a sensor ({names}) from elsewhere: gnss=serial:/dev/ttyACM0?baud=38400, "
+        "gnss=gpsd:, gnss=tcp://HOST:PORT, gnss=ros2:/fix, imu=ros1:/imu/data; "
         "ros2://HOST:PORT/fix and ros1://HOST:PORT/fix name router or master",
     )
 

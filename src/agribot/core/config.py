@@ -196,7 +196,7 @@ class RecordConfig(Config, frozen=True):
 
 
 class SourceConfig(Config, frozen=True):
-    """Where a sensor comes from if not from the platform: ros2:/fix, ros1:/fix; empty: its own."""
+    """Where a sensor comes from if not from the platform: serial:/dev/ttyACM0; empty: its own."""
 
     gnss: str = ""  # position
     imu: str = ""  # gyro and accelerometer
