@@ -113,7 +113,7 @@ def test_a_receiver_that_freezes_is_named_and_crushes_nothing(tmp_path: Path) ->
     assert "GNSS repeats its position while the wheels turned" in reasons(records)
     levels_m = [record.estimate.across_protection_m for record in records]
     assert all(level_m > 0.25 for level_m in levels_m[-50:])
-    assert max(levels_m[round(15.0 / 0.02) : round(FROM_S / 0.02)]) < 0.25
+    assert max(levels_m[round(15.0 / 0.02) : round(FROM_S / 0.02)]) < 0.28  # the limit is 0.31 m
     faults = [event.reason for event in read_events(tmp_path / "events.jsonl")
               if event.kind == "fault"]  # fmt: skip
     assert any("GNSS repeats its position" in fault for fault in faults)

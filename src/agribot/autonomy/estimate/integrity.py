@@ -94,12 +94,14 @@ class Bounds(NamedTuple):
     """How far the robot may be off: in any direction, and to the side of where it heads.
 
     `across_plain_m` is what the covariance alone makes of the latter, as if no GNSS were ever
-    wrong.
+    wrong, `across_unknown_m` what it would be if no two solutions differed: mere ignorance,
+    without what speaks against the pose.
     """
 
     anywhere_m: float
     across_m: float
     across_plain_m: float
+    across_unknown_m: float
 
 
 class Integrity:
@@ -164,10 +166,13 @@ class Integrity:
         """
         plain_m = self._across_gain * std_along_m(self._cov_m2, self._left)
         if not is_ok:
-            return Bounds(math.inf, math.inf, plain_m)
+            return Bounds(math.inf, math.inf, plain_m, plain_m)
         here = self._here(t_s, pos_std_m)
         anywhere_m = self._anywhere_m(here)
-        return Bounds(anywhere_m, plain_m if is_held else self._across_m(here, plain_m), plain_m)
+        if is_held:
+            return Bounds(anywhere_m, plain_m, plain_m, plain_m)
+        across_m, unknown_m = self._bound_across(here, plain_m)
+        return Bounds(anywhere_m, across_m, plain_m, unknown_m)
 
     def _anywhere_m(self, here: _Anchor) -> float:
         """Radius around the position that holds the robot."""
@@ -181,8 +186,11 @@ class Integrity:
         plain_m = self._gain * here.spread.position_m
         return max(plain_m + self._doubted_m(), apart_m + alone_m)
 
-    def _across_m(self, here: _Anchor, plain_m: float) -> float:
-        """How far the robot may be off to the side of where it heads; after `_anywhere_m`."""
+    def _bound_across(self, here: _Anchor, plain_m: float) -> tuple[float, float]:
+        """Bound the error to the side of the heading, and how much of it is mere ignorance.
+
+        After `_anywhere_m`.
+        """
         gnss, anchor, left = self._gnss, self._anchors[0], self._left
         moved_m = abs(_along(left, gnss.moved_m) - _along(left, self._believed_m))
         doubted_m = moved_m + (abs(_along(left, gnss.rejected_m)) if self._is_off else 0.0)
@@ -194,7 +202,8 @@ class Integrity:
             + (anchor.spread.course_rad * driven_m) ** 2
             + self._slid_m2(anchor)
         )
-        return max(plain_m + doubted_m, apart_m + self._across_fault_gain * alone_m)
+        unknown_m = self._across_fault_gain * alone_m
+        return max(plain_m + doubted_m, apart_m + unknown_m), max(plain_m, unknown_m)
 
     def _apart_m(self, anchor: _Anchor, here: _Anchor) -> tuple[float, float]:
         """From where dead reckoning leads to where the filter is, less what turns usually cost."""

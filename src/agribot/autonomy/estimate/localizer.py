@@ -246,6 +246,7 @@ class Localizer:
             row_seen=self._sight.is_seen(t_s),
             across_protection_m=bounds.across_m,
             across_plain_m=bounds.across_plain_m,
+            across_unknown_m=bounds.across_unknown_m,
             rows_off_m=self.pose.rows_off_m,
             contradiction=contradiction if ok else "",
             verdicts=self._verdicts.judge(t_s, findings),

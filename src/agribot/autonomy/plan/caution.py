@@ -23,7 +23,9 @@ LEAST_LIMIT_M = 0.2
 # Where nothing is wrong but that it knows little, as after a turn on a slope, it creeps for longer,
 # a plant's distance or two: it sees its row only by moving.
 PATIENCE_S, MAX_RATIO = 10.0, 1.5
-UNSURE_PATIENCE_S, UNSURE_RATIO = 40.0, 0.9
+# Two solutions that agree are less than 2 sigma apart, and the level holds about 4: then at least
+# two thirds of it is mere ignorance.
+UNSURE_PATIENCE_S, UNSURE_RATIO = 40.0, 0.66
 
 
 def across_std_m(estimate: Estimate, yaw_map_rad: float) -> float:
@@ -81,7 +83,7 @@ class CropGuard:
             return ""
         self._since_s = estimate.t_s if self._since_s is None else self._since_s
         lasts_s = estimate.t_s - self._since_s
-        is_unsure = estimate.across_plain_m >= UNSURE_RATIO * level_m
+        is_unsure = estimate.across_unknown_m >= UNSURE_RATIO * level_m
         is_unsure = is_unsure and lasts_s < UNSURE_PATIENCE_S
         is_unsure = is_unsure and not estimate.reason  # no sensor is known to fail
         is_near = self._is_granted or level_m <= MAX_RATIO * limit_m

@@ -42,7 +42,8 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     `ok` is False until the filter has a position and a heading, and again when inputs go
     silent; `reason` is then the cause, or what is wrong with a sensor that the pose does without.
     `protection_m` bounds the error, faults of GNSS included, `across_protection_m` that to the
-    side of where the robot heads, of which the covariance alone makes `across_plain_m`.
+    side of where the robot heads, of which the covariance alone makes `across_plain_m` and mere
+    ignorance, without any two solutions that differ, `across_unknown_m`.
     `rows_off_m` is how far the field's rows stand East and North of where the map has them.
     `contradiction` names sensors that disagree, between which a person decides, or asks one which
     row this is: `row_certainty` is the probability that it is the one that the pose says.
@@ -66,6 +67,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     row_seen: bool | None = None  # crop where the row should be; None: no camera
     across_protection_m: float = float("inf")
     across_plain_m: float = 0.0
+    across_unknown_m: float = 0.0
     contradiction: str = ""
     rows_off_m: tuple[float, float] = (0.0, 0.0)
     verdicts: SensorVerdicts = ALL_FINE
