@@ -89,7 +89,7 @@ def test_a_killed_server_stops_the_hand_and_the_mission_goes_on_as_configured(
         assert browser.ask(wire.ControlMission(action="resume")).ok
         drive(session, browser, 4.0, v_mps=0.0)
         assert session.last is not None
-        assert session.last.status.state == "running"
+        assert session.last.status.state == "running", session.last.status.reason
         assert page.server.process.pid is not None
         os.kill(page.server.process.pid, signal.SIGKILL)
         records = drive(session, None, 1.0)

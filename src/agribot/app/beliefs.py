@@ -99,7 +99,8 @@ def compute_worked_ratio(results: Sequence[RowResult], rows: Sequence[Row]) -> f
 
 
 def _row(what: str, unit: str, believed: float | None, known: float | None) -> BeliefReport:
-    return BeliefReport(what=what, unit=unit, believed=believed, known=known)
+    told, true = (None if value is None else float(value) for value in (believed, known))
+    return BeliefReport(what=what, unit=unit, believed=told, known=true)
 
 
 def _root(total: float, count: int) -> float | None:

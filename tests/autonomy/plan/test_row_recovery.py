@@ -13,7 +13,7 @@ from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.row_recovery import SURE_M
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig
-from agribot.core.messages import Estimate, Goal, MissionStatus, Path
+from agribot.core.messages import Estimate, GnssQuality, Goal, MissionStatus, Path
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at, rover
 
@@ -33,10 +33,12 @@ def plan_around(path: Path, index: int, skipped: int) -> Path:
 class Drive:
     """A robot that goes exactly where its mission wants, and knows its row where it sees it."""
 
-    def __init__(self, sees: Sees, reason: str = "") -> None:
+    def __init__(
+        self, sees: Sees, reason: str = "", quality: GnssQuality = GnssQuality.RTK_FIXED
+    ) -> None:
         task = PaperTask(plan, ROWS, around=plan_around, clearance_m=math.inf)
         self.mission = Mission(task, MISSION)
-        self.sees, self.reason = sees, reason
+        self.sees, self.reason, self.quality = sees, reason, quality
         self.t_s, self.place = 0.0, FARM_START[:2]
         self.aside_m, self.row = 0.0, -1
         self.legs: list[str] = []
@@ -54,6 +56,7 @@ class Drive:
         estimate = msgspec.structs.replace(
             estimate, pose_cov=(std_m**2, 0, 0, 0, 1e-4, 0, 0, 0, 1e-4), row_seen=sees,
             reason=self.reason if not sees else "", across_protection_m=0.1,
+            quality=self.quality,
         )  # fmt: skip
         goal = self.mission.step(estimate)
         self.t_s += DT_S
@@ -89,11 +92,19 @@ def test_lost_once_it_backs_to_where_it_was_sure_enters_anew_and_does_the_row() 
 
 
 def test_lost_again_in_the_same_row_it_leaves_it_out_does_the_others_and_says_so() -> None:
-    drive = Drive(lambda d: not is_in_row(d, 1))
+    drive = Drive(lambda d: not (is_in_row(d, 1) and d.place[1] < 7.0))
     status = drive.to_the_end()
     assert (status.state, sorted(status.rows_done)) == ("done", [0, 2, 3])
     assert "rows [1] were skipped" in status.reason
     assert drive.backed_out == 2
+
+
+def test_a_row_of_which_nothing_was_ever_seen_may_be_none_and_is_not_left_out() -> None:
+    drive = Drive(lambda d: not is_in_row(d, 1), quality=GnssQuality.SINGLE)
+    status = drive.to_the_end()
+    assert status.state == "failed"
+    assert "row lost" in status.reason
+    assert status.rows_done == (0,)
 
 
 def test_where_row_after_row_is_lost_it_does_not_go_on_for_ever() -> None:

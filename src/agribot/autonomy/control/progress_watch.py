@@ -1,8 +1,8 @@
 """Do turning wheels get the robot on? A receiver that stays while they turn tells that they slip.
 
-The way of the wheels is compared with that of the receiver over the last metre, by its positions
-and, where it gives them, by its velocities: both must say that the robot stays behind, so that
-neither a frozen nor a jumping receiver looks like a robot that is stuck.
+Where wheels and gyro lead is compared with where the receiver goes over the last metre, by its
+positions and, where it gives them, by its velocities: both must say that the robot stays behind,
+so that neither a frozen nor a jumping receiver looks like a robot that is stuck.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ STUCK_RATIO = 0.35
 # Way of the wheels that is judged: with corrections a receiver tells single centimetres apart.
 CORRECTED_WAY_M, PLAIN_WAY_M = 0.5, 1.5
 LONGEST_S = 10.0
-MOST_TURN_RAD = 1.2  # on a curve the straight way is shorter than that of the wheels
+MOST_TURN_RAD = 1.2  # a robot that turns swings its antenna about
 CORRECTED = (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
 
 
 class _Place(NamedTuple):
-    """Where wheels, gyro and receiver were at a fix; `flown` is the sum of its velocities."""
+    """Where wheels with gyro, and the receiver, were at a fix; `flown` sums its velocities."""
 
     t_s: float
-    way_m: float
+    rolled_m: tuple[float, float]
     turn_rad: float
     east_m: float
     north_m: float
@@ -43,7 +43,7 @@ class ProgressWatch:
         self._max_speed_mps = 3.0 * drive.max_speed_mps  # else a number is spoilt, or counts anew
         self._wheels: WheelSample | None = None
         self._imu_t_s = math.nan
-        self._way_m = self._turn_rad = 0.0
+        self._x_m = self._y_m = self._turn_rad = 0.0
         self._origin_deg: tuple[float, float] | None = None
         self._places: deque[_Place] = deque()
         self._found = ""
@@ -66,7 +66,8 @@ class ProgressWatch:
                 way_rad = (sum(sample.angle_rad) - sum(self._wheels.angle_rad)) / 4.0
                 way_m = way_rad * self._wheel_radius_m
                 if abs(way_m) <= self._max_speed_mps * (sample.t_s - self._wheels.t_s):
-                    self._way_m += way_m
+                    self._x_m += way_m * math.cos(self._turn_rad)
+                    self._y_m += way_m * math.sin(self._turn_rad)
             self._wheels = sample
         for imu in batch.imu:
             turn_rad = imu.gyro_radps[2] * (imu.t_s - self._imu_t_s)
@@ -86,8 +87,9 @@ class ProgressWatch:
         if last is not None and not 0.0 < fix.t_s - last.t_s <= 1.0:
             self._places.clear()  # of a receiver that was silent, nothing is known meanwhile
             last = None
+        rolled_m = (self._x_m, self._y_m)
         self._places.append(
-            _Place(fix.t_s, self._way_m, self._turn_rad, east_m, north_m, _fly_on(last, fix))
+            _Place(fix.t_s, rolled_m, self._turn_rad, east_m, north_m, _fly_on(last, fix))
         )
         while fix.t_s - self._places[0].t_s > LONGEST_S:
             self._places.popleft()
@@ -98,12 +100,16 @@ class ProgressWatch:
         now = self._places[-1]
         least_m = CORRECTED_WAY_M if is_corrected else PLAIN_WAY_M
         then = next(
-            (place for place in reversed(self._places) if abs(now.way_m - place.way_m) >= least_m),
+            (
+                place
+                for place in reversed(self._places)
+                if math.dist(now.rolled_m, place.rolled_m) >= least_m
+            ),
             None,
         )
         if then is None or abs(now.turn_rad - then.turn_rad) > MOST_TURN_RAD:
             return ""
-        way_m = abs(now.way_m - then.way_m)
+        way_m = math.dist(now.rolled_m, then.rolled_m)
         moved_m = math.hypot(now.east_m - then.east_m, now.north_m - then.north_m)
         if now.flown_m is not None and then.flown_m is not None:
             moved_m = max(moved_m, math.dist(now.flown_m, then.flown_m))

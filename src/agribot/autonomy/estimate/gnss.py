@@ -64,7 +64,7 @@ class Gnss(Correction[GnssFix]):
         self.off_m = (0.0, 0.0)  # where the last fix puts the robot, from where the filter has it
         self.repeats, self.jump, self.drift = RepeatWatch(), JumpWatch(), DriftWatch()
         self.velocity_noise = VelocityNoise()
-        self._driven_m = self._moved_m = self._turned_rad = 0.0
+        self._driven_m = self._moved_m = self._turned_rad = self._unguided_m = 0.0
         self._rejected_fix: Measurement | None = None
         self._receiver_m = (0.0, 0.0)
         self.quality = GnssQuality.NONE
@@ -100,6 +100,8 @@ class Gnss(Correction[GnssFix]):
     def move(self, distance_m: float, turn_rad: float) -> None:
         """Count a step of the wheels: of the robot's middle, and its turn about it."""
         self._driven_m += abs(distance_m)
+        if "yaw" not in self.pose.known:
+            self._unguided_m += abs(distance_m)
         self._turned_rad += abs(turn_rad)
         self._moved_m += abs(distance_m) + abs(self._half_track_m * turn_rad)
 
@@ -261,7 +263,9 @@ class Gnss(Correction[GnssFix]):
         if start.xy_map_m is not None:
             mark_m = (start.xy_map_m[0] + now.x_m, start.xy_map_m[1] + now.y_m)
             fix_std_m = math.sqrt(variance_m2 + float(ekf.cov[GNSS_BIAS_X, GNSS_BIAS_X]))
-            self.misplaced = start.position_fault(math.dist(at_m, mark_m), fix_std_m)
+            # What was driven before the heading was known led anywhere.
+            off_m = max(math.dist(at_m, mark_m) - 2.0 * self._unguided_m, 0.0)
+            self.misplaced = start.position_fault(off_m, fix_std_m)
             if self.quality is not GnssQuality.RTK_FIXED:
                 at_m, at_m2 = mark_m, start.std_m**2
         for state, value in zip((X, Y), at_m, strict=True):

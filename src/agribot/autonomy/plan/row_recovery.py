@@ -10,7 +10,7 @@ from collections import Counter
 from typing import Literal, NamedTuple
 
 from agribot.autonomy.plan.route import Route
-from agribot.core.messages import Estimate
+from agribot.core.messages import Estimate, GnssQuality
 
 # It stands and looks for so long; where GNSS or light comes back, that is enough.
 LOOK_S = 10.0
@@ -42,7 +42,8 @@ LADDER = (
          "the row is still lost, a camera looks, and no sensor is known to fail; or the row was "
          f"found again with the robot more than {ASIDE_M:g} m aside of it"),
     Rung("leave out", "backs out before the row, leaves it out as skipped and goes on with the "
-         "next", f"the same row is lost again; at most {MOST_LEFT_OUT} rows one after the other"),
+         "next", "the same row is lost again, and it is surely that row: its crop was seen before, "
+         f"or RTK tells which row it is; at most {MOST_LEFT_OUT} rows one after the other"),
     Rung("ask", "stands, and fails or waits for a person after `mission.stall_timeout_s`",
          "whatever is left, and wherever no camera looks"),
 )  # fmt: skip
@@ -56,6 +57,7 @@ class RowRecovery:
         self._was_lost = False
         self._sure_s_m = 0.0
         self._tries: Counter[int] = Counter()
+        self._seen: set[int] = set()  # rows in which crop was seen
         self._left_out: list[int] = []
 
     def restart(self) -> None:
@@ -77,6 +79,7 @@ class RowRecovery:
             self._held_since_s = None
             if estimate.row_seen and not is_lost:
                 self._sure_s_m = route.progress.s_m
+                self._seen.add(route.row_here)
         elif self._held_since_s is None:
             self._held_since_s = estimate.t_s
         has_looked = self._held_since_s is not None
@@ -84,9 +87,10 @@ class RowRecovery:
         may_try = estimate.row_seen is not None and not estimate.reason
         if not may_try or not (has_looked or found_aside):
             return None
-        return self._choose(route, is_aside=found_aside)
+        is_told = estimate.quality is GnssQuality.RTK_FIXED or route.row_here in self._seen
+        return self._choose(route, is_aside=found_aside, is_told=is_told)
 
-    def _choose(self, route: Route, *, is_aside: bool) -> tuple[Way, float] | None:
+    def _choose(self, route: Route, *, is_aside: bool, is_told: bool) -> tuple[Way, float] | None:
         row, here_m = route.row_here, route.progress.s_m
         if row < 0:
             return None
@@ -96,7 +100,9 @@ class RowRecovery:
         if self._tries[row] == 1:
             to_m = before_m if is_aside else max(before_m, min(self._sure_s_m, here_m) - SURE_M)
             return ("back", to_m) if here_m - to_m <= MAX_BACK_M else None
-        if self._tries[row] > 2 or here_m - before_m > MAX_BACK_M or not self._may_leave_out(row):
+        # Bare ground from the first metre on may be no row at all: then the count of rows is off.
+        may_leave_out = is_told and self._may_leave_out(row)
+        if self._tries[row] > 2 or here_m - before_m > MAX_BACK_M or not may_leave_out:
             return None
         self._left_out.append(row)
         return "out", before_m
