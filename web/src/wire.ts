@@ -242,7 +242,7 @@ export interface ImplementLine {
  *
  * `reason` is empty where the state of the robot tells it already.
  */
-export interface Gate {
+export interface ShownGate {
   state: GateState
   since_s: number
   reason: string
@@ -299,7 +299,7 @@ export interface State {
   mode: Mode
   stop: string
   reason: string
-  gate: Gate | null
+  gate: ShownGate | null
   checks: StartCheckRow[]
   doubts: SensorDoubt[]
   implement: ImplementLine[]

@@ -1,9 +1,9 @@
 import assert from 'node:assert/strict'
 import { test } from 'node:test'
 import { readSensors, readStartList, tellSince, tellWhy } from '../src/screens/gate-card.ts'
-import type { Gate, State } from '../src/wire.ts'
+import type { ShownGate, State } from '../src/wire.ts'
 
-const gate = (state: Gate['state'], reason = ''): Gate => ({ state, since_s: 20, reason })
+const gate = (state: ShownGate['state'], reason = ''): ShownGate => ({ state, since_s: 20, reason })
 const shown = (more: object): State =>
   ({
     mode: 'mission',

@@ -130,11 +130,11 @@ class RunView:
         if gate.checks and gate.checks is not before.checks:
             self._checks = [wire.StartCheck(name=c.name, wrong=c.text) for c in gate.checks]
 
-    def _show_gate(self, said: str) -> wire.Gate:
+    def _show_gate(self, said: str) -> wire.ShownGate:
         """Show the gate, less a reason that is `said` already."""
         gate = self._gate
         is_said = bool(said) and (said in gate.reason or gate.reason in said)
-        return wire.Gate(
+        return wire.ShownGate(
             state=gate.state,
             since_s=round(self._gate_since_s, 2),
             reason="" if is_said else gate.reason,

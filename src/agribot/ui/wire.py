@@ -258,7 +258,7 @@ class ImplementLine(msgspec.Struct, frozen=True, kw_only=True):
     text: str
 
 
-class Gate(msgspec.Struct, frozen=True, kw_only=True):
+class ShownGate(msgspec.Struct, frozen=True, kw_only=True):
     """State of the last gate before the motors, the time from which on it is so, and why.
 
     `reason` is empty where the state of the robot tells it already.
@@ -312,7 +312,7 @@ class State(Message, frozen=True, kw_only=True):
     mode: Mode = "waiting"
     stop: str = ""
     reason: str = ""
-    gate: Gate | None = None
+    gate: ShownGate | None = None
     checks: list[StartCheck] = []
     doubts: list[SensorDoubt] = []
     implement: list[ImplementLine] = []

@@ -88,7 +88,7 @@ class FakeRobot:
         self.s_m = 0.0
         self.mode: wire.Mode = "mission"
         self.stop = ""
-        self.gate: wire.Gate | None = None  # else that of its mode
+        self.gate: wire.ShownGate | None = None  # else that of its mode
         self.checks = [wire.StartCheck(name=name) for name in CHECKS]
         self.doubts: list[wire.SensorDoubt] = []
         self.leg = "row 3"
@@ -184,7 +184,8 @@ class FakeRobot:
             mission=self._mission(row),
             mode=self.mode,
             stop=self.stop,
-            gate=self.gate or wire.Gate(state=GATE_STATES.get(self.mode, "standby"), since_s=0.0),
+            gate=self.gate
+            or wire.ShownGate(state=GATE_STATES.get(self.mode, "standby"), since_s=0.0),
             checks=self.checks,
             doubts=self.doubts,
             implement=[wire.ImplementLine(name="Nozzles", text="○●○")],
