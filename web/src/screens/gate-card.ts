@@ -118,9 +118,9 @@ function tellAnew(reason: string, said: string[]): string {
   return sentence(reason)
 }
 
-/** Whether one says what the other says, perhaps in more words. */
+/** Whether one says what the other says, perhaps in more words or with numbers of another moment. */
 function repeats(one: string, other: string): boolean {
-  const [a, b] = [one.toLowerCase(), other.toLowerCase()]
+  const [a, b] = [one, other].map((text) => text.toLowerCase().replace(/\d+(\.\d+)?/g, '#'))
   return a !== '' && b !== '' && (a.includes(b) || b.includes(a))
 }
 
