@@ -26,7 +26,8 @@ def row_discs(
     gap_ratio: float = 0.1,
     scatter_m: float = 0.02,
     bend_m: float = math.inf,
-    radii_m: tuple[float, float] = (0.06, 0.12),
+    least_radius_m: float = 0.06,
+    most_radius_m: float = 0.12,
 ) -> list[Disc]:
     """Crop plants `from_m` to `to_m` ahead along a row that the robot stands left of."""
     discs: list[Disc] = []
@@ -37,7 +38,7 @@ def row_discs(
         left_m = -offset_m + rng.normal(0.0, scatter_m) + along_m**2 / (2.0 * bend_m)
         at_m = along_m + rng.normal(0.0, 0.01)
         cos, sin = math.cos(-heading_rad), math.sin(-heading_rad)
-        radius_m = rng.uniform(*radii_m)
+        radius_m = rng.uniform(least_radius_m, most_radius_m)
         discs.append(
             (cos * at_m - sin * left_m, sin * at_m + cos * left_m, radius_m, PlantClass.CROP)
         )
@@ -89,7 +90,8 @@ def grown_over(offset_m: float, rng: np.random.Generator) -> ClassMap:
 
     They stand by their height: that is what their leaves look like, and not discs of that size.
     """
-    return draw(*row_discs(rng, offset_m, 0.0, radii_m=(0.26, 0.29)), height_ratio=0.14)
+    discs = row_discs(rng, offset_m, 0.0, least_radius_m=0.26, most_radius_m=0.29)
+    return draw(*discs, height_ratio=0.14)
 
 
 def test_a_row_that_has_closed_is_found_by_its_edges_and_its_line_lies_where_it_stands() -> None:
