@@ -199,6 +199,10 @@ class AvrBench:
         """Unplug the IMU or plug it in; then it begins as a chip does that gets its power."""
         self._library.bench_plug_imu(self._bench, int(is_there))
 
+    def get_register(self, chip: int, which: int) -> int:
+        """Get a register of the MPU or the MAG, as the program has set it."""
+        return int(self._library.bench_get_register(self._bench, chip, which))
+
     def hang(self) -> None:
         """Let the program hang where it is, until it is reset."""
         self._library.bench_hang(self._bench)
