@@ -29,6 +29,7 @@ from agribot.drivers.board_protocol import (
     StopCause,
 )
 from tests.firmware.board_on_bench import (
+    COUNTS_PER_RAD,
     MAX_ACCEL_RADPS2,
     MAX_RADPS,
     REST,
@@ -85,6 +86,23 @@ def test_every_edge_of_every_encoder_is_counted(board: BoardOnBench) -> None:
     board.run(0.05)
     assert board.state.counts == board.bench.counts
     assert board.state.encoder_errors == 0
+
+
+def test_encoders_of_ten_thousand_counts_a_turn_are_counted_at_full_speed(
+    board: BoardOnBench,
+) -> None:
+    fast_countps = 26_000  # 10,240 counts a turn at 16 rad/s
+    speed_radps = fast_countps / COUNTS_PER_RAD
+    board.run(0.05)
+    for _ in range(40):
+        board.bench.advance(0.01, (speed_radps, -speed_radps, speed_radps, -0.999 * speed_radps))
+    board.is_blocked[:] = True
+    board.run(0.05)
+    assert min(map(abs, board.bench.counts)) > 10_000
+    assert board.state.counts == board.bench.counts
+    assert board.state.encoder_errors == 0
+    assert (board.decoder.lost, board.decoder.bad) == (0, 0)
+    assert len(board.get_all(BoardState)) == pytest.approx(0.5 * TELEMETRY_HZ, abs=1)
 
 
 def test_inertia_and_field_arrive_to_one_count(board: BoardOnBench) -> None:
