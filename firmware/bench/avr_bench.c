@@ -289,6 +289,8 @@ int bench_send(bench_t *bench, const uint8_t *bytes, int count) {
   return taken;
 }
 
+int bench_waiting(const bench_t *bench) { return bench->to_head - bench->to_tail; }
+
 /* Let the program hang where it is: an instruction that jumps to itself. */
 void bench_hang(bench_t *bench) {
   avr_t *avr = bench->avr;

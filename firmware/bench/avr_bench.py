@@ -45,6 +45,7 @@ _SIGNATURES: dict[str, tuple[list[object], object]] = {
     "resets": ([ctypes.c_void_p], ctypes.c_uint32),
     "receive": ([ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int], ctypes.c_int),
     "send": ([ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int], ctypes.c_int),
+    "waiting": ([ctypes.c_void_p], ctypes.c_int),
     "hang": ([ctypes.c_void_p], None),
     "run": ([ctypes.c_void_p, ctypes.c_uint64], ctypes.c_int),
 }  # fmt: skip
@@ -161,6 +162,11 @@ class AvrBench:
         """
         if self._library.bench_send(self._bench, data, len(data)) < len(data):
             raise RuntimeError(f"{len(data)} bytes are too many at once; advance in between")
+
+    @property
+    def waiting(self) -> int:
+        """How many bytes on the line the board has not heard yet."""
+        return int(self._library.bench_waiting(self._bench))
 
     def receive(self) -> bytes:
         """Take the bytes that the board has sent."""

@@ -324,12 +324,14 @@ def test_no_bytes_on_the_line_move_the_robot_or_stop_its_states(
     board: BoardOnBench, blocks: tuple[int, ...]
 ) -> None:
     rng = np.random.default_rng(1)
+    board.run(0.05)
     for block in blocks:
         data = rng.bytes(1000) if block % 2 else make_wrong_frames(rng)
         board.bench.send(data)
-        board.bench.advance(len(data) / 24_000, REST)
-        assert not board.is_moving
-        board.decoder.feed(board.bench.receive())
+        while board.bench.waiting:
+            board.bench.advance(0.02, REST)
+            assert not board.is_moving
+            board.decoder.feed(board.bench.receive())
     board.run(0.1)
     assert board.bench.resets == 0
     lost, bad = board.decoder.lost, board.decoder.bad
