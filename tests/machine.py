@@ -22,6 +22,7 @@ PACKAGES = {
     "openssl": "openssl",
     "roscore": "python3-roslaunch python3-rostopic python3-rosbag",
     "roslaunch": "python3-roslaunch",
+    "str2str": "rtklib",
     "rviz": "rviz xvfb joint-state-publisher ros-robot-state-publisher",
 }
 OTHER_NAMES = {"chromium": ("chromium-browser",)}

@@ -1,7 +1,7 @@
 """UBX of u-blox receivers: bytes to frames, frames to fixes with their stated accuracy.
 
-Source: u-blox F9 HPG 1.32 interface description (UBXDOC-963802114-12815), NAV-PVT and
-NAV-HPPOSLLH; older receivers (M8) send the same NAV-PVT.
+Source: u-blox F9 HPG 1.32 interface description (UBXDOC-963802114-12815), NAV-PVT,
+NAV-HPPOSLLH and NAV-RELPOSNED; older receivers (M8) send the same NAV-PVT.
 """
 
 from __future__ import annotations
@@ -16,10 +16,13 @@ from agribot.drivers.nmea import StampedFix
 
 SYNC = b"\xb5\x62"
 LONGEST_PAYLOAD = 8192
-NAV_PVT, NAV_HPPOSLLH = (0x01, 0x07), (0x01, 0x14)
+NAV_PVT, NAV_HPPOSLLH, NAV_RELPOSNED = (0x01, 0x07), (0x01, 0x14), (0x01, 0x3C)
 _PVT = struct.Struct("<IHBBBBBBIiBBBBiiiiIIiiiiiIIH")
 _HPPOSLLH = struct.Struct("<BxxBIiiiibbbbII")
+_RELPOSNED = struct.Struct("<B3xI16xi24xI4xI")
 _CARRIER = {1: GnssQuality.RTK_FLOAT, 2: GnssQuality.RTK_FIXED}
+# Of NAV-RELPOSNED: fix good, relative position valid, carrier fixed, base moving, heading valid.
+_HAS_HEADING, _HEADING_MASK = 0b1_0011_0101, 0b1_0011_1101
 _KNOWS_TIME = 0b11  # of NAV-PVT: date and time of day are valid
 
 
@@ -76,6 +79,27 @@ def compute_checksum(data: bytes | bytearray) -> bytes:
 def make_frame(kind: tuple[int, int], payload: bytes) -> bytes:
     body = bytes(kind) + len(payload).to_bytes(2, "little") + payload
     return SYNC + body + compute_checksum(body)
+
+
+class Baseline(NamedTuple):
+    """From a receiver's own base antenna to its rover antenna, by the time of the week."""
+
+    stamp_s: float
+    heading_deg: float
+    std_deg: float
+
+
+def read_baseline(frame: UbxFrame) -> Baseline | None:
+    """Read NAV-RELPOSNED of a rover whose base moves with it; None without a fixed heading.
+
+    The direction to a base that stands in the field is no heading.
+    """
+    if frame.kind != NAV_RELPOSNED or len(frame.payload) != _RELPOSNED.size:
+        return None
+    version, i_tow_ms, heading, accuracy, flags = _RELPOSNED.unpack(frame.payload)
+    if version != 1 or flags & _HEADING_MASK != _HAS_HEADING or accuracy == 0:
+        return None
+    return Baseline(1.0 + i_tow_ms * 1e-3, heading * 1e-5 % 360.0, accuracy * 1e-5)
 
 
 class UbxFixes:
