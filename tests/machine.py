@@ -17,6 +17,7 @@ PACKAGES = {
     "check_urdf": "liburdfdom-tools",
     "chromium": "chromium",
     "gpsd": "gpsd",
+    "gpsfake": "gpsd-clients",
     "g++": "g++ libfastrtps-dev",
     "ign": "ignition-tools libsdformat-dev",
     "openssl": "openssl",

@@ -11,6 +11,8 @@ import math
 import struct
 from typing import NamedTuple
 
+import numpy as np
+
 from agribot.core.messages import GnssFix, GnssQuality
 from agribot.drivers.nmea import StampedFix
 
@@ -23,6 +25,7 @@ _RELPOSNED = struct.Struct("<B3xI16xi24xI4xI")
 _CARRIER = {1: GnssQuality.RTK_FLOAT, 2: GnssQuality.RTK_FIXED}
 # Of NAV-RELPOSNED: fix good, relative position valid, carrier fixed, base moving, heading valid.
 _HAS_HEADING, _HEADING_MASK = 0b1_0011_0101, 0b1_0011_1101
+_YEARS = range(1980, 2500)
 _KNOWS_TIME = 0b11  # of NAV-PVT: date and time of day are valid
 
 
@@ -69,11 +72,9 @@ class UbxDecoder:
 
 def compute_checksum(data: bytes | bytearray) -> bytes:
     """Compute the 8-bit Fletcher checksum over class, id, length and payload."""
-    a = b = 0
-    for byte in data:
-        a = (a + byte) & 0xFF
-        b = (b + a) & 0xFF
-    return bytes((a, b))
+    numbers = np.frombuffer(data, dtype=np.uint8).astype(np.int64)
+    a, b = numbers.sum(), numbers @ np.arange(len(numbers), 0, -1)
+    return bytes((int(a) & 0xFF, int(b) & 0xFF))
 
 
 def make_frame(kind: tuple[int, int], payload: bytes) -> bytes:
@@ -167,7 +168,7 @@ def read_pvt(payload: bytes) -> StampedFix | None:
     if quality is None:
         quality = GnssQuality.DGNSS if flags & 2 else GnssQuality.SINGLE
     stamp_s = i_tow_ms * 1e-3
-    if valid & _KNOWS_TIME == _KNOWS_TIME and 1 <= month <= 12:
+    if valid & _KNOWS_TIME == _KNOWS_TIME and 1 <= month <= 12 and year in _YEARS:
         stamp_s = calendar.timegm((year, month, day, hour, minute, second)) + nano * 1e-9
     return StampedFix(
         stamp_s,
@@ -185,14 +186,10 @@ def read_hpposllh(payload: bytes) -> tuple[int, float, float, float] | None:
     _, flags, i_tow_ms, lon, lat, height_mm, _, lon_hp, lat_hp, height_hp, _, _, _ = (
         _HPPOSLLH.unpack_from(payload)
     )
-    if flags & 1:
+    lat_deg, lon_deg = lat * 1e-7 + lat_hp * 1e-9, lon * 1e-7 + lon_hp * 1e-9
+    if flags & 1 or abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
         return None
-    return (
-        i_tow_ms,
-        lat * 1e-7 + lat_hp * 1e-9,
-        lon * 1e-7 + lon_hp * 1e-9,
-        height_mm * 1e-3 + height_hp * 1e-4,
-    )
+    return i_tow_ms, lat_deg, lon_deg, height_mm * 1e-3 + height_hp * 1e-4
 
 
 def _move(fix: GnssFix, lat_deg: float, lon_deg: float, alt_m: float) -> GnssFix:
