@@ -125,7 +125,7 @@ def test_voltage_and_currents_are_told(board: BoardOnBench) -> None:
     assert board.state.current_a == pytest.approx((1.0, 2.0, 0.0, 8.0), abs=0.11)
 
 
-@pytest.mark.parametrize(("lag_s", "gain"), [(0.03, 0.8), (0.1, 1.2), (0.3, 0.8), (0.3, 1.2)])
+@pytest.mark.parametrize(("lag_s", "gain"), [(0.02, 0.8), (0.1, 1.2), (0.3, 0.8), (0.3, 1.2)])
 def test_wheels_reach_their_speed_and_overshoot_by_a_tenth_at_most(
     make_board: MakeBoard, lag_s: float, gain: float
 ) -> None:
