@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 
 from agribot.core.geo import transform
@@ -18,6 +19,9 @@ from agribot.sim.random_scenes import Variety
 
 PRESETS, PRESET_SHARE = ("field", "hard"), (0.7, 0.3)
 SEEDS = 2**31
+# Wheels have been along the rows of so many of the rough fields; depth, gauge and width.
+TRACKED_SHARE = 0.3
+TRACK_DEPTH_M, TRACK_GAUGE_M, TRACK_WIDTH_M = (0.005, 0.03), (0.5, 0.9), (0.1, 0.25)
 
 
 def roughen(
@@ -26,7 +30,7 @@ def roughen(
     """Give a share of the worlds what a preset draws; the others stay as they are.
 
     That is relief, with ridges under `rows`, litter and moisture, light, growth and the errors
-    of sowing.
+    of sowing; along `rows` some have wheel tracks as well.
     """
     if not variety.rough_share:
         return world
@@ -34,7 +38,16 @@ def roughen(
     preset = load_condition_preset(str(rng.choice(PRESETS, p=PRESET_SHARE)))
     if not is_rough:
         return world
-    return alter_world(world, rows, preset, draw_conditions(preset, seed, rows), seed)
+    rough = alter_world(world, rows, preset, draw_conditions(preset, seed, rows), seed)
+    if not rows or rng.random() >= TRACKED_SHARE:
+        return rough
+    relief = msgspec.structs.replace(
+        rough.relief,
+        track_depth_m=float(rng.uniform(*TRACK_DEPTH_M)),
+        track_gauge_m=float(rng.uniform(*TRACK_GAUGE_M)),
+        track_width_m=float(rng.uniform(*TRACK_WIDTH_M)),
+    )
+    return msgspec.structs.replace(rough, relief=relief)
 
 
 def stand_on(ground: GroundSurface, map_from_body: FloatArray, drive: DriveSpec) -> FloatArray:
