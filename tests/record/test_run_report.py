@@ -272,3 +272,18 @@ def test_thinning_keeps_the_peaks_and_the_gaps() -> None:
     assert np.nanmin(few_y) == -9.0
     assert np.isnan(few_y[(few_x >= 20_000) & (few_x < 30_000)]).any()
     assert np.all(np.diff(few_x) > 0)
+
+
+def test_where_nothing_draws_figures_the_numbers_are_written_and_the_rest_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nothing = RunData(config=load("farm"), series=SeriesTap().series())
+    monkeypatch.setattr("agribot.core.extras.has", lambda extra: extra != "report")
+    left_out = write_run_files(tmp_path, _report(ok=True, reason="done"), nothing)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "report.json", "config.toml", "weeds.geojson"
+    }  # fmt: skip
+    assert "pip install 'agribot[report]'" in left_out
+    monkeypatch.undo()
+    assert write_run_files(tmp_path, _report(ok=True, reason="done"), nothing) == ""
+    assert (tmp_path / "map.png").exists()

@@ -257,7 +257,9 @@ class Run:
         self.recording.attach("report.json", "application/json", to_json(report))
         self.recording.close()
         try:
-            write_run_files(self.out_dir, report, data)
+            left_out = write_run_files(self.out_dir, report, data)
+            if left_out:
+                self._say(left_out)
         except RecordingError as error:
             self._tell(self.last.batch.t_s if self.last is not None else 0.0, str(error))
             self.is_written = False
