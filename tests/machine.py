@@ -22,6 +22,8 @@ PACKAGES = {
     "openssl": "openssl",
     "roscore": "python3-roslaunch python3-rostopic python3-rosbag",
     "roslaunch": "python3-roslaunch",
+    "shellcheck": "shellcheck",
+    "systemd-analyze": "systemd",
     "rviz": "rviz xvfb joint-state-publisher ros-robot-state-publisher",
 }
 OTHER_NAMES = {"chromium": ("chromium-browser",)}
