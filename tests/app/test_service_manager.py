@@ -13,9 +13,7 @@ from typing import NamedTuple
 import pytest
 
 from agribot.app.service_manager import QUIET_LIMIT_S, ServiceManager
-from agribot.app.simulated_run import simulate
-from agribot.core import config
-from agribot.core.messages import TickRecord
+from agribot.cli.main import main
 
 
 class Manager:
@@ -157,18 +155,13 @@ def test_a_manager_that_reads_nothing_does_not_hold_up_the_loop(
     assert manager.take()[0] == "READY=1"
 
 
-def test_a_run_is_ready_once_its_loop_turns(
-    manager: Manager, services: ExitStack, tmp_path: Path
+def test_a_run_is_ready_once_its_loop_turns_and_says_when_it_ends(
+    manager: Manager, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    settings = config.load("farm", ["duration_s=0.4", "perception.enabled=false"])
-    seen: list[TickRecord] = []
-    with simulate(settings, tmp_path / "run") as session:
-        service = services.enter_context(ServiceManager(manager.environment))
-        session.add_tap(service)
-        assert manager.take() == []
-        for record in session.ticks():
-            seen.append(record)
-            if len(seen) == 1:
-                assert manager.take()[0] == "READY=1"
-        with service.allow_quiet():
-            session.finish()
+    for name, value in manager.environment.items():
+        monkeypatch.setenv(name, value)
+    options = ["--set", "perception.enabled=false", "--for", "0.4", "--out", str(tmp_path / "run")]
+    main(["run", "farm", *options])
+    said = manager.take()
+    assert said[0] == "READY=1"
+    assert said.index("STOPPING=1") > said.index(f"WATCHDOG_USEC={QUIET_LIMIT_S * 1e6:.0f}")
