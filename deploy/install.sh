@@ -101,7 +101,8 @@ ensure_user() {
   fi
 }
 
-# Without compiled copies of every file, which a robot never loads, it takes a sixth less room.
+# Without compiled copies of files that a robot never loads, and without setuptools, which Python
+# 3.11 puts beside pip, it takes a fifth less room.
 ensure_package() {
   local venv="$root/opt/agribot" target="$from"
   local -a limits=()
@@ -109,6 +110,9 @@ ensure_package() {
   [ -f "$from/constraints.txt" ] && limits=(--constraint "$from/constraints.txt")
   [ -x "$venv/bin/python" ] || do_it "$python" -m venv "$venv"
   do_it "$venv/bin/python" -m pip install --quiet --no-compile "${limits[@]}" "${target}[${extras}]"
+  if "$venv/bin/python" -c 'import setuptools' 2>/dev/null; then
+    do_it "$venv/bin/python" -m pip uninstall --quiet --yes setuptools
+  fi
 }
 
 # Put a file in its place if it differs; tells whether it did.
