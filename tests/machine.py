@@ -20,10 +20,10 @@ PACKAGES = {
     "g++": "g++ libfastrtps-dev",
     "ign": "ignition-tools libsdformat-dev",
     "openssl": "openssl",
-    "roscore": "python3-roslaunch python3-rostopic python3-rosbag",
-    "roslaunch": "python3-roslaunch",
     "shellcheck": "shellcheck",
     "systemd-analyze": "systemd",
+    "roscore": "python3-roslaunch python3-rostopic python3-rosbag",
+    "roslaunch": "python3-roslaunch",
     "rviz": "rviz xvfb joint-state-publisher ros-robot-state-publisher",
 }
 OTHER_NAMES = {"chromium": ("chromium-browser",)}

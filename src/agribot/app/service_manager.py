@@ -11,9 +11,12 @@ import os
 import socket
 import time
 from collections.abc import Callable, Iterator, Mapping
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from agribot.core.messages import MissionStatus, TickRecord
+
+if TYPE_CHECKING:
+    from agribot.app.run import Run
 
 SIGNS_OF_LIFE = 4  # in the time after which systemd ends a silent service
 STATUS_PERIOD_S = 1.0
@@ -90,6 +93,13 @@ class ServiceManager:
         except OSError:
             return False
         return True
+
+
+def open_service(run: Run) -> ServiceManager:
+    """Open the line to systemd, which hears of every tick of the run."""
+    service = ServiceManager()
+    run.add_tap(service)
+    return service
 
 
 def _read_address(environment: Mapping[str, str]) -> str:

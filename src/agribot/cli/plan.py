@@ -63,13 +63,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    if options.png:
+        extras.require("report", "--png")
     from agribot.gis.plan_file import format_plan
     from agribot.record.report import write_file
 
     if options.action == "convert":
         return _convert(options)
-    if options.png:
-        extras.require("report", "--png")
     if options.action == "verify":
         saved, certificate = _verify_plan(options)
     else:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from agribot.app import service_manager
 from agribot.app.run_folder import check_free, check_not_driven
-from agribot.app.service_manager import ServiceManager
 from agribot.cli import bridging, sensor_sources
 from agribot.cli.pacing import parse_pace
 from agribot.cli.page import (
@@ -101,8 +101,7 @@ def run(options: argparse.Namespace) -> int:
         made = open_run(config, out_dir, saved, earlier, plan_text)
     with made as session, ExitStack() as parts:
         sys.stderr.writelines(f"warning: {warning}\n" for warning in session.warnings)
-        service = parts.enter_context(ServiceManager())
-        session.add_tap(service)
+        service = parts.enter_context(service_manager.open_service(session))
         page = parts.enter_context(open_page(options, session)) if has_page(options) else None
         session.unattended.is_attended = _has_operator(options)
         progress = RunProgress(session.weed_map)
