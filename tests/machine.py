@@ -22,6 +22,8 @@ PACKAGES = {
     "g++": "g++ libfastrtps-dev",
     "ign": "ignition-tools libsdformat-dev",
     "openssl": "openssl",
+    "shellcheck": "shellcheck",
+    "systemd-analyze": "systemd",
     "roscore": "python3-roslaunch python3-rostopic python3-rosbag",
     "roslaunch": "python3-roslaunch",
     "simavr": "gcc simavr libsimavr-dev",

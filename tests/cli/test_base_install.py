@@ -23,7 +23,7 @@ FIELD = str(ROOT / "examples" / "field.geojson")
 COMMANDS = {
     "run": ("--out {out}/run", "sim"),
     "sim": ("--for 1 --out {out}/sim", "sim"),
-    "report": ("{run}/run.mcap -o {out}/report", ""),
+    "report": ("{run}/run.mcap -o {out}/report", "report"),
     "replay": ("{run}/run.mcap --check", ""),
     "bag info": ("{run}/run.mcap", ""),
     "bag convert": ("{run}/run.mcap {out}/run.bag", ""),

@@ -41,6 +41,7 @@ from agribot.core.row_shape import row_length_m
 from agribot.description.loader import export_urdf
 from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
+from agribot.record.run_figures import explain_absence
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap
 
@@ -261,6 +262,8 @@ class Run:
         except RecordingError as error:
             self._tell(self.last.batch.t_s if self.last is not None else 0.0, str(error))
             self.is_written = False
+        if left_out := explain_absence():
+            self._say(left_out)
         return report
 
     def _tick(self) -> TickRecord:

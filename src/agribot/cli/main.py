@@ -92,7 +92,7 @@ COMMANDS = {
     ),
     "doctor": (
         "agribot.cli.doctor",
-        "say what is installed, what is missing and whether the robot would start",
+        "say what is installed, which devices answer and what to do about what is missing",
         "agribot doctor",
     ),
     "ui": (

@@ -15,6 +15,7 @@ import msgspec
 from agribot.app.field_work import read_work
 from agribot.app.tasks import TakenPlans
 from agribot.autonomy.plan.rows import lay_rows
+from agribot.core import extras
 from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
 from agribot.core.messages import Row
@@ -34,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    extras.require("report", "agribot report")
     from agribot.record.bag.opening import open_bag
     from agribot.record.mcap_file import read_attachment
     from agribot.record.recorder import CONFIG_ATTACHMENT
