@@ -19,6 +19,7 @@ PACKAGES = {
     "gpsd": "gpsd",
     "g++": "g++ libfastrtps-dev",
     "ign": "ignition-tools libsdformat-dev",
+    "ogr2ogr": "gdal-bin",
     "openssl": "openssl",
     "roscore": "python3-roslaunch python3-rostopic python3-rosbag",
     "roslaunch": "python3-roslaunch",

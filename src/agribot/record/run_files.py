@@ -12,7 +12,7 @@ from agribot.record.map_figure import draw_map
 from agribot.record.page import write_page
 from agribot.record.report import Report, write_file, write_report
 from agribot.record.series import RunData
-from agribot.record.weeds import write_weeds
+from agribot.record.weeds import WEED_FILE, write_weeds
 
 
 def write_run_files(folder: Path, report: Report, data: RunData) -> None:
@@ -22,10 +22,12 @@ def write_run_files(folder: Path, report: Report, data: RunData) -> None:
     Raises: RecordingError: one of them cannot be written; the first that failed.
     """
     failures: list[RecordingError] = []
+    first = Path(report.job.runs[0].folder) if report.job else folder
+    map_name = first.resolve().name
     writers: tuple[Callable[[], None], ...] = (
         lambda: write_report(folder / "report.json", report),
         lambda: write_file(folder / "config.toml", to_toml(data.config).encode()),
-        lambda: write_weeds(folder / "weeds.geojson", data.plants, data.config.field.datum),
+        lambda: write_weeds(folder / WEED_FILE, data.plants, data.config, map_name),
         lambda: write_page(folder / "report.html", report, data),
         lambda: write_file(folder / "map.png", encode_png(draw_map(data))),
     )

@@ -1,4 +1,4 @@
-"""The weed map as GeoJSON (RFC 7946: WGS-84, longitude before latitude)."""
+"""The weed map of a run: its file, and what the page shows of it while it grows."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
-import msgspec
-
+from agribot.autonomy.implements.sprayer import CROP_STEM_M
+from agribot.autonomy.weeds.judge_plants import judge_plants
+from agribot.autonomy.weeds.plant_table import PlantTable, round_rows, tabulate_plants
+from agribot.core.config import RunConfig
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import MappedPlant, PlantClass
-from agribot.record.report import write_file
+from agribot.gis.weeds.files import write_map
 
+WEED_FILE = "weeds.geojson"
 WEED_COLUMNS = (
     "id", "class", "x_map_m", "y_map_m", "std_m", "confidence", "area_m2", "sightings",
     "first_seen_s", "last_seen_s", "treated_s",
@@ -60,13 +63,22 @@ def weed_features(plants: Iterable[PlantOnMap], datum: Datum) -> Iterator[dict[s
     return (_make_feature(plant, frame) for plant in plants)
 
 
-def write_weeds(path: Path, plants: Iterable[MappedPlant], datum: Datum) -> None:
-    """Write the weed map.
+def tabulate_run(plants: Iterable[MappedPlant], config: RunConfig, name: str) -> PlantTable:
+    """Make the table of a run's weed map, with what was decided and what came of it."""
+    treatment = config.treatment
+    return judge_plants(
+        round_rows(tabulate_plants(plants, config.field.datum, name)),
+        CROP_STEM_M + treatment.crop_guard_m,
+        is_treating=treatment.enabled,
+    )
+
+
+def write_weeds(path: Path, plants: Iterable[MappedPlant], config: RunConfig, name: str) -> None:
+    """Write the weed map of a run as GeoJSON; `name` is the run's, or that of its job's first.
 
     Raises: RecordingError: the file cannot be written.
     """
-    text = msgspec.json.format(msgspec.json.encode(weeds_geojson(plants, datum)), indent=1)
-    write_file(path, text + b"\n")
+    write_map(path, tabulate_run(plants, config, name))
 
 
 def _make_feature(plant: PlantOnMap, frame: MapFrame) -> dict[str, Any]:
