@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 SUFFIXES = {
     "geojson": ".geojson", "gpkg": ".gpkg", "shp": ".shp", "kml": ".kml", "csv": ".csv",
 }  # fmt: skip
+ISOXML = "isoxml"  # .isoxml.zip, or any .zip with --format
 _SOURCE = "folder of a run, run.mcap, or a weed map: .geojson, .gpkg, .shp, .shp.zip, .kml, .csv"
 
 
@@ -29,7 +31,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         epilog="example: agribot weeds export runs/first -o weeds.gpkg",
     )
     export.add_argument("source", metavar="RUN|MAP", help=_SOURCE)
-    _add_output(export)
+    _add_output(export, [*SUFFIXES, ISOXML])
+    tasks = export.add_argument_group("ISOXML: a prescription of what is left, and what was done")
+    tasks.add_argument("--rate", type=float, default=200.0, metavar="L/HA", help="default: 200")
+    tasks.add_argument("--cell", type=float, default=0.5, metavar="M", help="default: 0.5")
+    tasks.add_argument(
+        "--margin", type=float, default=0.1, metavar="M", help="around a weed; default: 0.1"
+    )
+    tasks.add_argument(
+        "--began", metavar="UTC", help="2026-05-04T07:30; default: by the file's date"
+    )
+    tasks.add_argument("--version", choices=("3", "4"), default="4", help="default: 4")
     take = actions.add_parser(
         "import",
         help="check a weed map from elsewhere and take it in",
@@ -49,9 +61,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_output(merge)
 
 
-def _add_output(parser: argparse.ArgumentParser) -> None:
+def _add_output(parser: argparse.ArgumentParser, formats: Iterable[str] = SUFFIXES) -> None:
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="FILE")
-    parser.add_argument("--format", choices=SUFFIXES, help="default: as the file's name ends")
+    parser.add_argument("--format", choices=[*formats], help="default: as the file's name ends")
     parser.add_argument("--json", action="store_true", help="print a summary as the last line")
 
 
@@ -61,9 +73,12 @@ def run(options: argparse.Namespace) -> int:
     }  # fmt: skip
     _check_output(options)
     table = actions[options.action](options)
-    from agribot.gis.weeds.files import write_map
+    if _is_isoxml(options):
+        _write_tasks(options, table)
+    else:
+        from agribot.gis.weeds.files import write_map
 
-    write_map(options.out, table, SUFFIXES.get(options.format or "", ""))
+        write_map(options.out, table, SUFFIXES.get(options.format or "", ""))
     _tell(options, table)
     return 0
 
@@ -72,10 +87,52 @@ def _check_output(options: argparse.Namespace) -> None:
     """Refuse a name that says another format, before anything is read."""
     from agribot.gis.weeds.files import find_suffix
 
-    if options.format is None:
+    if _is_isoxml(options):
+        if options.out.suffix != ".zip":
+            raise ConfigError(f"-o {options.out}: task data is an archive that ends with .zip")
+    elif options.format is None:
         find_suffix(options.out)
     elif options.out.suffix and options.out.suffix != SUFFIXES[options.format]:
         raise ConfigError(f"-o {options.out} is no name for --format {options.format}")
+
+
+def _is_isoxml(options: argparse.Namespace) -> bool:
+    by_name = options.format is None and options.out.name.lower().endswith(".isoxml.zip")
+    return bool(options.action == "export" and (by_name or options.format == ISOXML))
+
+
+def _write_tasks(options: argparse.Namespace, table: PlantTable) -> None:
+    from agribot.gis.weeds.isoxml_tasks import TaskOptions, write_tasks
+
+    limits = {"--rate": (options.rate, 0.0, 1e5), "--cell": (options.cell, 0.05, 100.0),
+              "--margin": (options.margin, 0.0, 10.0)}  # fmt: skip
+    for name, (value, low, high) in limits.items():
+        if not low <= value <= high:
+            raise ConfigError(f"{name} {value:g}: must be from {low:g} to {high:g}")
+    began = _read_time(options, table)
+    write_tasks(
+        options.out, table,
+        TaskOptions(began, options.rate, options.cell, options.margin, options.version),
+    )  # fmt: skip
+
+
+def _read_time(options: argparse.Namespace, table: PlantTable) -> datetime:
+    """Read when the run's clock was zero; without --began, the file was written at its end."""
+    import numpy as np
+
+    if options.began is not None:
+        try:
+            return datetime.fromisoformat(options.began).replace(tzinfo=UTC)
+        except ValueError as error:
+            raise ConfigError(
+                f"--began {options.began}: write a date and a time in UTC, 2026-05-04T07:30"
+            ) from error
+    times_s = table.rows["last_seen_s"]
+    source = Path(options.source.partition("=")[2] or options.source)
+    passed_s = float(np.nanmax(times_s)) if np.isfinite(times_s).any() else 0.0
+    began = datetime.fromtimestamp(source.stat().st_mtime, UTC) - timedelta(seconds=passed_s)
+    sys.stderr.write(f"note: taken as begun at {began:%Y-%m-%dT%H:%M:%S} UTC; --began says else\n")
+    return began
 
 
 def _open(options: argparse.Namespace) -> PlantTable:
