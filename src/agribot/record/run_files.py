@@ -27,7 +27,7 @@ def write_run_files(folder: Path, report: Report, data: RunData) -> None:
     writers: tuple[Callable[[], None], ...] = (
         lambda: write_report(folder / "report.json", report),
         lambda: write_file(folder / "config.toml", to_toml(data.config).encode()),
-        lambda: write_weeds(folder / WEED_FILE, data.plants, data.config, map_name),
+        lambda: write_weeds(folder / WEED_FILE, data, map_name),
         lambda: write_page(folder / "report.html", report, data),
         lambda: write_file(folder / "map.png", encode_png(draw_map(data))),
     )

@@ -31,7 +31,9 @@ def read_shapefiles(data: bytes) -> Found:
         with shapefile.Reader(**parts) as reader:
             for record in reader.iterShapeRecords():
                 fields = record.record.as_dict() if record.record else {}
-                plain = {k: v for k, v in fields.items() if isinstance(v, str | int | float) and v}
+                plain = {
+                    k: v for k, v in fields.items() if isinstance(v, str | int | float) and v != ""
+                }
                 if record.shape.shapeType != shapefile.NULL:
                     yield dict(record.shape.__geo_interface__), plain
 

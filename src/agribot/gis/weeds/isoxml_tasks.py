@@ -55,7 +55,7 @@ class TaskOptions(NamedTuple):
 
 
 class CellGrid(NamedTuple):
-    """Cells of degrees from the South-West on; `codes` (rows, columns), northwards and eastwards."""
+    """Cells of degrees from the South-West on; `codes` (rows, columns) go North and East."""
 
     south_deg: float
     west_deg: float
@@ -158,7 +158,7 @@ def _mark_discs(codes: npt.NDArray[np.uint8], place: FloatArray, reach: FloatArr
     home = np.floor(place).astype(np.int64)
     for across in range(-most, most + 1):
         for along in range(-most, most + 1):
-            cell = home + (across, along)
+            cell = home + np.array([across, along])
             nearest = np.clip(place, cell, cell + 1)
             is_hit = ((place - nearest) ** 2).sum(axis=1) <= reach**2
             is_hit &= ((cell >= 0) & (cell < (columns, lines))).all(axis=1)
