@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING, Any
 from agribot.core.errors import ConfigError
 
 if TYPE_CHECKING:
+    from agribot.autonomy.plan.coverage.area import MapLine
     from agribot.autonomy.weeds.plant_table import PlantTable
+    from agribot.core.messages import Row
 
 # What --format says -> how the file's name ends.
 SUFFIXES = {
     "geojson": ".geojson", "gpkg": ".gpkg", "shp": ".shp", "kml": ".kml", "csv": ".csv",
 }  # fmt: skip
+STRAIGHT_M = 0.1
 ISOXML = "isoxml"  # .isoxml.zip, or any .zip with --format
 _SOURCE = "folder of a run, run.mcap, or a weed map: .geojson, .gpkg, .shp, .shp.zip, .kml, .csv"
 
@@ -52,6 +55,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     take.add_argument("--field", type=Path, metavar="FIELD", help="refuse plants outside of it")
     take.add_argument("--name", help="of the map; default: the file's")
     _add_output(take)
+    report = actions.add_parser(
+        "report",
+        help="draw a page of it: weeds per square metre, treated and left, stand of the crop",
+        epilog="example: agribot weeds report runs/first -o weeds.html",
+    )
+    report.add_argument("source", metavar="RUN|MAP", help=_SOURCE)
+    report.add_argument("--field", type=Path, metavar="FIELD", help="field file with its rows")
+    report.add_argument("-o", "--out", type=Path, required=True, metavar="FILE.html")
+    report.add_argument("--json", action="store_true", help="print a summary as the last line")
     merge = actions.add_parser(
         "merge",
         help="make one map of those of several runs and robots",
@@ -68,6 +80,8 @@ def _add_output(parser: argparse.ArgumentParser, formats: Iterable[str] = SUFFIX
 
 
 def run(options: argparse.Namespace) -> int:
+    if options.action == "report":
+        return _report(options)
     actions: dict[str, Callable[[argparse.Namespace], PlantTable]] = {
         "export": _open, "import": _import, "merge": _merge,
     }  # fmt: skip
@@ -81,6 +95,44 @@ def run(options: argparse.Namespace) -> int:
         write_map(options.out, table, SUFFIXES.get(options.format or "", ""))
     _tell(options, table)
     return 0
+
+
+def _report(options: argparse.Namespace) -> int:
+    if options.out.suffix.lower() not in {".html", ".htm"}:
+        raise ConfigError(f"-o {options.out}: a report is a page that ends with .html")
+    from agribot.autonomy.weeds.plant_table import move_to_datum
+    from agribot.record.weed_page import write_weed_report
+
+    table = _open(options)
+    rows: tuple[Row, ...] = ()
+    if options.field is not None:
+        from agribot.gis.field_file import read_field
+        from agribot.gis.weeds.field_check import check_in_field
+
+        check_in_field(table, options.field, f"'{options.source[-80:]}'")
+        area, datum = read_field(options.field)
+        table, rows = move_to_datum(table, datum), _take_straight(area.rows)
+    write_weed_report(options.out, table, rows)
+    _tell(options, table)
+    return 0
+
+
+def _take_straight(lines: Sequence[MapLine]) -> tuple[Row, ...]:
+    """Take the rows that are straight to a decimetre, and say how many are left out."""
+    import numpy as np
+
+    from agribot.core.messages import Row
+    from agribot.core.row_shape import project_on_row
+
+    rows = []
+    for index, line in enumerate(lines):
+        row = Row(index=index, start_map_m=line[0], end_map_m=line[-1])
+        _, left_m, _ = project_on_row(row, *np.array(line).T)
+        if np.abs(left_m).max() <= STRAIGHT_M:
+            rows.append(row)
+    if len(rows) < len(lines):
+        sys.stderr.write(f"note: {len(lines) - len(rows)} rows bend, their stand is not counted\n")
+    return tuple(rows)
 
 
 def _check_output(options: argparse.Namespace) -> None:

@@ -13,7 +13,7 @@ of one camera mount in two runs (Julier and Uhlmann 1997; weights of Niehsen 200
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +40,7 @@ from agribot.core.messages import FloatArray, PlantClass
 MAX_REACH_M = 0.5  # however badly two places are known: beyond it stands another plant
 MAX_APART_M = 20_000.0  # of two datums: a local map is flat only near its origin
 SAME_PLANT_M = 0.25  # a row of a later state of the same map has moved no farther
+CHUNK = 65_536  # pairs at a time
 SWAPPED_RATIO, LEAST_PAIRS = 0.5, 20
 
 
@@ -179,7 +180,7 @@ def _group(rows: Rows, first: IndexArray, second: IndexArray) -> IndexArray:
     members: dict[int, list[int]] = {}
     head = np.arange(len(rows))
     map_of = rows["map"]
-    for i, j in zip(first.tolist(), second.tolist(), strict=True):
+    for i, j in _iterate_pairs(first, second):
         a, b = int(head[i]), int(head[j])
         if a == b:
             continue
@@ -192,6 +193,13 @@ def _group(rows: Rows, first: IndexArray, second: IndexArray) -> IndexArray:
         members.pop(high, None)
         members[low] = joined
     return number_groups(head)
+
+
+def _iterate_pairs(first: IndexArray, second: IndexArray) -> Iterator[tuple[int, int]]:
+    """Iterate in pieces: a million pairs of Python numbers would take as much as the map."""
+    for begin in range(0, len(first), CHUNK):
+        piece = slice(begin, begin + CHUNK)
+        yield from zip(first[piece].tolist(), second[piece].tolist(), strict=True)
 
 
 def _may_join(rows: Rows, map_of: npt.NDArray[np.int32], left: list[int], right: list[int]) -> bool:
