@@ -107,6 +107,23 @@ def test_gdal_reads_places_and_attributes_of_every_format(tmp_path: Path, suffix
 
 @needs("ogr2ogr")
 @pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".shp", ".kml"])
+def test_a_map_that_went_through_another_program_is_the_same_map(
+    tmp_path: Path, suffix: str
+) -> None:
+    out = tmp_path / f"theirs{suffix}"
+    exact = ["-lco", "COORDINATE_PRECISION=9"] if suffix == ".geojson" else []
+    ogr("ogr2ogr", str(out), str(written(tmp_path, ".gpkg")), "weed_map", *exact)
+    back = read_map(out, "x")
+    assert back.maps == MAP.maps
+    assert np.abs(move_to_datum(back, DATUM).xy_m - MAP.xy_m).max() < TENTH_MM_M
+    for name in ("id", "plant", "decision", "outcome", "sightings"):
+        assert np.array_equal(back.rows[name], MAP.rows[name]), name
+    for name in ("confidence", "xx_m2", "xy_m2", "treated_s", "first_seen_s", "last_seen_s"):
+        assert np.allclose(back.rows[name], MAP.rows[name], atol=1e-4, equal_nan=True), name
+
+
+@needs("ogr2ogr")
+@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".shp", ".kml"])
 def test_gdal_takes_the_coordinates_for_wgs_84(tmp_path: Path, suffix: str) -> None:
     told = ogr("ogrinfo", "-ro", "-al", "-so", str(written(tmp_path, suffix)))
     assert 'GEOGCRS["WGS 84"' in told

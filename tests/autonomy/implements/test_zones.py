@@ -10,7 +10,9 @@ import pytest
 from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.implements.zones import ZoneMap
 from agribot.core.config import TreatmentConfig
+from tests.autonomy.implements.looks import seen_on_the_way
 from tests.autonomy.implements.spray_ground import BOOM, Field, drive_over, figure, make_map
+from tests.autonomy.implements.test_hoe import HOE, Ground, bare, hoe_along
 from tests.autonomy.weeds.weed_field import make_estimate
 
 CELL_M = 0.1
@@ -52,6 +54,14 @@ def test_the_command_has_the_rate_of_the_zone_below_the_boom() -> None:
         else:
             assert not command.setpoints
     assert rates == {120.0, 80.0}
+
+
+def test_blades_stay_up_in_a_zone_without_a_rate() -> None:
+    weeds_m = [(0.6 + i, 0.2) for i in range(3)]
+    weed_map = seen_on_the_way(weeds_m, bare, [])
+    ground = Ground([], weeds_m)
+    hoe_along(Treatment(TreatmentConfig(), HOE, zones(1.0, 0.0, 1.0, 1.0)), weed_map, ground)
+    assert ground.weeds_uprooted == {0, 2}
 
 
 def test_outside_of_all_zones_nothing_is_treated() -> None:

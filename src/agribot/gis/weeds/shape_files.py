@@ -17,7 +17,9 @@ from agribot.gis.weeds.records import COLUMNS, iterate_records
 PARTS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
 # dBASE has ten letters for a name. What does not fit into a field is left out: the evidence.
 _SHORT = {"first_seen_s": "first_s", "last_seen_s": "last_s"}
-_LONG = {short: name for name, short in _SHORT.items()}
+# As GDAL shortens them.
+_CUT = {name[:10]: name for name in COLUMNS if len(name) > 10}
+_LONG = _CUT | {short: name for name, short in _SHORT.items()}
 _NAMES = tuple(name for name in COLUMNS if name != "evidence")
 _WIDTHS = {
     "id": 10, "class": 4, "confidence": 8, "decision": 5, "outcome": 10, "std_m": 9, "xx_m2": 13,
@@ -95,7 +97,7 @@ def _check_projection(text: bytes) -> None:
 
 def _iterate_shapes(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]:
     library = load_library()
-    with library.Reader(str(path), encoding="utf-8") as reader:
+    with library.Reader(str(path), encodingErrors="replace") as reader:
         if reader.shapeType not in {library.POINT, library.POINTZ, library.POINTM}:
             raise ValueError(f"its shapes are {reader.shapeTypeName}, not points")
         names = [
