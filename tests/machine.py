@@ -21,6 +21,7 @@ PACKAGES = {
     "gpsfake": "gpsd-clients",
     "g++": "g++ libfastrtps-dev",
     "ign": "ignition-tools libsdformat-dev",
+    "ogr2ogr": "gdal-bin",
     "openssl": "openssl",
     "shellcheck": "shellcheck",
     "systemd-analyze": "systemd",

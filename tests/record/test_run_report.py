@@ -152,7 +152,7 @@ def test_the_page_loads_nothing_from_anywhere() -> None:
     links.feed(page)
     assert all(link.startswith(("#", "data:")) for link in links.loaded)
     assert not links.tags & {"script", "link", "iframe", "object", "img"}
-    assert page.count("<svg ") == 6
+    assert page.count("<svg ") == 9
 
 
 def test_the_page_escapes_what_it_was_given() -> None:

@@ -84,7 +84,9 @@ class Run:
         self._closing = ExitStack()
         self.is_written = True  # every file of the run's end could be written
         before = whole_job.plants_before(earlier)
-        files = files_to_run_again(setup.goals_map_m, saved, before, setup.plan_text)
+        files = files_to_run_again(
+            setup.goals_map_m, saved, before, setup.plan_text, setup.prescription
+        )
         self._open_all_files(files, setup.plan_text if setup.is_plan_new else "")
 
     def _open_all_files(self, recorded: Mapping[str, tuple[str, bytes]], new_plan: str) -> None:
@@ -326,6 +328,7 @@ class Run:
             config=self.config,
             series=self.job.series(self._series.series()),
             rows=self.rows,
+            zones=self.stack.treatment.zones,
             plan=self.stack.mission.path,
             goals_map_m=self.shown_goals_map_m,
             plants=self.job.plants(self.weed_map.plants()),

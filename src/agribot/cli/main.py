@@ -110,6 +110,11 @@ COMMANDS = {
         "keep background maps for the page on this machine",
         "agribot map import farm.mbtiles",
     ),
+    "weeds": (
+        "agribot.cli.weeds",
+        "weed maps in the files of farm software: export, import, merge",
+        "agribot weeds export runs/first -o weeds.gpkg",
+    ),
     "sweep": (
         "agribot.cli.sweep",
         "run many seeds and settings and compare their reports",

@@ -25,6 +25,7 @@ from agribot.record.report import Report
 from agribot.record.series import RunData, SeriesTap
 
 if TYPE_CHECKING:
+    from agribot.autonomy.implements.zones import ZoneMap
     from agribot.record.bag.source import Bag
 
 
@@ -91,7 +92,18 @@ def _read_job(recording: Path, out: Path, report: Report) -> RunData:
         plants=plants_later(read_weed_map(recording), began_s),
         events=(*earlier_events, *events_later(events.events, began_s)),
         world=make_run_world(config).world if find_platform(config.platform).is_simulated else None,
+        zones=_read_zones(recording, config),
     )
+
+
+def _read_zones(recording: Path, config: RunConfig) -> ZoneMap | None:
+    from agribot.app.prescribed_zones import read_zones
+    from agribot.app.run_recording import PRESCRIPTION_ATTACHMENT
+    from agribot.record.mcap_file import read_attachment
+
+    if not config.treatment.prescription:
+        return None
+    return read_zones(read_attachment(recording, PRESCRIPTION_ATTACHMENT), config, None)
 
 
 def _read_rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
