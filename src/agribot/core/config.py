@@ -235,6 +235,8 @@ class RunConfig(Config, frozen=True):
     world: str = "Farm"  # what is simulated: a packaged name or an SDF file
     robot: str = "agribot"  # its description: a packaged name, URDF or xacro
     waypoints: str = ""  # a file of places to visit, the task instead of the rows of the field
+    # Drive the rows of the field, or find and draw those of a field that nobody mapped.
+    task: Literal["rows", "explore"] = "rows"
     plan: str = ""  # a certified field plan, the task instead of the rows of the field
     tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0  # of the control loop
     duration_s: Positive | None = None  # the run ends after it; none: with its mission

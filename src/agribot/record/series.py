@@ -49,7 +49,7 @@ class RunData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """All that figures and the report page show besides the report's own numbers.
 
     `world` is the simulated field, None on a real one, and `crushed` its crops that were crushed,
-    as indices.
+    as indices. `drawn_field` is the text of a field file of the rows that the robot found.
     """
 
     config: RunConfig
@@ -61,6 +61,7 @@ class RunData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     events: tuple[Event, ...] = ()
     crushed: tuple[int, ...] = ()
     world: WorldSpec | None = None
+    drawn_field: str = ""
 
 
 class SeriesTap:

@@ -104,6 +104,19 @@ class MissionJob:
             visit_name=task.name,
         )
 
+    def lead_on(self) -> None:
+        """Go on along another path, where the task finds its rows under way.
+
+        Raises: MissionError: no way leads to the next row.
+        """
+        explorer, route = self.task.explorer, self.route
+        path = None if explorer is None else explorer.lead(route.path, route.progress.s_m)
+        if path is None:
+            return
+        self.rows.keep([row.index for row in self.task.rows])
+        self.route = self._make_route(path)
+        self.route.go_on(route.progress.s_m, route.visits.reached)
+
     def work(self, estimate: Estimate) -> None:
         """Count what the robot passes: it is on the route, where its progress says."""
         progress = self.route.progress
@@ -188,6 +201,8 @@ class MissionJob:
                 f"waypoints {missed} were passed at more than mission.waypoint_radius_m "
                 f"{self._config.waypoint_radius_m:.2f} m"
             )
+        if self.task.explorer is not None and self.task.explorer.unfinished:
+            return "failed", self.task.explorer.unfinished
         if undone:
             return "failed", f"the path ended with rows {undone} not driven"
         if unproven:

@@ -490,6 +490,8 @@ class Mission:
         if estimate.contradiction:
             self._pause(estimate.contradiction, by_itself=True)
             return
+        if isinstance(state, Driving) and not self._lead_on(state.job):
+            return
         route = state.job.route if isinstance(state, Driving) else state.route
         if self._is_located:
             reason = self._advance(state, route, estimate)
@@ -507,6 +509,15 @@ class Mission:
             self._pause(stalled, by_itself=True)
         elif stalled:
             self._end("failed", stalled)
+
+    def _lead_on(self, job: MissionJob) -> bool:
+        """Take the way on where the task finds it under way; False: there is none."""
+        try:
+            job.lead_on()
+        except MissionError as error:
+            self._end("failed", str(error))
+            return False
+        return True
 
     def _recover(self, state: Driving, estimate: Estimate) -> None:
         """Take the next step of the ladder where the row is lost."""

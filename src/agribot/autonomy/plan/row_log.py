@@ -154,6 +154,14 @@ class RowLog:
         """Say what speaks against an unproven row, for people."""
         return self._results[row].missing
 
+    def keep(self, indices: Iterable[int]) -> None:
+        """Go over to other rows: what is known of those that stay is kept."""
+        before = self._results
+        self._results = {index: before.get(index, RowResult(index=index)) for index in indices}
+        self.done = tuple(index for index in self.done if index in self._results)
+        self.unproven = tuple(index for index in self.unproven if index in self._results)
+        self.here = self.here if self.here in self._results else -1
+
     def take_as_done(self, row: int) -> None:
         """Count a row as done that an earlier mission has worked whole."""
         self._change(row, done=True)
