@@ -21,7 +21,10 @@ EDGE_M = 0.05  # corners of the boundary are as exact as that
 
 
 class DrawnRow(NamedTuple):
-    """The line of a row from end to end (m, map), and how well it is known across, 1 sigma."""
+    """The line of a row from end to end (m, map), and how well it is known across, 1 sigma.
+
+    Not a number: nobody knows.
+    """
 
     line: Sequence[MapPoint]
     std_m: float
@@ -41,7 +44,7 @@ def format_drawn_field(rows: Sequence[DrawnRow], track_map_m: FloatArray, datum:
     features += [
         _make_feature(
             "LineString", _to_degrees(row.line, frame), kind="row", name=f"row {number}",
-            std_m=round(row.std_m, 4),
+            std_m=round(row.std_m, 4) if math.isfinite(row.std_m) else None,
         )
         for number, row in enumerate(_sort(rows), start=1)
     ]  # fmt: skip
