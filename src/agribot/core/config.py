@@ -143,6 +143,8 @@ class SafetyConfig(Config, frozen=True):
     # position, along its body and across it; such a robot may get over it by `fence_unsure_m`.
     fence_unsure_m: NonNegative = 0.3
     fence_sigma: NonNegative = 2.0  # how many 1 sigma of the position the boundary is kept for
+    # The same with a receiver without carrier corrections, whose errors last: nothing is forgiven.
+    fence_single_sigma: NonNegative = 3.5
     hand_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.2  # of a request to drive
     # Whoever had the seat of the page is gone, or its server is: the mission goes on or pauses.
     on_operator_lost: Literal["continue", "pause"] = "continue"
