@@ -12,7 +12,15 @@ export type EventLevel = 'info' | 'warn' | 'fault'
 
 export type CheckState = 'ok' | 'warn' | 'fault'
 
-export type MissionAction = 'start' | 'pause' | 'resume' | 'cancel' | 'skip_row' | 'return_home'
+export type MissionAction =
+  | 'start'
+  | 'pause'
+  | 'resume'
+  | 'cancel'
+  | 'skip_row'
+  | 'return_home'
+  | 'nudge_left'
+  | 'nudge_right'
 
 export type RecordingAction = 'start' | 'stop'
 

@@ -83,7 +83,7 @@ class Stack:
         takeover = self.hand.update(batch)
         self.treatment.apply_events(batch.events)
         self.mission.heed(self.supervisor.warning)
-        on_rows = estimate.relate_to_rows()
+        on_rows = self.mission.relate_to_path(estimate)
         goal = self.mission.step(on_rows, (*batch.events, *takeover))
         self._follow_task()
         drive, tracking = self.follower.step(on_rows, goal)

@@ -53,7 +53,9 @@ Role = Literal["operator", "viewer"]
 SeatState = Literal["you", "free", "other"]
 EventLevel = Literal["info", "warn", "fault"]
 CheckState = Literal["ok", "warn", "fault"]
-MissionAction = Literal["start", "pause", "resume", "cancel", "skip_row", "return_home"]
+MissionAction = Literal[
+    "start", "pause", "resume", "cancel", "skip_row", "return_home", "nudge_left", "nudge_right"
+]
 RecordingAction = Literal["start", "stop"]
 ShapeKind = Literal["polygon", "route"]
 CalibrationPhase = Literal["driving", "computing", "found", "failed"]
