@@ -12,9 +12,9 @@ import numpy as np
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray
-from agribot.gis.drawn_field import DrawnRow, format_drawn_field
+from agribot.gis.drawn_field import DrawnRow, format_drawn_field, simplify_line
 
-# A line keeps this close to the track that it stands for (Douglas and Peucker 1973).
+# A line keeps this close to the track that it stands for.
 SIMPLIFIED_M = 0.02
 STEP_M = 0.05  # between points of a track; a robot that stands adds none
 # What bends more, over so much way, is a turn and no row; shorter stretches are none either.
@@ -94,13 +94,9 @@ def split_by_turns(points: FloatArray) -> list[FloatArray]:
 
 
 def _draw(stretch: FloatArray) -> DrawnRow:
-    import shapely
-
-    line = shapely.LineString(stretch[:, 1:3]).simplify(SIMPLIFIED_M)
     known = stretch[np.isfinite(stretch[:, 3]), 3]
     std_m = math.sqrt(float(np.mean(known**2))) if len(known) else math.nan
-    points = [(float(x_m), float(y_m)) for x_m, y_m in shapely.get_coordinates(line)]
-    return DrawnRow(points, std_m)
+    return DrawnRow(simplify_line(stretch[:, 1:3], SIMPLIFIED_M), std_m)
 
 
 def _read(path: Path) -> DrivenTrack:

@@ -52,6 +52,18 @@ def format_drawn_field(rows: Sequence[DrawnRow], track_map_m: FloatArray, datum:
     return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'
 
 
+def simplify_line(xy_map_m: FloatArray, tolerance_m: float) -> list[MapPoint]:
+    """Leave out points of a line (N, 2) that lie so near to what is left.
+
+    Source: Douglas and Peucker 1973, "Algorithms for the reduction of the number of points",
+    Cartographica 10.
+    """
+    import shapely
+
+    left = shapely.get_coordinates(shapely.LineString(xy_map_m).simplify(tolerance_m))
+    return [(float(x_m), float(y_m)) for x_m, y_m in left]
+
+
 def _sort(rows: Sequence[DrawnRow]) -> list[DrawnRow]:
     """Put rows side by side in order, all in the direction of the first."""
     (x0, y0), (x1, y1) = rows[0].line[0], rows[0].line[-1]
