@@ -12,7 +12,6 @@ import shapely
 
 from agribot.app.simulated_run import simulate
 from agribot.app.taught_rows import (
-    SIMPLIFIED_M,
     DrivenTrack,
     split_by_marks,
     split_by_turns,
@@ -25,6 +24,7 @@ from agribot.core.errors import MissionError
 from agribot.core.geo import Datum
 from agribot.core.messages import FloatArray, OperatorEvent
 from agribot.core.pose import Pose2
+from agribot.gis.drawn_field import SIMPLIFIED_M
 from agribot.gis.field_file import read_field
 
 DATUM = Datum(lat_deg=21.0, lon_deg=72.0)

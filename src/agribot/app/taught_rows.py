@@ -12,10 +12,8 @@ import numpy as np
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray
-from agribot.gis.drawn_field import DrawnRow, format_drawn_field, simplify_line
+from agribot.gis.drawn_field import DrawnRow, format_drawn_field
 
-# A line keeps this close to the track that it stands for.
-SIMPLIFIED_M = 0.02
 STEP_M = 0.05  # between points of a track; a robot that stands adds none
 # What bends more, over so much way, is a turn and no row; shorter stretches are none either.
 TURN_RADPM, BEND_OVER_M, SHORTEST_M = 0.25, 1.0, 2.0
@@ -96,7 +94,7 @@ def split_by_turns(points: FloatArray) -> list[FloatArray]:
 def _draw(stretch: FloatArray) -> DrawnRow:
     known = stretch[np.isfinite(stretch[:, 3]), 3]
     std_m = math.sqrt(float(np.mean(known**2))) if len(known) else math.nan
-    return DrawnRow(simplify_line(stretch[:, 1:3], SIMPLIFIED_M), std_m)
+    return DrawnRow([(float(x_m), float(y_m)) for x_m, y_m in stretch[:, 1:3]], std_m)
 
 
 def _read(path: Path) -> DrivenTrack:

@@ -16,6 +16,8 @@ from agribot.core.messages import FloatArray, MapPoint
 # So much ground to both sides of its track the robot needs for a plan that turns there; a camera
 # sees a metre of it. Hollows narrower than twice CLOSED_M belong to the field, too.
 BESIDE_TRACK_M, CLOSED_M = 1.3, 1.2
+# A line keeps this close to what the robot drove: so it has few corners, a straight one two.
+SIMPLIFIED_M = 0.02
 DECIMALS = 9  # a tenth of a millimetre
 EDGE_M = 0.05  # corners of the boundary are as exact as that
 
@@ -43,7 +45,8 @@ def format_drawn_field(rows: Sequence[DrawnRow], track_map_m: FloatArray, datum:
     features = [_make_feature("Polygon", [_to_degrees([*ring, ring[0]], frame)], kind="boundary")]
     features += [
         _make_feature(
-            "LineString", _to_degrees(row.line, frame), kind="row", name=f"row {number}",
+            "LineString", _to_degrees(_simplify(row.line), frame),
+            kind="row", name=f"row {number}",
             std_m=round(row.std_m, 4) if math.isfinite(row.std_m) else None,
         )
         for number, row in enumerate(_sort(rows), start=1)
@@ -52,15 +55,15 @@ def format_drawn_field(rows: Sequence[DrawnRow], track_map_m: FloatArray, datum:
     return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'
 
 
-def simplify_line(xy_map_m: FloatArray, tolerance_m: float) -> list[MapPoint]:
-    """Leave out points of a line (N, 2) that lie so near to what is left.
+def _simplify(line: Sequence[MapPoint]) -> list[MapPoint]:
+    """Leave out points of a line that lie so near to what is left.
 
     Source: Douglas and Peucker 1973, "Algorithms for the reduction of the number of points",
     Cartographica 10.
     """
     import shapely
 
-    left = shapely.get_coordinates(shapely.LineString(xy_map_m).simplify(tolerance_m))
+    left = shapely.get_coordinates(shapely.LineString(line).simplify(SIMPLIFIED_M))
     return [(float(x_m), float(y_m)) for x_m, y_m in left]
 
 

@@ -17,6 +17,7 @@ PIECE_M, BIN_M, LOOKS = 0.25, 0.05, 2
 # driven row, from so far aside on, lies a strip that is grown over less than this.
 GROWN_RATIO, FEWEST_PIECES = 0.5, 4
 OUT_BINS, BARE_RATIO = 3, 0.25
+COLUMNS = 1024
 
 
 class Neighbour(NamedTuple):
@@ -75,5 +76,6 @@ def _sort(line: Pose2, at_m: float, places_map_m: FloatArray) -> list[tuple[int,
     near = np.abs(left_m) <= FARTHEST_M
     piece = np.floor((along_m[near] + at_m) / PIECE_M).astype(np.int64)
     column = np.floor(left_m[near] / BIN_M).astype(np.int64)
-    pairs = np.unique(np.column_stack([piece, column]), axis=0)
-    return [(int(p), int(c)) for p, c in pairs]
+    middle = COLUMNS // 2  # a pair as one number is sorted ten times faster
+    pairs = np.unique(piece * COLUMNS + column + middle)
+    return [(pair // COLUMNS, pair % COLUMNS - middle) for pair in pairs.tolist()]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from agribot.autonomy.plan.explore.crop_view import CropView
+from agribot.core.growing_table import GrowingTable
 from agribot.core.messages import FloatArray, MapPoint, Row, RowLine
 from agribot.core.pose import Pose2
 
@@ -30,63 +31,72 @@ SHARED_STD_M = 0.01
 LEAST_BEND_M = 0.05
 
 
+class _Looks:
+    """How often pieces of a row were in view, and how often with crop."""
+
+    def __init__(self) -> None:
+        self.crop: Counter[int] = Counter()
+        self.views: Counter[int] = Counter()
+
+    def add(self, crop: Iterable[int], views: Iterable[int]) -> None:
+        self.crop.update(crop)
+        self.views.update(views)
+
+    def list_grown(self, least: int = LOOKS) -> list[int]:
+        """List pieces that bear crop: so many pictures show it, and a good part of all."""
+        return [
+            piece for piece, looks in self.crop.items()
+            if looks >= least and looks >= CROP_RATIO * self.views[piece]
+        ]  # fmt: skip
+
+
 class FoundRow:
     """Places on it count along `frame`, which begins at the crop that was seen first."""
 
     def __init__(self, index: int, frame: Pose2) -> None:
         self.index, self.frame = index, frame
         self.is_driven = False
-        self._places: list[tuple[float, float]] = []  # along the frame, and to its left
-        self._told = 0  # of these, from beside it
-        self._looks: Counter[int] = Counter()  # at crop in a piece of it
-        self._views: Counter[int] = Counter()  # of a piece of it, with crop or without
-        self._crossed: set[int] = set()  # pieces with crop, seen from astride it
+        self.is_real = True  # a robot that drove it saw crop on it
+        self._places = GrowingTable(2)  # along the frame, and to its left
+        self._told = GrowingTable(2)  # the same, as a robot saw it from beside
+        self._drawn: Row | None = None  # once it is driven, nothing changes any more
+        self._looks, self._astride = _Looks(), _Looks()  # all of them, and those from astride it
         self.pos_std_m = 0.0  # of the robot, 1 sigma, while it looked
 
     @property
     def has_crop(self) -> bool:
-        return bool(self._list_grown())
-
-    def _list_grown(self, least: int = LOOKS) -> list[int]:
-        """List pieces that bear crop: so many pictures show it, and a good part of all."""
-        return [
-            piece for piece, looks in self._looks.items()
-            if looks >= least and looks >= CROP_RATIO * self._views[piece]
-        ]  # fmt: skip
+        return bool(self._looks.list_grown())
 
     @property
     def first_m(self) -> float:
         """Where its crop begins, along its frame."""
-        return min(self._list_grown(), default=0) * LOOK_M
+        return min(self._looks.list_grown(), default=0) * LOOK_M
 
     @property
     def last_m(self) -> float:
         """Where its crop ends."""
-        return (max(self._list_grown(), default=-1) + 1) * LOOK_M
+        return (max(self._looks.list_grown(), default=-1) + 1) * LOOK_M
 
     @property
     def length_m(self) -> float:
         return self.last_m - self.first_m
-
-    @property
-    def is_real(self) -> bool:
-        """Whether a robot that drove it saw crop on it."""
-        return len(self._crossed) * LOOK_M >= REAL_RATIO * self.length_m
 
     def tell(self, left_m: float, pieces: Sequence[int], beside: FoundRow) -> None:
         """Take where it bears crop from a row that it runs beside, which has the same frame."""
         for piece in pieces:
             along_m = (piece + 0.5) * PIECE_M
             first = round(piece * PIECE_M / LOOK_M)
-            for counter in (self._looks, self._views):
-                counter.update(dict.fromkeys(range(first, first + 2), LOOKS))
-            self._places.append((along_m, left_m + beside._fit(along_m, 1.0)[1]))
-        self._told = len(self._places)
+            crop = (first, first + 1) * LOOKS
+            self._looks.add(crop, crop)
+            self._told.append((along_m, left_m + beside._fit(along_m, 1.0)[1]))
 
     def finish(self) -> None:
-        """Note that it was driven: what was told from beside it is not needed any more."""
+        """Note that it was driven: what was seen from beside it is not needed any more."""
         self.is_driven = True
-        del self._places[: self._told]
+        grown_m = len(self._astride.list_grown()) * LOOK_M
+        self.is_real = grown_m >= REAL_RATIO * self.length_m
+        if self.is_real:
+            self._looks, self._told = self._astride, GrowingTable(2)
 
     def add_line(self, line: RowLine, pose: Pose2) -> None:
         """Take in a picture's line that was seen from a pose."""
@@ -101,22 +111,22 @@ class FoundRow:
     def add_crop(self, view: CropView, *, is_astride: bool) -> None:
         """Take in what a picture shows of it; from beside it that also tells where it runs."""
         crop_map_m = view.crop_map_m
-        self._views.update(self._list_seen(view.seen_map_m))
+        seen = self._list_seen(view.seen_map_m)
         along_m, left_m = self.frame.locate(crop_map_m[:, 0], crop_map_m[:, 1])
         off_m = left_m - self._left_m(along_m)
         mine = np.abs(off_m) <= HALF_STRIP_M
         piece, count = np.unique(np.floor(along_m[mine] / LOOK_M), return_counts=True)
         grown = [int(p) for p, n in zip(piece, count, strict=True) if n >= CELLS]
-        self._looks.update(grown)
+        self._looks.add(grown, seen)
         if is_astride:
-            self._crossed.update(grown)
+            self._astride.add(grown, seen)
             return
         near = np.abs(off_m) <= WINDOW_M
         pieces = np.floor(along_m[near] / PIECE_M)
         for each in np.unique(pieces):
             here = pieces == each
             if np.count_nonzero(here) >= CELLS:
-                self._places.append(
+                self._told.append(
                     (float(along_m[near][here].mean()), float(left_m[near][here].mean()))
                 )
 
@@ -132,7 +142,7 @@ class FoundRow:
         on = np.abs(left_m - self._left_m(along_m)) <= CELLS * 0.025
         if not np.any(on):
             return -math.inf
-        pieces = [*self._list_grown(1), math.floor(self.first_m / LOOK_M)]
+        pieces = [*self._looks.list_grown(1), math.floor(self.first_m / LOOK_M)]
         if towards > 0.0:
             return float(along_m[on].max()) - (max(pieces) + 1) * LOOK_M
         return min(pieces) * LOOK_M - float(along_m[on].min())
@@ -149,7 +159,7 @@ class FoundRow:
     ) -> tuple[float, float]:
         low_m, high_m = (BEHIND_M, AHEAD_M) if towards > 0.0 else (AHEAD_M, BEHIND_M)
         low_m, high_m = (low_m, high_m) if reach_m is None else (reach_m, reach_m)
-        places = np.array(self._places).reshape(-1, 2)
+        places = self._list_places()
         near = (places[:, 0] >= along_m - low_m) & (places[:, 0] <= along_m + high_m)
         if np.count_nonzero(near) < FEWEST:
             near = np.ones(len(places), dtype=bool)
@@ -157,6 +167,10 @@ class FoundRow:
             return 0.0, 0.0
         slope, left_m = np.polyfit(places[near, 0] - along_m, places[near, 1], 1)
         return float(slope), float(left_m)
+
+    def _list_places(self) -> FloatArray:
+        places = self._places.to_array()
+        return np.concatenate([places, self._told.to_array()]) if len(self._told) else places
 
     def _left_m(self, along_m: FloatArray) -> FloatArray:
         """Place its line left of the frame, at places (N,) that a picture shows together."""
@@ -181,13 +195,20 @@ class FoundRow:
     @property
     def std_m(self) -> float:
         """1 sigma of its place across, the robot's own place and what pictures share included."""
-        places = np.array(self._places).reshape(-1, 2)
+        places = self._list_places()
         rest_m = [left_m - self._fit(along_m, 1.0)[1] for along_m, left_m in places[::5].tolist()]
         scatter_m = float(np.std(rest_m)) if rest_m else 0.0
         return math.hypot(scatter_m, self.pos_std_m, SHARED_STD_M)
 
     def as_row(self) -> Row:
         """Give its chord, bent as its middle stands off it."""
+        if self._drawn is not None:
+            return self._drawn
+        row = self._draw_chord()
+        self._drawn = row if self.is_driven else None
+        return row
+
+    def _draw_chord(self) -> Row:
         last_m = max(self.last_m, self.first_m + PIECE_M)
         start, end = self._place(self.first_m), self._place(last_m)
         yaw_rad, chord_m = math.atan2(end[1] - start[1], end[0] - start[0]), math.dist(start, end)
