@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from typing import Any, Self
 
 import msgspec
+import numpy as np
 
 from agribot.app import whole_job
 from agribot.app.judge import Judge
@@ -39,11 +40,12 @@ from agribot.core.messages import Path as PlannedPath
 from agribot.core.platform import MixedPlatform, Platform, SensorSource, TrueState
 from agribot.core.row_shape import row_length_m
 from agribot.description.loader import export_urdf
+from agribot.gis.drawn_field import DrawnRow, format_drawn_field
 from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
 from agribot.record.run_figures import explain_absence
 from agribot.record.run_files import write_run_files
-from agribot.record.series import RunData, SeriesTap
+from agribot.record.series import RunData, RunSeries, SeriesTap
 
 ENDED = ("done", "cancelled", "failed")
 COMING_TO_REST_S = 2.0
@@ -191,6 +193,11 @@ class Run:
     def planned_path(self) -> PlannedPath | None:
         return self.stack.mission.path
 
+    @property
+    def finds_rows(self) -> bool:
+        """Whether the robot finds its rows by itself."""
+        return self.task.explorer is not None
+
     def plants(self) -> tuple[MappedPlant, ...]:
         return self.weed_map.plants()
 
@@ -268,6 +275,16 @@ class Run:
             self._say(left_out)
         return report
 
+    def _draw_field(self, series: RunSeries) -> str:
+        """Draw the rows that the robot found; empty where it found none."""
+        explorer = self.task.explorer
+        rows = explorer.draw() if explorer is not None else []
+        if not rows:
+            return ""
+        track = np.column_stack([series.x_map_m, series.y_map_m])
+        drawn = [DrawnRow(line, std_m) for line, std_m in rows]
+        return format_drawn_field(drawn, track, self.config.field.datum)
+
     def _tick(self) -> TickRecord:
         self.last = self.stack.tick(self.platform)
         return self.last
@@ -324,9 +341,11 @@ class Run:
             self._tell(record.batch.t_s, str(error))
 
     def _data(self) -> RunData:
+        series = self.job.series(self._series.series())
         return RunData(
             config=self.config,
-            series=self.job.series(self._series.series()),
+            series=series,
+            drawn_field=self._draw_field(series),
             rows=self.rows,
             zones=self.stack.treatment.zones,
             plan=self.stack.mission.path,

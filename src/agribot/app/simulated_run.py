@@ -15,6 +15,7 @@ from agribot.app.run_world import make_run_world
 from agribot.app.truth_log import TruthLog
 from agribot.app.whole_job import JobSoFar
 from agribot.autonomy.perception_host import PerceptionHost
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import RunConfig
@@ -65,6 +66,8 @@ class SimulatedRun(Run):
             _find_boundary(task, setup.config),
             made.find_true_row,
         )
+        if task.explorer is not None:
+            self.referee.take_true_rows(lay_rows(setup.config.field))
         if self.simulator.faults is not None:
             stack.perception = self._let_hang(stack.perception, self.simulator.faults)
         stack.mask_taps.append(self.referee.judge_mask)
@@ -103,6 +106,8 @@ class SimulatedRun(Run):
                 self.recording.fill_disk(is_full=is_on)
 
     def _show_truth(self, record: TickRecord) -> None:
+        if self.task.explorer is not None:
+            self.referee.match_rows(self.task.rows)
         if self.simulator.faults is not None:
             self._note_faults(record.batch.t_s, self.simulator.faults)
         truth = self.simulator.truth()

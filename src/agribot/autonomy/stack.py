@@ -28,6 +28,7 @@ from agribot.core.latch import Latch
 from agribot.core.messages import (
     ByteArray,
     CameraFrame,
+    Estimate,
     RobotCommand,
     Scene,
     TickRecord,
@@ -79,10 +80,11 @@ class Stack:
                 continue
             self.weed_map.add(scene)
             self.localizer.observe(scene)
+            self._explore(scene, estimate)
         takeover = self.hand.update(batch)
         self.treatment.apply_events(batch.events)
         self.mission.heed(self.supervisor.warning)
-        on_rows = estimate.relate_to_rows()
+        on_rows = self.mission.relate_to_path(estimate)
         goal = self.mission.step(on_rows, (*batch.events, *takeover))
         self._follow_task()
         drive, tracking = self.follower.step(on_rows, goal)
@@ -105,6 +107,12 @@ class Stack:
         for tap in self.taps:
             tap(record)
         return record
+
+    def _explore(self, scene: Scene, estimate: Estimate) -> None:
+        """Show a picture to whatever finds the rows of the task."""
+        explorer, pose = self.mission.task.explorer, self.localizer.place(scene.t_s)
+        if explorer is not None and pose is not None:
+            explorer.see(scene, pose, estimate.pos_std_m)
 
     def _follow_task(self) -> None:
         """Look for the rows of a field plan that was taken under way."""
@@ -147,6 +155,8 @@ def build(
     localizer = Localizer(config.estimate, config.field, robot)
     if task.work is not None:
         localizer.take_rows(find_rows(task.work, config.field.plant_spacing_m))
+    elif task.explorer is not None:
+        localizer.take_rows(MappedRows(()))
     return Stack(
         localizer=localizer,
         perception=perception,

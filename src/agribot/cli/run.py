@@ -50,10 +50,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="what drives: sim (default), or module:function of your own",
     )
     parser.add_argument("--waypoints", metavar="FILE", help="visit these places (GeoJSON or CSV)")
+    parser.add_argument("--task", choices=("rows", "explore"),
+                        help="drive the rows of the field (default), or find them by camera and "
+                             "draw them as field.geojson")  # fmt: skip
     parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
     parser.add_argument("--field", metavar="FILE", help="plan this field (GeoJSON) and work it")
     parser.add_argument("--implement-width", type=finite, metavar="M",
                         help="for --field (default: that of the robot)")  # fmt: skip
+    parser.add_argument("--margin", type=finite, metavar="M",
+                        help="for --field: from the robot to every edge (default: 0.05); 2.5 for a "
+                             "receiver without corrections")  # fmt: skip
     parser.add_argument("--resume", metavar="RUNDIR", help="go on with a run that was cut off")
     parser.add_argument(
         "--clear-stop",
@@ -172,13 +178,16 @@ def _plan_field(config: RunConfig, options: argparse.Namespace) -> str:
 
     Raises: MissionError: no field, or one that cannot be worked, and why.
     """
-    from agribot.app.field_work import plan_field_file
+    from agribot.app.field_work import MARGIN_M, plan_field_file
     from agribot.description.loader import load_robot
     from agribot.gis.plan_file import format_plan
 
     robot = load_robot(config.robot)
+    margin_m = MARGIN_M if options.margin is None else options.margin
+    if not 0.0 <= margin_m <= 10.0:
+        raise MissionError(f"--margin {margin_m:g}: must be from 0 to 10")
     saved, certificate = plan_field_file(
-        Path(options.field), config, robot, options.implement_width
+        Path(options.field), config, robot, options.implement_width, margin_m
     )
     if not certificate.ok:
         problem = certificate.problems[0]

@@ -24,6 +24,7 @@ _SHORT_FOR = {
     "robot": "robot",
     "waypoints": "waypoints",
     "plan": "plan",
+    "task": "task",
     "seed": "seed",
     "platform": "platform",
     "sensors": "sim.sensors",

@@ -143,6 +143,8 @@ class SafetyConfig(Config, frozen=True):
     # position, along its body and across it; such a robot may get over it by `fence_unsure_m`.
     fence_unsure_m: NonNegative = 0.3
     fence_sigma: NonNegative = 2.0  # how many 1 sigma of the position the boundary is kept for
+    # The same with a receiver without carrier corrections, whose errors last: nothing is forgiven.
+    fence_single_sigma: NonNegative = 3.5
     hand_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.2  # of a request to drive
     # Whoever had the seat of the page is gone, or its server is: the mission goes on or pauses.
     on_operator_lost: Literal["continue", "pause"] = "continue"
@@ -237,6 +239,8 @@ class RunConfig(Config, frozen=True):
     world: str = "Farm"  # what is simulated: a packaged name or an SDF file
     robot: str = "agribot"  # its description: a packaged name, URDF or xacro
     waypoints: str = ""  # a file of places to visit, the task instead of the rows of the field
+    # Drive the rows of the field, or find and draw those of a field that nobody mapped.
+    task: Literal["rows", "explore"] = "rows"
     plan: str = ""  # a certified field plan, the task instead of the rows of the field
     tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0  # of the control loop
     duration_s: Positive | None = None  # the run ends after it; none: with its mission

@@ -224,7 +224,8 @@ HAZARDS = (
            faults=("gnss.jump", "gnss.wrong_fix", "gnss.frozen", "carried")),
     Hazard(name="leaves the field, or the box around its path",
            seen_by="position and its sigma, footprint, braking distance",
-           limit="`safety.fence_tolerance_m`, `safety.fence_sigma`, `safety.geofence_margin_m`",
+           limit="`safety.fence_tolerance_m`, `safety.fence_sigma`, `safety.fence_single_sigma`, "
+                 "`safety.geofence_margin_m`",
            reaction="wait", find=_beyond_fence, check="field"),
     Hazard(name="no mission runs", seen_by="mission", limit="-", reaction="wait",
            find=_mission_idle),
