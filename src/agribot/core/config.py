@@ -19,6 +19,7 @@ import tomli_w
 
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum
+from agribot.core.messages import SafetyInput
 from agribot.core.platforms import find_platform
 from agribot.core.suggestions import suggest_name
 
@@ -157,6 +158,9 @@ class SafetyConfig(Config, frozen=True):
     # Below it the robot goes home, where only the voltage is known.
     low_battery_v: NonNegative = 0.0
     empty_battery_v: NonNegative = 0.0  # below it the robot stands, where only the voltage is known
+    # Inputs that the motor board must tell of (red button, bumper, battery, motors), or the robot
+    # stands; None: those that the platform must have.
+    must_report: tuple[SafetyInput, ...] | None = None
     clock_jump_s: Positive = 1.0  # between two ticks; the motor board has stopped by then
 
 
@@ -203,6 +207,7 @@ class SourceConfig(Config, frozen=True):
     mag: str = ""  # magnetometer
     wheels: str = ""  # encoders
     camera: str = ""  # pictures
+    base: str = ""  # the motor board of `platform = "hardware"`: serial:/dev/ttyACM0?board=agribot
     others: str = ""  # what has no name of its own here: `OtherSample`
 
 

@@ -48,6 +48,7 @@ from agribot.core.messages.sensors import (
     WHEEL_NAMES,
     BaseFix,
     BatterySample,
+    BoardSample,
     BumperSample,
     CameraFrame,
     GnssFix,
@@ -56,6 +57,7 @@ from agribot.core.messages.sensors import (
     ImuSample,
     MagSample,
     OtherSample,
+    SafetyInput,
     SensorBatch,
     WheelSample,
 )
@@ -63,11 +65,11 @@ from agribot.core.messages.tick import TickRecord, Tracking
 
 __all__ = [
     "ALL_FINE", "FINE", "INBOX_LIMIT", "LIVE_SETTINGS", "SENSOR_WATCH", "STOP", "WHEEL_NAMES",
-    "BaseFix", "BatterySample", "BumperSample", "ByteArray", "CameraFrame", "Check", "CropCover",
-    "DriveCommand", "Estimate", "FloatArray", "Four", "GateState", "GateStatus", "GnssFix",
-    "GnssHeading", "GnssQuality", "Goal", "GroundPlant", "HandDrive", "ImplementCommand",
+    "BaseFix", "BatterySample", "BoardSample", "BumperSample", "ByteArray", "CameraFrame", "Check",
+    "CropCover", "DriveCommand", "Estimate", "FloatArray", "Four", "GateState", "GateStatus",
+    "GnssFix", "GnssHeading", "GnssQuality", "Goal", "GroundPlant", "HandDrive", "ImplementCommand",
     "ImuSample", "Inbox", "MagSample", "MapPoint", "MappedPlant", "MissionState", "MissionStatus",
     "OperatorAction", "OperatorEvent", "OtherSample", "Path", "PlantClass", "RequestAnswer",
-    "RobotCommand", "Row", "RowLine", "Scene", "SensorBatch", "SensorState", "SensorVerdict",
-    "SensorVerdicts", "TickRecord", "Tracking", "Vec3", "WheelSample",
+    "RobotCommand", "Row", "RowLine", "SafetyInput", "Scene", "SensorBatch", "SensorState",
+    "SensorVerdict", "SensorVerdicts", "TickRecord", "Tracking", "Vec3", "WheelSample",
 ]  # fmt: skip
