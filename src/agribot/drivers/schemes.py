@@ -21,6 +21,7 @@ from agribot.core.platform import Sensor, SensorSource
 from agribot.core.robot import RobotSpec
 
 Opened = TypeVar("Opened")
+BASE = "base"  # the motor board, which `platform = "hardware"` opens itself
 _SENSOR_OF: dict[str, Sensor] = {"camera": "frames"}  # settings name it for people
 
 
@@ -131,11 +132,12 @@ def read_uri(option: str, uri: str, name: str = "") -> SourceUri:
 
 
 def read_sources(sources: SourceConfig) -> dict[str, SourceUri]:
-    """Sensor -> URI, of those that come from elsewhere.
+    """Sensor -> URI, of those that come from elsewhere; `base` is no sensor.
 
     Raises: ConfigError: a URI that means nothing.
     """
     wanted = msgspec.structs.asdict(sources)
+    del wanted[BASE]
     return {name: read_uri("--source", uri, f"{name}=") for name, uri in wanted.items() if uri}
 
 
