@@ -122,13 +122,17 @@ class SampleQueue(Generic[Sample]):
         *,
         latency_s: float = 0.0,
         is_of_its_own: bool = False,
+        longest: int = QUEUE_SAMPLES,
     ) -> None:
-        """`is_of_its_own` says that the other clock is never the robot's."""
+        """`is_of_its_own` says that the other clock is never the robot's.
+
+        Of more than `longest` samples that nobody took, the oldest are lost.
+        """
         self.now_s, self._latency_s = now_s, latency_s
-        self._arrived: deque[_Arrival] = deque(maxlen=QUEUE_SAMPLES)
+        self._arrived: deque[_Arrival] = deque(maxlen=longest)
         self._ticks = TickClock()
         self._clock = StampClock(is_of_its_own=is_of_its_own)
-        self._timed: deque[tuple[float, Sample]] = deque(maxlen=QUEUE_SAMPLES)  # by capture time
+        self._timed: deque[tuple[float, Sample]] = deque(maxlen=longest)  # by capture time
         self._last_s = -1.0
 
     @property
