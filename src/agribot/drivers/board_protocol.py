@@ -81,6 +81,8 @@ class AckResult(IntEnum):
 
 
 class BoardKind(IntEnum):
+    """Which of the boards it is."""
+
     MOTOR = 1
     IMU = 2
 
@@ -128,8 +130,8 @@ class BoardConfig(BoardMessage, frozen=True, kw_only=True):
     full_speed_countps: Annotated[int, Wire("u16", unit="count/s")]  # at full duty, no load
     max_speed_countps: Annotated[int, Wire("u16", unit="count/s")]
     max_accel_countps2: Annotated[int, Wire("u16", scale=10.0, unit="count/s²")]
-    kp_ratio: Annotated[float, Wire("u16", scale=1 / 256, unit="1")] = 0.75
-    ti_s: Annotated[float, Wire("u16", scale=0.001, unit="s")] = 0.15
+    kp_ratio: Annotated[float, Wire("u16", scale=1 / 256, unit="1")] = 1.0
+    ti_s: Annotated[float, Wire("u16", scale=0.001, unit="s")] = 0.25
     current_limit_a: Annotated[float, Wire("u16", scale=0.001, unit="A")] = 10.0
     battery_cutoff_v: Annotated[float, Wire("u16", scale=0.001, unit="V")] = 18.0
     motor_flips: Annotated[int, Wire("u8", unit="bits")] = 0
