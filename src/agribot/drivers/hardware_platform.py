@@ -11,14 +11,10 @@ import math
 import time
 from collections.abc import Callable
 
-import msgspec
-
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.messages import (
     SENSOR_WATCH,
-    STOP,
-    ImplementCommand,
     Inbox,
     OperatorEvent,
     RobotCommand,
@@ -26,16 +22,14 @@ from agribot.core.messages import (
     SensorBatch,
 )
 from agribot.core.robot import RobotSpec
-from agribot.core.stamp_clock import SampleQueue
 from agribot.drivers.board_kinds import open_board
+from agribot.drivers.board_link import BoardLink
 from agribot.drivers.byte_streams import ByteStream, OpenStream, StreamReader
-from agribot.drivers.motor_board import BoardReport, MotorBoard
+from agribot.drivers.motor_board import MotorBoard
 from agribot.drivers.stream_writer import StreamWriter
 
 FIRST_REPORT_S = 5.0  # a board that the line's opening resets starts for two of them
 POLL_S = 0.02
-# A person cleared the stop: the board is told so until it has let go, but no longer.
-CLEARING_S = 2.0
 UNSURE_CLOCK_S = 0.02  # capture times that are off by more are told
 
 
@@ -60,18 +54,13 @@ class HardwarePlatform:
         Raises: ConfigError: no such line. PlatformError: a board that is silent or unfit.
         """
         self.inbox = Inbox()
-        self._drive, self._period_s, self._board = robot.drive, 1.0 / tick_hz, board
+        self._period_s = 1.0 / tick_hz
         self._name, self._now_s = f"motor board on {name}", now_s
-        # The IMU's readings may have the times of the others: each kind has a queue of its own.
-        self._queue, self._imu_queue = (
-            SampleQueue[BoardReport](now_s, latency_s=board.latency_s, is_of_its_own=True)
-            for _ in range(2)
-        )
-        self._has_spoken = self._is_unsure = False
+        self._link = BoardLink(board, robot.drive, now_s)
+        self._is_unsure = False
         self._began_s, self._tick = math.nan, 0
-        self._clearing_until_s = -math.inf
         self._reader = StreamReader(
-            self._name, open_stream, self._take_bytes, now_s, self._note, self._greet
+            self._name, open_stream, self._link.feed, now_s, self._note, self._greet
         )
         self._writer = StreamWriter(self._name, self._reader.write, now_s)
         try:
@@ -83,58 +72,37 @@ class HardwarePlatform:
     def read(self) -> SensorBatch:
         """Wait for the next tick and return what arrived until then."""
         t_s = self._wait_for_tick()
-        reports = [_stamp(report) for report in self._queue.take(t_s)]
-        readings = [_stamp(report) for report in self._imu_queue.take(t_s)]
+        told = self._link.take(t_s)
         self._watch_clock()
         events, hand = self.inbox.drain(t_s)
-        batch = SensorBatch(
-            t_s=t_s,
-            wheels=tuple(r.wheels for r in reports if r.wheels),
-            imu=tuple(r.imu for r in readings if r.imu),
-            mag=tuple(r.mag for r in readings if r.mag),
-            battery=tuple(r.battery for r in reports if r.battery),
-            bumper=tuple(r.bumper for r in reports if r.bumper),
-            board=tuple(r.board for r in reports if r.board),
-            events=events,
-            hand=hand,
-        )
-        self._clear_stop(batch)
-        return batch
+        self._writer.send(self._link.clear(t_s, events, told["board"]))
+        return SensorBatch(t_s=t_s, events=events, hand=hand, **told)
 
     def write(self, command: RobotCommand) -> None:
         """Send a command to the board; the line may take its time.
 
         Raises: PlatformError: a number is not finite.
         """
-        drive = command.drive
-        left, right = self._drive.wheel_speeds_radps(drive.v_mps, drive.yaw_rate_radps)
-        if not math.isfinite(left + right):
-            raise PlatformError(
-                f"drive command v = {drive.v_mps} m/s, yaw rate = {drive.yaw_rate_radps} rad/s "
-                "is not finite; the motor board is not told"
-            )
-        speeds = (right, left, right, left)
-        self._writer.send(self._board.poll() + self._board.drive(speeds, command.implement))
+        self._writer.send(self._link.command(command))
 
     def close(self) -> None:
         """Stop the wheels and the tool, and let go of the line. Safe to call twice."""
-        still = self._drive.wheel_speeds_radps(STOP.v_mps, STOP.yaw_rate_radps)
-        self._writer.send(self._board.drive((*still, *still), ImplementCommand()))
+        self._writer.send(self._link.stop())
         self._writer.close()
         self._reader.close()
 
     def _await_board(self) -> None:
         """Wait for the first report, for a while."""
         until_s = self._now_s() + FIRST_REPORT_S
-        while not self._has_spoken:
-            if self._board.trouble:
-                raise PlatformError(f"{self._name}: {self._board.trouble}")
+        while not self._link.has_spoken:
+            if self._link.board.trouble:
+                raise PlatformError(f"{self._name}: {self._link.board.trouble}")
             if self._now_s() > until_s:
                 raise PlatformError(
                     f"{self._name}: says nothing that can be read for {FIRST_REPORT_S:g} s; check "
                     "its power, and board= and baud= of --source base"
                 )
-            self._writer.send(self._board.poll())
+            self._writer.send(self._link.board.poll())
             time.sleep(POLL_S)
 
     def _wait_for_tick(self) -> float:
@@ -150,31 +118,11 @@ class HardwarePlatform:
         return t_s
 
     def _greet(self, stream: ByteStream) -> None:
-        stream.write(self._board.open())
-
-    def _take_bytes(self, data: bytes, arrived_s: float) -> None:
-        """In the thread of the line."""
-        for stamped in self._board.feed(data):
-            is_imu = stamped.report.imu is not None
-            self._has_spoken |= not is_imu
-            (self._imu_queue if is_imu else self._queue).put(
-                stamped.stamp_s, arrived_s, stamped.report
-            )
-
-    def _clear_stop(self, batch: SensorBatch) -> None:
-        """Tell the board that a person cleared the stop, until it has let go."""
-        actions = [event.action for event in batch.events]
-        if "clear_stop" in actions:
-            self._clearing_until_s = batch.t_s + CLEARING_S
-        last = batch.board[-1] if batch.board else None
-        if "stop" in actions or (last is not None and last.is_button_pressed):
-            self._clearing_until_s = -math.inf
-        if batch.t_s < self._clearing_until_s and last is not None and last.stopped:
-            self._writer.send(self._board.clear_stop())
+        stream.write(self._link.board.open())
 
     def _watch_clock(self) -> None:
         """Tell when the board's times are not to be relied on, and when they are again."""
-        unsure_s = self._queue.uncertainty_s
+        unsure_s = self._link.uncertainty_s
         is_unsure = UNSURE_CLOCK_S < unsure_s < math.inf
         if is_unsure != self._is_unsure:
             self._is_unsure = is_unsure
@@ -188,16 +136,6 @@ class HardwarePlatform:
                 t_s=0.0, action="note", source=SENSOR_WATCH, text=text, value=float(is_fault)
             )
         )
-
-
-def _stamp(report: BoardReport) -> BoardReport:
-    """Give the parts the time of their report."""
-    parts = {
-        name: msgspec.structs.replace(part, t_s=report.t_s)
-        for name, part in msgspec.structs.asdict(report).items()
-        if isinstance(part, msgspec.Struct)
-    }
-    return msgspec.structs.replace(report, **parts)
 
 
 def check_inputs(board: MotorBoard, name: str, must_report: tuple[SafetyInput, ...]) -> None:
