@@ -9,6 +9,12 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from agribot.app import whole_job
+from agribot.app.firmware_platform import (
+    BOARD_HZ,
+    FirmwareMotors,
+    FirmwarePlatform,
+    open_bench,
+)
 from agribot.app.run import Run
 from agribot.app.run_setup import RunSetup, prepare_run
 from agribot.app.run_world import make_run_world
@@ -19,7 +25,7 @@ from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import RunConfig
 from agribot.core.messages import FloatArray, TickRecord
-from agribot.core.platform import TrueState
+from agribot.core.platform import Platform, TrueState
 from agribot.core.world import WorldSpec
 from agribot.record.events import Event
 from agribot.record.series import RunData
@@ -48,14 +54,19 @@ class SimulatedRun(Run):
         made = make_run_world(setup.config)
         self.world = _place_robot(made.world, setup)
         self._drawn = made.conditions
-        self.simulator = SimPlatform(
-            setup.config,
-            made.alter_robot(setup.described),
-            self.world,
-            board=setup.robot.drive,
-            began_s=setup.earlier.sim_s,
-        )
         stack = setup.build_stack()
+        described = made.alter_robot(setup.described)
+        is_firmware = setup.config.platform == "firmware"
+        bench = open_bench() if is_firmware else None
+        self.simulator = SimPlatform(
+            msgspec.structs.replace(setup.config, tick_hz=BOARD_HZ) if is_firmware
+            else setup.config,
+            described, self.world, board=setup.robot.drive, began_s=setup.earlier.sim_s,
+            driver=FirmwareMotors(bench, described.drive) if is_firmware else None,
+        )  # fmt: skip
+        platform: Platform = self.simulator
+        if is_firmware:
+            platform = FirmwarePlatform(setup.config, setup.robot, self.simulator, bench)
         task = stack.mission.task
         self.referee = Referee(
             self.simulator,
@@ -70,7 +81,7 @@ class SimulatedRun(Run):
         stack.mask_taps.append(self.referee.judge_mask)
         truth_log = TruthLog(self.simulator, self.world, self._log)
         taps = (self._show_truth, self.referee, truth_log)
-        super().__init__(setup, self.simulator, stack, taps, self.referee)
+        super().__init__(setup, platform, stack, taps, self.referee)
 
     @property
     def truth(self) -> Callable[[], TrueState]:

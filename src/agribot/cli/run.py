@@ -49,8 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--platform",
         metavar="NAME",
-        help="what drives: sim (default), hardware with --source base=..., or module:function of "
-        "your own",
+        help="what drives: sim (default), firmware (the simulator with the board's real firmware), "
+        "hardware with --source base=..., or module:function of your own",
     )
     parser.add_argument(
         "--arm",

@@ -236,7 +236,8 @@ class RunConfig(Config, frozen=True):
     profile: str = "farm"  # the settings that a run begins with: a packaged name or a TOML file
     # Of all randomness; up to what TOML and JSON readers take.
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
-    platform: str = "sim"  # what drives: `sim`, a registered platform, or module:function
+    # What drives: `sim`, `firmware`, `hardware`, a registered platform, or module:function.
+    platform: str = "sim"
     world: str = "Farm"  # what is simulated: a packaged name or an SDF file
     robot: str = "agribot"  # its description: a packaged name, URDF or xacro
     waypoints: str = ""  # a file of places to visit, the task instead of the rows of the field

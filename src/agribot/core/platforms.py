@@ -47,6 +47,10 @@ class PlatformKind(NamedTuple):
 
 _KINDS: dict[str, PlatformKind] = {
     "sim": PlatformKind(opener=None, extra="sim"),
+    # The simulator, whose motor board is real firmware.
+    "firmware": PlatformKind(
+        opener=None, extra="sim", must_report=("red button", "bumper", "battery", "motors")
+    ),
     "hardware": PlatformKind(
         "agribot.drivers.hardware_platform:open_platform",
         extra="hardware",
