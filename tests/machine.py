@@ -18,12 +18,14 @@ PACKAGES = {
     "check_urdf": "liburdfdom-tools",
     "chromium": "chromium",
     "gpsd": "gpsd",
+    "gpsfake": "gpsd-clients",
     "g++": "g++ libfastrtps-dev",
     "ign": "ignition-tools libsdformat-dev",
     "openssl": "openssl",
     "roscore": "python3-roslaunch python3-rostopic python3-rosbag",
     "roslaunch": "python3-roslaunch",
     "simavr": "gcc simavr libsimavr-dev",
+    "str2str": "rtklib",
     "rviz": "rviz xvfb joint-state-publisher ros-robot-state-publisher",
 }
 OTHER_NAMES = {"chromium": ("chromium-browser",)}

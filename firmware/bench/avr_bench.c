@@ -132,14 +132,21 @@ static avr_irq_t *find_pin(bench_t *bench, char port, int bit) {
   return avr_io_getirq(bench->avr, AVR_IOCTL_IOPORT_GETIRQ(port), bit);
 }
 
-/* Pull at a pin of port B or L, harder than its pull-up. */
+/* Pull at a pin of port B or L. */
 void bench_set_pin(bench_t *bench, char port, int bit, int is_high) {
-  uint8_t *levels = bench->is_high[port == 'L'];
-  levels[bit] = is_high;
-  avr_ioport_external_t outside = {.name = port, .mask = 0xFF, .value = 0};
-  for (int k = 0; k < 8; k++) outside.value |= (levels[k] != 0) << k;
-  avr_ioctl(bench->avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(port), &outside);
+  uint8_t *level = &bench->is_high[port == 'L'][bit];
+  if (*level == is_high) return;
+  *level = is_high;
   avr_raise_irq(find_pin(bench, port, bit), is_high);
+}
+
+/* Where the program writes to a port, what pulls from outside is stronger than its pull-ups. */
+static void hold_pins(bench_t *bench) {
+  for (int port = 0; port < 2; port++) {
+    avr_ioport_external_t outside = {.name = "BL"[port], .mask = 0xFF, .value = 0};
+    for (int bit = 0; bit < 8; bit++) outside.value |= bench->is_high[port][bit] << bit;
+    avr_ioctl(bench->avr, AVR_IOCTL_IOPORT_SET_EXTERNAL(outside.name), &outside);
+  }
 }
 
 void bench_set_voltage(bench_t *bench, int channel, int mv) {
@@ -282,6 +289,8 @@ int bench_send(bench_t *bench, const uint8_t *bytes, int count) {
   return taken;
 }
 
+int bench_waiting(const bench_t *bench) { return bench->to_head - bench->to_tail; }
+
 /* Let the program hang where it is: an instruction that jumps to itself. */
 void bench_hang(bench_t *bench) {
   avr_t *avr = bench->avr;
@@ -317,6 +326,7 @@ int bench_run(bench_t *bench, uint64_t cycles) {
   avr_t *avr = bench->avr;
   avr_cycle_count_t end = avr->cycle + cycles;
   int state = avr->state;
+  hold_pins(bench);
   avr_cycle_timer_cancel(avr, on_end, bench);
   avr_cycle_timer_register(avr, cycles, on_end, bench); /* sleep goes no further */
   while (avr->cycle < end) {

@@ -45,6 +45,7 @@ _SIGNATURES: dict[str, tuple[list[object], object]] = {
     "resets": ([ctypes.c_void_p], ctypes.c_uint32),
     "receive": ([ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int], ctypes.c_int),
     "send": ([ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int], ctypes.c_int),
+    "waiting": ([ctypes.c_void_p], ctypes.c_int),
     "hang": ([ctypes.c_void_p], None),
     "run": ([ctypes.c_void_p, ctypes.c_uint64], ctypes.c_int),
 }  # fmt: skip
@@ -162,6 +163,11 @@ class AvrBench:
         if self._library.bench_send(self._bench, data, len(data)) < len(data):
             raise RuntimeError(f"{len(data)} bytes are too many at once; advance in between")
 
+    @property
+    def waiting(self) -> int:
+        """How many bytes on the line the board has not heard yet."""
+        return int(self._library.bench_waiting(self._bench))
+
     def receive(self) -> bytes:
         """Take the bytes that the board has sent."""
         count = self._library.bench_receive(self._bench, self._buffer, LINE_BYTES)
@@ -198,6 +204,10 @@ class AvrBench:
     def plug_imu(self, *, is_there: bool) -> None:
         """Unplug the IMU or plug it in; then it begins as a chip does that gets its power."""
         self._library.bench_plug_imu(self._bench, int(is_there))
+
+    def get_register(self, chip: int, which: int) -> int:
+        """Get a register of the MPU or the MAG, as the program has set it."""
+        return int(self._library.bench_get_register(self._bench, chip, which))
 
     def hang(self) -> None:
         """Let the program hang where it is, until it is reset."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import time
 from typing import Any
 
 import pytest
@@ -19,6 +20,7 @@ from agribot.drivers.board_codec import (
     stuff,
     unstuff,
 )
+from tests.drivers.board_bytes import make_all, make_line, make_state
 
 RANGES = {
     "u8": (0, 255), "i8": (-128, 127), "u16": (0, 65535), "i16": (-32768, 32767),
@@ -44,25 +46,6 @@ def messages(draw: st.DrawFn, sender: str = "board") -> table.BoardMessage:
         values[name] = tuple(scaled) if wire.length > 1 else make(scaled[0])
     made: table.BoardMessage = FORMATS[message.number].message(**values)
     return made
-
-
-def make_state(**changes: Any) -> table.BoardState:
-    values = {
-        "t_us": 1_234_567, "counts": (1, -2, 300_000, 0), "speed_countps": (5, -6, 7, 0),
-        "duty_ratio": (0.5, -0.25, 0.0, 1.0), "current_a": (0.1, 0.0, 2.5, 12.0),
-        "battery_v": 24.123, "flags": table.BoardFlag.NO_COMMAND,
-        "stop_causes": table.StopCause(0), "motor_faults": 0, "tool": 0, "command_seq": 0,
-        "bad_frames": 0, "encoder_errors": 0,
-    }  # fmt: skip
-    return table.BoardState(**{**values, **changes})
-
-
-def make_line(count: int) -> tuple[list[bytes], list[BoardFrame]]:
-    """Make the frames that a board sends, and what is in them."""
-    encoder = BoardEncoder()
-    sent = [make_state(t_us=10_000 * k, counts=(k, 0, 0, -k)) for k in range(count)]
-    frames = [encoder.encode(state)[1] for state in sent]
-    return frames, [BoardFrame(k & 0xFF, state) for k, state in enumerate(sent)]
 
 
 @given(st.binary(max_size=600))
@@ -184,3 +167,14 @@ def test_every_type_has_one_number_and_fits_a_frame() -> None:
 def test_telemetry_takes_half_of_the_line_at_most() -> None:
     size = sum(FORMATS[m.number].struct.size + 4 for m in (table.BoardState, table.BoardImu))
     assert size * table.TELEMETRY_HZ * 10 < table.BAUD / 2
+
+
+def test_a_second_of_the_line_takes_a_fiftieth_of_it_to_read() -> None:
+    encoder, decoder = BoardEncoder(), BoardDecoder()
+    state, _, imu, _ = make_all()
+    pair = [encoder.encode(state)[1] + encoder.encode(imu)[1] for _ in range(300)]
+    begun_s = time.process_time()
+    found = [frame for data in pair for frame in decoder.feed(data)]
+    rate_byteps = sum(map(len, pair)) / (time.process_time() - begun_s)
+    assert len(found) == 600
+    assert rate_byteps > 50 * table.BAUD / 10

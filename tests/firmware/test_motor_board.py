@@ -29,6 +29,7 @@ from agribot.drivers.board_protocol import (
     StopCause,
 )
 from tests.firmware.board_on_bench import (
+    COUNTS_PER_RAD,
     MAX_ACCEL_RADPS2,
     MAX_RADPS,
     REST,
@@ -87,6 +88,23 @@ def test_every_edge_of_every_encoder_is_counted(board: BoardOnBench) -> None:
     assert board.state.encoder_errors == 0
 
 
+def test_encoders_of_ten_thousand_counts_a_turn_are_counted_at_full_speed(
+    board: BoardOnBench,
+) -> None:
+    fast_countps = 26_000  # 10,240 counts a turn at 16 rad/s
+    speed_radps = fast_countps / COUNTS_PER_RAD
+    board.run(0.05)
+    for _ in range(40):
+        board.bench.advance(0.01, (speed_radps, -speed_radps, speed_radps, -0.999 * speed_radps))
+    board.is_blocked[:] = True
+    board.run(0.05)
+    assert min(map(abs, board.bench.counts)) > 10_000
+    assert board.state.counts == board.bench.counts
+    assert board.state.encoder_errors == 0
+    assert (board.decoder.lost, board.decoder.bad) == (0, 0)
+    assert len(board.get_all(BoardState)) == pytest.approx(0.5 * TELEMETRY_HZ, abs=1)
+
+
 def test_inertia_and_field_arrive_to_one_count(board: BoardOnBench) -> None:
     accel, gyro, field = (0.5, -1.25, 9.6), (0.02, -0.5, 1.5), (21e-6, -4.5e-6, -40e-6)
     board.bench.set_imu(accel, gyro, 33.0)
@@ -107,7 +125,7 @@ def test_voltage_and_currents_are_told(board: BoardOnBench) -> None:
     assert board.state.current_a == pytest.approx((1.0, 2.0, 0.0, 8.0), abs=0.11)
 
 
-@pytest.mark.parametrize(("lag_s", "gain"), [(0.03, 0.8), (0.1, 1.2), (0.3, 0.8), (0.3, 1.2)])
+@pytest.mark.parametrize(("lag_s", "gain"), [(0.02, 0.8), (0.1, 1.2), (0.3, 0.8), (0.3, 1.2)])
 def test_wheels_reach_their_speed_and_overshoot_by_a_tenth_at_most(
     make_board: MakeBoard, lag_s: float, gain: float
 ) -> None:
@@ -306,12 +324,14 @@ def test_no_bytes_on_the_line_move_the_robot_or_stop_its_states(
     board: BoardOnBench, blocks: tuple[int, ...]
 ) -> None:
     rng = np.random.default_rng(1)
+    board.run(0.05)
     for block in blocks:
         data = rng.bytes(1000) if block % 2 else make_wrong_frames(rng)
         board.bench.send(data)
-        board.bench.advance(len(data) / 24_000, REST)
-        assert not board.is_moving
-        board.decoder.feed(board.bench.receive())
+        while board.bench.waiting:
+            board.bench.advance(0.02, REST)
+            assert not board.is_moving
+            board.decoder.feed(board.bench.receive())
     board.run(0.1)
     assert board.bench.resets == 0
     lost, bad = board.decoder.lost, board.decoder.bad

@@ -122,7 +122,8 @@ class AskVersion(BoardMessage, frozen=True, kw_only=True):
 class BoardConfig(BoardMessage, frozen=True, kw_only=True):
     """How this robot's motor board works; answered. Without it the wheels do not turn.
 
-    `kp_ratio` is duty per speed error, both as shares of full; `ti_s` is the integral's time.
+    `full_speed_countps` is what the motors reach without load; `kp_ratio` is duty per speed error,
+    both as shares of full: above 2 a wheel in the air shakes. `ti_s` is the integral's time.
     Bit k of the flips turns motor or encoder of wheel k round.
     """
 
@@ -131,7 +132,7 @@ class BoardConfig(BoardMessage, frozen=True, kw_only=True):
     full_speed_countps: Annotated[int, Wire("u16", unit="count/s")]  # at full duty, no load
     max_speed_countps: Annotated[int, Wire("u16", unit="count/s")]
     max_accel_countps2: Annotated[int, Wire("u16", scale=10.0, unit="count/s²")]
-    kp_ratio: Annotated[float, Wire("u16", scale=1 / 256, unit="1")] = 1.0
+    kp_ratio: Annotated[float, Wire("u16", scale=1 / 256, unit="1")] = 1.5
     ti_s: Annotated[float, Wire("u16", scale=0.001, unit="s")] = 0.25
     current_limit_a: Annotated[float, Wire("u16", scale=0.001, unit="A")] = 10.0
     battery_cutoff_v: Annotated[float, Wire("u16", scale=0.001, unit="V")] = 18.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any, NamedTuple, TypeVar
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl, unquote, urlsplit
 
 import msgspec
 
@@ -19,6 +19,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.named_functions import find_function
 from agribot.core.platform import Sensor, SensorSource
 from agribot.core.robot import RobotSpec
+from agribot.drivers.ntrip import check_no_login
 
 Opened = TypeVar("Opened")
 BASE = "base"  # the motor board, which `platform = "hardware"` opens itself
@@ -125,6 +126,8 @@ def read_uri(option: str, uri: str, name: str = "") -> SourceUri:
 
     Raises: ConfigError: a URI of no known scheme, or one that names nothing.
     """
+    if "ntrip" in uri:
+        check_no_login(unquote(uri))  # before the settings are written anywhere
     try:
         parts = urlsplit(uri)
     except ValueError:  # half an IPv6 address

@@ -1,31 +1,32 @@
 """Sensors on a serial line, a TCP port or gpsd: `serial:/dev/ttyACM0?baud=38400`, `gpsd:`.
 
-A receiver may speak UBX or NMEA; which, its bytes tell, and UBX counts where it speaks both. An
-IMU speaks the lines of the original's Arduino. A line that breaks is opened again.
+Receivers are in `receiver.py`; an IMU speaks the lines of the original's Arduino. A line that
+breaks is opened again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable
+from pathlib import Path
 from typing import Protocol
 
 from agribot.core.errors import ConfigError
-from agribot.core.messages import GnssFix, ImuSample
-from agribot.core.platform import Sensor
+from agribot.core.messages import ImuSample
+from agribot.core.platform import Sensor, SensorSource
 from agribot.core.stamp_clock import SampleQueue
-from agribot.drivers import gpsd, nmea, ubx
+from agribot.drivers import gpsd, ntrip
 from agribot.drivers.byte_streams import (
-    ByteStream,
     OpenStream,
     SerialStream,
     StreamReader,
     TcpStream,
 )
 from agribot.drivers.letter_imu import LetterImuDecoder, read_axes
+from agribot.drivers.receiver import GpsdDecoder, HeadingMount, ReceiverDecoder, ReceiverSource
 from agribot.drivers.schemes import SourceContext, SourceUri
 from agribot.drivers.uri_options import UriOptions
 
-Sample = GnssFix | ImuSample
 # What passes at least from the epoch of a fix until its last byte: u-blox receivers compute for
 # 40 to 100 ms and send a NAV-PVT for 26 ms at 38400 baud.
 GNSS_LATENCY_S = 0.06
@@ -35,35 +36,7 @@ BAUD = {"gnss": 38400, "imu": 57600}
 class StreamDecoder(Protocol):
     """Makes samples of the bytes of a device; the stamp is 0 where the device tells none."""
 
-    def feed(self, data: bytes) -> list[tuple[float, Sample]]: ...
-
-
-class ReceiverDecoder:
-    """A receiver that speaks UBX, NMEA or both; of both, UBX tells the accuracy."""
-
-    def __init__(self, refuse: Callable[[str], None]) -> None:
-        self._sentences, self._frames = nmea.SentenceDecoder(), ubx.UbxDecoder()
-        self._from_nmea, self._from_ubx = nmea.NmeaFixes(refuse), ubx.UbxFixes()
-        self._speaks_ubx = False
-
-    def feed(self, data: bytes) -> list[tuple[float, Sample]]:
-        fixes: list[nmea.StampedFix] = []
-        for frame in self._frames.feed(data):
-            self._speaks_ubx |= frame.kind == ubx.NAV_PVT
-            fixes += self._from_ubx.add(frame)
-        for sentence in self._sentences.feed(data):
-            fix = self._from_nmea.add(sentence)
-            fixes += [fix] if fix and not self._speaks_ubx else []
-        return [(fix.stamp_s, fix.fix) for fix in fixes]
-
-
-class GpsdDecoder:
-    def __init__(self, refuse: Callable[[str], None]) -> None:
-        self._lines, self._fixes = gpsd.JsonLineDecoder(), gpsd.GpsdFixes(refuse)
-
-    def feed(self, data: bytes) -> list[tuple[float, Sample]]:
-        found = (self._fixes.add(report) for report in self._lines.feed(data))
-        return [(fix.stamp_s, fix.fix) for fix in found if fix]
+    def feed(self, data: bytes) -> list[tuple[float, ImuSample]]: ...
 
 
 class ImuDecoder:
@@ -76,7 +49,7 @@ class ImuDecoder:
             gyro_dps=options.pop_number("gyro_dps", 250.0, 10.0, 4000.0),
         )  # fmt: skip
 
-    def feed(self, data: bytes) -> list[tuple[float, Sample]]:
+    def feed(self, data: bytes) -> list[tuple[float, ImuSample]]:
         return [(0.0, sample) for sample in self._lines.feed(data)]
 
 
@@ -91,7 +64,6 @@ class StreamSource:
         decoder: StreamDecoder,
         tell: Callable[[str], None],
         latency_s: float = 0.0,
-        on_open: Callable[[ByteStream], None] = lambda stream: None,
     ) -> None:
         """Open the line and begin to read.
 
@@ -99,12 +71,12 @@ class StreamSource:
         """
         self.sensor, self.name = sensor, name
         self._decoder = decoder
-        self._arrivals: SampleQueue[Sample] = SampleQueue(latency_s=latency_s)
+        self._arrivals: SampleQueue[ImuSample] = SampleQueue(latency_s=latency_s)
         self._reader = StreamReader(
-            f"{sensor} from {name}", open_stream, self._read, self._arrivals.now_s, tell, on_open
+            f"{sensor} from {name}", open_stream, self._read, self._arrivals.now_s, tell
         )
 
-    def take(self, t_s: float) -> tuple[Sample, ...]:
+    def take(self, t_s: float) -> tuple[ImuSample, ...]:
         """Take the samples captured until `t_s`."""
         return self._arrivals.take(t_s)
 
@@ -117,7 +89,7 @@ class StreamSource:
             self._arrivals.put(stamp_s, arrived_s, sample)
 
 
-def open_serial_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> StreamSource:
+def open_serial_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> SensorSource:
     """Open a device on a serial line.
 
     Raises: ConfigError: no such line, a wrong option, or a sensor that has no codec.
@@ -127,7 +99,7 @@ def open_serial_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -
     return _open_stream(sensor, uri, context, options, lambda: SerialStream(uri.path, baud))
 
 
-def open_tcp_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> StreamSource:
+def open_tcp_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> SensorSource:
     """Open a device whose bytes come over TCP, such as a receiver behind ser2net.
 
     Raises: ConfigError: nobody answers, a wrong option, or a sensor that has no codec.
@@ -136,43 +108,67 @@ def open_tcp_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> S
     return _open_stream(sensor, uri, context, UriOptions(uri), lambda: TcpStream(host, port))
 
 
-def open_gpsd_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> StreamSource:
-    """Open the receiver of a gpsd: `gpsd:` on this machine, `gpsd://HOST:PORT` elsewhere.
+def open_gpsd_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> ReceiverSource:
+    """Open a receiver of a gpsd: `gpsd:` on this machine, `gpsd://HOST:PORT` elsewhere.
 
+    `gpsd://HOST:PORT/dev/ttyACM0` is one of several receivers; else the first that it tells of is
+    taken.
     Raises: ConfigError: no gpsd answers, a wrong option, or another sensor than the receiver.
     """
     if sensor != "gnss":
         raise ConfigError(f"{sensor} from gpsd: it tells of receivers only; use gnss=gpsd:")
     host, port = read_address(uri, gpsd.PORT)
+    device = uri.path.rstrip("/")
     options = UriOptions(uri)
     latency_s = options.pop_number("latency_s", GNSS_LATENCY_S, 0.0, 2.0)
+    if options.pop_text("ntrip", ""):
+        raise ConfigError("gpsd?ntrip=: a receiver of gpsd gets corrections from gpsd itself; see "
+                          "ntrip:// in man gpsd, or take the receiver's own line")  # fmt: skip
     options.check_empty()
-    return StreamSource(
-        sensor, f"gpsd {host}:{port}", lambda: TcpStream(host, port), GpsdDecoder(context.refuse),
-        context.refuse, latency_s, lambda stream: stream.write(gpsd.WATCH),
+    return ReceiverSource(
+        f"gpsd {host}:{port}{device}", lambda: TcpStream(host, port),
+        GpsdDecoder(context.refuse, device), context.refuse, latency_s,
+        lambda stream: stream.write(gpsd.write_watch(device)),
     )  # fmt: skip
 
 
 def _open_stream(
     sensor: Sensor, uri: SourceUri, context: SourceContext, options: UriOptions, stream: OpenStream
-) -> StreamSource:
+) -> SensorSource:
     def refuse(text: str) -> None:
         context.refuse(f"{sensor} from {uri.name}: {text}")
 
-    makers: Mapping[str, Callable[[], StreamDecoder]] = {
-        "gnss": lambda: ReceiverDecoder(refuse),
-        "imu": lambda: ImuDecoder(options, refuse),
-    }
-    if sensor not in makers:
+    if sensor == "gnss":
+        return _open_receiver(uri, context, options, stream, refuse)
+    if sensor != "imu":
         raise ConfigError(
-            f"{sensor} from {uri.scheme}:{uri.name}: bytes of {' and '.join(makers)} can be read"
+            f"{sensor} from {uri.scheme}:{uri.name}: bytes of gnss and imu can be read"
         )
-    latency_s = options.pop_number(
-        "latency_s", GNSS_LATENCY_S if sensor == "gnss" else 0.0, 0.0, 2.0
-    )
-    decoder = makers[sensor]()
+    latency_s = options.pop_number("latency_s", 0.0, 0.0, 2.0)
+    decoder = ImuDecoder(options, refuse)
     options.check_empty()
     return StreamSource(sensor, uri.name, stream, decoder, context.refuse, latency_s)
+
+
+def _open_receiver(
+    uri: SourceUri, context: SourceContext, options: UriOptions, stream: OpenStream,
+    refuse: Callable[[str], None],
+) -> ReceiverSource:  # fmt: skip
+    latency_s = options.pop_number("latency_s", GNSS_LATENCY_S, 0.0, 2.0)
+    mount = HeadingMount(
+        options.pop_number("heading_offset_deg", 0.0, -360.0, 360.0),
+        options.pop_number("heading_std_deg", HeadingMount().std_deg, 0.01, 45.0),
+    )
+    text = options.pop_text("ntrip", "")
+    options.check_empty()
+    caster = ntrip.read_caster(text) if text else None
+    login = ntrip.find_login(caster.host, os.environ, Path.home()) if caster else None
+    source = ReceiverSource(
+        uri.name, stream, ReceiverDecoder(refuse, mount), context.refuse, latency_s
+    )
+    if caster is not None:
+        source.take_corrections(caster, login)
+    return source
 
 
 def read_address(uri: SourceUri, default_port: int | None) -> tuple[str, int]:

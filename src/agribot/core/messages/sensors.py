@@ -78,6 +78,38 @@ class GnssHeading(msgspec.Struct, frozen=True, kw_only=True):
     std_rad: float
 
 
+class Satellite(msgspec.Struct, frozen=True, kw_only=True):
+    """One satellite in view; `system` is GP, GL, GA, GB, GQ or SB, `number` the receiver's name.
+
+    `snr_db` is the carrier to noise density in dB-Hz, 0 of one that is not heard.
+    """
+
+    system: str
+    number: int
+    elevation_deg: float
+    azimuth_deg: float
+    snr_db: float
+    is_used: bool
+
+
+class GnssStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """What a receiver tells beside its fixes, about once a second; None and empty: not told.
+
+    Dilutions of precision are of geometry, position, plane, height and time. The age is that of
+    the newest correction, the counts are of corrections passed on to the receiver, by RTCM number.
+    """
+
+    t_s: float
+    satellites: tuple[Satellite, ...] = ()
+    gdop: float | None = None
+    pdop: float | None = None
+    hdop: float | None = None
+    vdop: float | None = None
+    tdop: float | None = None
+    correction_age_s: float | None = None
+    correction_counts: tuple[tuple[int, int], ...] = ()
+
+
 class BaseFix(msgspec.Struct, frozen=True, kw_only=True):
     """Where a receiver at a known place believes to be: what is off there is off nearby, too."""
 
@@ -173,3 +205,4 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     hand: tuple[HandDrive, ...] = ()
     others: tuple[OtherSample, ...] = ()
     board: tuple[BoardSample, ...] = ()
+    gnss_status: tuple[GnssStatus, ...] = ()
