@@ -194,12 +194,16 @@ class AvrBench:
         ]  # fmt: skip
         self._set_registers(MPU, MPU_READINGS, struct.pack(">7h", *counts))
 
-    def set_mag(self, field_t: Vec3) -> None:
-        """Let the magnetometer measure this, in the axes of the MPU."""
+    def set_mag(self, field_t: Vec3, adjustment: tuple[int, int, int] = (128, 128, 128)) -> None:
+        """Let the magnetometer measure this, in the axes of the MPU.
+
+        `adjustment` is what its fuse ROM says of its sensitivity, in its own axes; 128 is none.
+        """
         x, y, z = _count("mag_t", field_t)
-        status = b"\x01" + struct.pack("<3h", y, x, -z) + b"\x10"
-        self._set_registers(MAG, MAG_STATUS, status)
-        self._set_registers(MAG, MAG_ADJUSTMENT, b"\x80\x80\x80")
+        own = (y, x, -z)
+        raw = [round(256 * one / (128 + a)) for one, a in zip(own, adjustment, strict=True)]
+        self._set_registers(MAG, MAG_STATUS, b"\x01" + struct.pack("<3h", *raw) + b"\x10")
+        self._set_registers(MAG, MAG_ADJUSTMENT, bytes(adjustment))
 
     def plug_imu(self, *, is_there: bool) -> None:
         """Unplug the IMU or plug it in; then it begins as a chip does that gets its power."""

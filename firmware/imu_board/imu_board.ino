@@ -39,6 +39,15 @@ static bool read_registers(uint8_t device, uint8_t reg, uint8_t *bytes, uint8_t 
   return true;
 }
 
+// The chip changes its mode from power-down only, and takes 100 us for it.
+static bool set_mag_mode(uint8_t mode) {
+  if (!write_register(MAG_ADDRESS, MAG_CONTROL, MAG_POWER_DOWN)) return false;
+  delayMicroseconds(100);
+  bool is_set = write_register(MAG_ADDRESS, MAG_CONTROL, mode);
+  delayMicroseconds(100);
+  return is_set;
+}
+
 // The original left the ranges as they are after power-up; frames have those of the protocol.
 static bool wake() {
   bool is_wide = speech == FRAMES;
@@ -47,10 +56,9 @@ static bool wake() {
              write_register(MPU_ADDRESS, MPU_GYRO_CONFIG, is_wide ? MPU_500_DPS : 0) &&
              write_register(MPU_ADDRESS, MPU_ACCEL_CONFIG, is_wide ? MPU_4_G : 0) &&
              write_register(MPU_ADDRESS, MPU_BYPASS, MPU_BYPASS_ON);
-  has_mag = is_awake && write_register(MAG_ADDRESS, MAG_CONTROL, MAG_FUSE_ROM) &&
+  has_mag = is_awake && set_mag_mode(MAG_FUSE_ROM) &&
             read_registers(MAG_ADDRESS, MAG_ADJUSTMENT, adjustment, 3) &&
-            write_register(MAG_ADDRESS, MAG_CONTROL, MAG_POWER_DOWN) &&
-            write_register(MAG_ADDRESS, MAG_CONTROL, MAG_16_BIT_100_HZ);
+            set_mag_mode(MAG_16_BIT_100_HZ);
   return is_awake;
 }
 

@@ -52,7 +52,13 @@ static uint8_t send_byte(uint8_t byte) {
   return is_taken(step(0));
 }
 
+/* A start would take back the stop before it, if that still lasts. */
+static void wait_for_stop(void) {
+  for (uint8_t waited_us = 0; waited_us < 50 && (TWCR & _BV(TWSTO)); waited_us++) _delay_us(1);
+}
+
 static uint8_t select(uint8_t device, uint8_t reg) {
+  wait_for_stop();
   return step(_BV(TWSTA)) == STARTED && send_byte(device << 1) && send_byte(reg);
 }
 

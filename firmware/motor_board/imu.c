@@ -1,5 +1,7 @@
 #include "imu.h"
 
+#include <util/delay.h>
+
 #include "../mpu9250.h"
 #include "i2c.h"
 
@@ -8,11 +10,19 @@
 
 static uint8_t adjustment[3], is_awake, has_mag, tick = RETRY_EVERY - 1;
 
+/* The chip changes its mode from power-down only, and takes 100 us for it. */
+static uint8_t set_mag_mode(uint8_t mode) {
+  if (!write_register(MAG_ADDRESS, MAG_CONTROL, MAG_POWER_DOWN)) return 0;
+  _delay_us(100);
+  uint8_t is_set = write_register(MAG_ADDRESS, MAG_CONTROL, mode);
+  _delay_us(100);
+  return is_set;
+}
+
 static uint8_t wake_mag(void) {
-  return write_register(MAG_ADDRESS, MAG_CONTROL, MAG_FUSE_ROM) &&
+  return set_mag_mode(MAG_FUSE_ROM) &&
          read_registers(MAG_ADDRESS, MAG_ADJUSTMENT, adjustment, 3) &&
-         write_register(MAG_ADDRESS, MAG_CONTROL, MAG_POWER_DOWN) &&
-         write_register(MAG_ADDRESS, MAG_CONTROL, MAG_16_BIT_100_HZ);
+         set_mag_mode(MAG_16_BIT_100_HZ);
 }
 
 static uint8_t wake_mpu(void) {

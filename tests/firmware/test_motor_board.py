@@ -117,6 +117,15 @@ def test_inertia_and_field_arrive_to_one_count(board: BoardOnBench) -> None:
     assert imu.temperature_c == pytest.approx(33.0, abs=0.03)
 
 
+def test_the_magnetometer_is_read_with_the_sensitivity_that_it_was_made_with(
+    board: BoardOnBench,
+) -> None:
+    field = (21e-6, -4.5e-6, -40e-6)
+    board.bench.set_mag(field, adjustment=(176, 170, 165))
+    board.run(0.2)
+    assert board.get_all(BoardImu)[-1].mag_t == pytest.approx(field, abs=2.01 * MAG_LSB_T)
+
+
 def test_voltage_and_currents_are_told(board: BoardOnBench) -> None:
     board.bench.set_battery(22.2)
     board.bench.set_currents((1.0, -2.0, 0.0, 8.0))
