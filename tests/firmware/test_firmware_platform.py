@@ -104,3 +104,33 @@ def test_a_board_that_hangs_is_reset_by_its_watchdog_and_the_robot_stands_until_
     assert all(t.command.drive.v_mps == 0.0 for t in still)
     speeds = [abs(speed) for t in still for w in t.batch.wheels for speed in w.speed_radps]
     assert max(speeds) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("wheels.stuck=left_wheel_F@3", ("left front",)),
+        ("wheels.reversed@3", ("backwards", "motor")),
+        ("motor.runaway@3", ("turn too fast", "RUNAWAY")),
+        ("board.silent@3", ("wheel encoders silent",)),
+    ],
+)
+def test_faults_at_and_below_the_board_stop_the_robot_and_are_named(
+    fault: str, words: tuple[str, ...], tmp_path: Path
+) -> None:
+    ticks, _ = drive(tmp_path / "run", "firmware", 4.5, f"faults={fault}")
+    before = [t for t in ticks if t.batch.t_s < 3.0]
+    assert before[-1].command.drive.v_mps > 0.2 and not before[-1].status.stopped
+    told = f"{ticks[-1].status.stopped} {ticks[-1].status.gate.told}"
+    assert any(word in told for word in words), told
+    (first,) = [t.batch.t_s for t in ticks if t.status.stopped][:1]
+    assert first - 3.0 < 1.0
+
+
+def test_noise_on_the_line_costs_frames_and_makes_no_false_number(tmp_path: Path) -> None:
+    ticks, _ = drive(tmp_path / "run", "firmware", 5.0, "faults=link.noise=0.05@2")
+    assert not ticks[-1].status.stopped
+    samples = [w for t in ticks for w in t.batch.wheels]
+    assert 0.85 < len(samples) / (2 * len(ticks)) < 0.99
+    assert max(abs(speed) for w in samples for speed in w.speed_radps) < 12.0
+    assert ticks[-1].command.drive.v_mps > 0.2

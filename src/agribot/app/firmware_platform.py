@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 import agribot
+from agribot.app.firmware_faults import BELOW_THE_SAMPLES, BoardFaults
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.home import find_home
@@ -36,6 +37,8 @@ from agribot.drivers.schemes import SourceUri
 from agribot.drivers.uri_options import UriOptions
 
 if TYPE_CHECKING:
+    from agribot.app.run_setup import RunSetup
+    from agribot.core.world import WorldSpec
     from agribot.sim.platform import SimPlatform
 
 BOARD_HZ = 100.0  # so often contacts, voltages and IMU change, and bytes are handed on
@@ -53,18 +56,21 @@ class FirmwareMotors:
     A motor is V = R I + k w and T = k I behind its gear; with no duty it is shorted, and brakes.
     """
 
-    def __init__(self, bench: Any, drive: DriveSpec) -> None:
-        self._bench, self._drive = bench, drive
-        self.supply_v = SUPPLY_V
+    def __init__(self, bench: Any, drive: DriveSpec, faults: BoardFaults) -> None:
+        self._bench, self._drive, self._faults = bench, drive, faults
 
     def drive(self, dt_s: float, speed_radps: Four) -> Four:
         """Run the firmware for `dt_s`; gives the torques at the wheels, Nm."""
-        turning = [speed if abs(speed) > STANDING_RADPS else 0.0 for speed in speed_radps]
+        shown = self._faults.show(speed_radps)
+        turning = [speed if abs(speed) > STANDING_RADPS else 0.0 for speed in shown]
         duties = self._bench.advance(dt_s, turning)
+        runaway_radps = self._faults.runaway_radps
+        if runaway_radps is not None:
+            duties = (self._drive.torque_constant_nmpa * runaway_radps / SUPPLY_V,) * 4
         constant, winding = self._drive.torque_constant_nmpa, self._drive.winding_ohm
         torques, currents = [], []
         for duty, speed in zip(duties, speed_radps, strict=True):
-            current_a = (duty * self.supply_v - constant * speed) / winding
+            current_a = (duty * SUPPLY_V - constant * speed) / winding
             torque_nm = constant * current_a
             gear = self._drive.gear_efficiency_ratio
             torques.append(torque_nm * gear if torque_nm * speed >= 0.0 else torque_nm)
@@ -77,7 +83,10 @@ class FirmwareMotors:
 class FirmwarePlatform:
     """`simulator` ticks with BOARD_HZ and has `FirmwareMotors`; `bench` is the board of both."""
 
-    def __init__(self, config: RunConfig, robot: RobotSpec, simulator: SimPlatform, bench: Any):
+    def __init__(
+        self, config: RunConfig, robot: RobotSpec, simulator: SimPlatform, bench: Any,
+        faults: BoardFaults,
+    ) -> None:  # fmt: skip
         """Switch the board on, and wait until it has spoken.
 
         Raises: ConfigError: ticks that the board's do not fit. PlatformError: the board is silent.
@@ -89,7 +98,9 @@ class FirmwarePlatform:
                 f"{config.tick_hz:g}; take 50"
             )
         self.inbox = Inbox()
-        self._simulator, self._bench = simulator, bench
+        self._simulator, self._bench, self._faults = simulator, bench, faults
+        if simulator.faults is not None:
+            simulator.faults.leave(BELOW_THE_SAMPLES)
         self._t_s = 0.0
         options = UriOptions(SourceUri("firmware", "", "", OPTIONS))
         self._link = BoardLink(make_board(robot, options), robot.drive, lambda: self._t_s)
@@ -108,11 +119,11 @@ class FirmwarePlatform:
             self._simulator.write(self._command_tool())
             batches.append(self._simulator.read())
             self._feel(batches[-1])
-            self._t_s = batches[-1].t_s
-            self._link.feed(self._bench.receive(), self._t_s)
+            self._t_s = self._faults.t_s = batches[-1].t_s
+            self._link.feed(self._faults.carry(self._bench.receive()), self._t_s)
         events, hand = self.inbox.drain(self._t_s)
         told = self._link.take(self._t_s)
-        self._bench.send(self._link.clear(self._t_s, events, told["board"]))
+        self._send(self._link.clear(self._t_s, events, told["board"]))
         return msgspec.structs.replace(
             _join(batches), t_s=self._t_s, events=events, hand=hand, **told
         )
@@ -123,11 +134,14 @@ class FirmwarePlatform:
         Raises: PlatformError: a number is not finite.
         """
         self._implement = command.implement
-        self._bench.send(self._link.command(command))
+        self._send(self._link.command(command))
 
     def close(self) -> None:
         self._simulator.close()
         self._bench.close()
+
+    def _send(self, data: bytes) -> None:
+        self._bench.send(self._faults.carry(data))
 
     def _boot(self) -> None:
         """Let the board begin, before the time of the run does."""
@@ -172,6 +186,30 @@ def _join(batches: list[SensorBatch]) -> SensorBatch:
         for name in fields
     }
     return msgspec.structs.replace(batches[-1], **joined)
+
+
+def open_firmware(
+    setup: RunSetup, described: RobotSpec, world: WorldSpec
+) -> tuple[SimPlatform, FirmwarePlatform]:
+    """Open the simulator of a run with the firmware at its wheels, and the platform of both.
+
+    Raises: AgribotError: the bench cannot be built, or the settings do not fit.
+    """
+    from agribot.sim.faults.schedule import read_faults
+    from agribot.sim.platform import SimPlatform
+    from agribot.sim.random_streams import make_stream
+
+    config, began_s = setup.config, setup.earlier.sim_s
+    bench = open_bench()
+    found = read_faults(config, has_camera=described.camera is not None, began_s=began_s)
+    rng = make_stream(config.seed, "fault of the board's line")
+    faults = BoardFaults(found, described.drive, rng)
+    simulator = SimPlatform(
+        msgspec.structs.replace(config, tick_hz=BOARD_HZ), described, world,
+        board=setup.robot.drive, began_s=began_s,
+        driver=FirmwareMotors(bench, described.drive, faults),
+    )  # fmt: skip
+    return simulator, FirmwarePlatform(config, setup.robot, simulator, bench, faults)
 
 
 def find_firmware() -> Path:

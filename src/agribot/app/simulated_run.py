@@ -9,12 +9,6 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from agribot.app import whole_job
-from agribot.app.firmware_platform import (
-    BOARD_HZ,
-    FirmwareMotors,
-    FirmwarePlatform,
-    open_bench,
-)
 from agribot.app.run import Run
 from agribot.app.run_setup import RunSetup, prepare_run
 from agribot.app.run_world import make_run_world
@@ -26,6 +20,7 @@ from agribot.autonomy.plan.task import Task
 from agribot.core.config import RunConfig
 from agribot.core.messages import FloatArray, TickRecord
 from agribot.core.platform import Platform, TrueState
+from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.record.events import Event
 from agribot.record.series import RunData
@@ -48,25 +43,15 @@ class SimulatedRun(Run):
 
         Raises: AgribotError: as `Run`, or the world and the robot do not fit each other.
         """
-        from agribot.sim.platform import SimPlatform
         from agribot.sim.referee import Referee
 
         made = make_run_world(setup.config)
         self.world = _place_robot(made.world, setup)
         self._drawn = made.conditions
+        self.simulator, platform = _open_simulator(
+            setup, made.alter_robot(setup.described), self.world
+        )
         stack = setup.build_stack()
-        described = made.alter_robot(setup.described)
-        is_firmware = setup.config.platform == "firmware"
-        bench = open_bench() if is_firmware else None
-        self.simulator = SimPlatform(
-            msgspec.structs.replace(setup.config, tick_hz=BOARD_HZ) if is_firmware
-            else setup.config,
-            described, self.world, board=setup.robot.drive, began_s=setup.earlier.sim_s,
-            driver=FirmwareMotors(bench, described.drive) if is_firmware else None,
-        )  # fmt: skip
-        platform: Platform = self.simulator
-        if is_firmware:
-            platform = FirmwarePlatform(setup.config, setup.robot, self.simulator, bench)
         task = stack.mission.task
         self.referee = Referee(
             self.simulator,
@@ -138,6 +123,22 @@ def simulate(
 ) -> SimulatedRun:
     """Prepare a run and simulate its robot; the arguments are those of `prepare_run`."""
     return SimulatedRun(prepare_run(config, out_dir, saved, earlier, plan_text))
+
+
+def _open_simulator(
+    setup: RunSetup, described: RobotSpec, world: WorldSpec
+) -> tuple[SimPlatform, Platform]:
+    """Open the simulator, and what the stack drives: it, or real firmware between the two."""
+    from agribot.sim.platform import SimPlatform
+
+    if setup.config.platform == "firmware":
+        from agribot.app.firmware_platform import open_firmware
+
+        return open_firmware(setup, described, world)
+    simulator = SimPlatform(
+        setup.config, described, world, board=setup.robot.drive, began_s=setup.earlier.sim_s
+    )
+    return simulator, simulator
 
 
 def _find_boundary(task: Task, config: RunConfig) -> FloatArray | None:
