@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-import agribot
 from agribot.app.firmware_faults import BELOW_THE_SAMPLES, BoardFaults
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
@@ -219,7 +218,7 @@ def find_firmware() -> Path:
     """
     named = os.environ.get("AGRIBOT_FIRMWARE")
     places = [Path(named)] if named else []
-    places += [Path(agribot.__file__).parents[2] / "firmware", Path("firmware")]
+    places += [Path(__file__).parents[3] / "firmware", Path("firmware")]
     for place in places:
         if (place / "bench" / "avr_bench.py").is_file():
             return place.resolve()

@@ -77,14 +77,7 @@ class SimPlatform:
         self._ticks = Schedule(config.tick_hz, self._step_ns)
         self._sensors = SensorSuite(config, robot, world, self._step_ns)
         self._plants = PlantStates(len(world.plants))
-        self._physics = (
-            DrivenPhysics(robot, world, self._step_ns, driver)
-            if driver is not None
-            else Physics(
-                robot, world, self._step_ns, board=board,
-                is_effort=config.sim.actuation == "effort",
-            )
-        )  # fmt: skip
+        self._physics = _make_physics(config, robot, world, self._step_ns, board, driver)
         self._feed, self._frames = _make_camera(
             config, robot, world, self._step_ns, self._plants, self._physics.ground
         )
@@ -293,6 +286,20 @@ class SimPlatform:
         return (
             () if place is None else (BumperSample(t_s=t_s, x_body_m=place[0], y_body_m=place[1]),)
         )
+
+
+def _make_physics(
+    config: RunConfig,
+    robot: RobotSpec,
+    world: WorldSpec,
+    physics_step_ns: int,
+    board: DriveSpec | None,
+    driver: WheelDriver | None,
+) -> Physics:
+    if driver is not None:
+        return DrivenPhysics(robot, world, physics_step_ns, driver)
+    is_effort = config.sim.actuation == "effort"
+    return Physics(robot, world, physics_step_ns, board=board, is_effort=is_effort)
 
 
 def _make_camera(
