@@ -24,6 +24,7 @@ from agribot.cli.bridging import (
 )
 from agribot.cli.node_runner import NodeRunner
 from agribot.cli.stopping import stop_on_signal
+from agribot.core import extras
 from agribot.core.errors import BridgeError, ConfigError
 from agribot.core.geo import Datum
 from agribot.ros.connection import TopicConnection
@@ -202,6 +203,7 @@ def _read_arrive_m(options: argparse.Namespace) -> float:
 
 
 def _make_plot(_options: argparse.Namespace) -> NodeStage:
+    extras.require("report", "agribot node plot")
     return Plot()
 
 
