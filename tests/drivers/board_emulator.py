@@ -22,14 +22,17 @@ class BoardEmulator:
     `accel_mps2` are what the IMU feels.
     """
 
-    def __init__(self, layout: int = wire.LAYOUT) -> None:
+    def __init__(
+        self, layout: int = wire.LAYOUT, timeout_s: float = wire.COMMAND_TIMEOUT_S
+    ) -> None:
+        """`timeout_s` is longer than the board's where a busy machine must not matter."""
         self.is_button_pressed = self.is_bumper_pressed = self.is_silent = False
         self.battery_v, self.motor_faults = 25.2, 0
         self.gyro_radps, self.accel_mps2 = (0.0, 0.0, 0.0), (0.0, 0.0, 9.81)
         self.mag_t = (0.0, 3e-5, -3e-5)
         self.commands: list[wire.WheelCommand] = []
         self.clears = 0
-        self._layout = layout
+        self._layout, self._timeout_s = layout, timeout_s
         self.restart()
 
     def restart(self, *, is_by_watchdog: bool = False) -> None:
@@ -47,7 +50,7 @@ class BoardEmulator:
 
     @property
     def may_work(self) -> bool:
-        is_fresh = self._age_s < wire.COMMAND_TIMEOUT_S
+        is_fresh = self._age_s < self._timeout_s
         return not (self.causes or self._waits_for_zero) and is_fresh and self._config is not None
 
     def feed(self, data: bytes) -> None:
@@ -123,7 +126,7 @@ class BoardEmulator:
             (self.is_button_pressed, Flag.ESTOP_PRESSED),
             (self.is_bumper_pressed, Flag.BUMPER_PRESSED),
             (bool(self.causes), Flag.STOP_LATCHED),
-            (self._age_s >= wire.COMMAND_TIMEOUT_S, Flag.NO_COMMAND),
+            (self._age_s >= self._timeout_s, Flag.NO_COMMAND),
             (self._config is None, Flag.NOT_CONFIGURED),
             (self._waits_for_zero, Flag.WAITS_FOR_ZERO),
             (bool(self.motor_faults), Flag.MOTOR_FAULT),

@@ -23,6 +23,7 @@ ROBOT = load_robot()
 DRIVE = ROBOT.drive
 COUNTS_PER_TURN = DRIVE.encoder_ticks_per_rev * DRIVE.gear_ratio
 FIX_EVERY = 10  # ticks of the board
+PATIENT_S = 3.0  # with a busy machine
 
 
 class Plug:
@@ -64,7 +65,7 @@ class HardwareBench:
     """
 
     def __init__(self, folder: Path, pose: tuple[float, float, float], field: FieldConfig) -> None:
-        self.board = BoardEmulator()
+        self.board = BoardEmulator(timeout_s=PATIENT_S)
         self.base, self.gnss = Plug(folder / "ttyBASE"), Plug(folder / "ttyGNSS")
         self.pose = pose
         self._frame = MapFrame(field.datum)
