@@ -59,7 +59,7 @@ COMMANDS = {
     "weeds export": ("{run} -o {out}/weeds.gpkg", ""),
     "weeds import": ("{run}/weeds.geojson -o {out}/weeds.csv", ""),
     "weeds merge": ("{run} other={run} -o {out}/merged.geojson", ""),
-    "weeds report": ("{run} -o {out}/weeds.html", ""),
+    "weeds report": ("{run} -o {out}/weeds.html", "report"),
     "sweep": ("--seeds 1 --out {out}/sweep", "sim"),
     "bench sim": ("--only physics_rtf", "sim"),
     "bench missions": ("--profiles farm --seeds 1 --out {out}/missions", "sim"),
