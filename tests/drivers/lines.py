@@ -40,8 +40,11 @@ class Line:
         os.write(self._far, data)
 
     def hear(self) -> bytes:
-        """What was written to the device; nothing where nobody wrote."""
-        return os.read(self._far, 65536) if select.select([self._far], [], [], 0.0)[0] else b""
+        """What was written to the device; nothing where nobody wrote, or has it open."""
+        try:
+            return os.read(self._far, 65536) if select.select([self._far], [], [], 0)[0] else b""
+        except OSError:
+            return b""
 
     def unplug(self) -> None:
         if self._far >= 0:
