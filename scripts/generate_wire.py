@@ -102,10 +102,10 @@ class Names:
 
     def _write_row(self, name: str, fields: list[tuple[str, Any, bool]]) -> list[str]:
         """Write the columns of a struct that crosses as a row, and the struct from them."""
-        columns = [f"  {column}: {self.write(hint)}," for column, hint, _ in fields]
+        columns = [f"{column}: {self.write(hint)}" for column, hint, _ in fields]
         values = [f"    {column}: row[{number}]," for number, (column, _, _) in enumerate(fields)]
         return [
-            "", f"export type {name}Row = [", *columns, "]", "",
+            "", *_write_list(f"export type {name}Row = ", columns), "",
             f"export function read{name}(row: {name}Row): {name} {{",
             "  return {", *values, "  }", "}",
         ]  # fmt: skip

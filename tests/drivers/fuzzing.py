@@ -13,17 +13,22 @@ import math
 import random
 import sys
 import time
+from binascii import crc_hqx
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 from agribot.core.messages import GnssFix, GnssHeading, GnssStatus, ImuSample
-from agribot.drivers import ntrip, rtcm
+from agribot.drivers import ntrip, rosserial, rtcm
+from agribot.drivers.board_codec import FORMATS, BoardDecoder, encode, stuff, unstuff
+from agribot.drivers.board_protocol import BoardMessage
 from agribot.drivers.letter_imu import LetterImuDecoder, read_axes
 from agribot.drivers.nmea import write_sentence
 from agribot.drivers.receiver import GpsdDecoder, ReceiverDecoder
+from agribot.drivers.rosserial import RosserialHost
 from agribot.drivers.ubx import SYNC, compute_checksum
+from tests.drivers import board_bytes, rosserial_bytes
 from tests.drivers import receiver_bytes as written
 from tests.drivers.caster import STATION, TABLE, YES, chunk, make_observation
 
@@ -69,6 +74,15 @@ def open_ntrip() -> Feed:
     return feed
 
 
+def open_board() -> Feed:
+    return BoardDecoder("board").feed
+
+
+def open_rosserial() -> Feed:
+    host = RosserialHost()
+    return lambda data: list(host.feed(data, 1.0))
+
+
 CODECS: dict[str, Callable[[], Feed]] = {
     "ubx": open_receiver,
     "nmea": open_receiver,
@@ -76,11 +90,20 @@ CODECS: dict[str, Callable[[], Feed]] = {
     "letter_imu": open_imu,
     "rtcm": open_rtcm,
     "ntrip": open_ntrip,
+    "board": open_board,
+    "rosserial": open_rosserial,
 }
 
 
 def write_seeds(codec: str) -> list[bytes]:
     """Write what a codec is there for."""
+    of_boards = {
+        "board": b"".join(encode(k, one) for k, one in enumerate(board_bytes.make_all())),
+        "letter_imu": b"A-7576B2476C-14524D-749E-4615F-459G\r\nA0B0C16384D0E0F131G\r\n",
+        "rosserial": rosserial_bytes.make_topic() + b"text\r\n" + rosserial_bytes.make_message(),
+    }
+    if codec in of_boards:
+        return [of_boards[codec]]
     at, second = written.EPOCH, dt.timedelta(seconds=1)
     if codec == "ubx":
         epochs = [
@@ -110,8 +133,6 @@ def write_seeds(codec: str) -> list[bytes]:
             b'"lon":0.2}\n{"class":"TPV","mode":2,"time":"2026-05-04T09:30:16.000Z","lat":-52.0,'
             b'"lon":4.5,"velN":0.1,"velE":0.2,"eps":0.1}\n',
         ]
-    if codec == "letter_imu":
-        return [b"A-7576B2476C-14524D-749E-4615F-459G\r\nA0B0C16384D0E0F131G\r\n"]
     if codec == "rtcm":
         return [STATION + make_observation(1077, 30), b"\xd3\x00\x02\xd3" + STATION]
     body = STATION + make_observation(1077, 20)
@@ -151,6 +172,8 @@ def check_sample(sample: Any) -> None:
     elif isinstance(sample, GnssStatus):
         assert len(sample.satellites) <= 200
         assert all(0.0 <= each.snr_db <= 255.0 for each in sample.satellites)
+    elif isinstance(sample, BoardMessage):
+        assert encode(0, sample), "what was read can be written again"
     elif isinstance(sample, ImuSample):
         assert all(map(math.isfinite, (*sample.accel_mps2, *sample.gyro_radps)))
 
@@ -230,7 +253,28 @@ def mend(rng: random.Random, data: bytes) -> bytes:
             for byte in body:
                 value ^= byte
             lines[k] = b"$" + body + b"*%02X" % value
-    return mend_ubx(b"\r\n".join(lines))
+    return mend_rosserial(mend_board(mend_ubx(b"\r\n".join(lines))))
+
+
+def mend_board(data: bytes) -> bytes:
+    pieces = data.split(b"\0")
+    for k, piece in enumerate(pieces):
+        body = unstuff(piece)
+        if body is not None and len(body) > 3 and body[0] in FORMATS:
+            crc = crc_hqx(body[:-2], 0).to_bytes(2, "little")
+            pieces[k] = stuff(body[:-2] + crc)
+    return b"\0".join(pieces)
+
+
+def mend_rosserial(data: bytes) -> bytes:
+    mended, at = bytearray(data), data.find(rosserial.SYNC)
+    while at >= 0 and at + 8 <= len(mended):
+        mended[at + 4] = 255 - sum(mended[at + 2 : at + 4]) % 256
+        end = at + 7 + int.from_bytes(mended[at + 2 : at + 4], "little")
+        if end < len(mended):
+            mended[end] = 255 - sum(mended[at + 5 : end]) % 256
+        at = mended.find(rosserial.SYNC, at + 2)
+    return bytes(mended)
 
 
 def mend_ubx(data: bytes) -> bytes:

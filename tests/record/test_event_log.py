@@ -12,6 +12,8 @@ from agribot.core.messages import (
     DriveCommand,
     GateStatus,
     RobotCommand,
+    SensorVerdict,
+    SensorVerdicts,
     TickRecord,
     Tracking,
 )
@@ -168,3 +170,20 @@ def test_the_events_tell_how_each_row_went(log: EventLog) -> None:
     assert "crop seen 100 % of the time" in told[1]
     assert told[2] == "row 4 begun"
     assert told[3].startswith("row 4 left, not done: ")
+
+
+def test_a_sensor_that_is_not_fine_is_a_fault_once_unless_its_reason_is_told_already(
+    log: EventLog,
+) -> None:
+    silent = SensorVerdict(state="silent", since_s=0.1, reason="GNSS silent for 3.0 s")
+    late = SensorVerdict(state="late", since_s=0.1, reason="IMU samples come 0.1 s late")
+    told = {"reason": "IMU samples come 0.1 s late; check its cable"}
+    for index, record in enumerate(samples.ticks(30)):
+        if 5 <= index < 20:
+            verdicts = SensorVerdicts(gnss=silent, gyro=late)
+            doubted = msgspec.structs.replace(record.estimate, verdicts=verdicts, **told)
+            record = msgspec.structs.replace(record, estimate=doubted)  # noqa: PLW2901
+        log(record)
+    assert [event.reason for event in log.list_kind("fault")] == [told["reason"], silent.reason]
+    fine = [event.reason for event in log.list_kind("clear")]
+    assert fine == ["gnss is fine again", "gyro is fine again"]

@@ -1,11 +1,22 @@
 from __future__ import annotations
 
+from typing import get_args
+
 import msgspec
 import numpy as np
 import pytest
 
 from agribot.core.config import load
-from agribot.core.messages import MissionState
+from agribot.core.messages import (
+    Check,
+    GateStatus,
+    MissionState,
+    SensorState,
+    SensorVerdict,
+    SensorVerdicts,
+    TickRecord,
+)
+from agribot.ui import wire
 from agribot.ui.view import RunView
 from tests.record import record_samples as samples
 
@@ -22,3 +33,43 @@ def test_the_page_shows_the_time_left_that_the_mission_tells(
     assert shown is not None
     assert shown.mission is not None
     assert shown.mission.eta_s == shown_s
+
+
+def _gated(index: int, gate: GateStatus, reason: str = "") -> TickRecord:
+    record = samples.tick(index, np.random.default_rng(index))
+    status = msgspec.structs.replace(record.status, gate=gate)
+    return msgspec.structs.replace(record, status=status, reason=reason)
+
+
+def test_the_gate_is_shown_since_it_is_so_and_its_reason_once() -> None:
+    view = RunView(load("farm"))
+    checks = (Check(name="clock", is_ok=True), Check(name="field", is_ok=False, text="outside"))
+    view(_gated(0, GateStatus(state="checking", reason="outside", checks=checks)))
+    for index in range(1, 9):
+        held = "no position" if index > 4 else "position is old"
+        view(_gated(index, GateStatus(state="held", reason=held), reason="" if index < 8 else held))
+        shown = view.state()
+        assert shown is not None and shown.gate is not None
+        assert (shown.gate.state, shown.gate.since_s) == ("held", 0.04)
+        assert (shown.gate.reason, shown.reason) == (("", held) if index == 8 else (held, ""))
+        assert shown.checks == [
+            wire.StartCheck(name="clock"),
+            wire.StartCheck(name="field", wrong="outside"),
+        ]
+
+
+def test_only_sensors_that_are_not_fine_cross_the_wire() -> None:
+    assert get_args(wire.SensorName) == SensorVerdicts.__struct_fields__
+    record = samples.tick(0, np.random.default_rng(0))
+    view = RunView(load("farm"))
+    view(record)
+    shown = view.state()
+    assert shown is not None and shown.doubts == []
+    for state in get_args(SensorState):
+        verdict = SensorVerdict(state=state, since_s=1.0, reason="why")
+        estimate = msgspec.structs.replace(record.estimate, verdicts=SensorVerdicts(clock=verdict))
+        view(msgspec.structs.replace(record, estimate=estimate))
+        shown = view.state()
+        assert shown is not None
+        doubt = wire.SensorDoubt(sensor="clock", state=state, since_s=1.0, reason="why")
+        assert shown.doubts == ([] if state == "fine" else [doubt])

@@ -1,5 +1,9 @@
 /** Written by `make generate` from `src/agribot/ui/wire.py`: change that one. SI units; the map is East-North-Up. */
 
+export type GateState = 'standby' | 'checking' | 'driving' | 'slowed' | 'held' | 'stopped' | 'by hand'
+
+export type SensorState = 'fine' | 'silent' | 'late' | 'frozen' | 'contradicted'
+
 export type Vec2 = [number, number]
 
 export type Mode = 'mission' | 'paused' | 'teleop' | 'stopped' | 'waiting' | 'done' | 'replay'
@@ -11,6 +15,8 @@ export type SeatState = 'you' | 'free' | 'other'
 export type EventLevel = 'info' | 'warn' | 'fault'
 
 export type CheckState = 'ok' | 'warn' | 'fault'
+
+export type SensorName = 'gnss' | 'compass' | 'gyro' | 'wheels' | 'camera' | 'clock'
 
 export type MissionAction = 'start' | 'pause' | 'resume' | 'cancel' | 'skip_row' | 'return_home'
 
@@ -232,11 +238,46 @@ export interface ImplementLine {
 }
 
 /**
+ * State of the last gate before the motors, the time from which on it is so, and why.
+ *
+ * `reason` is empty where the state of the robot tells it already.
+ */
+export interface ShownGate {
+  state: GateState
+  since_s: number
+  reason: string
+}
+
+/** An item of the list before the start, and what is wrong with it; good where nothing is. */
+export interface StartCheck {
+  name: string
+  wrong: string
+}
+
+export type StartCheckRow = [name: string, wrong: string]
+
+export function readStartCheck(row: StartCheckRow): StartCheck {
+  return {
+    name: row[0],
+    wrong: row[1],
+  }
+}
+
+/** What is held against a sensor, and the time from which on. */
+export interface SensorDoubt {
+  sensor: SensorName
+  state: SensorState
+  since_s: number | null
+  reason: string
+}
+
+/**
  * The robot at one of its ticks, and the samples of its signals since the state before.
  *
  * `pose` is x, y (m) and yaw (rad) in the map, null while it is not known; `tilt_rad` roll and
  * pitch. `mono_ms` is when the robot was so. `recording` is the folder that is being written,
- * empty while nothing is recorded, null where nothing can be.
+ * empty while nothing is recorded, null where nothing can be. `checks` is the newest list before
+ * a start, `doubts` are the sensors that are not fine.
  */
 export interface State {
   kind: 'state'
@@ -258,6 +299,9 @@ export interface State {
   mode: Mode
   stop: string
   reason: string
+  gate: ShownGate | null
+  checks: StartCheckRow[]
+  doubts: SensorDoubt[]
   implement: ImplementLine[]
   weed_count: number
   pace_ratio: number | null

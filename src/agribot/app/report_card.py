@@ -162,7 +162,11 @@ def _objection(log: EventLog, status: MissionStatus | None) -> str:
     """Return the supervisor's reason, where it still held the robot when the mission failed."""
     if status is None or status.state != "failed":
         return ""
-    spoken = [event for event in log.events if event.kind in ("stop", "hold", "clear")]
+    spoken = [
+        event
+        for event in log.events
+        if event.kind in ("stop", "hold") or (event.kind == "clear" and not event.reason)
+    ]
     held = [e for e in spoken if e.kind != "clear" or e.t_s < log.events[-1].t_s][-1:]
     return f"; held by the supervisor: {held[0].reason}" if held and held[0].reason else ""
 

@@ -12,11 +12,13 @@ import msgspec
 
 from agribot.core.errors import RecordingError
 from agribot.core.messages import (
+    ALL_FINE,
     SENSOR_WATCH,
     STOP,
     Check,
     GateStatus,
     OperatorEvent,
+    SensorVerdicts,
     TickRecord,
 )
 
@@ -48,7 +50,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     operator  somebody pressed something
     mark      somebody marked the moment
     ready     the estimate became usable; fault: it stopped being so, or a sensor fell silent,
-              repeats itself or contradicts another
+              repeats itself or contradicts another; clear: one is fine again
     stop      the supervisor stopped a moving robot; hold: it keeps a standing one standing
     limit     the supervisor let it move, but less than asked
     clear     the supervisor has no objection any more
@@ -100,6 +102,7 @@ class EventSieve:
         self._estimate_ok = False
         self._doubt = ""
         self._gate = GateStatus()
+        self._verdicts = ALL_FINE
         self._moving = False
         self._driver = ""
         self._row: _RowStory | None = None
@@ -117,6 +120,7 @@ class EventSieve:
         self._note_supervisor(t_s, record)
         self._note_warning(t_s, record.status.warning)
         self._note_gate(t_s, record.status.gate, record.reason)
+        self._note_verdicts(t_s, record.estimate.verdicts)
         self._moving = record.command.drive != STOP
         return self._found
 
@@ -204,6 +208,20 @@ class EventSieve:
         told = _mask_numbers(gate.told)
         if told and told not in (_mask_numbers(before.told), _mask_numbers(said)):
             self._add(t_s, "fault", gate.told)
+
+    def _note_verdicts(self, t_s: float, verdicts: SensorVerdicts) -> None:
+        """Note whose verdict is fine no more, where nothing else tells why, and whose is again."""
+        before, self._verdicts = self._verdicts, verdicts
+        if verdicts is before:
+            return
+        for name in verdicts.__struct_fields__:
+            was, now = getattr(before, name), getattr(verdicts, name)
+            if was.state == "fine" != now.state:
+                told = [_mask_numbers(event.reason) for event in self._found]
+                if not any(_mask_numbers(now.reason) in each for each in told):
+                    self._add(t_s, "fault", now.reason or f"{name} is {now.state}")
+            elif now.state == "fine" != was.state:
+                self._add(t_s, "clear", f"{name} is fine again")
 
     def _add(self, t_s: float, kind: EventKind, reason: str) -> None:
         self._found.append(Event(t_s=t_s, kind=kind, reason=reason))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import get_args
 
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig
@@ -11,11 +12,13 @@ from agribot.core.implement.spec import ImplementSpec, describe_command
 from agribot.core.messages import (
     BatterySample,
     Estimate,
+    GateStatus,
     GnssFix,
     MissionState,
     MissionStatus,
     Path,
     SensorBatch,
+    SensorVerdicts,
     TickRecord,
     Vec3,
 )
@@ -59,12 +62,16 @@ class RunView:
         self._joints = [0.0] * 4
         self._up_mps2: Vec3 | None = None
         self._hand_s = -math.inf
+        self._gate = GateStatus()
+        self._gate_since_s = 0.0
+        self._checks: list[wire.StartCheck] = []
 
     def __call__(self, record: TickRecord) -> None:
         batch = record.batch
         self._sense(batch)
         if batch.hand and (batch.hand[-1].v_mps or batch.hand[-1].yaw_rate_radps):
             self._hand_s = batch.t_s
+        self._watch_gate(batch.t_s, record.status.gate)
         self._trace(record)
         self._signals.append(self._sample(record))
         self._count(batch)
@@ -78,6 +85,7 @@ class RunView:
             return None
         estimate, status = record.estimate, record.status
         cross_m = record.tracking.cross_track_m if record.tracking else None
+        reason = record.reason or status.reason or status.gate.told
         return wire.State(
             tick=self.ticks,
             t_s=round(record.batch.t_s, 4),
@@ -94,7 +102,10 @@ class RunView:
             mission=_mission(status),
             mode=self._mode(record),
             stop=status.stopped,
-            reason=record.reason or status.reason or status.gate.told,
+            reason=reason,
+            gate=self._show_gate(reason),
+            checks=self._checks,
+            doubts=_doubts(estimate.verdicts),
             implement=self._describe_implement(record),
             signals=_take(self._signals),
         )
@@ -111,6 +122,23 @@ class RunView:
             pairs = zip(known, sample.accel_mps2, strict=True)
             x, y, z = (old + TILT_SHARE * (new - old) for old, new in pairs)
             self._up_mps2 = (x, y, z)
+
+    def _watch_gate(self, t_s: float, gate: GateStatus) -> None:
+        before, self._gate = self._gate, gate
+        if gate.state != before.state or self.record is None:
+            self._gate_since_s = t_s
+        if gate.checks and gate.checks is not before.checks:
+            self._checks = [wire.StartCheck(name=c.name, wrong=c.text) for c in gate.checks]
+
+    def _show_gate(self, said: str) -> wire.ShownGate:
+        """Show the gate, less a reason that is `said` already."""
+        gate = self._gate
+        is_said = bool(said) and (said in gate.reason or gate.reason in said)
+        return wire.ShownGate(
+            state=gate.state,
+            since_s=round(self._gate_since_s, 2),
+            reason="" if is_said else gate.reason,
+        )
 
     def _trace(self, record: TickRecord) -> None:
         estimate = record.estimate
@@ -203,6 +231,16 @@ def _mission(status: MissionStatus) -> wire.MissionProgress:
         leg=status.leg,
         refusal=status.refusal,
     )
+
+
+def _doubts(verdicts: SensorVerdicts) -> list[wire.SensorDoubt]:
+    """List the sensors that are not fine, which are few."""
+    names: tuple[wire.SensorName, ...] = get_args(wire.SensorName)
+    return [
+        wire.SensorDoubt(sensor=name, state=one.state, since_s=one.since_s, reason=one.reason)
+        for name in names
+        if (one := getattr(verdicts, name)).state != "fine"
+    ]
 
 
 def _tilt(up_mps2: Vec3 | None) -> wire.Vec2 | None:

@@ -18,7 +18,7 @@ from typing import Any, Literal
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from agribot.core.messages import OperatorAction, PlantClass
+from agribot.core.messages import GateState, OperatorAction, PlantClass, SensorState
 
 # The page's screens in the order of its rail: each is the file of its name in `web/src/screens`.
 # The first four are the tabs of a phone.
@@ -53,6 +53,7 @@ Role = Literal["operator", "viewer"]
 SeatState = Literal["you", "free", "other"]
 EventLevel = Literal["info", "warn", "fault"]
 CheckState = Literal["ok", "warn", "fault"]
+SensorName = Literal["gnss", "compass", "gyro", "wheels", "camera", "clock"]
 MissionAction = Literal["start", "pause", "resume", "cancel", "skip_row", "return_home"]
 RecordingAction = Literal["start", "stop"]
 ShapeKind = Literal["polygon", "route"]
@@ -257,12 +258,40 @@ class ImplementLine(msgspec.Struct, frozen=True, kw_only=True):
     text: str
 
 
+class ShownGate(msgspec.Struct, frozen=True, kw_only=True):
+    """State of the last gate before the motors, the time from which on it is so, and why.
+
+    `reason` is empty where the state of the robot tells it already.
+    """
+
+    state: GateState
+    since_s: float
+    reason: str = ""
+
+
+class StartCheck(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
+    """An item of the list before the start, and what is wrong with it; good where nothing is."""
+
+    name: str
+    wrong: str = ""
+
+
+class SensorDoubt(msgspec.Struct, frozen=True, kw_only=True):
+    """What is held against a sensor, and the time from which on."""
+
+    sensor: SensorName
+    state: SensorState
+    since_s: float | None = None
+    reason: str = ""
+
+
 class State(Message, frozen=True, kw_only=True):
     """The robot at one of its ticks, and the samples of its signals since the state before.
 
     `pose` is x, y (m) and yaw (rad) in the map, null while it is not known; `tilt_rad` roll and
     pitch. `mono_ms` is when the robot was so. `recording` is the folder that is being written,
-    empty while nothing is recorded, null where nothing can be.
+    empty while nothing is recorded, null where nothing can be. `checks` is the newest list before
+    a start, `doubts` are the sensors that are not fine.
     """
 
     tick: int
@@ -283,6 +312,9 @@ class State(Message, frozen=True, kw_only=True):
     mode: Mode = "waiting"
     stop: str = ""
     reason: str = ""
+    gate: ShownGate | None = None
+    checks: list[StartCheck] = []
+    doubts: list[SensorDoubt] = []
     implement: list[ImplementLine] = []
     weed_count: int = 0
     pace_ratio: float | None = None

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 
+import msgspec
+import numpy as np
 import pytest
 
+from agribot.autonomy.estimate.ekf import YAW
 from agribot.autonomy.estimate.gnss_noise import fix_noise
 from agribot.core.messages import GnssFix, GnssQuality
-from tests.autonomy.estimate.noisy_rover import RTK, record, stand
-from tests.autonomy.estimate.playback import error, localizer, play
+from tests.autonomy.estimate.noisy_rover import RTK, record, rows, stand
+from tests.autonomy.estimate.playback import batches, error, localizer, play
+from tests.autonomy.estimate.test_localizer_faults import with_fixes
 
 
 def fix(quality: GnssQuality, pos_std_m: float) -> GnssFix:
@@ -70,3 +74,33 @@ def test_a_tilted_robot_knows_that_its_antenna_leans() -> None:
     # Nose down (positive pitch) and facing North, the antenna leans North of the robot.
     assert level.y_map_m - leaning.y_map_m == pytest.approx(lean_m, abs=0.02)
     assert level.x_map_m - leaning.x_map_m == pytest.approx(0.0, abs=0.03)
+
+
+@pytest.mark.parametrize("std_mps", [0.3, 3.0])
+def test_velocities_that_suddenly_only_scatter_do_not_turn_the_robot_over(std_mps: float) -> None:
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+
+        def shake(told: GnssFix, rng: np.random.Generator = rng) -> GnssFix:
+            assert told.velocity_mps is not None
+            east, north, up = told.velocity_mps
+            wrong = (east + rng.normal(0.0, std_mps), north + rng.normal(0.0, std_mps), up)
+            return msgspec.structs.replace(told, velocity_mps=wrong)
+
+        recording = record(rows, 30.0, seed=seed, errors=RTK)
+        spoilt = with_fixes(recording, lambda t_s: t_s > 12.0, shake)
+        off = [error(spoilt, estimate) for estimate in play(spoilt) if estimate.ok]
+        assert max(abs(e[2]) for e in off[500:]) < math.radians(5.0)
+        assert max(math.hypot(e[0], e[1]) for e in off[500:]) < 0.1
+
+
+def test_a_heading_that_is_wrong_is_still_put_right_by_the_velocity() -> None:
+    """Whoever turned the robot by hand leaves the same residual in every fix, unlike noise."""
+    recording = record(rows, 20.0, seed=1, errors=RTK)
+    into = localizer()
+    for batch in batches(recording):
+        estimate = into.update(batch)
+        if batch.t_s == pytest.approx(8.0):
+            turned_rad = estimate.yaw_map_rad + math.radians(60.0)
+            into.pose.ekf.x[YAW] = turned_rad
+    assert abs(error(recording, estimate)[2]) < math.radians(5.0)

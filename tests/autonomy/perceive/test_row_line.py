@@ -26,6 +26,8 @@ def row_discs(
     gap_ratio: float = 0.1,
     scatter_m: float = 0.02,
     bend_m: float = math.inf,
+    least_radius_m: float = 0.06,
+    most_radius_m: float = 0.12,
 ) -> list[Disc]:
     """Crop plants `from_m` to `to_m` ahead along a row that the robot stands left of."""
     discs: list[Disc] = []
@@ -36,7 +38,7 @@ def row_discs(
         left_m = -offset_m + rng.normal(0.0, scatter_m) + along_m**2 / (2.0 * bend_m)
         at_m = along_m + rng.normal(0.0, 0.01)
         cos, sin = math.cos(-heading_rad), math.sin(-heading_rad)
-        radius_m = rng.uniform(0.06, 0.12)
+        radius_m = rng.uniform(least_radius_m, most_radius_m)
         discs.append(
             (cos * at_m - sin * left_m, sin * at_m + cos * left_m, radius_m, PlantClass.CROP)
         )
@@ -81,6 +83,30 @@ def many(**kind: float) -> FloatArray:
         if line is not None:
             found.append(errors(line, offset_m, heading_rad, kind.get("bend_m", math.inf)))
     return np.array(found)
+
+
+def grown_over(offset_m: float, rng: np.random.Generator) -> ClassMap:
+    """A row whose plants are as wide as two of their distances, with half a metre of soil beside.
+
+    They stand by their height: that is what their leaves look like, and not discs of that size.
+    """
+    discs = row_discs(rng, offset_m, 0.0, least_radius_m=0.26, most_radius_m=0.29)
+    return draw(*discs, height_ratio=0.14)
+
+
+def test_a_row_that_has_closed_is_found_by_its_edges_and_its_line_lies_where_it_stands() -> None:
+    rng = np.random.default_rng(1)
+    offsets_m = rng.uniform(-0.1, 0.1, 20)
+    lines = [find_row_line(grown_over(offset_m, rng), GROUND, 1.0) for offset_m in offsets_m]
+    found = [(line, off_m) for line, off_m in zip(lines, offsets_m, strict=True) if line]
+    assert len(found) >= 18
+    errors_m = [
+        line.offset_m - off_m + line.at_ahead_m * math.tan(line.heading_rad)
+        for line, off_m in found
+        if line.offset_m is not None and line.heading_rad is not None
+    ]
+    assert abs(np.mean(errors_m)) < 0.02
+    assert np.std(errors_m) < 0.04
 
 
 @pytest.mark.parametrize("kind", [{}, {"gap_ratio": 0.3}, {"bend_m": 30.0}])

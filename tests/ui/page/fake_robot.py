@@ -9,7 +9,7 @@ import math
 import numpy as np
 from PIL import Image, ImageDraw
 
-from agribot.core.messages import MissionState, PlantClass
+from agribot.core.messages import GateState, MissionState, PlantClass
 from agribot.ui import wire
 
 DATUM = wire.DatumPlace(lat_deg=21.1613331649, lon_deg=72.7870533933)
@@ -26,6 +26,13 @@ MISSION_STATES: dict[wire.Mode, MissionState] = {
     "waiting": "waiting",
     "done": "done",
 }
+GATE_STATES: dict[wire.Mode, GateState] = {
+    "mission": "driving", "stopped": "stopped", "teleop": "by hand",
+}  # fmt: skip
+CHECKS = (
+    "clock", "wheels and IMU", "battery", "motors", "bumper", "upright", "position", "heading",
+    "field", "tool", "camera",
+)  # fmt: skip
 MODES_AFTER: dict[wire.MissionAction, wire.Mode] = {
     "pause": "paused",
     "resume": "mission",
@@ -81,6 +88,9 @@ class FakeRobot:
         self.s_m = 0.0
         self.mode: wire.Mode = "mission"
         self.stop = ""
+        self.gate: wire.ShownGate | None = None  # else that of its mode
+        self.checks = [wire.StartCheck(name=name) for name in CHECKS]
+        self.doubts: list[wire.SensorDoubt] = []
         self.leg = "row 3"
         self.replay: wire.ReplayProgress | None = None
         self.trajectory: list[wire.Vec2] = []
@@ -174,6 +184,10 @@ class FakeRobot:
             mission=self._mission(row),
             mode=self.mode,
             stop=self.stop,
+            gate=self.gate
+            or wire.ShownGate(state=GATE_STATES.get(self.mode, "standby"), since_s=0.0),
+            checks=self.checks,
+            doubts=self.doubts,
             implement=[wire.ImplementLine(name="Nozzles", text="○●○")],
             weed_count=len(self.weeds),
             pace_ratio=1.0,

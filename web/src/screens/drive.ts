@@ -8,6 +8,7 @@ import { compassText } from '../geo.ts'
 import { mapControls } from '../map/controls.ts'
 import { openMap } from '../map/shared.ts'
 import type { ImplementLine } from '../wire.ts'
+import { GateCard, GateLine } from './gate-card.ts'
 import { MissionButtons } from './mission-buttons.ts'
 
 const TEXT_EVERY_MS = 200
@@ -20,6 +21,7 @@ export const drive: Screen = {
     const mapHost = el('div', { class: 'map-host card' })
     const buttons = new MissionButtons(app)
     const facts = new Facts(app)
+    const gate = new GateCard(app)
     const camera = cameraCard(app)
     host.append(
       mapHost,
@@ -27,6 +29,7 @@ export const drive: Screen = {
         'div',
         { class: 'side' },
         el('div', { class: 'card mission' }, progress(app, facts), buttons.node),
+        gate.node,
         camera.node,
         facts.node,
       ),
@@ -34,6 +37,7 @@ export const drive: Screen = {
     const timer = setInterval(() => {
       facts.update()
       buttons.update()
+      gate.update()
       camera.update()
     }, TEXT_EVERY_MS)
     const view = await openMap(mapHost, app)
@@ -69,20 +73,20 @@ function cameraCard(app: App): { node: HTMLElement; update: () => void; close: (
 function progress(app: App, facts: Facts): HTMLElement {
   const bar = el('progress', { max: 1, value: 0, 'aria-label': 'Mission progress' })
   const text = el('span', { class: 'progress-text' })
-  const reason = el('p', { class: 'reason' })
+  const gate = new GateLine()
   facts.also(() => {
     const mission = app.store.state?.mission
     const share = mission && mission.length_m > 0 ? Math.min(1, mission.s_m / mission.length_m) : 0
     bar.value = share
     setText(text, mission ? `${(share * 100).toFixed(0)} %` : NONE)
-    setText(reason, app.store.state?.reason || mission?.reason || legText(mission?.leg))
+    gate.update(app.store.state)
   })
   return el(
     'div',
     { class: 'progress' },
-    el('h2', {}, 'Mission'),
+    el('div', { class: 'card-head' }, el('h2', {}, 'Mission'), gate.head),
     el('div', { class: 'progress-line' }, bar, text),
-    reason,
+    gate.reason,
   )
 }
 
@@ -140,11 +144,6 @@ class Facts {
 
 function absolute(value: number | null | undefined): number | null {
   return value === null || value === undefined ? null : Math.abs(value)
-}
-
-/** Where on its way the robot is, as a sentence begins. */
-function legText(leg: string | undefined): string {
-  return leg ? leg[0].toUpperCase() + leg.slice(1) : ''
 }
 
 /** What the implement does, in its own words. */

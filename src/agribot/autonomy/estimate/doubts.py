@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from agribot.autonomy.estimate.ekf import X, Y
 from agribot.autonomy.estimate.fix_watch import MAX_JUMP_M
 from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
+from agribot.autonomy.estimate.heading_watch import HeadingWatch
 from agribot.autonomy.estimate.picture_flow import PictureFlow
 from agribot.autonomy.estimate.picture_watch import PictureWatch
 from agribot.autonomy.estimate.pose_filter import PoseFilter
@@ -26,6 +27,7 @@ class Doubts:
         self._pose, self._gnss, self._agreement = pose, gnss, pose.agreement
         self._identity = pose.identity
         self._pictures, self._flow, self._camera = PictureWatch(), PictureFlow(), SceneWatch()
+        self.heading = HeadingWatch()
         self._moving_t_s = -math.inf
 
     def move(self, t_s: float) -> None:
@@ -63,7 +65,8 @@ class Doubts:
             return f"{agreement.fault}; {BELIEVE_CAMERA}"
         if 0.0 < jump.off_m <= MAX_JUMP_M and self._is_seen:
             return f"camera and GNSS disagree by {jump.off_m:.2f} m; {BELIEVE_CAMERA}"
-        return jump.fault or self._gnss.drift.fault or self._identity.doubt
+        fixes = jump.fault or self._gnss.drift.fault
+        return fixes or self.heading.fault or self._identity.doubt
 
     def find(self, t_s: float) -> Iterator[Finding]:
         """Find what is wrong with the sensors, although there is a pose without them."""
@@ -119,6 +122,7 @@ class Doubts:
             gnss.drift.restart()  # it is part of the difference
         gnss.settle(believes_fixes=not is_seen)
         agreement.forget()
+        self.heading.forget()
         self._identity.take_as_told()
         return True
 
@@ -126,6 +130,7 @@ class Doubts:
         """Drop what was held against each other: a person says where the robot is."""
         self._gnss.forget()
         self._agreement.forget()
+        self.heading.forget()
         self._identity.take_as_told()
 
     @property

@@ -327,18 +327,19 @@ class Gnss(Correction[GnssFix]):
         claimed_mps, _ = ahead_and_aside(FLOATS, (east_mps, north_mps), yaw_rad)
         missing_mps, _ = ahead_and_aside(FLOATS, residuals, yaw_rad)
         spins = bool(self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance)))
-        spins = spins and self.velocity_noise.is_known
+        is_steady = self.velocity_noise.is_steady
+        spins = spins and self.velocity_noise.is_known and is_steady
         if spins:
             self.pose.rejected["wheels spin"] += 1
             self._spun_t_s, self._spun_mps = fix.t_s, (claimed_mps, claimed_mps + missing_mps)
         opened = doubts(
             FLOATS, residuals, (east_mps, north_mps), yaw_rad, since_last_s * self._spin_after,
             is_corrected=self._is_corrected,
-        )  # fmt: skip
+        ) if is_steady else ()  # fmt: skip
         yield Measurement(
             residuals, (_velocity_row(east_row), _velocity_row(north_row)), variance,
             self._velocity_gate, opens=tuple((state, doubt**2) for state, doubt in opened),
-            must_open=spins,
+            is_retaken=is_steady, must_open=spins,
         )  # fmt: skip
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import statistics
 from collections import deque
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Generic
 
 import msgspec
@@ -29,6 +31,8 @@ FLOAT_STD_M = 0.3
 JUMP2_MEDIAN = 4.0 * math.log(2.0)
 # So many jumps are the receiver's noise to a third; fewer than half of them say nothing.
 VELOCITY_JUMPS, LEAST_JUMPS = 21, 11
+# So many velocities in a row have to show one and the same error before it is that of the robot.
+STEADY_FIXES = 6
 # Soil that shakes the antenna makes it twice as much as stated, no more.
 NAMED_NOISE_RATIO, NAMED_NOISE_MPS = 3.0, 0.1
 
@@ -82,6 +86,22 @@ def bias_ageing(
     return [(GNSS_BIAS_X, factor, growth), (GNSS_BIAS_Y, factor, growth)]
 
 
+def is_steady(m: Arithmetic[Number], residuals: Sequence[tuple[Number, Number]]) -> Condition:
+    """Tell whether residuals, east and north, show an error that stays, and not only noise.
+
+    Of noise alone the mean of six is as large as the scatter from one to the next in one case of
+    several hundred; a wrong heading or spinning wheels leave the same residual every time.
+    """
+    east = sum(pair[0] for pair in residuals) / len(residuals)
+    north = sum(pair[1] for pair in residuals) / len(residuals)
+    jumps2 = sum(
+        (after[0] - before[0]) ** 2 + (after[1] - before[1]) ** 2
+        for before, after in pairwise(residuals)
+    )
+    steady: Condition = east**2 + north**2 > jumps2 / (2.0 * (len(residuals) - 1))
+    return steady
+
+
 class VelocityNoise:
     """White noise of a receiver's velocity from the jumps between neighbouring residuals.
 
@@ -92,13 +112,15 @@ class VelocityNoise:
 
     def __init__(self) -> None:
         self._jumps2: deque[float] = deque(maxlen=VELOCITY_JUMPS)
-        self._last: tuple[float, float] | None = None
+        self._recent: deque[tuple[float, float]] = deque(maxlen=STEADY_FIXES)
         self._stated_mps = self.std_mps = 0.0
 
     def add(self, residuals: tuple[float, float], stated_mps: float) -> None:
         """Take a velocity less what was expected, east and north, m/s, and its stated 1 sigma."""
-        last, self._last, self._stated_mps = self._last, residuals, stated_mps
-        if last is None:
+        self._stated_mps = stated_mps
+        last = self._recent[-1] if self._recent else residuals
+        self._recent.append(residuals)
+        if len(self._recent) == 1:
             return
         self._jumps2.append((residuals[0] - last[0]) ** 2 + (residuals[1] - last[1]) ** 2)
         if self.is_known:
@@ -107,6 +129,12 @@ class VelocityNoise:
     @property
     def is_known(self) -> bool:
         return len(self._jumps2) >= LEAST_JUMPS
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether the last velocities were all off in the same way, as an error of the pose is."""
+        is_full = len(self._recent) == STEADY_FIXES
+        return is_full and bool(is_steady(FLOATS, self._recent))
 
     @property
     def sure_mps(self) -> float:

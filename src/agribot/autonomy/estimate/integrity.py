@@ -37,6 +37,8 @@ LEARNING_WAY_M, LEARNING_GAIN = 0.2, 0.02
 LOSS_RESIDUAL_RATIO, LOSS_RESIDUAL_M = 0.3, 0.03
 # Where nothing holds the filter better than this it follows the wheels and shows no loss.
 LEARNING_STD_M = 0.03
+# What the camera held the robot to across its row still counts while it heads within this of it.
+HELD_HEADING_COS = math.cos(math.radians(20.0))
 # Two solutions that differ by less than this part of the alarm agree again.
 AGREE_RATIO = 0.5
 # More than this share of the wheels' way is not lost by slip: the GNSS stands still, or the robot.
@@ -90,6 +92,14 @@ class _Anchor(NamedTuple):
         return x - then_x, y - then_y
 
 
+class _Hold(NamedTuple):
+    """Where the camera held the robot last, what GNSS had moved the filter by, and its left."""
+
+    anchor: _Anchor
+    moved_m: tuple[float, float]
+    left: tuple[float, float]
+
+
 class Bounds(NamedTuple):
     """How far the robot may be off: in any direction, and to the side of where it heads.
 
@@ -123,6 +133,7 @@ class Integrity:
         self._is_split = False  # the two solutions contradict each other
         self._believed_m = self._moved_m = gnss.moved_m
         self._moved_t_s = -math.inf
+        self._hold: _Hold | None = None
 
     def move(
         self,
@@ -158,6 +169,7 @@ class Integrity:
         self._anchors.clear()
         self._is_split = False
         self._believed_m = self._gnss.moved_m
+        self._hold = None
 
     def bound(self, t_s: float, pos_std_m: float, *, is_ok: bool, is_held: bool) -> Bounds:
         """Bound the error of the present pose; without end where that is none.
@@ -170,6 +182,7 @@ class Integrity:
         here = self._here(t_s, pos_std_m)
         anywhere_m = self._anywhere_m(here)
         if is_held:
+            self._hold = _Hold(here, self._gnss.moved_m, self._left)
             return Bounds(anywhere_m, plain_m, plain_m, plain_m)
         across_m, unknown_m = self._bound_across(here, plain_m)
         return Bounds(anywhere_m, across_m, plain_m, unknown_m)
@@ -191,8 +204,9 @@ class Integrity:
 
         After `_anywhere_m`.
         """
-        gnss, anchor, left = self._gnss, self._anchors[0], self._left
-        moved_m = abs(_along(left, gnss.moved_m) - _along(left, self._believed_m))
+        gnss, left = self._gnss, self._left
+        anchor, believed_m = self._find_sure(left)
+        moved_m = abs(_along(left, gnss.moved_m) - _along(left, believed_m))
         doubted_m = moved_m + (abs(_along(left, gnss.rejected_m)) if self._is_off else 0.0)
         apart_m = abs(_along(left, self._apart_m(anchor, here)))
         driven_m = self._driven_m - anchor.driven_m
@@ -204,6 +218,18 @@ class Integrity:
         )
         unknown_m = self._across_fault_gain * alone_m
         return max(plain_m + doubted_m, apart_m + unknown_m), max(plain_m, unknown_m)
+
+    def _find_sure(self, left: tuple[float, float]) -> tuple[_Anchor, tuple[float, float]]:
+        """Find from where on dead reckoning counts to the side, and what GNSS had moved until then.
+
+        Where the camera has held the robot since, two solutions that were split are so no more to
+        that side: the crop row itself has decided.
+        """
+        anchor, hold = self._anchors[0], self._hold
+        if not self._is_split or hold is None or hold.anchor.t_s <= anchor.t_s:
+            return anchor, self._believed_m
+        is_so_still = _along(hold.left, left) >= HELD_HEADING_COS
+        return (hold.anchor, hold.moved_m) if is_so_still else (anchor, self._believed_m)
 
     def _apart_m(self, anchor: _Anchor, here: _Anchor) -> tuple[float, float]:
         """From where dead reckoning leads to where the filter is, less what turns usually cost."""

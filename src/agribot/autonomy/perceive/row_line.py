@@ -33,8 +33,11 @@ SLOT_M = 0.0625
 FULL_SLOT_RATIO, MIN_SLOT_RATIO = 0.25, 0.04
 HUBER_M = 0.1
 MIN_SLOTS, MIN_SPAN_M, MIN_FILLED_RATIO = 8, 0.6, 0.5
-# Crop all over the window, as a field of leaves has it, spreads by 0.17 m: that is no row.
-MAX_SCATTER_M, MAX_SPREAD_M = 0.08, 0.145
+# Crop all over the window, as a field of leaves has it, spreads by 0.17 m: that is no row. Nearly
+# so wide, a row of big plants still has an edge on either side: within this of its middle is a
+# strip of ground with at most this part of the crop that the middle has.
+MAX_SCATTER_M, MAX_SPREAD_M, MAX_WIDE_SPREAD_M = 0.08, 0.145, 0.165
+EDGE_M, EDGE_STEP_M, MIDDLE_M, EDGE_RATIO = 0.45, 0.05, 0.1, 0.5
 # Neighbouring slots show the same plant, and no plant stands better on its line than this.
 SLOTS_PER_PLANT, LEAST_SCATTER_M = 2.0, 0.02
 # Roll and pitch of the robot shift and turn the whole picture.
@@ -111,7 +114,7 @@ def find_row_line(class_map: ClassMap, ground: GroundLookup, t_s: float) -> RowL
     fit = _vote(crop)
     for _ in range(PASSES):
         fit = _refine(crop, fit, view) if fit is not None else None
-    if fit is None or abs(fit.yaw_rad) > MAX_HEADING_RAD:
+    if fit is None or abs(fit.yaw_rad) > MAX_HEADING_RAD or not _is_row(crop, fit, view):
         return None
     plants = _growth(class_map, ground, class_map.class_id != PlantClass.SOIL)
     start_m, end_m = _ends(crop, plants, fit, view)
@@ -199,7 +202,7 @@ def _refine(crop: Growth, fit: Fit, view: Wedge) -> Fit | None:
     near &= fit.shows(view, begin_m, WINDOW_M)
     near &= fit.shows(view, begin_m + SLOT_M, WINDOW_M)
     slot, share, left_m = slot[near], crop.share[near], left_m[near]
-    if not len(slot) or float(share @ left_m**2) > MAX_SPREAD_M**2 * float(share.sum()):
+    if not len(slot) or float(share @ left_m**2) > MAX_WIDE_SPREAD_M**2 * float(share.sum()):
         return None
     slot -= slot.min()
     filled = np.bincount(slot, share)
@@ -216,6 +219,33 @@ def _refine(crop: Growth, fit: Fit, view: Wedge) -> Fit | None:
     if span_m < MIN_SPAN_M or enough.sum() < MIN_FILLED_RATIO * (span_m / SLOT_M + 1.0):
         return None
     return _straight_line(fit, u_m, v_m, weight)
+
+
+def _is_row(crop: Growth, fit: Fit, view: Wedge) -> bool:
+    """Whether the crop about a line is a row, and not a field of leaves."""
+    _, left_m = fit.along_left_m(crop)
+    near = np.abs(left_m) <= WINDOW_M
+    share = crop.share[near]
+    is_narrow = float(share @ left_m[near] ** 2) <= MAX_SPREAD_M**2 * float(share.sum())
+    return is_narrow or _has_edges(crop, fit, view)
+
+
+def _has_edges(crop: Growth, fit: Fit, view: Wedge) -> bool:
+    """Whether less crop stands to either side of a line than on it, as far as the view shows."""
+    strips = 2 * round(EDGE_M / EDGE_STEP_M) + 1
+    left_m = (np.arange(strips) - strips // 2) * EDGE_STEP_M
+    along_m = np.arange(-FAR_M, FAR_M, SLOT_M)
+    places = np.meshgrid(along_m, left_m)
+    shown = view.holds(*fit.body_from_line.transform(*places)).sum(axis=1)
+    cell_along_m, cell_left_m = fit.along_left_m(crop)
+    strip = np.rint(cell_left_m / EDGE_STEP_M).astype(np.int64) + strips // 2
+    inside = (strip >= 0) & (strip < strips) & view.holds(crop.x_m, crop.y_m)
+    inside &= abs(cell_along_m) <= FAR_M
+    grown = np.bincount(strip[inside], crop.share[inside], strips)
+    density = np.where(shown >= MIN_SLOTS, grown / np.maximum(shown, 1), math.inf)
+    middle = float(density[abs(left_m) <= MIDDLE_M].mean())
+    sides = density[left_m > MIDDLE_M], density[left_m < -MIDDLE_M]
+    return math.isfinite(middle) and all(side.min() <= EDGE_RATIO * middle for side in sides)
 
 
 def _straight_line(fit: Fit, u_m: FloatArray, v_m: FloatArray, weight: FloatArray) -> Fit | None:

@@ -15,9 +15,11 @@ from agribot.autonomy.estimate.gnss_noise import (
     FLOAT_MEMORY_S,
     JUMP2_MEDIAN,
     LEAST_JUMPS,
+    STEADY_FIXES,
     VELOCITY_JUMPS,
     FixNoise,
     bias_ageing,
+    is_steady,
     noise_model,
 )
 from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
@@ -50,7 +52,7 @@ class BatchVelocityNoise:
 
     def __init__(self, count: int) -> None:
         self._jumps2: deque[FloatArray] = deque(maxlen=VELOCITY_JUMPS)
-        self._last: Pair | None = None
+        self._recent: deque[Pair] = deque(maxlen=STEADY_FIXES)
         self.std_mps = np.zeros(count)
 
     @property
@@ -58,12 +60,17 @@ class BatchVelocityNoise:
         return len(self._jumps2) >= LEAST_JUMPS
 
     def add(self, residuals: Pair) -> None:
-        last, self._last = self._last, residuals
-        if last is None:
+        last = self._recent[-1] if self._recent else residuals
+        self._recent.append(residuals)
+        if len(self._recent) == 1:
             return
         self._jumps2.append((residuals[0] - last[0]) ** 2 + (residuals[1] - last[1]) ** 2)
         if self.is_known:
             self.std_mps = np.sqrt(np.median(self._jumps2, axis=0) / JUMP2_MEDIAN)
+
+    @property
+    def is_steady(self) -> Mask | bool:
+        return len(self._recent) == STEADY_FIXES and is_steady(ARRAYS, self._recent)
 
 
 class BatchGnss:
@@ -209,6 +216,7 @@ class BatchGnss:
         spins = self._spin_watch.is_spinning(claimed_mps, missing_mps, np.sqrt(variance))
         if self._velocity_noise.is_known:
             recovers |= spins
+        recovers &= self._velocity_noise.is_steady
         if recovers.any():
             opened = doubts(
                 ARRAYS, residuals, (east_mps, north_mps), yaw_rad, since_last_s * self._spin_after,

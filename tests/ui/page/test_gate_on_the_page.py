@@ -1,0 +1,38 @@
+"""What the robot itself holds against its sensors and its start stands on the operator's page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from playwright.sync_api import BrowserContext, expect
+
+from tests.ui.page.conftest import WITHOUT_GL, until
+from tests.ui.page.robots import robot_with_page
+
+BLIND = [
+    "--set", "perception.enabled=false", "--set", "seed=1", "--set", "faults=['gnss.jump=2@20']",
+]  # fmt: skip
+
+
+def test_a_jump_of_the_receiver_is_told_once_with_state_sensor_and_the_list_before_the_start(
+    context: BrowserContext, tmp_path: Path
+) -> None:
+    with robot_with_page("farm", tmp_path / "run", BLIND) as robot:
+        page = context.new_page()
+        page.goto(f"{robot.address}/?{WITHOUT_GL}#/drive")
+        until(page, "window.__agribot?.ready")
+        gate, listed = page.locator(".gate-line"), page.locator(".start-list")
+        expect(gate.get_by_role("status")).to_have_text("Driving")
+        expect(listed).to_contain_text("Before the start: all 10 good")
+        expect(page.locator(".sensors li")).to_have_count(6)
+        expect(page.locator(".sensors .doubt")).to_have_count(0)
+        assert listed.evaluate("list => !list.open")
+        listed.locator("summary").click()
+        expect(listed.get_by_text("Wheels and IMU")).to_be_visible()
+
+        expect(gate.get_by_role("status")).to_have_text("Standby")
+        expect(gate).to_contain_text("for ")
+        expect(page.locator(".sensors li").first).to_contain_text("GNSS contradicted")
+        expect(page.get_by_text("GNSS jumped by")).to_have_count(1)
+        expect(page.locator(".mission .reason")).to_contain_text("resume to believe GNSS")
+        expect(listed.get_by_text("Wheels and IMU")).to_be_visible()

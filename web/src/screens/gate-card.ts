@@ -1,0 +1,209 @@
+/** What the last gate before the motors does and why, the list before the start, and the sensors. */
+
+import type { App } from '../app.ts'
+import { el, replace, setAttr, setText } from '../dom.ts'
+import { words } from '../format.ts'
+import { icon } from '../icons.ts'
+import type { GateState, SensorDoubt, SensorName, SensorState, State } from '../wire.ts'
+import { readStartCheck } from '../wire.ts'
+
+type Tone = 'plain' | 'good' | 'note' | 'warn' | 'bad'
+
+const GATE_TONES: Record<GateState, Tone> = {
+  standby: 'plain',
+  checking: 'note',
+  driving: 'good',
+  slowed: 'warn',
+  held: 'warn',
+  stopped: 'bad',
+  'by hand': 'note',
+}
+const SENSOR_TONES: Record<SensorState, Tone> = {
+  fine: 'good',
+  late: 'warn',
+  silent: 'bad',
+  frozen: 'bad',
+  contradicted: 'bad',
+}
+const SENSOR_NAMES: Record<SensorName, string> = {
+  gnss: 'GNSS',
+  compass: 'Compass',
+  gyro: 'Gyro',
+  wheels: 'Wheels',
+  camera: 'Camera',
+  clock: 'Clock',
+}
+
+/** The reason beside the gate's state; one that the banner of a stop tells already is left out. */
+export function tellWhy({ mode, stop, reason, gate, mission }: State): string {
+  const told = mode === 'replay' ? '' : stop // the banner of a replay is the robot's own
+  const why = gate?.state === 'driving' ? '' : gate?.reason
+  const all = [reason, why, mission?.reason, mission?.leg]
+  return sentence(all.find((each) => each && !repeats(each, told)) ?? '')
+}
+
+/** How long something has been so; not to the second, once that does not matter any more. */
+export function tellSince(t_s: number, since_s: number | null | undefined): string {
+  if (since_s === null || since_s === undefined) return ''
+  const s = Math.max(0, Math.floor(t_s - since_s))
+  if (s < 60) return `for ${s} s`
+  if (s < 3600) return `for ${Math.floor(s / 60)} min`
+  return `for ${Math.floor(s / 3600)} h ${Math.floor((s % 3600) / 60)} min`
+}
+
+export interface StartList {
+  title: string
+  /** What is wrong first. */
+  items: { name: string; isGood: boolean; reason: string }[]
+  isGood: boolean
+  /** While the robot waits for it. */
+  isOpen: boolean
+}
+
+/** The list before the start, folded once the robot drives; null before it was gone through. */
+export function readStartList(state: State): StartList | null {
+  const { checks, gate } = state
+  if (!checks.length) return null
+  const said = sayings(state)
+  const all = checks.map(readStartCheck)
+  const bad = all.filter((each) => each.wrong)
+  const waits = gate?.state === 'standby' || gate?.state === 'stopped'
+  return {
+    title: `Before the start: ${bad.length ? `${all.length - bad.length} of` : 'all'} ${all.length} good`,
+    items: [...bad, ...all.filter((each) => !each.wrong)].map(({ name, wrong }) => ({
+      name,
+      isGood: !wrong,
+      reason: tellAnew(wrong, said),
+    })),
+    isGood: !bad.length,
+    isOpen: gate?.state === 'checking' || (waits && bad.length > 0),
+  }
+}
+
+export interface SensorLine {
+  text: string
+  tone: Tone
+  since: string
+  /** Empty where it stands above already. */
+  reason: string
+}
+
+/** Every sensor in one line, those that are not fine first. */
+export function readSensors(state: State, hasCamera: boolean): SensorLine[] {
+  const said = sayings(state)
+  const lines = state.doubts.map((doubt) => doubtLine(doubt, state.t_s, said))
+  const doubted = new Set(state.doubts.map(({ sensor }) => sensor))
+  const names = Object.keys(SENSOR_NAMES) as SensorName[]
+  const fine = names.filter((name) => !doubted.has(name) && (name !== 'camera' || hasCamera))
+  return [
+    ...lines,
+    ...fine.map((name): SensorLine => ({ text: SENSOR_NAMES[name], tone: 'good', since: '', reason: '' })),
+  ]
+}
+
+function doubtLine({ sensor, state, since_s, reason }: SensorDoubt, t_s: number, said: string[]): SensorLine {
+  const text = `${SENSOR_NAMES[sensor]} ${state}`
+  return { text, tone: SENSOR_TONES[state], since: tellSince(t_s, since_s), reason: tellAnew(reason, said) }
+}
+
+/** What the card and the banner of a stop say. */
+function sayings(state: State): string[] {
+  return [tellWhy(state), state.mode === 'replay' ? '' : state.stop]
+}
+
+/** The reason, unless it was said; from now on it is. */
+function tellAnew(reason: string, said: string[]): string {
+  if (said.some((each) => repeats(reason, each))) return ''
+  said.push(reason)
+  return sentence(reason)
+}
+
+/** Whether one says what the other says, perhaps in more words or with numbers of another moment. */
+function repeats(one: string, other: string): boolean {
+  const [a, b] = [one, other].map((text) => text.toLowerCase().replace(/\d+(\.\d+)?/g, '#'))
+  return a !== '' && b !== '' && (a.includes(b) || b.includes(a))
+}
+
+function sentence(text: string): string {
+  return text && text[0].toUpperCase() + text.slice(1)
+}
+
+/** The gate's state and since when, for the head of a card, and the one reason. */
+export class GateLine {
+  private readonly state = el('span', { class: 'tag', role: 'status' })
+  private readonly since = el('span', { class: 'muted' })
+  readonly head = el('div', { class: 'gate-line' }, this.since, this.state)
+  readonly reason = el('p', { class: 'reason' })
+
+  update(state: State | null): void {
+    const gate = state?.gate
+    this.state.hidden = !gate
+    setText(this.state, gate ? words(gate.state) : '')
+    setAttr(this.state, 'class', `tag ${gate ? GATE_TONES[gate.state] : ''}`)
+    setText(this.since, gate && state && gate.state !== 'driving' ? tellSince(state.t_s, gate.since_s) : '')
+    setText(this.reason, state ? tellWhy(state) : '')
+  }
+}
+
+/** List and sensors; built anew only where something else is to be told. */
+export class GateCard {
+  private readonly title = el('summary')
+  private readonly items = el('ul')
+  private readonly list = el('details', { class: 'start-list', hidden: true }, this.title, this.items)
+  private readonly sensors = el('ul', { class: 'sensors', 'aria-label': 'Sensors' })
+  readonly node = el('div', { class: 'card gate-card', hidden: true }, this.sensors, this.list)
+  private shownList = ''
+  private shownSensors = ''
+  private isOpen = false
+
+  constructor(private readonly app: App) {}
+
+  update(): void {
+    const { state } = this.app.store
+    this.node.hidden = !state?.gate
+    if (!state?.gate) return
+    this.showList(readStartList(state))
+    this.showSensors(readSensors(state, this.app.session.camera))
+  }
+
+  private showList(list: StartList | null): void {
+    this.list.hidden = !list
+    const text = JSON.stringify(list)
+    if (!list || text === this.shownList) return
+    this.shownList = text
+    replace(this.title, icon(list.isGood ? 'check' : 'warning', 18), list.title)
+    setAttr(this.title, 'class', list.isGood ? 'good' : 'bad')
+    replace(this.items, ...list.items.map(checkLine))
+    if (list.isOpen !== this.isOpen) this.list.open = this.isOpen = list.isOpen // else as a person left it
+  }
+
+  private showSensors(lines: SensorLine[]): void {
+    const text = JSON.stringify(lines)
+    if (text === this.shownSensors) return
+    this.shownSensors = text
+    replace(this.sensors, ...lines.map(sensorLine))
+  }
+}
+
+function checkLine({ name, isGood, reason }: StartList['items'][number]): HTMLElement {
+  return el(
+    'li',
+    { class: isGood ? 'good' : 'bad' },
+    icon(isGood ? 'check' : 'warning', 16),
+    el('span', {}, words(name), reason !== '' && el('span', { class: 'reason' }, reason)),
+    el('span', { class: 'visually-hidden' }, isGood ? 'good' : 'not good'),
+  )
+}
+
+function sensorLine({ text, tone, since, reason }: SensorLine): HTMLElement {
+  if (tone === 'good') {
+    return el('li', { title: 'fine' }, icon('check', 14), text, el('span', { class: 'visually-hidden' }, ' fine'))
+  }
+  return el(
+    'li',
+    { class: 'doubt' },
+    el('span', { class: `tag ${tone}` }, icon('warning', 14), text),
+    el('span', { class: 'muted' }, since),
+    el('span', { class: 'reason' }, reason),
+  )
+}

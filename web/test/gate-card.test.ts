@@ -1,0 +1,85 @@
+import assert from 'node:assert/strict'
+import { test } from 'node:test'
+import { readSensors, readStartList, tellSince, tellWhy } from '../src/screens/gate-card.ts'
+import type { ShownGate, State } from '../src/wire.ts'
+
+const gate = (state: ShownGate['state'], reason = ''): ShownGate => ({ state, since_s: 20, reason })
+const shown = (more: object): State =>
+  ({
+    mode: 'mission',
+    t_s: 32.4,
+    stop: '',
+    reason: '',
+    gate: null,
+    checks: [],
+    doubts: [],
+    ...more,
+  }) as unknown as State
+
+test('the reason of the gate is told once, and not at all beside the banner of a stop', () => {
+  const jump = 'GNSS jumped by 2.01 m; look where the robot stands'
+  assert.equal(tellWhy(shown({ reason: jump, gate: gate('held') })), jump)
+  assert.equal(tellWhy(shown({ gate: gate('held', jump) })), jump)
+  const stopped = { stop: 'wheel stands', reason: 'wheel stands; clear the stop to go on', gate: gate('stopped') }
+  assert.equal(tellWhy(shown(stopped)), '')
+  const replayed = shown({ ...stopped, mode: 'replay' })
+  assert.equal(tellWhy(replayed), 'Wheel stands; clear the stop to go on', 'its banner tells of the robot itself')
+})
+
+test('a robot that drives tells where it is, not why it drives', () => {
+  const mission = { reason: '', leg: 'row 3' }
+  assert.equal(tellWhy(shown({ mission, gate: gate('driving', 'over: no position') })), 'Row 3')
+  assert.equal(tellWhy(shown({ mission, reason: 'creeps', gate: gate('slowed') })), 'Creeps')
+})
+
+test('since when is told as long ago as matters', () => {
+  assert.deepEqual(
+    [tellSince(32.4, 20), tellSince(200, 20), tellSince(8000, 20), tellSince(5, null), tellSince(5, 9)],
+    ['for 12 s', 'for 3 min', 'for 2 h 13 min', '', 'for 0 s'],
+  )
+})
+
+test('the list before the start is open while it holds the robot, and has what is wrong first', () => {
+  const checks = [
+    ['clock', ''],
+    ['position', 'no position yet'],
+    ['camera', ''],
+  ]
+  const open = readStartList(shown({ checks, gate: gate('checking') }))
+  assert.deepEqual([open?.isOpen, open?.isGood, open?.title], [true, false, 'Before the start: 2 of 3 good'])
+  assert.deepEqual(
+    open?.items.map(({ name, isGood, reason }) => [name, isGood, reason]),
+    [
+      ['position', false, 'No position yet'],
+      ['clock', true, ''],
+      ['camera', true, ''],
+    ],
+  )
+  const told = readStartList(shown({ checks, gate: gate('checking', 'no position yet') }))
+  assert.equal(told?.items[0].reason, '', 'it stands above')
+  assert.equal(readStartList(shown({ checks, gate: gate('stopped') }))?.isOpen, true)
+  for (const state of ['driving', 'slowed', 'held', 'by hand'] as const) {
+    assert.equal(readStartList(shown({ checks, gate: gate(state) }))?.isOpen, false, state)
+  }
+  const good = readStartList(shown({ checks: [['clock', '']], gate: gate('standby') }))
+  assert.deepEqual([good?.isOpen, good?.title], [false, 'Before the start: all 1 good'])
+  assert.equal(readStartList(shown({ gate: gate('standby') })), null, 'nothing was gone through')
+})
+
+test('sensors that are not fine come first, with since when and a reason that stands nowhere else', () => {
+  const doubts = [
+    { sensor: 'gnss', state: 'contradicted', since_s: 30, reason: 'GNSS jumped 2.02 m' },
+    { sensor: 'camera', state: 'late', since_s: null, reason: 'pictures 0.8 s old' },
+  ]
+  const [gnss, camera, ...fine] = readSensors(
+    shown({ doubts, reason: 'GNSS jumped 2.01 m; resume to believe it' }),
+    true,
+  )
+  assert.deepEqual(gnss, { text: 'GNSS contradicted', tone: 'bad', since: 'for 2 s', reason: '' })
+  assert.deepEqual(camera, { text: 'Camera late', tone: 'warn', since: '', reason: 'Pictures 0.8 s old' })
+  assert.deepEqual(
+    fine.map(({ text }) => text),
+    ['Compass', 'Gyro', 'Wheels', 'Clock'],
+  )
+  assert.equal(readSensors(shown({}), false).length, 5, 'a robot without a camera has no line for it')
+})
