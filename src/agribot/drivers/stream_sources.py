@@ -17,6 +17,8 @@ from agribot.core.platform import Sensor, SensorSource
 from agribot.core.stamp_clock import SampleQueue
 from agribot.drivers import gpsd, ntrip
 from agribot.drivers.byte_streams import (
+    LINE_HELP,
+    ByteStream,
     OpenStream,
     SerialStream,
     StreamReader,
@@ -130,6 +132,22 @@ def open_gpsd_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> 
         GpsdDecoder(context.refuse, device), context.refuse, latency_s,
         lambda stream: stream.write(gpsd.write_watch(device)),
     )  # fmt: skip
+
+
+def open_receiver_line(uri: SourceUri) -> ByteStream:
+    """Open the line of a receiver to set it up, by the URI that a run reads it by.
+
+    Raises: ConfigError: no such line, or one of a daemon that has the receiver for itself.
+    """
+    options = _Options(uri)
+    try:
+        if uri.scheme == "serial":
+            return SerialStream(uri.path, int(options.pop_number("baud", 38400, 300, 4_000_000)))
+        if uri.scheme == "tcp":
+            return TcpStream(*_read_address(uri, None))
+    except OSError as error:
+        raise ConfigError(f"{uri.name}: {error.strerror or error}; {LINE_HELP}") from error
+    raise ConfigError(f"{uri.scheme}:{uri.name}: write serial:/dev/ttyACM0 or tcp://HOST:PORT")
 
 
 def _open_stream(
