@@ -139,12 +139,12 @@ def open_receiver_line(uri: SourceUri) -> ByteStream:
 
     Raises: ConfigError: no such line, or one of a daemon that has the receiver for itself.
     """
-    options = _Options(uri)
+    options = UriOptions(uri)
     try:
         if uri.scheme == "serial":
             return SerialStream(uri.path, int(options.pop_number("baud", 38400, 300, 4_000_000)))
         if uri.scheme == "tcp":
-            return TcpStream(*_read_address(uri, None))
+            return TcpStream(*read_address(uri, None))
     except OSError as error:
         raise ConfigError(f"{uri.name}: {error.strerror or error}; {LINE_HELP}") from error
     raise ConfigError(f"{uri.scheme}:{uri.name}: write serial:/dev/ttyACM0 or tcp://HOST:PORT")
