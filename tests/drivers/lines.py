@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime as dt
 import os
 import pty
@@ -33,15 +34,27 @@ class Line:
         tty.setraw(self._far)
         tty.setraw(near)
         self.path.unlink(missing_ok=True)
-        self.path.symlink_to(os.ttyname(near))
+        self.device = os.ttyname(near)
+        os.chmod(self.device, 0o666)  # for a daemon that gives up its rights
+        self.path.symlink_to(self.device)
         os.close(near)
 
     def say(self, data: bytes) -> None:
         os.write(self._far, data)
 
+    def blurt(self, data: bytes) -> None:
+        """Say as a receiver does, which waits for nobody: what nobody reads is lost."""
+        os.set_blocking(self._far, False)
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._far, data)
+        os.set_blocking(self._far, True)
+
     def hear(self) -> bytes:
-        """What was written to the device; nothing where nobody wrote."""
-        return os.read(self._far, 65536) if select.select([self._far], [], [], 0.0)[0] else b""
+        """What was written to the device; nothing where nobody wrote, or has it open."""
+        try:
+            return os.read(self._far, 65536) if select.select([self._far], [], [], 0)[0] else b""
+        except OSError:
+            return b""
 
     def unplug(self) -> None:
         if self._far >= 0:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import base64
 import contextlib
 import datetime as dt
+import itertools
 import socket
 import subprocess
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +23,7 @@ from agribot.core.messages import GnssStatus, OperatorEvent
 from agribot.drivers import ntrip, rtcm
 from agribot.drivers.corrections import CorrectionLink, CorrectionTiming
 from agribot.drivers.nmea import StampedFix, write_gga
+from agribot.record.replay import read_ticks
 from tests import machine
 from tests.drivers import receiver_bytes as written
 from tests.drivers.caster import STATION, TABLE, YES, FakeCaster, Serve, chunk, make_observation
@@ -379,3 +382,37 @@ def test_a_real_server_sends_a_base_through_any_caster_to_the_rover() -> None:
                 return STATION in rover.taken
 
             wait_for(pass_on, "the base's message at the rover")
+
+
+def test_a_run_tells_of_its_corrections_and_its_folder_knows_no_password(
+    line: Line, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(ntrip.LOGIN_VARIABLE, "farmer:s3cret")
+    ended, out = threading.Event(), tmp_path / "run"
+
+    def speak() -> None:
+        for k in itertools.count():
+            if ended.wait(0.05):
+                return
+            line.say(written.make_ubx_pvt(written.EPOCH + k * dt.timedelta(seconds=0.1)))
+
+    receiver = threading.Thread(target=speak)
+    receiver.start()
+    with casting() as caster:
+        caster._answers = [send(YES, b"\r\n", STATION * 3, then=caster.listen)]
+        uri = f"gnss=serial:{line.path}?ntrip=ntrip://127.0.0.1:{caster.port}/FARM"
+        words = ["run", "farm", "--headless", "--for", "3", "--out", str(out), "--source", uri]
+        try:
+            assert main([*words, "--set", "perception.enabled=false"]) in (0, 1)
+        finally:
+            ended.set()
+            receiver.join()
+    told = f"corrections from 127.0.0.1:{caster.port}/FARM come"
+    assert told in (out / "events.jsonl").read_text()
+    states = [s for tick in read_ticks(out / "run.mcap") for s in tick.batch.gnss_status]
+    assert dict(states[-1].correction_counts) == {1005: 3}
+    said = capsys.readouterr()
+    secrets = [b"s3cret", base64.b64encode(b"farmer:s3cret")]
+    texts = [path.read_bytes() for path in out.rglob("*") if path.is_file()]
+    for text in (*texts, said.out.encode(), said.err.encode()):
+        assert not any(secret in text for secret in secrets)

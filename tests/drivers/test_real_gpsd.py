@@ -39,12 +39,12 @@ class Daemon:
         self._process = subprocess.Popen([*words, *map(str, devices)], stderr=subprocess.DEVNULL)
         wait_for(lambda: is_open(self.port), "gpsd")
 
-    def tell(self, sign: str, device: object) -> None:
-        """Add (+) or remove (-) a device."""
+    def tell(self, sign: str, device: object) -> bool:
+        """Add (+) or remove (-) a device; tells whether gpsd did."""
         with socket.socket(socket.AF_UNIX) as control:
             control.connect(str(self._control))
             control.sendall(f"{sign}{device}\r\n".encode())
-            control.recv(100)
+            return control.recv(100).startswith(b"OK")
 
     def stop(self) -> None:
         if self._process is not None:
@@ -71,7 +71,7 @@ def speaking(*lines: tuple[Line, Speak]) -> Iterator[None]:
             if ended.wait(0.05):
                 return
             for line, speak in lines:
-                line.say(speak(start + k * STEP))
+                line.blurt(speak(start + k * STEP))
 
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
@@ -137,20 +137,25 @@ def test_satellites_and_dilutions_come_through(line: Line, opened: Opened, daemo
     assert status.hdop == pytest.approx(0.9)
 
 
-def test_an_unplugged_receiver_comes_back_through_gpsd(
-    line: Line, opened: Opened, daemon: Daemon
+def test_an_unplugged_receiver_comes_back_through_gpsd_under_another_name(
+    line: Line, tmp_path: Path, opened: Opened, daemon: Daemon
 ) -> None:
-    daemon.start(line.path)
+    daemon.start(line.device)
     source = opened.open("gnss", f"gpsd://127.0.0.1:{daemon.port}")
     with speaking((line, speak_nmea)):
         opened.wait_for(source, 3)
-    daemon.tell("-", line.path)
+    (tmp_path / "again").mkdir()
+    again = Line(tmp_path / "again")
+    daemon.tell("-", line.device)
     line.unplug()
-    line.plug_in()
-    daemon.tell("+", line.path)
-    with speaking((line, speak_nmea)):
-        opened.wait_for(source, 3)
-    assert opened.told == []
+    assert daemon.tell("+", again.device)
+
+    def find_moved() -> bool:
+        return any(fix.lat_deg < 50.0 for fix in opened.take(source))
+
+    with speaking((again, lambda at: b"".join(written.make_nmea(at, lat_deg=48.0, quality=1)))):
+        wait_for(find_moved, "fixes of the receiver that came back")
+    again.unplug()
 
 
 def test_a_gpsd_that_ends_and_is_started_again_is_told_and_read_again(

@@ -109,12 +109,12 @@ class Run:
         self.event_log = EventLog(out_dir / "events.jsonl", self._say)
         self._files.callback(self.event_log.close)
         self._series = SeriesTap()
-        self.recording = RunRecording(self, recorded, self._tell)
+        self.recording = RunRecording(self, recorded, self.tell)
         self._files.callback(self.recording.close)
-        self._mission_file = MissionFile(out_dir, self.stack.mission, self._tell)
+        self._mission_file = MissionFile(out_dir, self.stack.mission, self.tell)
         self._files.callback(self._mission_file.close)
         self.stack.taps += [*self._first_taps, self._series, self.event_log]
-        self._job_file = MissionFile(out_dir, self.job, self._tell, whole_job.FILE_NAME)
+        self._job_file = MissionFile(out_dir, self.job, self.tell, whole_job.FILE_NAME)
         self._files.callback(self._job_file.close)
         self.unattended = Unattended(self.config.mission.stall_timeout_s)
         self.stack.taps += [self._mission_file, self.job, self._job_file]
@@ -269,7 +269,7 @@ class Run:
         try:
             write_run_files(self.out_dir, report, data)
         except RecordingError as error:
-            self._tell(self.last.batch.t_s if self.last is not None else 0.0, str(error))
+            self.tell(self.last.batch.t_s if self.last is not None else 0.0, str(error))
             self.is_written = False
         if left_out := explain_absence():
             self._say(left_out)
@@ -313,7 +313,7 @@ class Run:
     def _write_config(self) -> None:
         write_file(self.out_dir / "config.toml", settings.to_toml(self.config).encode())
 
-    def _tell(self, t_s: float, text: str) -> None:
+    def tell(self, t_s: float, text: str) -> None:
         """Report what goes wrong beside the drive, which goes on."""
         self._say(text)
         self.event_log.add(Event(t_s=t_s, kind="fault", reason=text))
@@ -338,7 +338,7 @@ class Run:
             write_file(path, task.text.encode())
             self._write_config()
         except RecordingError as error:
-            self._tell(record.batch.t_s, str(error))
+            self.tell(record.batch.t_s, str(error))
 
     def _data(self) -> RunData:
         series = self.job.series(self._series.series())

@@ -90,6 +90,11 @@ COMMANDS = {
         "measure what the robot's description says: wheel radius and effective separation",
         "agribot calibrate drive --sensors rtk --json",
     ),
+    "gnss": (
+        "agribot.cli.gnss",
+        "show what a receiver tells, and set up a u-blox receiver for driving",
+        "agribot gnss show serial:/dev/ttyACM0",
+    ),
     "doctor": (
         "agribot.cli.doctor",
         "say what is installed, which devices answer and what to do about what is missing",

@@ -17,6 +17,10 @@ from agribot.core.errors import ConfigError
 READ_BYTES = 4096
 POLL_S = 0.2  # a read returns after so long without a byte
 WRITE_S = 1.0  # a device that takes nothing for longer is given up on
+LINE_HELP = (
+    "check that it is plugged in, switched on and used by no other program, and that you may read "
+    "it (group dialout)"
+)
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0  # between two tries to open a line
 
 
@@ -122,10 +126,7 @@ class StreamReader:
         try:
             self._stream: ByteStream | None = self._open()
         except OSError as error:
-            raise ConfigError(
-                f"{name}: {error.strerror or error}; check that it is plugged in, switched on and "
-                "used by no other program, and that you may read it (group dialout)"
-            ) from error
+            raise ConfigError(f"{name}: {error.strerror or error}; {LINE_HELP}") from error
         self._thread = threading.Thread(target=self._run, name=f"reads {name}", daemon=True)
         self._thread.start()
 

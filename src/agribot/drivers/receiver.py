@@ -22,6 +22,7 @@ from agribot.drivers.sky import Sky
 
 ReceiverSample = GnssFix | GnssHeading | GnssStatus
 _MOST_OTHERS = 8  # receivers that are told of
+_SILENT_REPORTS = 20  # of another receiver; two seconds and more
 _MOST_NOTES = 32  # that wait for a tick
 Stamped = list[tuple[float, ReceiverSample]]
 
@@ -96,11 +97,17 @@ class ReceiverDecoder:
 
 
 class GpsdDecoder:
-    """Reports of gpsd about one receiver; that of `device`, or the first that it tells of."""
+    """Reports of gpsd about one receiver; that of `device`, or the first that it tells of.
+
+    Without `device` another one takes its place that speaks while the first is silent: a receiver
+    that was unplugged may come back under another name.
+    """
 
     def __init__(self, refuse: Callable[[str], None], device: str = "") -> None:
         self._refuse, self._device = refuse, device
+        self._is_chosen = bool(device)
         self._others: set[str] = set()
+        self._of_others = 0  # positions since the last one of ours
         self._lines, self._fixes = gpsd.JsonLineDecoder(), gpsd.GpsdFixes(refuse)
         self.sky = Sky()
         self.last_fix: nmea.StampedFix | None = None
@@ -128,8 +135,11 @@ class GpsdDecoder:
         device = report.get("device")
         if not isinstance(device, str) or report.get("class") not in ("TPV", "GST", "SKY"):
             return True
-        if not self._device and report["class"] == "TPV":
+        is_position = report["class"] == "TPV"
+        is_silent = not self._is_chosen and self._of_others >= _SILENT_REPORTS
+        if is_position and (not self._device or is_silent):
             self._device = device
+        self._of_others = (self._of_others + is_position) if device != self._device else 0
         is_ours = device == self._device or not self._device
         if not is_ours and device not in self._others and len(self._others) < _MOST_OTHERS:
             self._others.add(device)
