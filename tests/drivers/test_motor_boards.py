@@ -159,7 +159,7 @@ def test_the_imu_is_turned_to_the_axes_of_the_body() -> None:
     ("options", "why"),
     [
         ("board=arduino", "board=arduino.*known: agribot, vesc, odrive"),
-        ("board=agribot&counts_per_turn=90000", "more than the board counts"),
+        ("board=agribot&counts_per_turn=90000", "more than the board's messages hold"),
         ("board=agribot&kp=x", "kp=x: write a number"),
         ("board=agribot&colour=red", "unknown option 'colour'"),
         ("board=vesc", "ids=local: name two controllers"),

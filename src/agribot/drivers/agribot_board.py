@@ -38,7 +38,8 @@ from agribot.drivers.motor_board import BoardReport, StampedReport
 from agribot.drivers.uri_options import UriOptions
 
 POLLS_PER_QUESTION = 10  # a board that did not answer is asked again
-MOST_COUNTPS = 32767
+MOST_COUNTPS, MOST_FULL_COUNTPS = 32767, 65535
+SUPPLY_V = 24.0  # of motors whose speed without load nobody named
 WRAP_US = 1 << 32
 WRAP_SPAN_US = 60_000_000  # a clock that goes back from its last minute to its first wrapped around
 USB_V = 6.0  # less feeds no motor: the board runs on its USB line, and has no battery
@@ -201,21 +202,29 @@ def make_board(robot: RobotSpec, options: UriOptions) -> AgribotBoard:
     half_m = drive.effective_separation_m / 2.0
     top = (drive.max_speed_mps + drive.max_yaw_rate_radps * half_m) * countps_per_mps
     accel = (drive.max_accel_mps2 + drive.max_yaw_accel_radps2 * half_m) * countps_per_mps
-    full = options.pop_number("full_speed_radps", 1.25 * top / counts * math.tau, 0.1, 1e3)
+    # More than the message holds makes the board give too much voltage at first, and no harm else.
+    unloaded_radps = min(
+        SUPPLY_V / drive.torque_constant_nmpa, MOST_FULL_COUNTPS / counts * math.tau
+    )
+    full = options.pop_number("full_speed_radps", unloaded_radps, 0.1, 1e3)
     full_countps = full * counts / math.tau
-    if max(top, full_countps) > MOST_COUNTPS:
-        raise ConfigError(
-            f"counts_per_turn={counts:g} makes {max(top, full_countps):.0f} counts a second at "
-            f"full speed > {MOST_COUNTPS}, more than the board counts; use an encoder with fewer "
-            "lines, or lower full_speed_radps"
-        )
+    for what, countps, most in (
+        ("the robot's top speed", top, MOST_COUNTPS),
+        (f"full_speed_radps={full:g}, motors at full voltage without load,", full_countps,
+         MOST_FULL_COUNTPS),
+    ):  # fmt: skip
+        if countps > most:
+            raise ConfigError(
+                f"counts_per_turn={counts:g} makes {countps:.0f} counts a second of {what} > "
+                f"{most}, more than the board's messages hold; use an encoder with fewer lines"
+            )
     config = BoardConfig(
         full_speed_countps=round(full_countps),
         max_speed_countps=round(min(top, full_countps)),
         max_accel_countps2=round(min(accel, 655_350)),
-        kp_ratio=options.pop_number("kp", 0.75, 0.0, 4.0),
-        ti_s=options.pop_number("ti_s", 0.15, 0.02, 60.0),
-        current_limit_a=options.pop_number("current_limit_a", 10.0, 0.1, 65.0),
+        kp_ratio=options.pop_number("kp", 1.5, 0.0, 2.0),
+        ti_s=options.pop_number("ti_s", 0.25, 0.02, 60.0),
+        current_limit_a=options.pop_number("current_limit_a", 10.0, 0.0, 65.0),
         battery_cutoff_v=options.pop_number("battery_cutoff_v", 18.0, 0.0, 65.0),
         motor_flips=round(options.pop_number("motor_flips", 0.0, 0.0, 15.0)),
         encoder_flips=round(options.pop_number("encoder_flips", 0.0, 0.0, 15.0)),
