@@ -15,11 +15,13 @@ import numpy as np
 
 from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.field_work import read_field_work
+from agribot.app.prescribed_zones import read_zones
 from agribot.app.robot_stack import build_stack
 from agribot.app.run_recording import (
     EARLIER_ATTACHMENT,
     GOALS_ATTACHMENT,
     PLAN_ATTACHMENT,
+    PRESCRIPTION_ATTACHMENT,
     SAVED_ATTACHMENT,
 )
 from agribot.autonomy.perception_host import RecordedPerception
@@ -118,7 +120,10 @@ def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[Mapped
     perception = RecordedPerception(recorded_scenes(path))
     resumed = read_attachment(path, SAVED_ATTACHMENT)
     saved = msgspec.json.decode(resumed, type=SavedMission | None)
-    stack = build_stack(config, robot, goals_map_m, perception, work, saved)
+    is_zoned = bool(config.treatment.prescription)
+    prescription = read_attachment(path, PRESCRIPTION_ATTACHMENT) if is_zoned else b""
+    zones = read_zones(prescription, config, work)
+    stack = build_stack(config, robot, goals_map_m, perception, work, saved, zones)
     stack.weed_map.restore(_read_earlier_plants(path))
     ticks: list[TickRecord] = []
     stack.taps.append(ticks.append)

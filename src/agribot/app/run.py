@@ -41,6 +41,7 @@ from agribot.core.row_shape import row_length_m
 from agribot.description.loader import export_urdf
 from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
+from agribot.record.run_figures import explain_absence
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap
 
@@ -83,7 +84,9 @@ class Run:
         self._closing = ExitStack()
         self.is_written = True  # every file of the run's end could be written
         before = whole_job.plants_before(earlier)
-        files = files_to_run_again(setup.goals_map_m, saved, before, setup.plan_text)
+        files = files_to_run_again(
+            setup.goals_map_m, saved, before, setup.plan_text, setup.prescription
+        )
         self._open_all_files(files, setup.plan_text if setup.is_plan_new else "")
 
     def _open_all_files(self, recorded: Mapping[str, tuple[str, bytes]], new_plan: str) -> None:
@@ -261,6 +264,8 @@ class Run:
         except RecordingError as error:
             self._tell(self.last.batch.t_s if self.last is not None else 0.0, str(error))
             self.is_written = False
+        if left_out := explain_absence():
+            self._say(left_out)
         return report
 
     def _tick(self) -> TickRecord:
@@ -323,6 +328,7 @@ class Run:
             config=self.config,
             series=self.job.series(self._series.series()),
             rows=self.rows,
+            zones=self.stack.treatment.zones,
             plan=self.stack.mission.path,
             goals_map_m=self.shown_goals_map_m,
             plants=self.job.plants(self.weed_map.plants()),

@@ -10,6 +10,7 @@ import msgspec
 from agribot.app import whole_job
 from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.field_work import read_field_work, read_plan_text
+from agribot.app.prescribed_zones import read_prescription_file, read_zones
 from agribot.app.robot_stack import build_stack
 from agribot.app.tasks import read_goals
 from agribot.app.whole_job import JobSoFar
@@ -30,6 +31,7 @@ class RunSetup(NamedTuple):
 
     `described` is the robot as its description says, `robot` the same as calibration corrects it.
     `plan_text` is the field plan, empty without one; `is_plan_new` where it is in no file yet.
+    `prescription` is the file of that name, empty without one.
     """
 
     config: RunConfig
@@ -42,14 +44,16 @@ class RunSetup(NamedTuple):
     work: FieldWork | None
     saved: SavedMission | None
     earlier: JobSoFar
+    prescription: bytes
 
     def build_stack(self) -> Stack:
         """Build the stack.
 
         Raises: AgribotError: settings, robot and task do not fit each other.
         """
+        zones = read_zones(self.prescription, self.config, self.work)
         return build_stack(
-            self.config, self.robot, self.goals_map_m, work=self.work, saved=self.saved
+            self.config, self.robot, self.goals_map_m, None, self.work, self.saved, zones
         )
 
 
@@ -85,4 +89,5 @@ def prepare_run(
         work=read_field_work(text, config, robot),
         saved=saved,
         earlier=earlier,
+        prescription=read_prescription_file(config),
     )

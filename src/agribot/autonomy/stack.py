@@ -12,6 +12,7 @@ from agribot.autonomy.control.supervise import Supervisor
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.mapped_rows import MappedRows
 from agribot.autonomy.implements.treatment import Treatment
+from agribot.autonomy.implements.zones import ZoneMap
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.plants import observe
 from agribot.autonomy.perceive.segmenter import Segmenter
@@ -125,11 +126,13 @@ def build(
     new_tasks: NewTasks | None = None,
     perception: PerceptionHost | None = None,
     saved: SavedMission | None = None,
+    zones: ZoneMap | None = None,
 ) -> Stack:
     """Put the parts together as the settings say.
 
     `task` is what the robot works at, `new_tasks` makes those that come in under way;
-    `perception` replaces the camera network, as a replay does; `saved` is a mission to go on with.
+    `perception` replaces the camera network, as a replay does; `saved` is a mission to go on with;
+    `zones` are those of a prescription.
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
     planning, latch = ThreadedPlanning(), Latch()
@@ -151,7 +154,7 @@ def build(
         mission=Mission(task, config.mission, saved, new_tasks, planning, latch),
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
-        treatment=Treatment(config.treatment, robot.implement),
+        treatment=Treatment(config.treatment, robot.implement, zones),
         supervisor=Supervisor(config.safety, robot, latch),
         planning=planning,
         mask_taps=mask_taps,

@@ -97,7 +97,7 @@ COMMANDS = {
     ),
     "doctor": (
         "agribot.cli.doctor",
-        "say what is installed, what is missing and whether the robot would start",
+        "say what is installed, which devices answer and what to do about what is missing",
         "agribot doctor",
     ),
     "ui": (
@@ -114,6 +114,11 @@ COMMANDS = {
         "agribot.cli.map",
         "keep background maps for the page on this machine",
         "agribot map import farm.mbtiles",
+    ),
+    "weeds": (
+        "agribot.cli.weeds",
+        "weed maps in the files of farm software: export, import, merge",
+        "agribot weeds export runs/first -o weeds.gpkg",
     ),
     "sweep": (
         "agribot.cli.sweep",

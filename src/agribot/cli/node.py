@@ -25,6 +25,7 @@ from agribot.cli.bridging import (
 )
 from agribot.cli.node_runner import NodeRunner
 from agribot.cli.stopping import stop_on_signal
+from agribot.core import extras
 from agribot.core.errors import BridgeError, ConfigError
 from agribot.core.geo import Datum
 from agribot.ros.connection import TopicConnection
@@ -249,6 +250,7 @@ def _read_utm_settings(options: argparse.Namespace) -> UtmSettings:
 
 
 def _make_plot(_options: argparse.Namespace) -> NodeStage:
+    extras.require("report", "agribot node plot")
     return Plot()
 
 

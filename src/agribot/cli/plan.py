@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, get_args
 
 import msgspec
 
+from agribot.core import extras
 from agribot.core.errors import MissionError
 from agribot.core.geo import MapFrame
 from agribot.core.robot import RobotSpec
@@ -62,9 +63,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    if options.png:
+        extras.require("report", "--png")
     from agribot.gis.plan_file import format_plan
-    from agribot.record.drawing import encode_png
-    from agribot.record.plan_figure import draw_plan
     from agribot.record.report import write_file
 
     if options.action == "convert":
@@ -74,8 +75,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         saved, certificate = _make_plan(options)
     if options.png:
-        figure = draw_plan(saved.plan, saved.area, saved.request, certificate)
-        write_file(Path(options.png), encode_png(figure))
+        _draw(saved, certificate, Path(options.png))
     for warning in saved.plan.warnings:
         sys.stderr.write(f"warning: {warning}\n")
     sys.stderr.write(_format_summary(certificate, MapFrame(saved.datum)))
@@ -87,6 +87,15 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         sys.stdout.write(msgspec.json.encode(certificate).decode() + "\n")
     return 0 if certificate.ok else 1
+
+
+def _draw(saved: SavedPlan, certificate: Certificate, path: Path) -> None:
+    from agribot.record.drawing import encode_png
+    from agribot.record.plan_figure import draw_plan
+    from agribot.record.report import write_file
+
+    figure = draw_plan(saved.plan, saved.area, saved.request, certificate)
+    write_file(path, encode_png(figure))
 
 
 def _convert(options: argparse.Namespace) -> int:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from agribot.app import service_manager
 from agribot.app.run_folder import check_free, check_not_driven
 from agribot.cli import bridging, sensor_sources
 from agribot.cli.pacing import parse_pace
@@ -100,6 +101,7 @@ def run(options: argparse.Namespace) -> int:
         made = open_run(config, out_dir, saved, earlier, plan_text)
     with made as session, ExitStack() as parts:
         sys.stderr.writelines(f"warning: {warning}\n" for warning in session.warnings)
+        service = parts.enter_context(service_manager.open_service(session))
         page = parts.enter_context(open_page(options, session)) if has_page(options) else None
         session.unattended.is_attended = _has_operator(options)
         progress = RunProgress(session.weed_map)
@@ -113,7 +115,8 @@ def run(options: argparse.Namespace) -> int:
                     break
                 pacer.wait(record.batch.t_s)
             progress.close()
-            report = session.finish("interrupted by the operator" if stop else "")
+            with service.allow_quiet():
+                report = session.finish("interrupted by the operator" if stop else "")
             sys.stderr.write(_format_summary(report, session.out_dir))
             was_interrupted = bool(stop)
             if page is not None and is_kept_open(options) and not stop:

@@ -182,6 +182,8 @@ class TreatmentConfig(Config, frozen=True):
     enabled: bool = True  # the implement works
     margin_m: NonNegative = 0.04  # around a weed, in which it is treated too
     crop_guard_m: NonNegative = 0.05  # around the stem of a crop plant, which is never treated
+    prescription: str = ""  # file of zones with rates, outside of which nothing is treated
+    prescription_column: str = ""  # which has litres per hectare; empty: by its usual names
     depth_m: Positive | None = None  # of a hoe's blades; None: as deep as they reach
 
 
