@@ -66,6 +66,7 @@ CONTRACT: dict[str, Any] = {
     "preset": None,
     "conditions": None,
     "beliefs": None,
+    "found_rows": None,
 }  # fmt: skip
 NASTY = '<script>alert("x")</script> & more'
 

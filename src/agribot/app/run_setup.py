@@ -19,6 +19,7 @@ from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.stack import Stack
 from agribot.core.config import RunConfig
 from agribot.core.messages import MapPoint
+from agribot.core.platforms import list_must_report
 from agribot.core.robot import RobotSpec
 from agribot.description.loader import load_robot
 from agribot.sim.faults.schedule import read_faults
@@ -74,6 +75,7 @@ def prepare_run(
     """
     if plan_text:
         config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
+    config = _settle_inputs(config)
     described = load_robot(config.robot)
     read_faults(config, has_camera=described.camera is not None, began_s=earlier.sim_s)
     robot = apply_calibration(described, config.calibration)
@@ -91,3 +93,12 @@ def prepare_run(
         earlier=earlier,
         prescription=read_prescription_file(config),
     )
+
+
+def _settle_inputs(config: RunConfig) -> RunConfig:
+    """Let the platform say which safety inputs the robot must have, where the settings do not."""
+    if config.safety.must_report is not None:
+        return config
+    must_report = list_must_report(config.platform)
+    safety = msgspec.structs.replace(config.safety, must_report=must_report)
+    return msgspec.structs.replace(config, safety=safety)

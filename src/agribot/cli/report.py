@@ -114,7 +114,8 @@ def _read_rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]
     if plan:
         robot = parse_robot(read_urdf(recording), recording.name)
         return read_work(plan, "the recorded plan", config, robot).rows
-    return () if config.waypoints else lay_rows(config.field)
+    is_told = not config.waypoints and config.task == "rows"
+    return () if not is_told else lay_rows(config.field)
 
 
 def _list_file_names(bag: Bag) -> set[str]:

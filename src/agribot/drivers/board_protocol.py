@@ -10,6 +10,7 @@ wheel knows the robot's program alone.
 from __future__ import annotations
 
 import binascii
+import functools
 import math
 import typing
 from enum import IntEnum, IntFlag
@@ -216,6 +217,7 @@ class WireField(NamedTuple):
     python_type: type
 
 
+@functools.cache
 def list_fields(message: type[BoardMessage]) -> tuple[WireField, ...]:
     """List the fields of a message in the order in which they cross."""
     hints = typing.get_type_hints(message, include_extras=True)

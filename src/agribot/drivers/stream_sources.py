@@ -6,7 +6,6 @@ breaks is opened again.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +15,6 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import ImuSample
 from agribot.core.platform import Sensor, SensorSource
 from agribot.core.stamp_clock import SampleQueue
-from agribot.core.suggestions import suggest_name
 from agribot.drivers import gpsd, ntrip
 from agribot.drivers.byte_streams import (
     LINE_HELP,
@@ -29,6 +27,7 @@ from agribot.drivers.byte_streams import (
 from agribot.drivers.letter_imu import LetterImuDecoder, read_axes
 from agribot.drivers.receiver import GpsdDecoder, HeadingMount, ReceiverDecoder, ReceiverSource
 from agribot.drivers.schemes import SourceContext, SourceUri
+from agribot.drivers.uri_options import UriOptions
 
 # What passes at least from the epoch of a fix until its last byte: u-blox receivers compute for
 # 40 to 100 ms and send a NAV-PVT for 26 ms at 38400 baud.
@@ -45,7 +44,7 @@ class StreamDecoder(Protocol):
 class ImuDecoder:
     """Lines of the original's Arduino, which tell no time."""
 
-    def __init__(self, options: _Options, refuse: Callable[[str], None]) -> None:
+    def __init__(self, options: UriOptions, refuse: Callable[[str], None]) -> None:
         self._lines = LetterImuDecoder(
             read_axes(options.pop_text("axes", "x,y,z")), refuse,
             accel_g=options.pop_number("accel_g", 2.0, 1.0, 32.0),
@@ -92,52 +91,12 @@ class StreamSource:
             self._arrivals.put(stamp_s, arrived_s, sample)
 
 
-class _Options:
-    """What stands behind the question mark of a URI: each option is popped by who knows it."""
-
-    def __init__(self, uri: SourceUri) -> None:
-        self._uri, self._left = uri, dict(uri.options)
-        self._known: list[str] = []
-
-    def pop_text(self, name: str, default: str) -> str:
-        self._known.append(name)
-        return self._left.pop(name, default)
-
-    def pop_number(self, name: str, default: float, least: float, most: float) -> float:
-        """Take a number out.
-
-        Raises: ConfigError: it is none, or out of range.
-        """
-        text = self.pop_text(name, "")
-        try:
-            value = float(text) if text else default
-        except ValueError:
-            value = math.nan
-        if not least <= value <= most:
-            raise ConfigError(
-                f"{self._uri.scheme}:{self._uri.name}?{name}={text}: write a number from "
-                f"{least:g} to {most:g}"
-            )
-        return value
-
-    def check_empty(self) -> None:
-        """Refuse what nobody took out.
-
-        Raises: ConfigError: an option that the source does not know.
-        """
-        for name in self._left:
-            raise ConfigError(
-                f"{self._uri.scheme}:{self._uri.name}: unknown option '{name}'"
-                f"{suggest_name(name, self._known)}; known are {', '.join(self._known)}"
-            )
-
-
 def open_serial_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> SensorSource:
     """Open a device on a serial line.
 
     Raises: ConfigError: no such line, a wrong option, or a sensor that has no codec.
     """
-    options = _Options(uri)
+    options = UriOptions(uri)
     baud = int(options.pop_number("baud", BAUD.get(sensor, 115200), 300, 4_000_000))
     return _open_stream(sensor, uri, context, options, lambda: SerialStream(uri.path, baud))
 
@@ -147,8 +106,8 @@ def open_tcp_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> S
 
     Raises: ConfigError: nobody answers, a wrong option, or a sensor that has no codec.
     """
-    host, port = _read_address(uri, None)
-    return _open_stream(sensor, uri, context, _Options(uri), lambda: TcpStream(host, port))
+    host, port = read_address(uri, None)
+    return _open_stream(sensor, uri, context, UriOptions(uri), lambda: TcpStream(host, port))
 
 
 def open_gpsd_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> ReceiverSource:
@@ -160,9 +119,9 @@ def open_gpsd_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> 
     """
     if sensor != "gnss":
         raise ConfigError(f"{sensor} from gpsd: it tells of receivers only; use gnss=gpsd:")
-    host, port = _read_address(uri, gpsd.PORT)
+    host, port = read_address(uri, gpsd.PORT)
     device = uri.path.rstrip("/")
-    options = _Options(uri)
+    options = UriOptions(uri)
     latency_s = options.pop_number("latency_s", GNSS_LATENCY_S, 0.0, 2.0)
     if options.pop_text("ntrip", ""):
         raise ConfigError("gpsd?ntrip=: a receiver of gpsd gets corrections from gpsd itself; see "
@@ -180,19 +139,19 @@ def open_receiver_line(uri: SourceUri) -> ByteStream:
 
     Raises: ConfigError: no such line, or one of a daemon that has the receiver for itself.
     """
-    options = _Options(uri)
+    options = UriOptions(uri)
     try:
         if uri.scheme == "serial":
             return SerialStream(uri.path, int(options.pop_number("baud", 38400, 300, 4_000_000)))
         if uri.scheme == "tcp":
-            return TcpStream(*_read_address(uri, None))
+            return TcpStream(*read_address(uri, None))
     except OSError as error:
         raise ConfigError(f"{uri.name}: {error.strerror or error}; {LINE_HELP}") from error
     raise ConfigError(f"{uri.scheme}:{uri.name}: write serial:/dev/ttyACM0 or tcp://HOST:PORT")
 
 
 def _open_stream(
-    sensor: Sensor, uri: SourceUri, context: SourceContext, options: _Options, stream: OpenStream
+    sensor: Sensor, uri: SourceUri, context: SourceContext, options: UriOptions, stream: OpenStream
 ) -> SensorSource:
     def refuse(text: str) -> None:
         context.refuse(f"{sensor} from {uri.name}: {text}")
@@ -210,7 +169,7 @@ def _open_stream(
 
 
 def _open_receiver(
-    uri: SourceUri, context: SourceContext, options: _Options, stream: OpenStream,
+    uri: SourceUri, context: SourceContext, options: UriOptions, stream: OpenStream,
     refuse: Callable[[str], None],
 ) -> ReceiverSource:  # fmt: skip
     latency_s = options.pop_number("latency_s", GNSS_LATENCY_S, 0.0, 2.0)
@@ -230,7 +189,7 @@ def _open_receiver(
     return source
 
 
-def _read_address(uri: SourceUri, default_port: int | None) -> tuple[str, int]:
+def read_address(uri: SourceUri, default_port: int | None) -> tuple[str, int]:
     host, colon, port_text = uri.at.rpartition(":")
     if not colon:
         host, port_text = uri.at, ""

@@ -12,9 +12,11 @@ from agribot.record.run_figures import write_map, write_page
 from agribot.record.series import RunData
 from agribot.record.weeds import WEED_FILE, write_weeds
 
+DRAWN_FILE = "field.geojson"
+
 
 def write_run_files(folder: Path, report: Report, data: RunData) -> None:
-    """Write report.json, report.html, map.png, weeds.geojson and config.toml.
+    """Write report.json, report.html, map.png, weeds.geojson, config.toml, and drawn rows.
 
     Those that can be written are, whatever becomes of the others.
     Raises: RecordingError: one of them cannot be written; the first that failed.
@@ -26,6 +28,7 @@ def write_run_files(folder: Path, report: Report, data: RunData) -> None:
         lambda: write_report(folder / "report.json", report),
         lambda: write_file(folder / "config.toml", to_toml(data.config).encode()),
         lambda: write_weeds(folder / WEED_FILE, data, map_name),
+        lambda: _write_drawn(folder / DRAWN_FILE, data.drawn_field),
         lambda: write_page(folder / "report.html", report, data),
         lambda: write_map(folder / "map.png", data),
     )
@@ -36,3 +39,8 @@ def write_run_files(folder: Path, report: Report, data: RunData) -> None:
             failures.append(error)
     if failures:
         raise failures[0]
+
+
+def _write_drawn(path: Path, text: str) -> None:
+    if text:
+        write_file(path, text.encode())

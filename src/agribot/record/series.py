@@ -50,7 +50,8 @@ class RunData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """All that figures and the report page show besides the report's own numbers.
 
     `world` is the simulated field, None on a real one, and `crushed` its crops that were crushed,
-    as indices. `zones` are those of a prescription.
+    as indices. `zones` are those of a prescription. `drawn_field` is the text of a field file of
+    the rows that the robot found.
     """
 
     config: RunConfig
@@ -63,6 +64,7 @@ class RunData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     crushed: tuple[int, ...] = ()
     world: WorldSpec | None = None
     zones: ZoneMap | None = None
+    drawn_field: str = ""
 
 
 class SeriesTap:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Literal
 
 import msgspec
 
@@ -155,6 +156,26 @@ class BatterySample(msgspec.Struct, frozen=True, kw_only=True):
     charge_ratio: float
 
 
+# What a motor board reads for safety: the red button (e-stop), the bumper, the battery's voltage,
+# and whether its motors are well.
+SafetyInput = Literal["red button", "bumper", "battery", "motors"]
+
+
+class BoardSample(msgspec.Struct, frozen=True, kw_only=True):
+    """What a motor board tells of itself: its safety inputs, its stop and its faults.
+
+    `inputs` are those that it reads at this moment; one that it has lost is left out, and is a
+    fault where the robot must have it. `stopped` says why it drives no motor until it is told that
+    a person cleared the stop. `faults` are in words; both are empty where it is well.
+    """
+
+    t_s: float
+    inputs: tuple[SafetyInput, ...] = ()
+    is_button_pressed: bool = False
+    stopped: str = ""
+    faults: tuple[str, ...] = ()
+
+
 class OtherSample(msgspec.Struct, frozen=True, kw_only=True):
     """What a sensor without a field of its own in the batch measured.
 
@@ -183,4 +204,5 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     battery: tuple[BatterySample, ...] = ()
     hand: tuple[HandDrive, ...] = ()
     others: tuple[OtherSample, ...] = ()
+    board: tuple[BoardSample, ...] = ()
     gnss_status: tuple[GnssStatus, ...] = ()
