@@ -60,6 +60,8 @@ COMMANDS = {
     "weeds import": ("{run}/weeds.geojson -o {out}/weeds.csv", ""),
     "weeds merge": ("{run} other={run} -o {out}/merged.geojson", ""),
     "weeds report": ("{run} -o {out}/weeds.html", "report"),
+    "gnss show": ("serial:/dev/ttyACM0 --for 1", "hardware"),
+    "gnss configure": ("serial:/dev/ttyACM0", "hardware"),
     "sweep": ("--seeds 1 --out {out}/sweep", "sim"),
     "bench sim": ("--only physics_rtf", "sim"),
     "bench missions": ("--profiles farm --seeds 1 --out {out}/missions", "sim"),

@@ -129,7 +129,9 @@ class _Summary:
             words += [f"{sum(each.is_used for each in seen)} of {len(seen)} satellites"]
             words += [f"HDOP {self.status.hdop:.1f}"] if self.status.hdop else []
             age_s = self.status.correction_age_s
-            words += [] if age_s is None else [f"corrections {age_s:.0f} s old"]
+            counts = ", ".join(f"{kind}: {n}" for kind, n in self.status.correction_counts)
+            of_what = f" ({counts})" if counts else ""
+            words += [] if age_s is None else [f"corrections {age_s:.0f} s old{of_what}"]
         if self.heading is not None:
             words.append(f"heading {compass_deg_from_yaw(self.heading.yaw_map_rad):.1f} deg")
         return ", ".join(words)

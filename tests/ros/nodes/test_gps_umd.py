@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Transformer
 
+from agribot.cli.node_runner import NodeRunner
 from agribot.core.messages import GnssFix, GnssQuality
 from agribot.ros.messages import rosmsg
 from agribot.ros.messages.utm import UtmZone
 from agribot.ros.nodes import gps_umd
 from agribot.ros.nodes.gps_umd import FixTranslator, UtmOdometry, UtmSettings, UtmToNavSatFix
+from agribot.ros.nodes.stage import NodeStage
+from tests.ros.live import free_port
+from tests.waiting import wait_for
 
 
 def make_fix(lat_deg: float = 21.16, lon_deg: float = 72.79, t_s: float = 5.0) -> Any:
@@ -92,3 +97,43 @@ def test_no_fix_no_stamp_and_no_zone_are_told_and_left_out() -> None:
     odometry = say(UtmOdometry(UtmSettings()), make_fix())
     back = UtmToNavSatFix(UtmSettings())
     assert say(back, odometry) is None and "does not say its UTM zone" in back.reason
+
+
+def test_over_a_network_a_fix_goes_through_translator_and_grid_and_comes_back() -> None:
+    pytest.importorskip("zenoh")
+    from agribot.ros.ros2.connection import Ros2Connection
+
+    router = f"tcp/127.0.0.1:{free_port()}"
+    fix_topic, heard = gps_umd.NAVSAT_IN, list[tuple[str, bytes]]()
+    settings = UtmSettings(append_zone=True)
+    stages: tuple[NodeStage, ...] = (
+        UtmOdometry(settings, fix_topic.name, "/odom"),
+        UtmToNavSatFix(UtmSettings(), "/odom", "/fix_again"),
+        FixTranslator(),
+    )
+    with contextlib.ExitStack() as links:
+
+        def join(name: str, *, listen: bool = False) -> Ros2Connection:
+            return links.enter_context(
+                contextlib.closing(Ros2Connection(name, router=router, listen=listen))
+            )
+
+        peer = join("peer", listen=True)
+        peer.advertise(fix_topic)
+        for name in ("/fix_again", "/gps_fix_out"):
+            peer.subscribe_any(name, lambda kind, data: heard.append((kind, data)))
+        runners = [
+            NodeRunner(stage, join(f"node{k}"), pytest.fail if k == 2 else lambda text: None)
+            for k, stage in enumerate(stages)
+        ]
+
+        def hear_both() -> bool:
+            peer.publish(fix_topic, rosmsg.to_cdr(make_fix()))
+            for runner in runners:
+                runner.step()
+            return len({kind for kind, _ in heard}) == 2
+
+        wait_for(hear_both, "a fix and a GPSFix")
+    for kind, data in heard:
+        answer: Any = rosmsg.load_types().deserialize_cdr(data, kind)
+        assert (answer.latitude, answer.longitude) == pytest.approx((21.16, 72.79), abs=1e-8)
