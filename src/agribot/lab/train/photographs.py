@@ -23,6 +23,7 @@ from agribot.lab.dataset.layouts import Item, find_layout
 from agribot.lab.dataset.pictures import PictureError, open_mask, read_picture
 
 NON_COMMERCIAL = "non-commercial research use only"
+SAMPLE_PAIRS = 24  # read before a set is judged; all are read before one is learnt from
 
 
 class DataKind(msgspec.Struct, frozen=True, kw_only=True):
@@ -189,6 +190,15 @@ def check_classes(
     if doubt:
         holds_values = any(_holds_values(pair.mask) for pair in pairs)
         raise ConfigError(f"{folder}: {doubt}; {advise_swapped(holds_values=holds_values)}")
+
+
+def check_sample(pairs: Sequence[Pair], folder: Path) -> None:
+    """Refuse labels whose classes look swapped in some of the pairs, spread over all of them.
+
+    Raises: ConfigError: most of the ground is weed, or the soil is greener than the plants.
+    """
+    some = pairs[:: -(-len(pairs) // SAMPLE_PAIRS)]
+    check_classes(read_pairs(some, lambda _text: None), some, folder)
 
 
 def _holds_values(path: Path) -> bool:
