@@ -122,7 +122,7 @@ COMMANDS = {
     ),
     "dataset": (
         "agribot.cli.dataset",
-        "draw, check and split labelled images",
+        "draw, import, check and split labelled images",
         "agribot dataset generate --images 1000 --seed 1 --out fields",
     ),
     "train": (
