@@ -125,6 +125,11 @@ COMMANDS = {
         "draw, import, check and split labelled images",
         "agribot dataset generate --images 1000 --seed 1 --out fields",
     ),
+    "label": (
+        "agribot.cli.label",
+        "label photographs on a page: the network guesses, you correct",
+        "agribot label photos --open",
+    ),
     "train": (
         "agribot.cli.train",
         "train the crop/weed network on simulated images or your own photographs",

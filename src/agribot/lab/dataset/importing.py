@@ -82,7 +82,7 @@ def read_class_names(words: Sequence[str]) -> dict[str, int]:
     return meaning
 
 
-class SourceFile(msgspec.Struct, frozen=True, kw_only=True):
+class LabelFile(msgspec.Struct, frozen=True, kw_only=True):
     """A file of labels, its pictures, and where these lie."""
 
     path: Path
@@ -110,11 +110,11 @@ def list_label_files(inputs: Sequence[Path], tool: str) -> list[Path]:
     return list(dict.fromkeys(files))
 
 
-def read_label_files(files: Sequence[Path], tool: str, problems: list[str]) -> Iterator[SourceFile]:
+def read_label_files(files: Sequence[Path], tool: str, problems: list[str]) -> Iterator[LabelFile]:
     """Read the files one after the other; one that cannot be used goes to `problems`."""
     for path in files:
         try:
-            yield SourceFile(path=path, pictures=tuple(_read_file(path, tool)))
+            yield LabelFile(path=path, pictures=tuple(_read_file(path, tool)))
         except LabelFileError as error:
             problems.append(f"{path}: {error}")
 
@@ -152,7 +152,7 @@ def _find_names(path: Path) -> dict[int, str]:
 
 
 def import_labels(
-    sources: Sequence[SourceFile],
+    sources: Sequence[LabelFile],
     meaning: Mapping[str, int],
     out: Path,
     *,
@@ -203,13 +203,13 @@ def import_labels(
     )
 
 
-def _each(sources: Sequence[SourceFile]) -> Iterator[tuple[SourceFile, LabelledPicture]]:
+def _each(sources: Sequence[LabelFile]) -> Iterator[tuple[LabelFile, LabelledPicture]]:
     for source in sources:
         for picture in source.pictures:
             yield source, picture
 
 
-def _check_names(sources: Sequence[SourceFile], meaning: Mapping[str, int]) -> None:
+def _check_names(sources: Sequence[LabelFile], meaning: Mapping[str, int]) -> None:
     counts = Counter(shape.name for _, one in _each(sources) for shape in one.shapes)
     unknown = [] if ANY in meaning else sorted(counts.keys() - meaning.keys())
     if unknown:

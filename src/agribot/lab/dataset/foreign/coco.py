@@ -9,10 +9,10 @@ from typing import Any
 import msgspec
 
 from agribot.lab.dataset.foreign.shapes import (
+    DrawnShape,
     LabelFileError,
     LabelledPicture,
     Mask,
-    Shape,
     check_size,
     convert_json,
     fill_runs,
@@ -84,7 +84,7 @@ def _read_picture(
     return LabelledPicture(file=image.file_name, size_px=size_px, shapes=shapes)
 
 
-def _read_shape(annotation: _Annotation, name: str, size_px: tuple[int, int]) -> Shape:
+def _read_shape(annotation: _Annotation, name: str, size_px: tuple[int, int]) -> DrawnShape:
     outline = annotation.segmentation
     if isinstance(outline, dict):
         runs = convert_json(outline, _RunLengths, "COCO")
@@ -94,12 +94,12 @@ def _read_shape(annotation: _Annotation, name: str, size_px: tuple[int, int]) ->
                 f"'{name}' has run lengths for {width} x {height} pixels, the picture is "
                 f"{size_px[0]} x {size_px[1]}"
             )
-        return Shape(name=name, mask=partial(_fill, runs))
+        return DrawnShape(name=name, mask=partial(_fill, runs))
     if not isinstance(outline, list) or not all(isinstance(part, list) for part in outline):
         outline = []
     if not outline:
         raise LabelFileError(f"'{name}' is a box without an outline; export segmentations")
-    return Shape(name=name, polygons=tuple(pair_numbers(part) for part in outline))
+    return DrawnShape(name=name, polygons=tuple(pair_numbers(part) for part in outline))
 
 
 def _fill(runs: _RunLengths) -> Mask:

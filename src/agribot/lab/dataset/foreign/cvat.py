@@ -9,10 +9,10 @@ import numpy as np
 
 from agribot.gis.formats.untrusted import parse_xml
 from agribot.lab.dataset.foreign.shapes import (
+    DrawnShape,
     LabelFileError,
     LabelledPicture,
     Mask,
-    Shape,
     check_size,
     fill_runs,
     make_polygon,
@@ -52,13 +52,13 @@ def _read_picture(image: ET.Element) -> LabelledPicture:
     return LabelledPicture(file=file, size_px=size_px, shapes=shapes)
 
 
-def _read_shape(element: ET.Element, size_px: tuple[int, int]) -> Shape:
+def _read_shape(element: ET.Element, size_px: tuple[int, int]) -> DrawnShape:
     name = element.get("label", "")
     if element.tag == "polygon":
         points = [point.split(",") for point in element.get("points", "").split(";")]
-        return Shape(name=name, polygons=(make_polygon(points),))
+        return DrawnShape(name=name, polygons=(make_polygon(points),))
     if element.tag == "mask":
-        return Shape(name=name, mask=partial(_read_mask, element, size_px))
+        return DrawnShape(name=name, mask=partial(_read_mask, element, size_px))
     what = element.tag if element.tag in NO_AREA else f"<{element.tag[:20]}>"
     raise LabelFileError(
         f"'{name}' is a {what}; only polygons and masks say which pixels are plant"

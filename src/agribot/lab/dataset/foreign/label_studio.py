@@ -10,10 +10,10 @@ import msgspec
 import numpy as np
 
 from agribot.lab.dataset.foreign.shapes import (
+    DrawnShape,
     LabelFileError,
     LabelledPicture,
     Mask,
-    Shape,
     check_size,
     convert_json,
     make_polygon,
@@ -91,7 +91,7 @@ def _read_picture(file: str, results: list[_Result]) -> LabelledPicture:
     return LabelledPicture(file=file, size_px=size_px, shapes=shapes)
 
 
-def _read_shape(result: _Result, size_px: tuple[int, int]) -> Shape:
+def _read_shape(result: _Result, size_px: tuple[int, int]) -> DrawnShape:
     value = convert_json(result.value, _Value, "Label Studio")
     names = value.polygonlabels or value.brushlabels
     if result.type not in {"polygonlabels", "brushlabels"} or len(names) != 1:
@@ -100,8 +100,8 @@ def _read_shape(result: _Result, size_px: tuple[int, int]) -> Shape:
             "brush strokes of one class say which pixels are plant"
         )
     if value.rle is not None:
-        return Shape(name=names[0], mask=partial(_fill_brush, value.rle, size_px))
-    return Shape(
+        return DrawnShape(name=names[0], mask=partial(_fill_brush, value.rle, size_px))
+    return DrawnShape(
         name=names[0],
         polygons=(make_polygon(value.points or []) * (np.array(size_px) / 100.0),),
     )

@@ -13,10 +13,10 @@ import numpy as np
 from PIL import Image
 
 from agribot.lab.dataset.foreign.shapes import (
+    DrawnShape,
     LabelFileError,
     LabelledPicture,
     Mask,
-    Shape,
     check_size,
     convert_json,
     make_polygon,
@@ -55,15 +55,17 @@ def read_labelme(value: Any) -> list[LabelledPicture]:
     return [LabelledPicture(file=file.image_path, size_px=size_px, shapes=shapes)]
 
 
-def _read_shape(shape: _Shape, size_px: tuple[int, int]) -> Shape:
+def _read_shape(shape: _Shape, size_px: tuple[int, int]) -> DrawnShape:
     if shape.shape_type == "mask" and shape.mask is not None:
-        return Shape(name=shape.label, mask=partial(_read_mask, shape.mask, shape.points, size_px))
+        return DrawnShape(
+            name=shape.label, mask=partial(_read_mask, shape.mask, shape.points, size_px)
+        )
     if shape.shape_type not in {"polygon", None}:
         raise LabelFileError(
             f"'{shape.label}' is a {shape.shape_type}; only polygons and masks say which pixels "
             "are plant"
         )
-    return Shape(name=shape.label, polygons=(make_polygon(shape.points),))
+    return DrawnShape(name=shape.label, polygons=(make_polygon(shape.points),))
 
 
 def _read_mask(text: str, points: list[tuple[float, float]], size_px: tuple[int, int]) -> Mask:

@@ -27,7 +27,7 @@ class LabelFileError(AgribotError):
     """A file of labels, or what it says of one picture, cannot be used; the message says why."""
 
 
-class Shape(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+class DrawnShape(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """Plants of one class: the union of polygons, in pixels, or a mask of the whole picture.
 
     `mask` is unpacked when it is painted: those of a whole set are more than memory holds.
@@ -47,7 +47,7 @@ class LabelledPicture(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
     file: str
     size_px: tuple[int, int] | None
-    shapes: tuple[Shape, ...] = ()
+    shapes: tuple[DrawnShape, ...] = ()
     problem: str = ""
 
 

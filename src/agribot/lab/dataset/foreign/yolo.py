@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from agribot.lab.dataset.foreign.shapes import (
+    DrawnShape,
     LabelFileError,
     LabelledPicture,
-    Shape,
     pair_numbers,
 )
 from agribot.ui.small_yaml import UnusableYaml, read_yaml
@@ -41,7 +41,7 @@ def read_yolo(file: str, data: bytes, names: Mapping[int, str]) -> LabelledPictu
     return LabelledPicture(file=file, size_px=None, shapes=tuple(shapes))
 
 
-def _read_line(line: str, names: Mapping[int, str]) -> Shape:
+def _read_line(line: str, names: Mapping[int, str]) -> DrawnShape:
     first, *words = line.split()
     if not first.isascii() or not first.isdigit():
         raise LabelFileError(f"'{first[:20]}' is no number of a class")
@@ -54,7 +54,7 @@ def _read_line(line: str, names: Mapping[int, str]) -> Shape:
             f"a corner at {polygon.max() if polygon.max() > 1.01 else polygon.min():g}, outside "
             "the picture, which goes from 0 to 1; are these pixels?"
         )
-    return Shape(name=names.get(int(first), first), polygons=(polygon,))
+    return DrawnShape(name=names.get(int(first), first), polygons=(polygon,))
 
 
 def read_names(file: str, data: bytes) -> dict[int, str]:
