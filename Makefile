@@ -44,9 +44,10 @@ format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/python scripts/lint_page.py --fix
 
-# What the operator's page takes from Python: its messages and its list of screens.
+# What the operator's page and the boards take from Python: messages, the list of screens.
 generate: $(VENV)/.dev
 	$(BIN)/python scripts/generate_wire.py
+	$(BIN)/python scripts/generate_board_wire.py
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .

@@ -8,6 +8,7 @@ from pathlib import Path
 import architecture_page
 import commands_page
 import faults_page
+import firmware_page
 import hazards_page
 import mission_page
 import python_page
@@ -22,6 +23,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "docs/commands.md": commands_page.page,
     "docs/faults.md": faults_page.page,
     "docs/field-file.md": settings_page.field_page,
+    "docs/firmware.md": firmware_page.page,
     "docs/hazards.md": hazards_page.page,
     "docs/mission.md": mission_page.page,
     "docs/python.md": python_page.page,

@@ -14,14 +14,21 @@ import pytest
 
 # Program -> the Debian packages that bring it, as in apt-packages.txt.
 PACKAGES = {
+    "avr-gcc": "gcc-avr binutils-avr avr-libc arduino-core-avr",
     "check_urdf": "liburdfdom-tools",
     "chromium": "chromium",
     "gpsd": "gpsd",
+    "gpsfake": "gpsd-clients",
     "g++": "g++ libfastrtps-dev",
     "ign": "ignition-tools libsdformat-dev",
+    "ogr2ogr": "gdal-bin",
     "openssl": "openssl",
+    "shellcheck": "shellcheck",
+    "systemd-analyze": "systemd",
     "roscore": "python3-roslaunch python3-rostopic python3-rosbag",
     "roslaunch": "python3-roslaunch",
+    "simavr": "gcc simavr libsimavr-dev",
+    "str2str": "rtklib",
     "rviz": "rviz xvfb joint-state-publisher ros-robot-state-publisher",
 }
 OTHER_NAMES = {"chromium": ("chromium-browser",)}

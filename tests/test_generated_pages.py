@@ -12,8 +12,8 @@ ROOT = Path(__file__).parents[1]
 SCRIPTS = ROOT / "scripts"
 NAMES = (
     "CONTRIBUTING.md", "docs/architecture.md", "docs/commands.md", "docs/faults.md",
-    "docs/field-file.md", "docs/hazards.md", "docs/mission.md", "docs/python.md",
-    "docs/settings.md", "docs/topics.md",
+    "docs/field-file.md", "docs/firmware.md", "docs/hazards.md", "docs/mission.md",
+    "docs/python.md", "docs/settings.md", "docs/topics.md",
 )  # fmt: skip
 
 

@@ -8,13 +8,19 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from agribot.app.open_run import open_run
 from agribot.app.platform_lock import PlatformLock
+from agribot.app.rerun import read_pass, rerun
 from agribot.app.simulated_run import SimulatedRun
+from agribot.autonomy.plan import mission
+from agribot.autonomy.plan.job_start import plan_job
+from agribot.autonomy.plan.tasks.row_task import RowTask
 from agribot.cli.main import main
 from agribot.core import config, platforms
 from agribot.core.errors import ConfigError, PlatformError
@@ -139,6 +145,28 @@ def test_a_drive_without_truth_replays_to_the_same_commands(
         run.finish()
     assert main(["replay", str(tmp_path / "run" / "run.mcap")]) == 0
     assert "identical" in capsys.readouterr().out
+
+
+def test_a_plan_that_was_late_is_late_again_in_a_replay(
+    bench: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def plan_slowly(*words: Any) -> Any:
+        time.sleep(0.2)  # many ticks of a bench that nothing slows down
+        return plan_job(*words)
+
+    monkeypatch.setattr(mission, "plan_job", plan_slowly)
+    monkeypatch.setattr(RowTask, "planning_s", 0.1)  # beside the loop, as that of a field plan
+    start = ["field.start_map_m=[0,0]", "field.start_yaw_deg=0", "field.obstacles_map_m=[]"]
+    settings = config.load("farm", [f"platform={bench}", *SETTINGS, *start])
+    with open_run(settings, tmp_path / "run") as run:
+        list(run.ticks())
+        run.finish()
+    before = read_pass(tmp_path / "run" / "run.mcap")
+    late = [tick.is_plan_late for tick in before]
+    assert any(late) and not all(late), {(t.status.state, t.status.reason) for t in before}
+    again, _ = rerun(tmp_path / "run" / "run.mcap", settings)
+    assert [tick.status for tick in again] == [tick.status for tick in before]
+    assert [tick.is_plan_late for tick in again] == late
 
 
 def test_a_platform_may_be_named_by_module_and_function(bench: str, tmp_path: Path) -> None:

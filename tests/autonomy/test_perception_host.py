@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from agribot.autonomy.perception_host import ThreadedPerception
+from agribot.autonomy.perception_host import NewestPerception, ThreadedPerception
 from agribot.core.messages import CameraFrame, Scene, SensorBatch
 from tests.record import record_samples as samples
+from tests.waiting import wait_for
 
 LATENCY_S = 0.10
 
@@ -94,3 +95,47 @@ def test_a_network_that_fails_tells_so_when_its_scene_is_due(
     host.settle()
     with pytest.raises(ArithmeticError, match="no such picture"):
         host.step(batch(1.10))
+
+
+def wait_until(host: NewestPerception, t_s: float) -> tuple[Scene, ...]:
+    """What comes out at that time, as soon as the network is through."""
+    return wait_for(lambda: host.step(batch(t_s)), "a scene")
+
+
+def test_where_time_goes_on_the_newest_frame_wins_and_the_loop_waits_for_none(
+    network: SlowNetwork,
+) -> None:
+    host = NewestPerception(network, LATENCY_S)
+    assert host.step(batch(1.00, 0)) == ()
+    wait_for(lambda: host._is_busy, "the first frame to be taken")
+    for index in range(1, 40):  # the network hangs: every tick comes at once
+        assert host.step(batch(1.0 + index / 10.0, index)) == ()
+    network.let.release(2)
+    seen = [*wait_until(host, 5.0)]
+    seen += [] if len(seen) == 2 else wait_until(host, 5.0)
+    assert [scene.frame_index for scene in seen] == [0, 39]
+    assert host.dropped == 38
+    host.step(batch(6.00, 40))
+    network.let.release(1)
+    host.settle()
+    assert host.step(batch(6.05)) == (), "not before its time"
+    assert [scene.frame_index for scene in host.step(batch(6.10))] == [40]
+    host.close()
+
+
+def test_a_network_that_hangs_keeps_no_program_from_ending(network: SlowNetwork) -> None:
+    host = NewestPerception(network, LATENCY_S)
+    host.step(batch(1.00, 0))
+    host.settle()
+    host.close()
+    network.let.release(100)
+
+
+def test_a_network_that_fails_tells_so_where_nobody_waits_for_it(network: SlowNetwork) -> None:
+    host = NewestPerception(network, LATENCY_S)
+    network.let.release(1)
+    host.step(batch(1.00, 13))
+    host.settle()
+    with pytest.raises(ArithmeticError, match="no such picture"):
+        host.step(batch(1.10))
+    host.close()

@@ -18,7 +18,7 @@ from agribot.core import config
 from agribot.core.errors import MissionError
 from agribot.core.messages import OperatorEvent, TickRecord
 from agribot.gis.plan_file import SavedPlan, format_plan
-from tests.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S, wait_for
 
 SETTINGS = [
     'world="empty"', "perception.enabled=false", "field.start_map_m=[0.0,0.0]",
@@ -67,6 +67,27 @@ def test_what_is_dropped_is_not_heard_of_and_a_refusal_is_told() -> None:
     assert said == ["no way"]
     desk.ask(2.0, lambda: "at once", 0.0, said.append, lambda _: None)
     assert said[-1] == "at once"
+    host.close()
+
+
+def test_where_time_goes_on_an_answer_that_is_late_is_waited_for_by_nobody() -> None:
+    host, may_end = ThreadedPlanning(waits=False), threading.Event()
+    host.ask(1.0, lambda: may_end.wait(PATIENCE_S), 0.1)
+    assert (host.take(1.05), host.pop_late()) == (None, False)
+    for t_s in (1.10, 1.12):
+        assert (host.take(t_s), host.pop_late()) == (None, True)
+    may_end.set()
+    answer = wait_for(lambda: host.take(1.14), "the way")
+    assert answer()
+    host.close()
+
+
+def test_a_replay_goes_without_an_answer_where_the_robot_did() -> None:
+    host = ThreadedPlanning(late_s={1.10, 1.12})
+    host.ask(1.0, lambda: "the way", 0.1)
+    assert host.take(1.10) is None and host.take(1.12) is None
+    answer = host.take(1.14)
+    assert answer is not None and answer() == "the way"
     host.close()
 
 

@@ -73,3 +73,38 @@ def itow_ms(at: dt.datetime) -> int:
     day = at.isoweekday() % 7
     seconds = ((day * 24 + at.hour) * 60 + at.minute) * 60 + at.second
     return seconds * 1000 + at.microsecond // 1000
+
+
+def make_ubx_relposned(
+    at: dt.datetime, heading_deg: float, accuracy_deg: float = 0.3, carrier: int = 2,
+    is_moving: bool = True, is_valid: bool = True,
+) -> bytes:  # fmt: skip
+    """Write the baseline of two antennas a metre apart."""
+    message = UBXMessage(
+        "NAV", "NAV-RELPOSNED", GET, version=1, iTOW=itow_ms(at), relPosLength=100,
+        relPosHeading=heading_deg, accHeading=accuracy_deg, gnssFixOK=1, diffSoln=1,
+        relPosValid=1, carrSoln=carrier, isMoving=int(is_moving), relPosHeadingValid=int(is_valid),
+    )  # fmt: skip
+    data: bytes = message.serialize()
+    return data
+
+
+def make_ubx_sky(at: dt.datetime) -> bytes:
+    """Write NAV-SAT with three satellites, of which two are used, and NAV-DOP."""
+    seen = {
+        "gnssId": (0, 6, 2), "svId": (5, 14, 31), "cno": (44, 38, 0), "elev": (71, 15, -3),
+        "azim": (210, 33, 359), "svUsed": (1, 1, 0),
+    }  # fmt: skip
+    numbered = {f"{name}_{k + 1:02d}": seen[name][k] for name in seen for k in range(3)}
+    sat = UBXMessage("NAV", "NAV-SAT", GET, iTOW=itow_ms(at), version=1, numSvs=3, **numbered)
+    dop = UBXMessage(
+        "NAV", "NAV-DOP", GET, iTOW=itow_ms(at), gDOP=2.1, pDOP=1.8, tDOP=1.1, vDOP=1.5, hDOP=0.9,
+        nDOP=0.7, eDOP=0.6,
+    )  # fmt: skip
+    data: bytes = sat.serialize() + dop.serialize()
+    return data
+
+
+def make_sentence(body: str) -> bytes:
+    data: bytes = NMEAMessage(body[:2], body[2:5], GET, payload=body.split(",")[1:]).serialize()
+    return data

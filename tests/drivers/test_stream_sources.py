@@ -3,116 +3,27 @@
 from __future__ import annotations
 
 import datetime as dt
-import os
-import pty
 import socket
 import subprocess
 import threading
-import tty
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from agribot.cli.main import main
 from agribot.core.messages import GnssFix, GnssQuality
-from agribot.description.loader import load_robot
-from agribot.drivers import schemes
-from agribot.drivers.stream_sources import StreamSource
 from tests import machine
 from tests.drivers import receiver_bytes as written
+from tests.drivers.lines import Line, Opened, free_port, is_open, speak_ubx
 from tests.waiting import wait_for
 
 pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
 IMU_LINE = b"A0B0C16384D0E0F131G\r\n"
 
 
-class Line:
-    """A serial line with a device at the far end; `path` stays while devices come and go."""
-
-    def __init__(self, folder: Path) -> None:
-        self.path = folder / "ttyDEVICE"
-        self._far = -1
-        self.plug_in()
-
-    def plug_in(self) -> None:
-        self._far, near = pty.openpty()
-        tty.setraw(self._far)
-        tty.setraw(near)
-        self.path.unlink(missing_ok=True)
-        self.path.symlink_to(os.ttyname(near))
-        os.close(near)
-
-    def say(self, data: bytes) -> None:
-        os.write(self._far, data)
-
-    def unplug(self) -> None:
-        if self._far >= 0:
-            os.close(self._far)
-        self._far = -1
-
-
-@pytest.fixture
-def line(tmp_path: Path) -> Iterator[Line]:
-    line = Line(tmp_path)
-    yield line
-    line.unplug()
-
-
-class Opened:
-    """Sources of one context, and what they told."""
-
-    def __init__(self) -> None:
-        self.told: list[str] = []
-        network = schemes.RosNetwork(lambda: 0, lambda: "", lambda: "")
-        self.context = schemes.SourceContext(load_robot(), network, self.told.append)
-        self._sources: list[StreamSource] = []
-        self._t_s = 0.0
-
-    def open(self, name: str, uri: str) -> StreamSource:
-        source = schemes.open_source(name, schemes.read_uri("--source", uri), self.context)
-        assert isinstance(source, StreamSource)
-        self._sources.append(source)
-        return source
-
-    def wait_for(self, source: StreamSource, count: int = 1) -> list[object]:
-        """Take until so many samples are there."""
-        found: list[object] = []
-
-        def take() -> bool:
-            self._t_s += 0.02
-            found.extend(source.take(self._t_s))
-            return len(found) >= count
-
-        wait_for(take, f"{count} samples")
-        return found
-
-    def close(self) -> None:
-        for source in self._sources:
-            source.close()
-
-
-@pytest.fixture
-def opened() -> Iterator[Opened]:
-    opened = Opened()
-    yield opened
-    opened.close()
-
-
-def is_open(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
-
-
-def speak(say: Callable[[bytes], None], first: int = 0) -> None:
-    """Say 40 fixes, of the tenth of a second numbered `first` and of those after it."""
-    for k in range(first, first + 40):
-        say(written.make_ubx_pvt(written.EPOCH + k * dt.timedelta(milliseconds=100), carrier=2))
-
-
 def test_fixes_come_over_a_serial_line(line: Line, opened: Opened) -> None:
     source = opened.open("gnss", f"serial:{line.path}?baud=115200")
-    speak(line.say)
+    speak_ubx(line.say)
     fix = opened.wait_for(source)[0]
     assert isinstance(fix, GnssFix)
     assert fix.quality is GnssQuality.RTK_FIXED
@@ -124,13 +35,13 @@ def test_an_unplugged_receiver_is_told_once_and_read_again_when_it_is_back(
     line: Line, opened: Opened
 ) -> None:
     source = opened.open("gnss", f"serial:{line.path}")
-    speak(line.say)
+    speak_ubx(line.say)
     opened.wait_for(source)
     line.unplug()
     wait_for(lambda: any("is lost" in text for text in opened.told), "the loss")
     line.plug_in()
     wait_for(lambda: any("is back" in text for text in opened.told), "the return")
-    speak(line.say, first=100)
+    speak_ubx(line.say, first=100)
     opened.wait_for(source)
     assert len(opened.told) == 2
 
@@ -139,7 +50,7 @@ def test_the_originals_arduino_is_an_imu(line: Line, opened: Opened) -> None:
     source = opened.open("imu", f"serial:{line.path}?baud=57600&axes=x,-y,-z")
     line.say(b"\xff\xfe\x00" + IMU_LINE * 3)
     sample = opened.wait_for(source)[0]
-    assert sample.accel_mps2[2] == pytest.approx(-9.80665)  # type: ignore[attr-defined]
+    assert sample.accel_mps2[2] == pytest.approx(-9.80665)
 
 
 def test_bytes_over_tcp_come_again_after_the_other_end_was_gone(opened: Opened) -> None:
@@ -149,7 +60,7 @@ def test_bytes_over_tcp_come_again_after_the_other_end_was_gone(opened: Opened) 
         for first in (0, 100):
             peer, _ = server.accept()
             with peer:
-                speak(peer.sendall, first)
+                speak_ubx(peer.sendall, first)
                 opened.wait_for(source)
         wait_for(lambda: any("is back" in text for text in opened.told), "the return")
 
@@ -183,8 +94,7 @@ def test_a_real_gpsd_gives_the_fixes_of_its_receiver(
     dialect: str, line: Line, opened: Opened
 ) -> None:
     gpsd = machine.require("gpsd")
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     daemon = subprocess.Popen([gpsd, "-N", "-n", "-b", "-S", str(port), str(line.path)])
     ended = threading.Event()
 

@@ -16,6 +16,7 @@ from agribot.core.messages import (
     Estimate,
     GnssFix,
     GnssQuality,
+    GnssStatus,
     GroundPlant,
     ImplementCommand,
     ImuSample,
@@ -28,6 +29,7 @@ from agribot.core.messages import (
     PlantClass,
     RobotCommand,
     Row,
+    Satellite,
     Scene,
     SensorBatch,
     TickRecord,
@@ -172,6 +174,7 @@ def tick(index: int, noise: np.random.Generator, with_camera: bool = False) -> T
         ),
         mag=(MagSample(t_s=t_s, field_t=(3.8e-5, 1e-6, -2.3e-5)),) if index % 5 in (0, 2) else (),
         gnss=(_fix(t_s, noise),) if index % 5 == 0 else (),
+        gnss_status=(_sky(t_s),) if index % 5 == 0 else (),
         frames=(frame(index, t_s),) if with_camera and index % 5 == 0 else (),
         events=(OperatorEvent(t_s=t_s, action="pause"),) if index == 7 else (),
         base=(base_fix(t_s),) if index % 10 == 0 else (),
@@ -245,6 +248,13 @@ def plant(
         cov_m2=(1e-4, 2e-5, 2e-5, 3e-4), area_m2=1.5e-3, confidence=0.93, sightings=5,
         first_seen_s=1.0 + number, last_seen_s=3.0 + number, treated_s=treated_s,
     )  # fmt: skip
+
+
+def _sky(t_s: float) -> GnssStatus:
+    seen = Satellite(
+        system="GP", number=5, elevation_deg=71.0, azimuth_deg=210.0, snr_db=44.0, is_used=True
+    )
+    return GnssStatus(t_s=t_s, satellites=(seen,), hdop=0.9, correction_counts=((1005, 3),))
 
 
 def _fix(t_s: float, noise: np.random.Generator) -> GnssFix:

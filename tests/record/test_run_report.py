@@ -34,6 +34,7 @@ from agribot.record.report import (
     write_report,
 )
 from agribot.record.row_table import summarise_rows
+from agribot.record.run_figures import explain_absence
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap, collect
 from tests.record import record_samples as samples
@@ -65,6 +66,7 @@ CONTRACT: dict[str, Any] = {
     "preset": None,
     "conditions": None,
     "beliefs": None,
+    "found_rows": None,
 }  # fmt: skip
 NASTY = '<script>alert("x")</script> & more'
 
@@ -151,7 +153,7 @@ def test_the_page_loads_nothing_from_anywhere() -> None:
     links.feed(page)
     assert all(link.startswith(("#", "data:")) for link in links.loaded)
     assert not links.tags & {"script", "link", "iframe", "object", "img"}
-    assert page.count("<svg ") == 6
+    assert page.count("<svg ") == 9
 
 
 def test_the_page_escapes_what_it_was_given() -> None:
@@ -272,3 +274,19 @@ def test_thinning_keeps_the_peaks_and_the_gaps() -> None:
     assert np.nanmin(few_y) == -9.0
     assert np.isnan(few_y[(few_x >= 20_000) & (few_x < 30_000)]).any()
     assert np.all(np.diff(few_x) > 0)
+
+
+def test_where_nothing_draws_figures_the_numbers_are_written_and_the_rest_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nothing = RunData(config=load("farm"), series=SeriesTap().series())
+    monkeypatch.setattr("agribot.core.extras.has", lambda extra: extra != "report")
+    write_run_files(tmp_path, _report(ok=True, reason="done"), nothing)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "report.json", "config.toml", "weeds.geojson"
+    }  # fmt: skip
+    assert "pip install 'agribot[report]'" in explain_absence()
+    monkeypatch.undo()
+    write_run_files(tmp_path, _report(ok=True, reason="done"), nothing)
+    assert explain_absence() == ""
+    assert (tmp_path / "map.png").exists()

@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from agribot.core.config import load
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import PlantClass
+from agribot.record.series import RunData, SeriesTap
 from agribot.record.weeds import weeds_geojson, write_weeds
 from tests.record import record_samples as samples
 
@@ -24,7 +26,9 @@ def test_the_file_is_geojson_with_longitude_first(tmp_path: Path) -> None:
         samples.plant(2, treated_s=9.5),
         samples.plant(3, PlantClass.CROP),
     )
-    write_weeds(tmp_path / "weeds.geojson", plants, DATUM)
+    config = load("farm", [f"field.datum.lat_deg={DATUM.lat_deg}"])
+    data = RunData(config=config, series=SeriesTap().series(), plants=plants)
+    write_weeds(tmp_path / "weeds.geojson", data, "a run")
     found = json.loads((tmp_path / "weeds.geojson").read_text())
     assert found["type"] == "FeatureCollection"
     assert "crs" not in found  # RFC 7946: always WGS-84

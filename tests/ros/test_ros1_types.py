@@ -48,6 +48,8 @@ def test_what_goes_out_under_the_originals_name_is_heard_under_it(topic: Topic) 
         for axis in "xyz":
             assert getattr(got.magnetic_field, axis) == getattr(message.magnetic_field, axis)
         assert got.header == message.header
+    elif topic is topics.EXTENDED_FIX:
+        assert back == cdr
     else:
         assert topic is topics.POSE
         assert got.pose == message.pose

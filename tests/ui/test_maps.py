@@ -7,8 +7,8 @@ from http.client import HTTPConnection
 import pytest
 
 from agribot.cli.main import main
+from agribot.core.home import find_home
 from agribot.gis.mbtiles import describe_map
-from agribot.ui.address import home
 from tests.gis.test_map_import import RED, TileServer, png, server
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
@@ -34,7 +34,7 @@ def test_a_live_map_fetches_a_tile_once_and_works_without_its_server_afterwards(
         assert browser.ask("GET", "/tiles/live/15/23008/14400") == (200, png(RED))
     assert tiles.asked == ["/15/23008/14400.png"]
     assert browser.ask("GET", "/tiles/live/15/23008/14406")[0] == 204, "the server has none"
-    assert describe_map(home() / "maps" / "live.mbtiles")["tiles"] == 1
+    assert describe_map(find_home() / "maps" / "live.mbtiles")["tiles"] == 1
     assert main(["map", "remove", "live"]) == 0
     assert browser.ask("GET", "/tiles/live/15/23008/14400")[0] == 404
 

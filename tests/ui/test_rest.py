@@ -17,9 +17,10 @@ from agribot.app.simulated_run import simulate
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.geo import MapFrame
+from agribot.core.home import find_home
 from agribot.gis.mbtiles import import_mbtiles
 from agribot.ui import wire
-from agribot.ui.address import Address, home
+from agribot.ui.address import Address
 from agribot.ui.panels import Panels
 from agribot.ui.robot_side.operator_page import OperatorPage
 from tests.ui.client import Browser, Page
@@ -257,7 +258,7 @@ def mbtiles(path: Path) -> Path:
 def test_a_map_is_imported_and_its_tiles_are_where_they_belong(
     browser: Browser, tmp_path: Path
 ) -> None:
-    import_mbtiles(mbtiles(tmp_path / "farm.mbtiles"), home() / "maps", "farm")
+    import_mbtiles(mbtiles(tmp_path / "farm.mbtiles"), find_home() / "maps", "farm")
     shown = next(one for one in browser.ask("GET", "/api/v1/maps")[1] if one["name"] == "farm")
     assert (shown["name"], shown["minzoom"], shown["bounds"]) == ("farm", 2, [72, 21, 73, 22])
     assert browser.ask("GET", "/tiles/farm/2/3/3") == (200, b"\x89PNG south-east")

@@ -18,7 +18,15 @@ export type CheckState = 'ok' | 'warn' | 'fault'
 
 export type SensorName = 'gnss' | 'compass' | 'gyro' | 'wheels' | 'camera' | 'clock'
 
-export type MissionAction = 'start' | 'pause' | 'resume' | 'cancel' | 'skip_row' | 'return_home'
+export type MissionAction =
+  | 'start'
+  | 'pause'
+  | 'resume'
+  | 'cancel'
+  | 'skip_row'
+  | 'return_home'
+  | 'nudge_left'
+  | 'nudge_right'
 
 export type RecordingAction = 'start' | 'stop'
 

@@ -10,6 +10,7 @@ from agribot.app.platform_lock import PlatformLock
 from agribot.app.run import Run
 from agribot.app.run_setup import prepare_run
 from agribot.app.simulated_run import SimulatedRun
+from agribot.app.stop_memory import StopMemory
 from agribot.app.whole_job import JobSoFar
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.core.config import RunConfig
@@ -22,8 +23,14 @@ def open_run(
     saved: SavedMission | None = None,
     earlier: JobSoFar = whole_job.NOTHING,
     plan_text: str = "",
+    *,
+    is_armed: bool = False,
+    is_cleared: bool = False,
 ) -> Run:
     """Prepare a run on the platform of its settings; the arguments are those of `prepare_run`.
+
+    A platform that needs arming begins stopped, unless a person says that it `is_armed`, and that
+    the stop of an earlier run `is_cleared`.
 
     Raises: AgribotError: the settings do not fit, the platform cannot be opened, or another process
         drives it.
@@ -40,7 +47,16 @@ def open_run(
         opened.callback(stack.close)
         platform = open_platform(setup.config, setup.robot)
         opened.callback(platform.close)
+        memory = None
+        if kind.needs_arming:
+            memory = StopMemory(setup.config.platform, out_dir)
+            opened.callback(memory.close)
+            memory.hold_back(platform.inbox, is_armed=is_armed, is_cleared=is_cleared)
         run = Run(setup, platform, stack)
         run.add_close(lock.close)
+        if memory is not None:
+            memory.on_failure = run.tell
+            run.add_tap(memory)
+            run.add_close(memory.close)
         opened.pop_all()
     return run

@@ -22,6 +22,7 @@ from agribot.record.events import Event, EventKind, EventLog
 from agribot.record.report import (
     BeliefReport,
     EstimateReport,
+    FoundRowsReport,
     ImplementReport,
     IouReport,
     JobReport,
@@ -34,6 +35,7 @@ from agribot.record.report import (
     TrackingReport,
     WeedReport,
 )
+from agribot.record.run_files import DRAWN_FILE
 
 Kind = TypeVar("Kind", bound=msgspec.Struct)
 
@@ -51,6 +53,8 @@ class EndedRun(Protocol):
 
     @property
     def conditions(self) -> dict[str, Any] | None: ...
+    @property
+    def finds_rows(self) -> bool: ...
     @property
     def weed_map(self) -> WeedMap: ...
     @property
@@ -75,7 +79,9 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
     tracking = TrackingReport()
     if judge is not None:
         tracking = msgspec.convert(msgspec.to_builtins(judge.score_tracking()), TrackingReport)
+    found = _found_rows(drive)
     ok = bool(mission.success) and not tracking.plants_crushed and not why_ended
+    ok = ok and not _tell_missed(found)
     report = Report(
         profile=config.profile,
         seed=config.seed,
@@ -83,7 +89,10 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         version=__version__,
         ok=ok,
         reason=(
-            why_ended or _reason(status, mission, tracking) + _objection(drive.event_log, status)
+            why_ended
+            or _reason(status, mission, tracking)
+            + _objection(drive.event_log, status)
+            + _tell_missed(found)
         )
         + _lacking(job),
         time=_time(job),
@@ -102,6 +111,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
         preset=config.sim.preset if find_platform(config.platform).is_simulated else None,
         conditions=drive.conditions,
+        found_rows=found,
     )
     return msgspec.structs.replace(report, beliefs=_beliefs(drive, job, report, done))
 
@@ -123,6 +133,27 @@ def _beliefs(
             has_judge=drive.judge is not None,
         ),
     )
+
+
+def _found_rows(drive: EndedRun) -> FoundRowsReport | None:
+    """Report the rows that the robot found by itself; None where it was told them."""
+    if not drive.finds_rows:
+        return None
+    driven = drive.rows
+    score = None if drive.judge is None else drive.judge.score_found_rows(driven)
+    found = FoundRowsReport() if score is None else _same_fields(score, FoundRowsReport)
+    file = DRAWN_FILE if driven else None
+    return msgspec.structs.replace(found, found=len(driven), file=file)
+
+
+def _tell_missed(found: FoundRowsReport | None) -> str:
+    """Tell which rows were not found, or found where none stands; empty where all is well."""
+    if found is None or found.matched is None or found.true is None:
+        return ""
+    missed = [f"{found.true - found.matched} of {found.true} rows not found"]
+    missed = missed if found.matched < found.true else []
+    missed += [f"{found.invented} found where none stands"] if found.invented else []
+    return "; " + ", ".join(missed) if missed else ""
 
 
 def _lacking(job: JobSoFar) -> str:

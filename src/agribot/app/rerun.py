@@ -15,22 +15,31 @@ import numpy as np
 
 from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.field_work import read_field_work
+from agribot.app.prescribed_zones import read_zones
 from agribot.app.robot_stack import build_stack
 from agribot.app.run_recording import (
     EARLIER_ATTACHMENT,
     GOALS_ATTACHMENT,
     PLAN_ATTACHMENT,
+    PRESCRIPTION_ATTACHMENT,
     SAVED_ATTACHMENT,
 )
 from agribot.autonomy.perception_host import RecordedPerception
 from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig, assign, drop_none, from_tree
 from agribot.core.errors import EndOfRecording, RecordingError
 from agribot.core.messages import STOP, MappedPlant, MapPoint, PlantClass, TickRecord
 from agribot.description.loader import parse_robot
 from agribot.record.mcap_file import part_number, read_attachment
-from agribot.record.replay import ReplayPlatform, read_ticks, read_urdf, recorded_scenes
+from agribot.record.replay import (
+    ReplayPlatform,
+    find_late_plans,
+    read_ticks,
+    read_urdf,
+    recorded_scenes,
+)
 
 LATEST_FIRST_TICK_S = 1.0  # of a recording that began with its run
 # Settings of these groups shaped the recording itself.
@@ -118,7 +127,11 @@ def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[Mapped
     perception = RecordedPerception(recorded_scenes(path))
     resumed = read_attachment(path, SAVED_ATTACHMENT)
     saved = msgspec.json.decode(resumed, type=SavedMission | None)
-    stack = build_stack(config, robot, goals_map_m, perception, work, saved)
+    planning = ThreadedPlanning(late_s=find_late_plans(path))
+    is_zoned = bool(config.treatment.prescription)
+    prescription = read_attachment(path, PRESCRIPTION_ATTACHMENT) if is_zoned else b""
+    zones = read_zones(prescription, config, work)
+    stack = build_stack(config, robot, goals_map_m, perception, work, saved, zones, planning)
     stack.weed_map.restore(_read_earlier_plants(path))
     ticks: list[TickRecord] = []
     stack.taps.append(ticks.append)

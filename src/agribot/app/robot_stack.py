@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from agribot.app.tasks import TasksUnderWay, choose_task
+from agribot.autonomy.implements.zones import ZoneMap
 from agribot.autonomy.perception_host import PerceptionHost
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.autonomy.stack import Stack, build
 from agribot.core.config import RunConfig
 from agribot.core.messages import MapPoint
@@ -19,12 +21,16 @@ def build_stack(
     perception: PerceptionHost | None = None,
     work: FieldWork | None = None,
     saved: SavedMission | None = None,
+    zones: ZoneMap | None = None,
+    planning: ThreadedPlanning | None = None,
 ) -> Stack:
     """Build the stack for a task over the rows of the field, or what stands in for them.
 
     `waypoints_map_m` or `work`, a field plan, replaces the rows; `perception` replaces the camera
-    network, as a replay does; `saved` is a mission to go on with.
+    network and `planning` what plans, as a replay does; `saved` is a mission to go on with;
+    `zones` is a prescription.
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
     task = choose_task(config, robot, waypoints_map_m, work)
-    return build(config, robot, task, TasksUnderWay(task, config, robot), perception, saved)
+    under_way = TasksUnderWay(task, config, robot)
+    return build(config, robot, task, under_way, perception, saved, zones, planning)

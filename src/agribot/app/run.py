@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from typing import Any, Self
 
 import msgspec
+import numpy as np
 
 from agribot.app import whole_job
 from agribot.app.judge import Judge
@@ -39,10 +40,12 @@ from agribot.core.messages import Path as PlannedPath
 from agribot.core.platform import MixedPlatform, Platform, SensorSource, TrueState
 from agribot.core.row_shape import row_length_m
 from agribot.description.loader import export_urdf
+from agribot.gis.drawn_field import DrawnRow, format_drawn_field
 from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
+from agribot.record.run_figures import explain_absence
 from agribot.record.run_files import write_run_files
-from agribot.record.series import RunData, SeriesTap
+from agribot.record.series import RunData, RunSeries, SeriesTap
 
 ENDED = ("done", "cancelled", "failed")
 COMING_TO_REST_S = 2.0
@@ -83,7 +86,9 @@ class Run:
         self._closing = ExitStack()
         self.is_written = True  # every file of the run's end could be written
         before = whole_job.plants_before(earlier)
-        files = files_to_run_again(setup.goals_map_m, saved, before, setup.plan_text)
+        files = files_to_run_again(
+            setup.goals_map_m, saved, before, setup.plan_text, setup.prescription
+        )
         self._open_all_files(files, setup.plan_text if setup.is_plan_new else "")
 
     def _open_all_files(self, recorded: Mapping[str, tuple[str, bytes]], new_plan: str) -> None:
@@ -104,12 +109,12 @@ class Run:
         self.event_log = EventLog(out_dir / "events.jsonl", self._say)
         self._files.callback(self.event_log.close)
         self._series = SeriesTap()
-        self.recording = RunRecording(self, recorded, self._tell)
+        self.recording = RunRecording(self, recorded, self.tell)
         self._files.callback(self.recording.close)
-        self._mission_file = MissionFile(out_dir, self.stack.mission, self._tell)
+        self._mission_file = MissionFile(out_dir, self.stack.mission, self.tell)
         self._files.callback(self._mission_file.close)
         self.stack.taps += [*self._first_taps, self._series, self.event_log]
-        self._job_file = MissionFile(out_dir, self.job, self._tell, whole_job.FILE_NAME)
+        self._job_file = MissionFile(out_dir, self.job, self.tell, whole_job.FILE_NAME)
         self._files.callback(self._job_file.close)
         self.unattended = Unattended(self.config.mission.stall_timeout_s)
         self.stack.taps += [self._mission_file, self.job, self._job_file]
@@ -188,6 +193,11 @@ class Run:
     def planned_path(self) -> PlannedPath | None:
         return self.stack.mission.path
 
+    @property
+    def finds_rows(self) -> bool:
+        """Whether the robot finds its rows by itself."""
+        return self.task.explorer is not None
+
     def plants(self) -> tuple[MappedPlant, ...]:
         return self.weed_map.plants()
 
@@ -259,9 +269,21 @@ class Run:
         try:
             write_run_files(self.out_dir, report, data)
         except RecordingError as error:
-            self._tell(self.last.batch.t_s if self.last is not None else 0.0, str(error))
+            self.tell(self.last.batch.t_s if self.last is not None else 0.0, str(error))
             self.is_written = False
+        if left_out := explain_absence():
+            self._say(left_out)
         return report
+
+    def _draw_field(self, series: RunSeries) -> str:
+        """Draw the rows that the robot found; empty where it found none."""
+        explorer = self.task.explorer
+        rows = explorer.draw() if explorer is not None else []
+        if not rows:
+            return ""
+        track = np.column_stack([series.x_map_m, series.y_map_m])
+        drawn = [DrawnRow(line, std_m) for line, std_m in rows]
+        return format_drawn_field(drawn, track, self.config.field.datum)
 
     def _tick(self) -> TickRecord:
         self.last = self.stack.tick(self.platform)
@@ -291,7 +313,7 @@ class Run:
     def _write_config(self) -> None:
         write_file(self.out_dir / "config.toml", settings.to_toml(self.config).encode())
 
-    def _tell(self, t_s: float, text: str) -> None:
+    def tell(self, t_s: float, text: str) -> None:
         """Report what goes wrong beside the drive, which goes on."""
         self._say(text)
         self.event_log.add(Event(t_s=t_s, kind="fault", reason=text))
@@ -316,13 +338,16 @@ class Run:
             write_file(path, task.text.encode())
             self._write_config()
         except RecordingError as error:
-            self._tell(record.batch.t_s, str(error))
+            self.tell(record.batch.t_s, str(error))
 
     def _data(self) -> RunData:
+        series = self.job.series(self._series.series())
         return RunData(
             config=self.config,
-            series=self.job.series(self._series.series()),
+            series=series,
+            drawn_field=self._draw_field(series),
             rows=self.rows,
+            zones=self.stack.treatment.zones,
             plan=self.stack.mission.path,
             goals_map_m=self.shown_goals_map_m,
             plants=self.job.plants(self.weed_map.plants()),

@@ -14,7 +14,7 @@ RUN_FILES = (
     "run.mcap", "events.jsonl", "mission.json", "job.json", "report.json", "config.toml",
 )  # fmt: skip
 # What a run writes besides; a person may have files of these names, too.
-MADE_FILES = ("plan.geojson", "weeds.geojson", "map.png", "report.html")
+MADE_FILES = ("plan.geojson", "field.geojson", "weeds.geojson", "map.png", "report.html")
 LOCK_NAME = "run.lock"
 
 

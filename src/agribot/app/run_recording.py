@@ -19,6 +19,7 @@ from agribot.record.recorder import RunRecorder
 FILE_NAME = "run.mcap"
 GOALS_ATTACHMENT = "goals.json"
 PLAN_ATTACHMENT = "plan.geojson"
+PRESCRIPTION_ATTACHMENT = "prescription"
 SAVED_ATTACHMENT = "resumed.json"  # null in a run that began anew
 EARLIER_ATTACHMENT = "earlier_plants.json"  # of the weed map that a run took over
 TRUTH_PERIOD_S = 0.1
@@ -152,6 +153,7 @@ def files_to_run_again(
     saved: SavedMission | None,
     earlier_plants: Sequence[Track],
     plan_text: str,
+    prescription: bytes = b"",
 ) -> dict[str, tuple[str, bytes]]:
     """Collect what a recording needs besides its ticks, by name and with its media type."""
     files = {
@@ -161,6 +163,8 @@ def files_to_run_again(
     }
     if plan_text:
         files[PLAN_ATTACHMENT] = ("application/geo+json", plan_text.encode())
+    if prescription:
+        files[PRESCRIPTION_ATTACHMENT] = ("application/octet-stream", prescription)
     return files
 
 

@@ -10,6 +10,7 @@ import msgspec
 from agribot.app import whole_job
 from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.field_work import read_field_work, read_plan_text
+from agribot.app.prescribed_zones import read_prescription_file, read_zones
 from agribot.app.robot_stack import build_stack
 from agribot.app.tasks import read_goals
 from agribot.app.whole_job import JobSoFar
@@ -18,6 +19,7 @@ from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.stack import Stack
 from agribot.core.config import RunConfig
 from agribot.core.messages import MapPoint
+from agribot.core.platforms import list_must_report
 from agribot.core.robot import RobotSpec
 from agribot.description.loader import load_robot
 from agribot.sim.faults.schedule import read_faults
@@ -30,6 +32,7 @@ class RunSetup(NamedTuple):
 
     `described` is the robot as its description says, `robot` the same as calibration corrects it.
     `plan_text` is the field plan, empty without one; `is_plan_new` where it is in no file yet.
+    `prescription` is the file of that name, empty without one.
     """
 
     config: RunConfig
@@ -42,14 +45,16 @@ class RunSetup(NamedTuple):
     work: FieldWork | None
     saved: SavedMission | None
     earlier: JobSoFar
+    prescription: bytes
 
     def build_stack(self) -> Stack:
         """Build the stack.
 
         Raises: AgribotError: settings, robot and task do not fit each other.
         """
+        zones = read_zones(self.prescription, self.config, self.work)
         return build_stack(
-            self.config, self.robot, self.goals_map_m, work=self.work, saved=self.saved
+            self.config, self.robot, self.goals_map_m, None, self.work, self.saved, zones
         )
 
 
@@ -70,6 +75,7 @@ def prepare_run(
     """
     if plan_text:
         config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
+    config = _settle_inputs(config)
     described = load_robot(config.robot)
     read_faults(config, has_camera=described.camera is not None, began_s=earlier.sim_s)
     robot = apply_calibration(described, config.calibration)
@@ -85,4 +91,14 @@ def prepare_run(
         work=read_field_work(text, config, robot),
         saved=saved,
         earlier=earlier,
+        prescription=read_prescription_file(config),
     )
+
+
+def _settle_inputs(config: RunConfig) -> RunConfig:
+    """Let the platform say which safety inputs the robot must have, where the settings do not."""
+    if config.safety.must_report is not None:
+        return config
+    must_report = list_must_report(config.platform)
+    safety = msgspec.structs.replace(config.safety, must_report=must_report)
+    return msgspec.structs.replace(config, safety=safety)

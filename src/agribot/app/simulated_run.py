@@ -15,11 +15,13 @@ from agribot.app.run_world import make_run_world
 from agribot.app.truth_log import TruthLog
 from agribot.app.whole_job import JobSoFar
 from agribot.autonomy.perception_host import PerceptionHost
+from agribot.autonomy.plan.rows import lay_rows
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import RunConfig
 from agribot.core.messages import FloatArray, TickRecord
-from agribot.core.platform import TrueState
+from agribot.core.platform import Platform, TrueState
+from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.record.events import Event
 from agribot.record.series import RunData
@@ -42,18 +44,13 @@ class SimulatedRun(Run):
 
         Raises: AgribotError: as `Run`, or the world and the robot do not fit each other.
         """
-        from agribot.sim.platform import SimPlatform
         from agribot.sim.referee import Referee
 
         made = make_run_world(setup.config)
         self.world = _place_robot(made.world, setup)
         self._drawn = made.conditions
-        self.simulator = SimPlatform(
-            setup.config,
-            made.alter_robot(setup.described),
-            self.world,
-            board=setup.robot.drive,
-            began_s=setup.earlier.sim_s,
+        self.simulator, platform = _open_simulator(
+            setup, made.alter_robot(setup.described), self.world
         )
         stack = setup.build_stack()
         task = stack.mission.task
@@ -65,12 +62,14 @@ class SimulatedRun(Run):
             _find_boundary(task, setup.config),
             made.find_true_row,
         )
+        if task.explorer is not None:
+            self.referee.take_true_rows(lay_rows(setup.config.field))
         if self.simulator.faults is not None:
             stack.perception = self._let_hang(stack.perception, self.simulator.faults)
         stack.mask_taps.append(self.referee.judge_mask)
         truth_log = TruthLog(self.simulator, self.world, self._log)
         taps = (self._show_truth, self.referee, truth_log)
-        super().__init__(setup, self.simulator, stack, taps, self.referee)
+        super().__init__(setup, platform, stack, taps, self.referee)
 
     @property
     def truth(self) -> Callable[[], TrueState]:
@@ -103,6 +102,8 @@ class SimulatedRun(Run):
                 self.recording.fill_disk(is_full=is_on)
 
     def _show_truth(self, record: TickRecord) -> None:
+        if self.task.explorer is not None:
+            self.referee.match_rows(self.task.rows)
         if self.simulator.faults is not None:
             self._note_faults(record.batch.t_s, self.simulator.faults)
         truth = self.simulator.truth()
@@ -127,6 +128,22 @@ def simulate(
 ) -> SimulatedRun:
     """Prepare a run and simulate its robot; the arguments are those of `prepare_run`."""
     return SimulatedRun(prepare_run(config, out_dir, saved, earlier, plan_text))
+
+
+def _open_simulator(
+    setup: RunSetup, described: RobotSpec, world: WorldSpec
+) -> tuple[SimPlatform, Platform]:
+    """Open the simulator, and what the stack drives: it, or real firmware between the two."""
+    from agribot.sim.platform import SimPlatform
+
+    if setup.config.platform == "firmware":
+        from agribot.app.firmware_platform import open_firmware
+
+        return open_firmware(setup, described, world)
+    simulator = SimPlatform(
+        setup.config, described, world, board=setup.robot.drive, began_s=setup.earlier.sim_s
+    )
+    return simulator, simulator
 
 
 def _find_boundary(task: Task, config: RunConfig) -> FloatArray | None:

@@ -10,6 +10,7 @@ from agribot.app.field_work import read_work
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.errand import CHECKING
 from agribot.autonomy.plan.task import Task
+from agribot.autonomy.plan.tasks.explore_task import ExploreTask
 from agribot.autonomy.plan.tasks.field_task import CHECKING_S, FieldTask
 from agribot.autonomy.plan.tasks.row_task import RowTask
 from agribot.autonomy.plan.tasks.visit_task import VisitTask
@@ -34,6 +35,8 @@ def choose_task(
         return FieldTask(work, robot.drive)
     if waypoints_map_m:
         return WaypointTask(waypoints_map_m, config, robot)
+    if config.task == "explore":
+        return ExploreTask(config, robot)
     return RowTask(config, robot)
 
 

@@ -1,12 +1,14 @@
 """Where frames meet the network: off the control loop, in the order they were captured.
 
 A host takes the frames of a batch and hands back the scenes that are usable by now. The scene
-of a frame becomes usable a fixed `latency_s` after its capture: the loop never sees a result
-earlier or later because of a busy core, so a simulated run repeats bit by bit.
+of a frame becomes usable a fixed `latency_s` after its capture. In a simulation time stands still
+until it is there: the loop never sees a result earlier or later because of a busy core, so a run
+repeats bit by bit. On a real robot the loop waits for nothing, and the newest frame wins.
 """
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -16,6 +18,7 @@ from typing import Protocol
 from agribot.core.messages import CameraFrame, Scene, SensorBatch
 
 Observer = Callable[[CameraFrame, float], Scene]
+SETTLE_S = 2.0
 
 
 class PerceptionMeter:
@@ -78,7 +81,7 @@ class NoPerception:
 
 
 class ThreadedPerception:
-    """One worker thread runs `observe(frame, ready_s)`; the loop waits only for late results."""
+    """One worker thread runs `observe(frame, ready_s)`; the loop waits for late results."""
 
     def __init__(self, observe: Observer, latency_s: float) -> None:
         self.meter = PerceptionMeter()
@@ -101,6 +104,76 @@ class ThreadedPerception:
 
     def close(self) -> None:
         self._worker.shutdown(wait=True, cancel_futures=True)
+
+
+class NewestPerception:
+    """One thread looks at the newest frame there is; those that it has no time for are dropped.
+
+    A scene comes out in the first tick in which it is there, `latency_s` after its capture at the
+    earliest; the recording knows that tick. A network that hangs holds up nobody.
+    """
+
+    def __init__(self, observe: Observer, latency_s: float) -> None:
+        self.meter = PerceptionMeter()
+        self._observe = self.meter.watch(observe)
+        self._latency_s = latency_s
+        self._changed = threading.Condition()
+        self._waiting: CameraFrame | None = None
+        self._is_busy = self._is_closed = False
+        self._seen: deque[Scene] = deque()
+        self._fault: Exception | None = None
+        self.dropped = 0
+        self._thread = threading.Thread(target=self._run, name="perception", daemon=True)
+        self._thread.start()
+
+    def step(self, batch: SensorBatch) -> tuple[Scene, ...]:
+        """Take the frames and give the scenes that are there; an error of the network comes out."""
+        with self._changed:
+            for frame in batch.frames:
+                self.dropped += self._waiting is not None
+                self._waiting = frame
+                self._changed.notify_all()
+            if self._fault is not None:
+                raise self._fault
+            scenes: list[Scene] = []
+            while self._seen and self._seen[0].ready_s <= batch.t_s + 1e-9:
+                scenes.append(self._seen.popleft())
+        return tuple(scenes)
+
+    def settle(self) -> None:
+        """Wait for the newest frame, but not for a network that hangs."""
+        with self._changed:
+            self._changed.wait_for(
+                lambda: not (self._is_busy or self._waiting) or self._fault, SETTLE_S
+            )
+
+    def close(self) -> None:
+        with self._changed:
+            self._is_closed = True
+            self._changed.notify_all()
+        self._thread.join(SETTLE_S)
+
+    def _run(self) -> None:
+        while (frame := self._take()) is not None:
+            try:
+                scene = self._observe(frame, frame.t_s + self._latency_s)
+            except Exception as error:  # noqa: BLE001 - it belongs to the loop, which raises it
+                with self._changed:
+                    self._fault, self._is_busy = error, False
+                    self._changed.notify_all()
+                return
+            with self._changed:
+                self._seen.append(scene)
+                self._is_busy = False
+                self._changed.notify_all()
+
+    def _take(self) -> CameraFrame | None:
+        """Wait for a frame; None at the end."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._waiting is not None or self._is_closed)
+            frame, self._waiting = self._waiting, None
+            self._is_busy = frame is not None and not self._is_closed
+            return None if self._is_closed else frame
 
 
 class RecordedPerception:

@@ -12,10 +12,16 @@ from agribot.autonomy.control.supervise import Supervisor
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.mapped_rows import MappedRows
 from agribot.autonomy.implements.treatment import Treatment
+from agribot.autonomy.implements.zones import ZoneMap
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.plants import observe
 from agribot.autonomy.perceive.segmenter import Segmenter
-from agribot.autonomy.perception_host import NoPerception, PerceptionHost, ThreadedPerception
+from agribot.autonomy.perception_host import (
+    NewestPerception,
+    NoPerception,
+    PerceptionHost,
+    ThreadedPerception,
+)
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission
@@ -27,11 +33,13 @@ from agribot.core.latch import Latch
 from agribot.core.messages import (
     ByteArray,
     CameraFrame,
+    Estimate,
     RobotCommand,
     Scene,
     TickRecord,
 )
 from agribot.core.platform import Platform
+from agribot.core.platforms import runs_in_real_time
 from agribot.core.robot import RobotSpec
 
 Tap = Callable[[TickRecord], None]
@@ -78,10 +86,11 @@ class Stack:
                 continue
             self.weed_map.add(scene)
             self.localizer.observe(scene)
+            self._explore(scene, estimate)
         takeover = self.hand.update(batch)
         self.treatment.apply_events(batch.events)
         self.mission.heed(self.supervisor.warning)
-        on_rows = estimate.relate_to_rows()
+        on_rows = self.mission.relate_to_path(estimate)
         goal = self.mission.step(on_rows, (*batch.events, *takeover))
         self._follow_task()
         drive, tracking = self.follower.step(on_rows, goal)
@@ -100,10 +109,17 @@ class Stack:
             tracking=tracking,
             command=command,
             reason=reason,
+            is_plan_late=self._planning.pop_late(),
         )
         for tap in self.taps:
             tap(record)
         return record
+
+    def _explore(self, scene: Scene, estimate: Estimate) -> None:
+        """Show a picture to whatever finds the rows of the task."""
+        explorer, pose = self.mission.task.explorer, self.localizer.place(scene.t_s)
+        if explorer is not None and pose is not None:
+            explorer.see(scene, pose, estimate.pos_std_m)
 
     def _follow_task(self) -> None:
         """Look for the rows of a field plan that was taken under way."""
@@ -125,14 +141,20 @@ def build(
     new_tasks: NewTasks | None = None,
     perception: PerceptionHost | None = None,
     saved: SavedMission | None = None,
+    zones: ZoneMap | None = None,
+    planning: ThreadedPlanning | None = None,
 ) -> Stack:
     """Put the parts together as the settings say.
 
     `task` is what the robot works at, `new_tasks` makes those that come in under way;
-    `perception` replaces the camera network, as a replay does; `saved` is a mission to go on with.
+    `perception` replaces the camera network and `planning` the thread that plans, as a replay does;
+    `saved` is a mission to go on with, `zones` are those of a prescription. On a platform that runs
+    in real time neither network nor plan is waited for.
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
-    planning, latch = ThreadedPlanning(), Latch()
+    if planning is None:
+        planning = ThreadedPlanning(waits=not runs_in_real_time(config.platform))
+    latch = Latch()
     mask_taps: list[MaskTap] = []
 
     def show_mask(frame_index: int, class_id: ByteArray) -> None:
@@ -144,6 +166,8 @@ def build(
     localizer = Localizer(config.estimate, config.field, robot)
     if task.work is not None:
         localizer.take_rows(find_rows(task.work, config.field.plant_spacing_m))
+    elif task.explorer is not None:
+        localizer.take_rows(MappedRows(()))
     return Stack(
         localizer=localizer,
         perception=perception,
@@ -151,7 +175,7 @@ def build(
         mission=Mission(task, config.mission, saved, new_tasks, planning, latch),
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
-        treatment=Treatment(config.treatment, robot.implement),
+        treatment=Treatment(config.treatment, robot.implement, zones),
         supervisor=Supervisor(config.safety, robot, latch),
         planning=planning,
         mask_taps=mask_taps,
@@ -185,4 +209,6 @@ def perceiving(
             on_mask(frame.index, class_map.class_id)
         return observe(frame, class_map, ground, settings, ready_s)
 
+    if runs_in_real_time(config.platform):
+        return NewestPerception(observer, settings.latency_s)
     return ThreadedPerception(observer, settings.latency_s)

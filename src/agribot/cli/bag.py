@@ -85,7 +85,7 @@ def _show_info(options: argparse.Namespace) -> int:
 
 def _convert(options: argparse.Namespace) -> int:
     from agribot.record.bag.convert import ConvertOptions, convert
-    from agribot.record.bag.utm import parse_zone
+    from agribot.ros.messages.utm import parse_zone
 
     fixes_as = "gpsfix" if options.gpsfix else "navsatfix" if options.navsatfix else ""
     wanted = ConvertOptions(

@@ -15,6 +15,7 @@ from agribot.app.workers import usable_cpus
 from agribot.cli.counting import CountProgress
 from agribot.cli.ranges import finite
 from agribot.cli.stopping import stop_on_signal
+from agribot.core import extras
 from agribot.core.errors import ConfigError
 from agribot.lab.sweep.plan import read_seeds
 
@@ -56,6 +57,8 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"--speed {options.speed:g}: must be from 0.1 to {MAX_SPEED_MPS:g} m/s")
     if not 1 <= options.workers <= 1024:
         raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
+    if options.plot:
+        extras.require("report", "--plot")
     from agribot.lab.bench.nav.plot import plot
     from agribot.lab.bench.nav.suite import drive_all
     from agribot.lab.bench.nav.table import level_text, text

@@ -17,6 +17,7 @@ import numpy as np
 
 from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import threads
+from agribot.core import extras
 from agribot.core.errors import ConfigError
 
 
@@ -55,6 +56,8 @@ def run(args: argparse.Namespace) -> int:
     folder = args.folder or args.data_dir
     if folder is None:
         raise ConfigError("give the folder of images and masks: agribot eval FOLDER --model NAME")
+    if args.out:
+        extras.require("report", "--out")
     tile_px = read_size(args.tile) if args.tile else None
     segmenter = open_network(args.model, args.threads, args.size)
     pairs, problems = find_pairs(folder, args.data, args.images, args.masks, read_ids(args.ids))

@@ -90,9 +90,14 @@ COMMANDS = {
         "measure what the robot's description says: wheel radius and effective separation",
         "agribot calibrate drive --sensors rtk --json",
     ),
+    "gnss": (
+        "agribot.cli.gnss",
+        "show what a receiver tells, and set up a u-blox receiver for driving",
+        "agribot gnss show serial:/dev/ttyACM0",
+    ),
     "doctor": (
         "agribot.cli.doctor",
-        "say what is installed, what is missing and whether the robot would start",
+        "say what is installed, which devices answer and what to do about what is missing",
         "agribot doctor",
     ),
     "ui": (
@@ -109,6 +114,11 @@ COMMANDS = {
         "agribot.cli.map",
         "keep background maps for the page on this machine",
         "agribot map import farm.mbtiles",
+    ),
+    "weeds": (
+        "agribot.cli.weeds",
+        "weed maps in the files of farm software: export, import, merge",
+        "agribot weeds export runs/first -o weeds.gpkg",
     ),
     "sweep": (
         "agribot.cli.sweep",

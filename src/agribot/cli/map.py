@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from agribot.core.errors import ConfigError
+from agribot.core.home import find_home
 from agribot.core.whole_file import make_at_once
 from agribot.gis.mbtiles import describe_map, find_maps, import_mbtiles
 from agribot.gis.tile_grid import parse_bounds
-from agribot.ui.address import home
 
 _NAME = re.compile(r"^[^\W_][\w.-]{0,62}$")
 _RASTERS = (".tif", ".tiff", ".vrt", ".jp2", ".img")
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    folder = home() / "maps"
+    folder = find_home() / "maps"
     if options.action == "import":
         maps = [_import(options, folder)]
     elif options.action == "remove":

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -24,11 +25,15 @@ from agribot.cli.bridging import (
 )
 from agribot.cli.node_runner import NodeRunner
 from agribot.cli.stopping import stop_on_signal
+from agribot.core import extras
 from agribot.core.errors import BridgeError, ConfigError
 from agribot.core.geo import Datum
 from agribot.ros.connection import TopicConnection
 from agribot.ros.nodes.plot import Plot
 from agribot.ros.nodes.stage import NodeStage
+
+if TYPE_CHECKING:
+    from agribot.ros.nodes.gps_umd import UtmSettings
 
 _PATIENCE_S = 60.0  # for a master or router that is still starting
 
@@ -77,8 +82,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     drive.add_argument("--drive-speed", type=float, default=0.4, metavar="M/S", help="default: 0.4")
     drive.add_argument("--goal", action="append", metavar="LAT,LON", help="may be repeated")
     drive.add_argument("--goals", type=Path, metavar="FILE", help="GeoJSON or CSV, lat and lon")
+    _add_utm_arguments(parser.add_argument_group("utm-odometry, utm-odometry-to-navsatfix"))
     plot = parser.add_argument_group("plot")
     plot.add_argument("--out", type=Path, default=Path("plot"), metavar="DIR", help="default: plot")
+
+
+def _add_utm_arguments(grid: argparse._ArgumentGroup) -> None:
+    grid.add_argument("--fix-topic", default="/fix", metavar="TOPIC", help="default: /fix")
+    grid.add_argument("--odometry-topic", default="/odom", metavar="TOPIC", help="default: /odom")
+    grid.add_argument("--frame-id", default="", help="of what is published (default: as heard)")
+    grid.add_argument("--child-frame-id", default="", help="of the odometry")
+    grid.add_argument(
+        "--rot-covariance", type=float, default=99999.0, metavar="RAD2", help="default: 99999"
+    )
+    grid.add_argument("--append-zone", action="store_true", help="to the frame: map/utm_43N")
+    grid.add_argument("--zone", metavar="43N", help="UTM zone and hemisphere")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -201,13 +219,47 @@ def _read_arrive_m(options: argparse.Namespace) -> float:
     return float(options.arrive)
 
 
+def _make_fix_translator(_options: argparse.Namespace) -> NodeStage:
+    from agribot.ros.nodes.gps_umd import FixTranslator
+
+    return FixTranslator()
+
+
+def _make_utm_odometry(options: argparse.Namespace) -> NodeStage:
+    from agribot.ros.nodes.gps_umd import UtmOdometry
+
+    return UtmOdometry(_read_utm_settings(options), options.fix_topic, options.odometry_topic)
+
+
+def _make_utm_to_fix(options: argparse.Namespace) -> NodeStage:
+    from agribot.ros.nodes.gps_umd import UtmToNavSatFix
+
+    return UtmToNavSatFix(_read_utm_settings(options), options.odometry_topic, options.fix_topic)
+
+
+def _read_utm_settings(options: argparse.Namespace) -> UtmSettings:
+    from agribot.ros.messages.utm import parse_zone
+    from agribot.ros.nodes.gps_umd import UtmSettings
+
+    if not 0.0 <= options.rot_covariance < math.inf:
+        raise ConfigError(f"--rot-covariance {options.rot_covariance:g}: must be 0 or more rad^2")
+    zone = parse_zone(options.zone) if options.zone else None
+    return UtmSettings(
+        options.frame_id, options.child_frame_id, options.rot_covariance, options.append_zone, zone
+    )
+
+
 def _make_plot(_options: argparse.Namespace) -> NodeStage:
+    extras.require("report", "agribot node plot")
     return Plot()
 
 
 _STAGES: dict[str, Callable[[argparse.Namespace], NodeStage]] = {
     "gps-converter": _make_gps_converter,
     "data-manipulation": _make_data_manipulation,
+    "fix-translator": _make_fix_translator,
+    "utm-odometry": _make_utm_odometry,
+    "utm-odometry-to-navsatfix": _make_utm_to_fix,
     "autonomous-drive": _make_autonomous_drive,
     "autonomous-drive-action": _make_action,
     "plot": _make_plot,

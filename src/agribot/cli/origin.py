@@ -16,9 +16,9 @@ import msgspec
 from agribot.core.config import RunConfig, check_finite, read_toml
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.geo import Datum
+from agribot.core.home import find_home
 from agribot.core.suggestions import suggest_name
 from agribot.drivers.schemes import open_source, read_uri
-from agribot.ui.address import home
 
 FILE_NAME = "origins.toml"
 PATIENCE_S = 60.0  # for the first valid fix; a cold receiver needs half of that
@@ -77,7 +77,7 @@ def _parse_place(text: str) -> Datum:
 
 
 def _find_named(name: str) -> Datum:
-    path = home() / FILE_NAME
+    path = find_home() / FILE_NAME
     known = read_origins(path)
     if name not in known:
         have = f"known: {', '.join(sorted(known))}" if known else f"{path} is not there"

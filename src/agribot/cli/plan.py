@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, get_args
 
 import msgspec
 
+from agribot.core import extras
 from agribot.core.errors import MissionError
 from agribot.core.geo import MapFrame
 from agribot.core.robot import RobotSpec
@@ -28,10 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from agribot.autonomy.plan.coverage.area import TurnStyle
     from agribot.gis.formats.table import WRITERS
 
-    parser.add_argument("action", nargs="?", choices=("verify", "convert"),
-                        help="check a plan; write a field in another format")  # fmt: skip
+    parser.add_argument("action", nargs="?", choices=("verify", "convert", "teach"),
+                        help="check a plan; write a field in another format; make a field of a "
+                             "drive")  # fmt: skip
     parser.add_argument("file", nargs="?", metavar="FILE",
-                        help="the plan to verify (GeoJSON), or the field to convert")  # fmt: skip
+                        help="the plan to verify (GeoJSON), the field to convert, or the run or "
+                             "recording of the drive")  # fmt: skip
     parser.add_argument("--field", metavar="FILE",
                         help="boundary, obstacles, rows: GeoJSON, GeoPackage, KML, KMZ, GPX, "
                              "zipped Shapefile or ISOXML")  # fmt: skip
@@ -62,20 +65,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    if options.png:
+        extras.require("report", "--png")
     from agribot.gis.plan_file import format_plan
-    from agribot.record.drawing import encode_png
-    from agribot.record.plan_figure import draw_plan
     from agribot.record.report import write_file
 
     if options.action == "convert":
         return _convert(options)
+    if options.action == "teach":
+        return _teach(options)
     if options.action == "verify":
         saved, certificate = _verify_plan(options)
     else:
         saved, certificate = _make_plan(options)
     if options.png:
-        figure = draw_plan(saved.plan, saved.area, saved.request, certificate)
-        write_file(Path(options.png), encode_png(figure))
+        _draw(saved, certificate, Path(options.png))
     for warning in saved.plan.warnings:
         sys.stderr.write(f"warning: {warning}\n")
     sys.stderr.write(_format_summary(certificate, MapFrame(saved.datum)))
@@ -87,6 +91,15 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         sys.stdout.write(msgspec.json.encode(certificate).decode() + "\n")
     return 0 if certificate.ok else 1
+
+
+def _draw(saved: SavedPlan, certificate: Certificate, path: Path) -> None:
+    from agribot.record.drawing import encode_png
+    from agribot.record.plan_figure import draw_plan
+    from agribot.record.report import write_file
+
+    figure = draw_plan(saved.plan, saved.area, saved.request, certificate)
+    write_file(path, encode_png(figure))
 
 
 def _convert(options: argparse.Namespace) -> int:
@@ -104,6 +117,21 @@ def _convert(options: argparse.Namespace) -> int:
     if options.json:
         sys.stdout.write(msgspec.json.encode({"path": str(out), "features": features}).decode())
         sys.stdout.write("\n")
+    return 0
+
+
+def _teach(options: argparse.Namespace) -> int:
+    from agribot.app.taught_rows import teach_rows
+    from agribot.record.report import write_file
+
+    if options.file is None or options.out is None:
+        raise MissionError("give both: agribot plan teach runs/by-hand --out field.geojson")
+    text, rows = teach_rows(Path(options.file))
+    write_file(Path(options.out), text.encode())
+    sys.stderr.write(f"{options.out}: {rows} rows\n")
+    if options.json:
+        result = {"path": options.out, "rows": rows}
+        sys.stdout.write(msgspec.json.encode(result).decode() + "\n")
     return 0
 
 

@@ -15,6 +15,7 @@ import msgspec
 from agribot.app.field_work import read_work
 from agribot.app.tasks import TakenPlans
 from agribot.autonomy.plan.rows import lay_rows
+from agribot.core import extras
 from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
 from agribot.core.messages import Row
@@ -24,6 +25,7 @@ from agribot.record.report import Report
 from agribot.record.series import RunData, SeriesTap
 
 if TYPE_CHECKING:
+    from agribot.autonomy.implements.zones import ZoneMap
     from agribot.record.bag.source import Bag
 
 
@@ -34,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    extras.require("report", "agribot report")
     from agribot.record.bag.opening import open_bag
     from agribot.record.mcap_file import read_attachment
     from agribot.record.recorder import CONFIG_ATTACHMENT
@@ -89,7 +92,18 @@ def _read_job(recording: Path, out: Path, report: Report) -> RunData:
         plants=plants_later(read_weed_map(recording), began_s),
         events=(*earlier_events, *events_later(events.events, began_s)),
         world=make_run_world(config).world if find_platform(config.platform).is_simulated else None,
+        zones=_read_zones(recording, config),
     )
+
+
+def _read_zones(recording: Path, config: RunConfig) -> ZoneMap | None:
+    from agribot.app.prescribed_zones import read_zones
+    from agribot.app.run_recording import PRESCRIPTION_ATTACHMENT
+    from agribot.record.mcap_file import read_attachment
+
+    if not config.treatment.prescription:
+        return None
+    return read_zones(read_attachment(recording, PRESCRIPTION_ATTACHMENT), config, None)
 
 
 def _read_rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
@@ -100,7 +114,8 @@ def _read_rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]
     if plan:
         robot = parse_robot(read_urdf(recording), recording.name)
         return read_work(plan, "the recorded plan", config, robot).rows
-    return () if config.waypoints else lay_rows(config.field)
+    is_told = not config.waypoints and config.task == "rows"
+    return () if not is_told else lay_rows(config.field)
 
 
 def _list_file_names(bag: Bag) -> set[str]:

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from agribot.app import service_manager
 from agribot.app.run_folder import check_free, check_not_driven
+from agribot.app.stop_memory import DISARMED, StopMemory
 from agribot.cli import bridging, sensor_sources
 from agribot.cli.pacing import parse_pace
 from agribot.cli.page import (
@@ -27,11 +29,12 @@ from agribot.cli.run_settings import add_setting_arguments, choose_out_dir, read
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.config import RunConfig
-from agribot.core.errors import MissionError
-from agribot.core.platforms import require_platform
+from agribot.core.errors import ConfigError, MissionError
+from agribot.core.platforms import PlatformKind, find_platform, require_platform
 from agribot.drivers.schemes import read_sources
 
 if TYPE_CHECKING:
+    from agribot.app.run import Run
     from agribot.autonomy.plan.saved_mission import SavedMission
     from agribot.record.report import Report
 
@@ -39,6 +42,7 @@ STARTING = (
     "starting the simulator; the first start on a machine compiles it, which takes about half a "
     "minute"
 )
+OPENING = "opening the robot's devices"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,18 +50,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--platform",
         metavar="NAME",
-        help="what drives: sim (default), or module:function of your own",
+        help="what drives: sim (default), firmware (the simulator with the board's real firmware), "
+        "hardware with --source base=..., or module:function of your own",
+    )
+    parser.add_argument(
+        "--arm",
+        action="store_true",
+        help="on hardware: the motors may turn from the start; else a person clears a first stop",
     )
     parser.add_argument("--waypoints", metavar="FILE", help="visit these places (GeoJSON or CSV)")
+    parser.add_argument("--task", choices=("rows", "explore"),
+                        help="drive the rows of the field (default), or find them by camera and "
+                             "draw them as field.geojson")  # fmt: skip
     parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
     parser.add_argument("--field", metavar="FILE", help="plan this field (GeoJSON) and work it")
     parser.add_argument("--implement-width", type=finite, metavar="M",
                         help="for --field (default: that of the robot)")  # fmt: skip
+    parser.add_argument("--margin", type=finite, metavar="M",
+                        help="for --field: from the robot to every edge (default: 0.05); 2.5 for a "
+                             "receiver without corrections")  # fmt: skip
     parser.add_argument("--resume", metavar="RUNDIR", help="go on with a run that was cut off")
     parser.add_argument(
         "--clear-stop",
         action="store_true",
-        help="with --resume: clear the stop or pause in which that run ended",
+        help="with --resume: clear the stop or pause in which that run ended; on hardware: the "
+        "stop that nobody has cleared",
     )
     parser.add_argument(
         "--speed",
@@ -77,29 +94,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from agribot.app.mission_file import continue_config
-    from agribot.app.open_run import open_run
-    from agribot.app.whole_job import NOTHING, read_job
-
-    config, saved, earlier = _read_config(options), None, NOTHING
+    config = _read_config(options)
     has_sources = bool(read_sources(config.sources))
-    is_live = bridging.is_wanted(options) or has_sources
+    kind = require_platform(config.platform)
+    # What is no simulation runs by its own clock.
+    is_live = (bridging.is_wanted(options) or has_sources) and kind.is_simulated
     _check(options, config)
     pace = parse_pace(options.speed or ("1" if is_live else "max"))
-    if options.resume is not None:
-        check_not_driven(Path(options.resume))
-        saved = _read_cut_off(options)
-        earlier = read_job(Path(options.resume), saved)
-        config = continue_config(config, saved)
-    elif options.clear_stop:
-        raise MissionError("--clear-stop is for a run that goes on; give --resume RUNDIR as well")
-    out_dir = choose_out_dir(options.out, Path(config.profile).stem)
-    check_free(out_dir)
-    plan_text = "" if options.field is None else _plan_field(config, options)
-    with explain_wait(STARTING):
-        made = open_run(config, out_dir, saved, earlier, plan_text)
-    with made as session, ExitStack() as parts:
+    with _open_run(options, config, kind) as session, ExitStack() as parts:
         sys.stderr.writelines(f"warning: {warning}\n" for warning in session.warnings)
+        service = parts.enter_context(service_manager.open_service(session))
         page = parts.enter_context(open_page(options, session)) if has_page(options) else None
         session.unattended.is_attended = _has_operator(options)
         progress = RunProgress(session.weed_map)
@@ -113,7 +117,8 @@ def run(options: argparse.Namespace) -> int:
                     break
                 pacer.wait(record.batch.t_s)
             progress.close()
-            report = session.finish("interrupted by the operator" if stop else "")
+            with service.allow_quiet():
+                report = session.finish("interrupted by the operator" if stop else "")
             sys.stderr.write(_format_summary(report, session.out_dir))
             was_interrupted = bool(stop)
             if page is not None and is_kept_open(options) and not stop:
@@ -123,6 +128,35 @@ def run(options: argparse.Namespace) -> int:
     if was_interrupted:
         return 130
     return 0 if report.ok and session.is_written else 1
+
+
+def _open_run(options: argparse.Namespace, config: RunConfig, kind: PlatformKind) -> Run:
+    """Open the run that the options name, new or going on.
+
+    Raises: AgribotError: it cannot drive, and why.
+    """
+    from agribot.app.mission_file import continue_config
+    from agribot.app.open_run import open_run
+    from agribot.app.whole_job import NOTHING, read_job
+
+    saved, earlier = None, NOTHING
+    if options.resume is not None:
+        check_not_driven(Path(options.resume))
+        saved = _read_cut_off(options)
+        earlier = read_job(Path(options.resume), saved)
+        config = continue_config(config, saved)
+    elif options.clear_stop and not kind.needs_arming:
+        raise MissionError("--clear-stop is for a run that goes on; give --resume RUNDIR as well")
+    out_dir = choose_out_dir(options.out, Path(config.profile).stem)
+    check_free(out_dir)
+    if kind.needs_arming:
+        _check_arming(options, config, out_dir)
+    plan_text = "" if options.field is None else _plan_field(config, options)
+    with explain_wait(STARTING if kind.is_simulated else OPENING):
+        return open_run(
+            config, out_dir, saved, earlier, plan_text,
+            is_armed=options.arm, is_cleared=options.clear_stop,
+        )  # fmt: skip
 
 
 def _has_operator(options: argparse.Namespace) -> bool:
@@ -138,7 +172,7 @@ def _read_cut_off(options: argparse.Namespace) -> SavedMission:
     from agribot.app.mission_file import read_mission
 
     saved = read_mission(Path(options.resume))
-    if options.clear_stop:
+    if options.clear_stop or (options.arm and saved.stopped == DISARMED):
         saved = msgspec.structs.replace(saved, stopped="", paused="")
     held = saved.stopped or saved.paused
     if _has_operator(options) or not (held or saved.asks_first):
@@ -158,10 +192,35 @@ def _check(options: argparse.Namespace, config: RunConfig) -> None:
 
     Raises: ConfigError: what would otherwise be missed only after a long start.
     """
-    require_platform(config.platform)
+    if config.sources.base and find_platform(config.platform).is_simulated:
+        raise ConfigError(
+            "--source base= is the motor board of a real robot: add --platform hardware, or leave "
+            "it out"
+        )
     if has_page(options):
         extras.require("ui", "the operator's page")
     bridging.check_bridges(options, read_sources(config.sources))
+
+
+def _check_arming(options: argparse.Namespace, config: RunConfig, out_dir: Path) -> None:
+    """Refuse a machine that begins stopped where nobody could clear the stop.
+
+    Raises: AgribotError: it does, and nobody can.
+    """
+    if _has_operator(options):
+        return
+    remembered = StopMemory(config.platform, out_dir).read()
+    if remembered is not None and not options.clear_stop:
+        raise MissionError(
+            f"platform = {config.platform!r} was stopped, and nobody has cleared it since "
+            f"{remembered.since}: {remembered.stopped}; look after the robot, then add --clear-stop"
+            ", or --ui and clear it on the page"
+        )
+    if not options.arm:
+        raise MissionError(
+            f"platform = {config.platform!r} begins disarmed, and nobody could arm it; add --ui "
+            "and clear the stop on the page, or --arm when nobody is near the robot"
+        )
 
 
 def _plan_field(config: RunConfig, options: argparse.Namespace) -> str:
@@ -169,13 +228,16 @@ def _plan_field(config: RunConfig, options: argparse.Namespace) -> str:
 
     Raises: MissionError: no field, or one that cannot be worked, and why.
     """
-    from agribot.app.field_work import plan_field_file
+    from agribot.app.field_work import MARGIN_M, plan_field_file
     from agribot.description.loader import load_robot
     from agribot.gis.plan_file import format_plan
 
     robot = load_robot(config.robot)
+    margin_m = MARGIN_M if options.margin is None else options.margin
+    if not 0.0 <= margin_m <= 10.0:
+        raise MissionError(f"--margin {margin_m:g}: must be from 0 to 10")
     saved, certificate = plan_field_file(
-        Path(options.field), config, robot, options.implement_width
+        Path(options.field), config, robot, options.implement_width, margin_m
     )
     if not certificate.ok:
         problem = certificate.problems[0]
@@ -215,7 +277,7 @@ def _format_summary(report: Report, out_dir: Path) -> str:
             f"{_format_number(weeds.crops_hit)} crops hit"
         )
     lines.append(
-        f"{_format_number(spent.sim_s, unit=' s')} simulated in "
+        f"{_format_number(spent.sim_s, unit=' s')} of the robot's time in "
         f"{_format_number(spent.wall_s, unit=' s')}, "
         f"{_format_number(spent.rtf_cpu)} x real time per CPU second"
     )

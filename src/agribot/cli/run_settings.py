@@ -16,7 +16,7 @@ from agribot.cli.ranges import finite, seed
 from agribot.core import config
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError
-from agribot.ui.address import home
+from agribot.core.home import find_home
 
 # Option and the setting that it is short for.
 _SHORT_FOR = {
@@ -24,6 +24,7 @@ _SHORT_FOR = {
     "robot": "robot",
     "waypoints": "waypoints",
     "plan": "plan",
+    "task": "task",
     "seed": "seed",
     "platform": "platform",
     "sensors": "sim.sensors",
@@ -81,7 +82,7 @@ def read_settings(
         if options.origin is not None:
             raise ConfigError("--origin: a run that goes on keeps its map; begin another for it")
         return _add_faults(config.load(profile, wanted), options)
-    own = RobotFile(home(), config.load(options.profile, wanted).robot)
+    own = RobotFile(find_home(), config.load(options.profile, wanted).robot)
     measured = own.settings()
     if measured:
         sys.stderr.write(f"measured of this robot, from {own.path}: {', '.join(measured)}\n")

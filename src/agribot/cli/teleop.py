@@ -19,7 +19,7 @@ from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.ui.hand.inputs import (
-    STOP,
+    KEY_REQUESTS,
     HandRates,
     KeyHand,
     MouseHand,
@@ -34,7 +34,7 @@ from agribot.ui.hand.stick_table import TableHand, read_table
 
 MOUSE_ON, MOUSE_OFF = "\x1b[?1002h\x1b[?1006h", "\x1b[?1006l\x1b[?1002l"
 HELP = {
-    "keyboard": "arrows or w a s d drive, space stops, q quits",
+    "keyboard": "arrows or w a s d drive, space stops, q quits; , and . move the row's line 1 cm",
     "mouse": "press, drag up to drive and sideways to turn, let go to stand; space stops, q quits",
     "joystick": "hold the dead-man button and move the stick; Ctrl-C quits",
 }
@@ -142,19 +142,20 @@ def _open_terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Re
     is_mouse = options.device == "mouse"
 
     def read(timeout_s: float) -> Wish:
-        is_stop, end_s = False, time.monotonic() + timeout_s
+        asked: list[str] = []
+        end_s = time.monotonic() + timeout_s
         while select.select([handle], [], [], max(0.0, end_s - time.monotonic()))[0]:
             try:
                 data = os.read(handle, 1024)
             except OSError:
-                return _make_request(None, is_stop)  # the terminal was closed
+                return _make_request(None, asked)  # the terminal was closed
             for word, column, row in words.feed(data):
                 if word == "quit":
-                    return _make_request(None, is_stop)
-                is_stop |= word == "stop"
+                    return _make_request(None, asked)
+                asked += [word] if word in KEY_REQUESTS else []
                 keys.press(word, time.monotonic())
                 mouse.move("release" if word == "stop" else word, column, row)
-        return _make_request(mouse.twist() if is_mouse else keys.twist(time.monotonic()), is_stop)
+        return _make_request(mouse.twist() if is_mouse else keys.twist(time.monotonic()), asked)
 
     before = termios.tcgetattr(handle)
     tty.setcbreak(handle)
@@ -167,8 +168,8 @@ def _open_terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Re
         termios.tcsetattr(handle, termios.TCSADRAIN, before)
 
 
-def _make_request(twist: Twist | None, is_stop: bool) -> Wish:
-    return Wish(twist, (STOP,) if is_stop else ())
+def _make_request(twist: Twist | None, asked: list[str]) -> Wish:
+    return Wish(twist, tuple(KEY_REQUESTS[word] for word in asked))
 
 
 @contextmanager

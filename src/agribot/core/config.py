@@ -19,6 +19,7 @@ import tomli_w
 
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum
+from agribot.core.messages import SafetyInput
 from agribot.core.platforms import find_platform
 from agribot.core.suggestions import suggest_name
 
@@ -143,6 +144,8 @@ class SafetyConfig(Config, frozen=True):
     # position, along its body and across it; such a robot may get over it by `fence_unsure_m`.
     fence_unsure_m: NonNegative = 0.3
     fence_sigma: NonNegative = 2.0  # how many 1 sigma of the position the boundary is kept for
+    # The same with a receiver without carrier corrections, whose errors last: nothing is forgiven.
+    fence_single_sigma: NonNegative = 3.5
     hand_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.2  # of a request to drive
     # Whoever had the seat of the page is gone, or its server is: the mission goes on or pauses.
     on_operator_lost: Literal["continue", "pause"] = "continue"
@@ -157,6 +160,9 @@ class SafetyConfig(Config, frozen=True):
     # Below it the robot goes home, where only the voltage is known.
     low_battery_v: NonNegative = 0.0
     empty_battery_v: NonNegative = 0.0  # below it the robot stands, where only the voltage is known
+    # Inputs that the motor board must tell of (red button, bumper, battery, motors), or the robot
+    # stands; None: those that the platform must have.
+    must_report: tuple[SafetyInput, ...] | None = None
     clock_jump_s: Positive = 1.0  # between two ticks; the motor board has stopped by then
 
 
@@ -164,7 +170,7 @@ class PerceptionConfig(Config, frozen=True):
     enabled: bool = True  # a camera looks
     model: str = "agribot-sim"  # the network: a packaged name or an ONNX file
     camera_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0  # pictures a second
-    # From the picture to its plants; a run waits for it, so that it repeats.
+    # From the picture to its plants; a simulation waits for it, so that it repeats.
     latency_s: Annotated[float, msgspec.Meta(gt=0, le=5)] = 0.2
     min_plant_area_m2: NonNegative = 2e-4  # smaller spots on the ground are no plants
     min_confidence: Ratio = 0.6  # less sure spots are no plants
@@ -182,6 +188,8 @@ class TreatmentConfig(Config, frozen=True):
     enabled: bool = True  # the implement works
     margin_m: NonNegative = 0.04  # around a weed, in which it is treated too
     crop_guard_m: NonNegative = 0.05  # around the stem of a crop plant, which is never treated
+    prescription: str = ""  # file of zones with rates, outside of which nothing is treated
+    prescription_column: str = ""  # which has litres per hectare; empty: by its usual names
     depth_m: Positive | None = None  # of a hoe's blades; None: as deep as they reach
 
 
@@ -203,6 +211,7 @@ class SourceConfig(Config, frozen=True):
     mag: str = ""  # magnetometer
     wheels: str = ""  # encoders
     camera: str = ""  # pictures
+    base: str = ""  # the motor board of `platform = "hardware"`: serial:/dev/ttyACM0?board=agribot
     others: str = ""  # what has no name of its own here: `OtherSample`
 
 
@@ -231,10 +240,13 @@ class RunConfig(Config, frozen=True):
     profile: str = "farm"  # the settings that a run begins with: a packaged name or a TOML file
     # Of all randomness; up to what TOML and JSON readers take.
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
-    platform: str = "sim"  # what drives: `sim`, a registered platform, or module:function
+    # What drives: `sim`, `firmware`, `hardware`, a registered platform, or module:function.
+    platform: str = "sim"
     world: str = "Farm"  # what is simulated: a packaged name or an SDF file
     robot: str = "agribot"  # its description: a packaged name, URDF or xacro
     waypoints: str = ""  # a file of places to visit, the task instead of the rows of the field
+    # Drive the rows of the field, or find and draw those of a field that nobody mapped.
+    task: Literal["rows", "explore"] = "rows"
     plan: str = ""  # a certified field plan, the task instead of the rows of the field
     tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0  # of the control loop
     duration_s: Positive | None = None  # the run ends after it; none: with its mission

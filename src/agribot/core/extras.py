@@ -54,6 +54,11 @@ def read_requirements() -> Iterator[Requirement]:
             yield Requirement(found[1], found[2], found[3] or "")
 
 
+def has(extra: str) -> bool:
+    """Tell whether every package of an extra is installed."""
+    return all(_is_installed(one.module) for one in _list_requirements() if one.extra == extra)
+
+
 def require(extra: str, purpose: str) -> None:
     """Refuse work that could not be finished because a module of an extra is missing.
 

@@ -104,6 +104,41 @@ class MapFrame:
         enu = np.array([east_m, north_m, up_m])
         return geodetic_from_ecef(self._origin_ecef_m + self._enu_from_ecef.T @ enu)
 
+    def lonlat_from_map(self, xy_m: FloatArray) -> FloatArray:
+        """Convert East and North of many places (N, 2) to longitude and latitude, degrees (N, 2).
+
+        Bowring 1985 as in `geodetic_from_ecef`; within 20 km of the datum one iteration is exact.
+        """
+        ecef = xy_m @ self._enu_from_ecef[:2] + self._origin_ecef_m
+        semi_minor_m = WGS84_A_M * math.sqrt(1.0 - WGS84_E2)
+        second_e2 = WGS84_E2 / (1.0 - WGS84_E2)
+        p_m = np.hypot(ecef[:, 0], ecef[:, 1])
+        reduced = np.arctan2(WGS84_A_M * ecef[:, 2], semi_minor_m * p_m)
+        lat = np.arctan2(
+            ecef[:, 2] + second_e2 * semi_minor_m * np.sin(reduced) ** 3,
+            p_m - WGS84_E2 * WGS84_A_M * np.cos(reduced) ** 3,
+        )
+        lonlat: FloatArray = np.column_stack([np.arctan2(ecef[:, 1], ecef[:, 0]), lat])
+        return np.rad2deg(lonlat)
+
+    def map_from_lonlat(self, lonlat_deg: FloatArray) -> FloatArray:
+        """Convert longitude and latitude (N, 2), degrees, to East and North, m (N, 2).
+
+        The places lie in the map's plane, up = 0: those far away are above the datum's height.
+        """
+        flat_m = self._project(lonlat_deg, np.full(len(lonlat_deg), self.datum.alt_m))
+        above_m = (flat_m**2).sum(axis=1) / (2.0 * WGS84_A_M)
+        return self._project(lonlat_deg, self.datum.alt_m + above_m)
+
+    def _project(self, lonlat_deg: FloatArray, alt_m: FloatArray) -> FloatArray:
+        lon, lat = np.radians(lonlat_deg[:, 0]), np.radians(lonlat_deg[:, 1])
+        normal_m = WGS84_A_M / np.sqrt(1.0 - WGS84_E2 * np.sin(lat) ** 2)
+        across_m = (normal_m + alt_m) * np.cos(lat)
+        up_m = (normal_m * (1.0 - WGS84_E2) + alt_m) * np.sin(lat)
+        ecef = np.column_stack([across_m * np.cos(lon), across_m * np.sin(lon), up_m])
+        xy_m: FloatArray = (ecef - self._origin_ecef_m) @ self._enu_from_ecef[:2].T
+        return xy_m
+
 
 class AlvinXY:
     """The equirectangular x, y of the original robot's nodes, kept for old goal files.

@@ -16,9 +16,12 @@ class Latch:
         self.reason = reason
 
     def hear(self, event: OperatorEvent) -> None:
-        """Anybody's stop closes the latch; nothing but `clear_stop` opens it."""
+        """Anybody's stop closes the latch; nothing but `clear_stop` opens it.
+
+        The text of a stop says why it stands, where whose it is says too little.
+        """
         if event.action == "stop":
-            self.hold(f"stopped by {event.source}")
+            self.hold(event.text or f"stopped by {event.source}")
         elif event.action == "clear_stop":
             self.reason = ""
 

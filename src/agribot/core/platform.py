@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import msgspec
 
@@ -73,6 +73,18 @@ class SensorSource(Protocol):
     def close(self) -> None: ...
 
 
+@runtime_checkable
+class SourceOfMore(SensorSource, Protocol):
+    """A source whose device measures more than the one sensor, such as a receiver its heading."""
+
+    def take_more(self, t_s: float) -> dict[str, tuple[Any, ...]]:
+        """Take the rest since the last call, by field of the batch, the time of each set.
+
+        It takes the place of what the platform has in these fields; `events` are added to its own.
+        """
+        ...
+
+
 class MixedPlatform:
     """A platform with some sensors from elsewhere; its own samples of these are dropped.
 
@@ -95,6 +107,11 @@ class MixedPlatform:
         for source in self._sources:
             taken = source.take(batch.t_s)
             samples[source.sensor] = (*samples.get(source.sensor, ()), *taken)
+            if isinstance(source, SourceOfMore):
+                more = source.take_more(batch.t_s)
+                notes += more.pop("events", ())
+                for field, found in more.items():
+                    samples[field] = (*samples.get(field, ()), *found)
             notes += self._watch(source, batch.t_s, has_samples=bool(taken))
         return msgspec.structs.replace(batch, **samples, events=(*notes, *batch.events))
 

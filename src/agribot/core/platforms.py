@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from agribot.core import extras
 from agribot.core.errors import ConfigError
+from agribot.core.messages import SafetyInput
 from agribot.core.named_functions import find_function
 from agribot.core.platform import Platform
 from agribot.core.suggestions import suggest_name
@@ -20,11 +21,15 @@ class PlatformKind(NamedTuple):
 
     `opener` takes the settings of a run and the robot, and returns a `Platform`; as a text it is
     "module:function", imported when it is wanted. It is None for the simulator, which also makes
-    the world of the run. `extra` is the extra of the installation that it needs.
+    the world of the run. `extra` is the extra of the installation that it needs. A platform that
+    `needs_arming` moves a real machine: it begins stopped, and remembers a stop. `must_report` are
+    the safety inputs without which it stands.
     """
 
     opener: OpenPlatform | str | None
     extra: str = ""
+    needs_arming: bool = False
+    must_report: tuple[SafetyInput, ...] = ()
 
     @property
     def is_simulated(self) -> bool:
@@ -40,17 +45,38 @@ class PlatformKind(NamedTuple):
         return find_function(self.opener, f"platform = {self.opener!r}")
 
 
-_KINDS: dict[str, PlatformKind] = {"sim": PlatformKind(opener=None, extra="sim")}
+_KINDS: dict[str, PlatformKind] = {
+    "sim": PlatformKind(opener=None, extra="sim"),
+    # The simulator, whose motor board is real firmware.
+    "firmware": PlatformKind(
+        opener=None, extra="sim", must_report=("red button", "bumper", "battery", "motors")
+    ),
+    "hardware": PlatformKind(
+        "agribot.drivers.hardware_platform:open_platform",
+        extra="hardware",
+        needs_arming=True,
+        must_report=("red button", "motors"),
+    ),
+}
 
 
-def register_platform(name: str, opener: OpenPlatform | str, extra: str = "") -> None:
+def register_platform(
+    name: str,
+    opener: OpenPlatform | str,
+    extra: str = "",
+    *,
+    needs_arming: bool = False,
+    must_report: tuple[SafetyInput, ...] = (),
+) -> None:
     """Let `platform = "NAME"` in the settings of a run open this platform.
+
+    One that `needs_arming` begins stopped, and stands without the inputs that it `must_report`.
 
     Raises: ConfigError: the name is taken.
     """
     if name in _KINDS:
         raise ConfigError(f"the platform {name!r} is registered already; choose another name")
-    _KINDS[name] = PlatformKind(opener, extra)
+    _KINDS[name] = PlatformKind(opener, extra, needs_arming, must_report)
 
 
 def find_platform(name: str) -> PlatformKind:
@@ -66,6 +92,18 @@ def find_platform(name: str) -> PlatformKind:
         f"platform = {name!r}{suggest_name(name, _KINDS)}; known: {', '.join(_KINDS)}; "
         "or name your own as module:function"
     )
+
+
+def runs_in_real_time(name: str) -> bool:
+    """Whether time goes on while the robot's program thinks: on everything but the simulator."""
+    kind = _KINDS.get(name)
+    return kind is None or not kind.is_simulated
+
+
+def list_must_report(name: str) -> tuple[SafetyInput, ...]:
+    """List the safety inputs of a platform; none of one that only its recording knows."""
+    kind = _KINDS.get(name)
+    return () if kind is None else kind.must_report
 
 
 def require_platform(name: str) -> PlatformKind:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -17,6 +18,7 @@ WINDOW_S = 2.0
 SAME_CLOCK_S = 1.0
 LONGEST_TICK_S = 0.1  # a process without a tick for longer is suspended
 _AHEAD_S = 0.05  # of rounding
+DRIFT_RATIO = 1e-4  # of a crystal against another; a ceramic resonator drifts by more
 
 
 class StampClock:
@@ -29,13 +31,19 @@ class StampClock:
     synchronization problem", IROS 2010, with a window in place of a drift model.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_of_its_own: bool = False) -> None:
+        """`is_of_its_own` says that the stamps are never of the robot's clock, as of a board."""
+        self._is_of_its_own = is_of_its_own
         self._delays: deque[tuple[float, float]] = deque()  # arrival, arrival minus stamp
+        self._stamp_s = -math.inf
 
     def note_message(self, stamp_s: float, arrived_s: float) -> None:
         """Note a message's arrival; `arrived_s` is of the robot's clock."""
         if stamp_s == 0.0:
             return
+        if self._is_of_its_own and stamp_s < self._stamp_s:
+            self._delays.clear()  # that clock began anew
+        self._stamp_s = stamp_s
         self._delays.append((arrived_s, arrived_s - stamp_s))
         while arrived_s - self._delays[0][0] > WINDOW_S:
             self._delays.popleft()
@@ -49,8 +57,24 @@ class StampClock:
         if stamp_s == 0.0:
             return arrived_s
         shortest_s = min(delay_s for _, delay_s in self._delays)
-        is_same = -_AHEAD_S <= shortest_s <= SAME_CLOCK_S
+        is_same = not self._is_of_its_own and -_AHEAD_S <= shortest_s <= SAME_CLOCK_S
         return min(stamp_s if is_same else stamp_s + shortest_s, arrived_s)
+
+    @property
+    def uncertainty_s(self) -> float:
+        """How far capture times may be off, beside the shortest delay that there is at all.
+
+        Of `n` delays that scatter by an exponential law, the shortest is longer than the least
+        possible one by their mean excess over n - 1; the clocks drift apart for a window on top.
+        Infinite before there are two. Source: Moon, Skelly and Towsley, "Estimation and removal of
+        clock skew from network delay measurements", INFOCOM 1999.
+        """
+        count = len(self._delays)
+        if count < 2:
+            return math.inf
+        delays_s = [delay_s for _, delay_s in self._delays]
+        excess_s = sum(delays_s) / count - min(delays_s)
+        return excess_s / (count - 1) + WINDOW_S * DRIFT_RATIO
 
 
 class TickClock:
@@ -93,13 +117,28 @@ class SampleQueue(Generic[Sample]):
     """
 
     def __init__(
-        self, now_s: Callable[[], float] = time.monotonic, *, latency_s: float = 0.0
+        self,
+        now_s: Callable[[], float] = time.monotonic,
+        *,
+        latency_s: float = 0.0,
+        is_of_its_own: bool = False,
+        longest: int = QUEUE_SAMPLES,
     ) -> None:
+        """`is_of_its_own` says that the other clock is never the robot's.
+
+        Of more than `longest` samples that nobody took, the oldest are lost.
+        """
         self.now_s, self._latency_s = now_s, latency_s
-        self._arrived: deque[_Arrival] = deque(maxlen=QUEUE_SAMPLES)
-        self._ticks, self._clock = TickClock(), StampClock()
-        self._timed: deque[tuple[float, Sample]] = deque(maxlen=QUEUE_SAMPLES)  # by capture time
+        self._arrived: deque[_Arrival] = deque(maxlen=longest)
+        self._ticks = TickClock()
+        self._clock = StampClock(is_of_its_own=is_of_its_own)
+        self._timed: deque[tuple[float, Sample]] = deque(maxlen=longest)  # by capture time
         self._last_s = -1.0
+
+    @property
+    def uncertainty_s(self) -> float:
+        """How far capture times may be off; see `StampClock.uncertainty_s`."""
+        return self._clock.uncertainty_s
 
     def put(self, stamp_s: float, arrived_s: float, sample: Sample) -> None:
         """Put a sample in, in any thread; `stamp_s` is of the other clock, 0 without a stamp."""

@@ -17,6 +17,7 @@ from agribot.core.messages import (
     CameraFrame,
     Estimate,
     GnssFix,
+    GnssStatus,
     ImuSample,
     MagSample,
     MappedPlant,
@@ -82,6 +83,15 @@ FIX_VELOCITY = Topic(
     seed_alias="/agribot/fix_velocity",
     seed_ros_type="geometry_msgs/msg/Vector3Stamped",
     about="GNSS velocity, East North Up, m/s",
+)
+EXTENDED_FIX = Topic(
+    name="/agribot/extended_fix",
+    ros_type="gps_msgs/msg/GPSFix",
+    struct=GnssStatus,
+    rate_hz=10.0,
+    seed_alias="/extended_fix",
+    seed_ros_type="gps_common/msg/GPSFix",
+    about="all that a real receiver told: velocity, dilutions, satellites, errors at 95 %",
 )
 IMU = Topic(
     name="/agribot/imu",
@@ -311,10 +321,10 @@ TICK = Topic(
 )
 
 TOPICS: tuple[Topic, ...] = (
-    FIX, FIX_VELOCITY, IMU, MAGNETIC, POLE_FIX, BUMPER, BATTERY, JOINT_STATES, ODOMETRY, POSE,
-    CMD_VEL, IMAGE, IMAGE_RAW, CAMERA_INFO, OVERLAY, PATH, GOALS, GOAL_FIX, WEEDS, STATUS,
-    DISTANCE, BEARING, ANGLE, HEADING_RAW, HEADING_FILTERED, TF, TF_STATIC, ROBOT_DESCRIPTION,
-    CLOCK, GROUND_TRUTH, TICK,
+    FIX, FIX_VELOCITY, EXTENDED_FIX, IMU, MAGNETIC, POLE_FIX, BUMPER, BATTERY, JOINT_STATES,
+    ODOMETRY, POSE, CMD_VEL, IMAGE, IMAGE_RAW, CAMERA_INFO, OVERLAY, PATH, GOALS, GOAL_FIX, WEEDS,
+    STATUS, DISTANCE, BEARING, ANGLE, HEADING_RAW, HEADING_FILTERED, TF, TF_STATIC,
+    ROBOT_DESCRIPTION, CLOCK, GROUND_TRUTH, TICK,
 )  # fmt: skip
 
 

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from agribot.core.messages import FloatArray, PlantClass, Row
 from agribot.core.row_shape import project_on_row
@@ -117,6 +116,8 @@ def _scatter(
     low, high = xy_m.min(axis=0), xy_m.max(axis=0)
     moved = low + (xy_m - low + rng.uniform(low, high)) % np.maximum(high - low, 1e-9)
     if crops:
+        from scipy.spatial import cKDTree
+
         tree = cKDTree([(p.x_map_m, p.y_map_m) for p in crops])
         for _ in range(TRIES):
             near: npt.NDArray[np.bool_] = np.asarray(tree.query(moved)[0] < WEED_GAP_M)

@@ -16,6 +16,11 @@ from agribot.core.errors import ConfigError
 
 READ_BYTES = 4096
 POLL_S = 0.2  # a read returns after so long without a byte
+WRITE_S = 1.0  # a device that takes nothing for longer is given up on
+LINE_HELP = (
+    "check that it is plugged in, switched on and used by no other program, and that you may read "
+    "it (group dialout)"
+)
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0  # between two tries to open a line
 
 
@@ -44,7 +49,9 @@ class SerialStream:
         import serial
 
         try:
-            self._port = serial.Serial(path, baud, timeout=POLL_S, exclusive=True)
+            self._port = serial.Serial(
+                path, baud, timeout=POLL_S, write_timeout=WRITE_S, exclusive=True
+            )
         except serial.SerialException as error:
             raise OSError(error.errno, str(error)) from error
 
@@ -58,7 +65,12 @@ class SerialStream:
             raise OSError(errno.EIO, str(error)) from error
 
     def write(self, data: bytes) -> None:
-        self._port.write(data)
+        import serial
+
+        try:
+            self._port.write(data)
+        except (serial.SerialException, TypeError) as error:
+            raise OSError(errno.EIO, str(error)) from error
 
     def close(self) -> None:
         self._port.close()
@@ -110,13 +122,11 @@ class StreamReader:
         self._name, self._open_stream, self._on_bytes = name, open_stream, on_bytes
         self._now_s, self._tell, self._on_open = now_s, tell, on_open
         self._ended = threading.Event()
+        self._holds_stream = threading.Lock()  # a descriptor that is written to is not closed
         try:
             self._stream: ByteStream | None = self._open()
         except OSError as error:
-            raise ConfigError(
-                f"{name}: {error.strerror or error}; check that it is plugged in, switched on and "
-                "used by no other program, and that you may read it (group dialout)"
-            ) from error
+            raise ConfigError(f"{name}: {error.strerror or error}; {LINE_HELP}") from error
         self._thread = threading.Thread(target=self._run, name=f"reads {name}", daemon=True)
         self._thread.start()
 
@@ -124,9 +134,24 @@ class StreamReader:
         """End the thread and close the line. Safe to call twice."""
         self._ended.set()
         self._thread.join()
-        if self._stream is not None:
-            self._stream.close()
-            self._stream = None
+        self._let_go()
+
+    def write(self, data: bytes) -> bool:
+        """Write to the device from any thread; False where it is away or takes nothing now."""
+        with self._holds_stream:
+            try:
+                if self._stream is not None:
+                    self._stream.write(data)
+                    return True
+            except OSError:  # the reading thread finds out, and tells
+                pass
+        return False
+
+    def _let_go(self) -> None:
+        with self._holds_stream:
+            if self._stream is not None:
+                self._stream.close()
+                self._stream = None
 
     def _open(self) -> ByteStream:
         stream = self._open_stream()
@@ -145,8 +170,7 @@ class StreamReader:
             try:
                 data = stream.read()
             except OSError as error:
-                stream.close()
-                self._stream = None
+                self._let_go()
                 self._tell(f"{self._name} is lost: {error.strerror or error}; trying again")
             else:
                 if data:

@@ -17,7 +17,6 @@ from agribot.drivers.nmea import STD_M, StampedFix
 
 PORT = 2947
 LONGEST_LINE = 65536
-WATCH = b'?WATCH={"enable":true,"json":true};\n'
 STATUS = {
     2: GnssQuality.DGNSS,
     3: GnssQuality.RTK_FIXED,
@@ -25,6 +24,12 @@ STATUS = {
 }
 GST_AGE_S = 2.5  # two epochs of a slow receiver
 FIXED_STD_M, FLOAT_STD_M = 0.05, 0.5  # nothing else is so good
+
+
+def write_watch(device: str = "") -> bytes:
+    """Write the request for reports, of one device or of all."""
+    wanted = {"enable": True, "json": True} | ({"device": device} if device else {})
+    return f"?WATCH={json.dumps(wanted)};\n".encode()
 
 
 class JsonLineDecoder:

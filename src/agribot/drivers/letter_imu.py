@@ -58,8 +58,14 @@ class LetterImuDecoder:
         return found
 
     def _turn(self, counts: list[int], scale: float) -> Vec3:
-        forward, left, up = (sign * counts[axis] * scale for axis, sign in self._axes)
-        return forward, left, up
+        x, y, z = counts
+        return turn_axes((x * scale, y * scale, z * scale), self._axes)
+
+
+def turn_axes(reading: Vec3, axes: Axes) -> Vec3:
+    """Turn a reading from the axes of a board to those of the body."""
+    forward, left, up = (sign * reading[axis] for axis, sign in axes)
+    return forward, left, up
 
 
 def read_axes(text: str) -> Axes:

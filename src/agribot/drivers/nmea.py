@@ -1,12 +1,14 @@
-"""NMEA 0183 of a GNSS receiver: bytes to sentences, sentences to one fix an epoch.
+"""NMEA 0183 of a GNSS receiver: bytes to sentences, sentences to one fix an epoch and a heading.
 
-Sources: NMEA 0183; the sentences GGA, RMC and GST as the u-blox interface description and
-gpsd's "NMEA Revealed" give them.
+Sources: NMEA 0183; the sentences GGA, RMC, GST and HDT as the u-blox interface description and
+gpsd's "NMEA Revealed" give them. GSV and GSA are in `sky.py`.
 """
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -43,6 +45,7 @@ class Sentence(NamedTuple):
 
     kind: str
     fields: tuple[str, ...]
+    talker: str = ""
 
 
 class SentenceDecoder:
@@ -77,13 +80,18 @@ class SentenceDecoder:
 def read_sentence(line: bytes) -> Sentence | None:
     """Read what stands between $ and the line's end; None where the checksum is wrong."""
     body, star, told = line.partition(b"*")
-    checksum = 0
-    for byte in body:
-        checksum ^= byte
+    checksum = functools.reduce(operator.xor, body, 0)
     if not star or told.upper() != b"%02X" % checksum:
         return None
     words = body.decode("ascii", "replace").split(",")
-    return Sentence(words[0][2:] if len(words[0]) >= 5 else words[0], tuple(words[1:]))
+    head, fields = words[0], tuple(words[1:])
+    return Sentence(head[2:], fields, head[:2]) if len(head) >= 5 else Sentence(head, fields)
+
+
+def write_sentence(body: str) -> bytes:
+    """Put a body of printable ASCII between $ and its checksum."""
+    checksum = functools.reduce(operator.xor, body.encode(), 0)
+    return f"${body}*{checksum:02X}\r\n".encode()
 
 
 class NmeaFixes:
@@ -123,6 +131,13 @@ class NmeaFixes:
             return self._make() or finished
         return finished
 
+    @property
+    def stamp_s(self) -> float:
+        """Of the epoch that its sentences tell of now; 0 before the first."""
+        is_known = math.isfinite(self._time_of_day_s)
+        # Not zero at midnight, which would count as none.
+        return self._days_s + self._time_of_day_s + DAY_S if is_known else 0.0
+
     def _begin(self, time_of_day_s: float) -> None:
         if time_of_day_s < self._time_of_day_s - DAY_S / 2.0:
             self._days_s += DAY_S
@@ -137,8 +152,7 @@ class NmeaFixes:
         except (ValueError, IndexError) as error:
             self._refuse(f"a fix that cannot be read: {error}")
             return None
-        # A stamp of zero would count as none.
-        return StampedFix(self._days_s + self._time_of_day_s + DAY_S, fix) if fix else None
+        return StampedFix(self.stamp_s, fix) if fix else None
 
 
 def make_fix(parts: dict[str, tuple[str, ...]]) -> GnssFix | None:
@@ -160,6 +174,40 @@ def make_fix(parts: dict[str, tuple[str, ...]]) -> GnssFix | None:
         quality=quality,
         velocity_mps=velocity_mps,
     )
+
+
+def read_heading_deg(sentence: Sentence) -> float | None:
+    """Read HDT: degrees clockwise from true North; None where it tells none.
+
+    Raises: ValueError: what stands there is no heading.
+    """
+    if sentence.kind != "HDT" or not sentence.fields or not sentence.fields[0]:
+        return None
+    heading_deg = _read_finite(sentence.fields[0])
+    if sentence.fields[1:2] != ("T",) or not 0.0 <= heading_deg <= 360.0:
+        raise ValueError(f"{','.join(sentence.fields)} is no true heading")
+    return heading_deg
+
+
+def write_gga(found: StampedFix, satellites: int = 12) -> bytes:
+    """Write a fix as GGA, for a service that wants to know where its rover is.
+
+    Its altitude is that over the ellipsoid, with a geoid separation of zero.
+    """
+    stamp_s, fix = found
+    hours, rest_s = divmod(stamp_s % DAY_S, 3600.0)
+    minutes, seconds = divmod(rest_s, 60.0)
+    time = f"{int(hours):02d}{int(minutes):02d}{math.floor(seconds * 100.0) / 100.0:05.2f}"
+    lat = f"{_write_degrees(fix.lat_deg, 2)},{'N' if fix.lat_deg >= 0.0 else 'S'}"
+    lon = f"{_write_degrees(fix.lon_deg, 3)},{'E' if fix.lon_deg >= 0.0 else 'W'}"
+    body = f"{fix.quality:d},{satellites:02d},1.0,{fix.alt_m:.3f},M,0.0,M,,"
+    return write_sentence(f"GPGGA,{time},{lat},{lon},{body}")
+
+
+def _write_degrees(angle_deg: float, digits: int) -> str:
+    units = round(abs(angle_deg) * 60e7)  # of 1e-7 minutes, so that 60 of these never stand there
+    degrees, minutes = divmod(units, 600_000_000)
+    return f"{degrees:0{digits}d}{minutes // 10_000_000:02d}.{minutes % 10_000_000:07d}"
 
 
 def _read_std_m(parts: dict[str, tuple[str, ...]], quality: GnssQuality, hdop: str) -> float:

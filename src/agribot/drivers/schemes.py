@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any, NamedTuple, TypeVar
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl, unquote, urlsplit
 
 import msgspec
 
@@ -19,8 +19,10 @@ from agribot.core.errors import ConfigError
 from agribot.core.named_functions import find_function
 from agribot.core.platform import Sensor, SensorSource
 from agribot.core.robot import RobotSpec
+from agribot.drivers.ntrip import check_no_login
 
 Opened = TypeVar("Opened")
+BASE = "base"  # the motor board, which `platform = "hardware"` opens itself
 _SENSOR_OF: dict[str, Sensor] = {"camera": "frames"}  # settings name it for people
 
 
@@ -89,8 +91,10 @@ class SourceKind(NamedTuple):
     extra: str = ""  # of the installation, that it needs
     example: str = ""  # how its URIs are written
     needs_path: bool = True  # else what stands behind two slashes is enough, or nothing
+    is_verbatim: bool = False  # `path` is all that stands behind the colon, as it is written
 
 
+_CAMERA = "agribot.drivers.cameras:open_camera"
 _STREAMS = "agribot.drivers.stream_sources:"
 _KINDS: dict[str, SourceKind] = {
     "ros2": SourceKind("agribot.drivers.ros_topics:open_ros2_topic", "ros", "ros2:/topic"),
@@ -98,6 +102,10 @@ _KINDS: dict[str, SourceKind] = {
     "serial": SourceKind(f"{_STREAMS}open_serial_source", "hardware", "serial:/dev/ttyACM0"),
     "tcp": SourceKind(f"{_STREAMS}open_tcp_source", "", "tcp://HOST:PORT", needs_path=False),
     "gpsd": SourceKind(f"{_STREAMS}open_gpsd_source", "", "gpsd:", needs_path=False),
+    "v4l2": SourceKind(_CAMERA, "", "v4l2:/dev/video0"),
+    "video": SourceKind(_CAMERA, "", "video:FILE"),
+    "rtsp": SourceKind(_CAMERA, "", "rtsp://HOST/PATH", is_verbatim=True),
+    "pipe": SourceKind(_CAMERA, "", "pipe:COMMAND", is_verbatim=True),
 }
 
 
@@ -118,11 +126,16 @@ def read_uri(option: str, uri: str, name: str = "") -> SourceUri:
 
     Raises: ConfigError: a URI of no known scheme, or one that names nothing.
     """
+    if "ntrip" in uri:
+        check_no_login(unquote(uri))  # before the settings are written anywhere
     try:
         parts = urlsplit(uri)
     except ValueError:  # half an IPv6 address
         parts = urlsplit("")
     kind = _KINDS.get(parts.scheme)
+    rest = uri.partition(":")[2]
+    if kind is not None and kind.is_verbatim and rest.strip():
+        return SourceUri(parts.scheme, "", rest)
     if kind is None or (kind.needs_path and not parts.path.strip("/")):
         known = " or ".join(f"{name}{kind.example}" for kind in _KINDS.values())
         raise ConfigError(f"{option} {name}{uri}: write {known}, or leave it out")
@@ -131,11 +144,12 @@ def read_uri(option: str, uri: str, name: str = "") -> SourceUri:
 
 
 def read_sources(sources: SourceConfig) -> dict[str, SourceUri]:
-    """Sensor -> URI, of those that come from elsewhere.
+    """Sensor -> URI, of those that come from elsewhere; `base` is no sensor.
 
     Raises: ConfigError: a URI that means nothing.
     """
     wanted = msgspec.structs.asdict(sources)
+    del wanted[BASE]
     return {name: read_uri("--source", uri, f"{name}=") for name, uri in wanted.items() if uri}
 
 

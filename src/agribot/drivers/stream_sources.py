@@ -1,22 +1,23 @@
 """Sensors on a serial line, a TCP port or gpsd: `serial:/dev/ttyACM0?baud=38400`, `gpsd:`.
 
-A receiver may speak UBX or NMEA; which, its bytes tell, and UBX counts where it speaks both. An
-IMU speaks the lines of the original's Arduino. A line that breaks is opened again.
+Receivers are in `receiver.py`; an IMU speaks the lines of the original's Arduino. A line that
+breaks is opened again.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable
+from pathlib import Path
 from typing import Protocol
 
 from agribot.core.errors import ConfigError
-from agribot.core.messages import GnssFix, ImuSample
-from agribot.core.platform import Sensor
+from agribot.core.messages import ImuSample
+from agribot.core.platform import Sensor, SensorSource
 from agribot.core.stamp_clock import SampleQueue
-from agribot.core.suggestions import suggest_name
-from agribot.drivers import gpsd, nmea, ubx
+from agribot.drivers import gpsd, ntrip
 from agribot.drivers.byte_streams import (
+    LINE_HELP,
     ByteStream,
     OpenStream,
     SerialStream,
@@ -24,9 +25,10 @@ from agribot.drivers.byte_streams import (
     TcpStream,
 )
 from agribot.drivers.letter_imu import LetterImuDecoder, read_axes
+from agribot.drivers.receiver import GpsdDecoder, HeadingMount, ReceiverDecoder, ReceiverSource
 from agribot.drivers.schemes import SourceContext, SourceUri
+from agribot.drivers.uri_options import UriOptions
 
-Sample = GnssFix | ImuSample
 # What passes at least from the epoch of a fix until its last byte: u-blox receivers compute for
 # 40 to 100 ms and send a NAV-PVT for 26 ms at 38400 baud.
 GNSS_LATENCY_S = 0.06
@@ -36,48 +38,20 @@ BAUD = {"gnss": 38400, "imu": 57600}
 class StreamDecoder(Protocol):
     """Makes samples of the bytes of a device; the stamp is 0 where the device tells none."""
 
-    def feed(self, data: bytes) -> list[tuple[float, Sample]]: ...
-
-
-class ReceiverDecoder:
-    """A receiver that speaks UBX, NMEA or both; of both, UBX tells the accuracy."""
-
-    def __init__(self, refuse: Callable[[str], None]) -> None:
-        self._sentences, self._frames = nmea.SentenceDecoder(), ubx.UbxDecoder()
-        self._from_nmea, self._from_ubx = nmea.NmeaFixes(refuse), ubx.UbxFixes()
-        self._speaks_ubx = False
-
-    def feed(self, data: bytes) -> list[tuple[float, Sample]]:
-        fixes: list[nmea.StampedFix] = []
-        for frame in self._frames.feed(data):
-            self._speaks_ubx |= frame.kind == ubx.NAV_PVT
-            fixes += self._from_ubx.add(frame)
-        for sentence in self._sentences.feed(data):
-            fix = self._from_nmea.add(sentence)
-            fixes += [fix] if fix and not self._speaks_ubx else []
-        return [(fix.stamp_s, fix.fix) for fix in fixes]
-
-
-class GpsdDecoder:
-    def __init__(self, refuse: Callable[[str], None]) -> None:
-        self._lines, self._fixes = gpsd.JsonLineDecoder(), gpsd.GpsdFixes(refuse)
-
-    def feed(self, data: bytes) -> list[tuple[float, Sample]]:
-        found = (self._fixes.add(report) for report in self._lines.feed(data))
-        return [(fix.stamp_s, fix.fix) for fix in found if fix]
+    def feed(self, data: bytes) -> list[tuple[float, ImuSample]]: ...
 
 
 class ImuDecoder:
     """Lines of the original's Arduino, which tell no time."""
 
-    def __init__(self, options: _Options, refuse: Callable[[str], None]) -> None:
+    def __init__(self, options: UriOptions, refuse: Callable[[str], None]) -> None:
         self._lines = LetterImuDecoder(
             read_axes(options.pop_text("axes", "x,y,z")), refuse,
             accel_g=options.pop_number("accel_g", 2.0, 1.0, 32.0),
             gyro_dps=options.pop_number("gyro_dps", 250.0, 10.0, 4000.0),
         )  # fmt: skip
 
-    def feed(self, data: bytes) -> list[tuple[float, Sample]]:
+    def feed(self, data: bytes) -> list[tuple[float, ImuSample]]:
         return [(0.0, sample) for sample in self._lines.feed(data)]
 
 
@@ -92,7 +66,6 @@ class StreamSource:
         decoder: StreamDecoder,
         tell: Callable[[str], None],
         latency_s: float = 0.0,
-        on_open: Callable[[ByteStream], None] = lambda stream: None,
     ) -> None:
         """Open the line and begin to read.
 
@@ -100,12 +73,12 @@ class StreamSource:
         """
         self.sensor, self.name = sensor, name
         self._decoder = decoder
-        self._arrivals: SampleQueue[Sample] = SampleQueue(latency_s=latency_s)
+        self._arrivals: SampleQueue[ImuSample] = SampleQueue(latency_s=latency_s)
         self._reader = StreamReader(
-            f"{sensor} from {name}", open_stream, self._read, self._arrivals.now_s, tell, on_open
+            f"{sensor} from {name}", open_stream, self._read, self._arrivals.now_s, tell
         )
 
-    def take(self, t_s: float) -> tuple[Sample, ...]:
+    def take(self, t_s: float) -> tuple[ImuSample, ...]:
         """Take the samples captured until `t_s`."""
         return self._arrivals.take(t_s)
 
@@ -118,105 +91,105 @@ class StreamSource:
             self._arrivals.put(stamp_s, arrived_s, sample)
 
 
-class _Options:
-    """What stands behind the question mark of a URI: each option is popped by who knows it."""
-
-    def __init__(self, uri: SourceUri) -> None:
-        self._uri, self._left = uri, dict(uri.options)
-        self._known: list[str] = []
-
-    def pop_text(self, name: str, default: str) -> str:
-        self._known.append(name)
-        return self._left.pop(name, default)
-
-    def pop_number(self, name: str, default: float, least: float, most: float) -> float:
-        """Take a number out.
-
-        Raises: ConfigError: it is none, or out of range.
-        """
-        text = self.pop_text(name, "")
-        try:
-            value = float(text) if text else default
-        except ValueError:
-            value = math.nan
-        if not least <= value <= most:
-            raise ConfigError(
-                f"{self._uri.scheme}:{self._uri.name}?{name}={text}: write a number from "
-                f"{least:g} to {most:g}"
-            )
-        return value
-
-    def check_empty(self) -> None:
-        """Refuse what nobody took out.
-
-        Raises: ConfigError: an option that the source does not know.
-        """
-        for name in self._left:
-            raise ConfigError(
-                f"{self._uri.scheme}:{self._uri.name}: unknown option '{name}'"
-                f"{suggest_name(name, self._known)}; known are {', '.join(self._known)}"
-            )
-
-
-def open_serial_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> StreamSource:
+def open_serial_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> SensorSource:
     """Open a device on a serial line.
 
     Raises: ConfigError: no such line, a wrong option, or a sensor that has no codec.
     """
-    options = _Options(uri)
+    options = UriOptions(uri)
     baud = int(options.pop_number("baud", BAUD.get(sensor, 115200), 300, 4_000_000))
     return _open_stream(sensor, uri, context, options, lambda: SerialStream(uri.path, baud))
 
 
-def open_tcp_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> StreamSource:
+def open_tcp_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> SensorSource:
     """Open a device whose bytes come over TCP, such as a receiver behind ser2net.
 
     Raises: ConfigError: nobody answers, a wrong option, or a sensor that has no codec.
     """
-    host, port = _read_address(uri, None)
-    return _open_stream(sensor, uri, context, _Options(uri), lambda: TcpStream(host, port))
+    host, port = read_address(uri, None)
+    return _open_stream(sensor, uri, context, UriOptions(uri), lambda: TcpStream(host, port))
 
 
-def open_gpsd_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> StreamSource:
-    """Open the receiver of a gpsd: `gpsd:` on this machine, `gpsd://HOST:PORT` elsewhere.
+def open_gpsd_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> ReceiverSource:
+    """Open a receiver of a gpsd: `gpsd:` on this machine, `gpsd://HOST:PORT` elsewhere.
 
+    `gpsd://HOST:PORT/dev/ttyACM0` is one of several receivers; else the first that it tells of is
+    taken.
     Raises: ConfigError: no gpsd answers, a wrong option, or another sensor than the receiver.
     """
     if sensor != "gnss":
         raise ConfigError(f"{sensor} from gpsd: it tells of receivers only; use gnss=gpsd:")
-    host, port = _read_address(uri, gpsd.PORT)
-    options = _Options(uri)
+    host, port = read_address(uri, gpsd.PORT)
+    device = uri.path.rstrip("/")
+    options = UriOptions(uri)
     latency_s = options.pop_number("latency_s", GNSS_LATENCY_S, 0.0, 2.0)
+    if options.pop_text("ntrip", ""):
+        raise ConfigError("gpsd?ntrip=: a receiver of gpsd gets corrections from gpsd itself; see "
+                          "ntrip:// in man gpsd, or take the receiver's own line")  # fmt: skip
     options.check_empty()
-    return StreamSource(
-        sensor, f"gpsd {host}:{port}", lambda: TcpStream(host, port), GpsdDecoder(context.refuse),
-        context.refuse, latency_s, lambda stream: stream.write(gpsd.WATCH),
+    return ReceiverSource(
+        f"gpsd {host}:{port}{device}", lambda: TcpStream(host, port),
+        GpsdDecoder(context.refuse, device), context.refuse, latency_s,
+        lambda stream: stream.write(gpsd.write_watch(device)),
     )  # fmt: skip
 
 
+def open_receiver_line(uri: SourceUri) -> ByteStream:
+    """Open the line of a receiver to set it up, by the URI that a run reads it by.
+
+    Raises: ConfigError: no such line, or one of a daemon that has the receiver for itself.
+    """
+    options = UriOptions(uri)
+    try:
+        if uri.scheme == "serial":
+            return SerialStream(uri.path, int(options.pop_number("baud", 38400, 300, 4_000_000)))
+        if uri.scheme == "tcp":
+            return TcpStream(*read_address(uri, None))
+    except OSError as error:
+        raise ConfigError(f"{uri.name}: {error.strerror or error}; {LINE_HELP}") from error
+    raise ConfigError(f"{uri.scheme}:{uri.name}: write serial:/dev/ttyACM0 or tcp://HOST:PORT")
+
+
 def _open_stream(
-    sensor: Sensor, uri: SourceUri, context: SourceContext, options: _Options, stream: OpenStream
-) -> StreamSource:
+    sensor: Sensor, uri: SourceUri, context: SourceContext, options: UriOptions, stream: OpenStream
+) -> SensorSource:
     def refuse(text: str) -> None:
         context.refuse(f"{sensor} from {uri.name}: {text}")
 
-    makers: Mapping[str, Callable[[], StreamDecoder]] = {
-        "gnss": lambda: ReceiverDecoder(refuse),
-        "imu": lambda: ImuDecoder(options, refuse),
-    }
-    if sensor not in makers:
+    if sensor == "gnss":
+        return _open_receiver(uri, context, options, stream, refuse)
+    if sensor != "imu":
         raise ConfigError(
-            f"{sensor} from {uri.scheme}:{uri.name}: bytes of {' and '.join(makers)} can be read"
+            f"{sensor} from {uri.scheme}:{uri.name}: bytes of gnss and imu can be read"
         )
-    latency_s = options.pop_number(
-        "latency_s", GNSS_LATENCY_S if sensor == "gnss" else 0.0, 0.0, 2.0
-    )
-    decoder = makers[sensor]()
+    latency_s = options.pop_number("latency_s", 0.0, 0.0, 2.0)
+    decoder = ImuDecoder(options, refuse)
     options.check_empty()
     return StreamSource(sensor, uri.name, stream, decoder, context.refuse, latency_s)
 
 
-def _read_address(uri: SourceUri, default_port: int | None) -> tuple[str, int]:
+def _open_receiver(
+    uri: SourceUri, context: SourceContext, options: UriOptions, stream: OpenStream,
+    refuse: Callable[[str], None],
+) -> ReceiverSource:  # fmt: skip
+    latency_s = options.pop_number("latency_s", GNSS_LATENCY_S, 0.0, 2.0)
+    mount = HeadingMount(
+        options.pop_number("heading_offset_deg", 0.0, -360.0, 360.0),
+        options.pop_number("heading_std_deg", HeadingMount().std_deg, 0.01, 45.0),
+    )
+    text = options.pop_text("ntrip", "")
+    options.check_empty()
+    caster = ntrip.read_caster(text) if text else None
+    login = ntrip.find_login(caster.host, os.environ, Path.home()) if caster else None
+    source = ReceiverSource(
+        uri.name, stream, ReceiverDecoder(refuse, mount), context.refuse, latency_s
+    )
+    if caster is not None:
+        source.take_corrections(caster, login)
+    return source
+
+
+def read_address(uri: SourceUri, default_port: int | None) -> tuple[str, int]:
     host, colon, port_text = uri.at.rpartition(":")
     if not colon:
         host, port_text = uri.at, ""

@@ -1,7 +1,7 @@
 """UBX of u-blox receivers: bytes to frames, frames to fixes with their stated accuracy.
 
-Source: u-blox F9 HPG 1.32 interface description (UBXDOC-963802114-12815), NAV-PVT and
-NAV-HPPOSLLH; older receivers (M8) send the same NAV-PVT.
+Source: u-blox F9 HPG 1.32 interface description (UBXDOC-963802114-12815), NAV-PVT,
+NAV-HPPOSLLH and NAV-RELPOSNED; older receivers (M8) send the same NAV-PVT.
 """
 
 from __future__ import annotations
@@ -11,15 +11,21 @@ import math
 import struct
 from typing import NamedTuple
 
+import numpy as np
+
 from agribot.core.messages import GnssFix, GnssQuality
 from agribot.drivers.nmea import StampedFix
 
 SYNC = b"\xb5\x62"
 LONGEST_PAYLOAD = 8192
-NAV_PVT, NAV_HPPOSLLH = (0x01, 0x07), (0x01, 0x14)
+NAV_PVT, NAV_HPPOSLLH, NAV_RELPOSNED = (0x01, 0x07), (0x01, 0x14), (0x01, 0x3C)
 _PVT = struct.Struct("<IHBBBBBBIiBBBBiiiiIIiiiiiIIH")
 _HPPOSLLH = struct.Struct("<BxxBIiiiibbbbII")
+_RELPOSNED = struct.Struct("<B3xI16xi24xI4xI")
 _CARRIER = {1: GnssQuality.RTK_FLOAT, 2: GnssQuality.RTK_FIXED}
+# Of NAV-RELPOSNED: fix good, relative position valid, carrier fixed, base moving, heading valid.
+_HAS_HEADING, _HEADING_MASK = 0b1_0011_0101, 0b1_0011_1101
+_YEARS = range(1980, 2500)
 _KNOWS_TIME = 0b11  # of NAV-PVT: date and time of day are valid
 
 
@@ -66,16 +72,35 @@ class UbxDecoder:
 
 def compute_checksum(data: bytes | bytearray) -> bytes:
     """Compute the 8-bit Fletcher checksum over class, id, length and payload."""
-    a = b = 0
-    for byte in data:
-        a = (a + byte) & 0xFF
-        b = (b + a) & 0xFF
-    return bytes((a, b))
+    numbers = np.frombuffer(data, dtype=np.uint8).astype(np.int64)
+    a, b = numbers.sum(), numbers @ np.arange(len(numbers), 0, -1)
+    return bytes((int(a) & 0xFF, int(b) & 0xFF))
 
 
 def make_frame(kind: tuple[int, int], payload: bytes) -> bytes:
     body = bytes(kind) + len(payload).to_bytes(2, "little") + payload
     return SYNC + body + compute_checksum(body)
+
+
+class Baseline(NamedTuple):
+    """From a receiver's own base antenna to its rover antenna, by the time of the week."""
+
+    stamp_s: float
+    heading_deg: float
+    std_deg: float
+
+
+def read_baseline(frame: UbxFrame) -> Baseline | None:
+    """Read NAV-RELPOSNED of a rover whose base moves with it; None without a fixed heading.
+
+    The direction to a base that stands in the field is no heading.
+    """
+    if frame.kind != NAV_RELPOSNED or len(frame.payload) != _RELPOSNED.size:
+        return None
+    version, i_tow_ms, heading, accuracy, flags = _RELPOSNED.unpack(frame.payload)
+    if version != 1 or flags & _HEADING_MASK != _HAS_HEADING or accuracy == 0:
+        return None
+    return Baseline(1.0 + i_tow_ms * 1e-3, heading * 1e-5 % 360.0, accuracy * 1e-5)
 
 
 class UbxFixes:
@@ -143,7 +168,7 @@ def read_pvt(payload: bytes) -> StampedFix | None:
     if quality is None:
         quality = GnssQuality.DGNSS if flags & 2 else GnssQuality.SINGLE
     stamp_s = i_tow_ms * 1e-3
-    if valid & _KNOWS_TIME == _KNOWS_TIME and 1 <= month <= 12:
+    if valid & _KNOWS_TIME == _KNOWS_TIME and 1 <= month <= 12 and year in _YEARS:
         stamp_s = calendar.timegm((year, month, day, hour, minute, second)) + nano * 1e-9
     return StampedFix(
         stamp_s,
@@ -161,14 +186,10 @@ def read_hpposllh(payload: bytes) -> tuple[int, float, float, float] | None:
     _, flags, i_tow_ms, lon, lat, height_mm, _, lon_hp, lat_hp, height_hp, _, _, _ = (
         _HPPOSLLH.unpack_from(payload)
     )
-    if flags & 1:
+    lat_deg, lon_deg = lat * 1e-7 + lat_hp * 1e-9, lon * 1e-7 + lon_hp * 1e-9
+    if flags & 1 or abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
         return None
-    return (
-        i_tow_ms,
-        lat * 1e-7 + lat_hp * 1e-9,
-        lon * 1e-7 + lon_hp * 1e-9,
-        height_mm * 1e-3 + height_hp * 1e-4,
-    )
+    return i_tow_ms, lat_deg, lon_deg, height_mm * 1e-3 + height_hp * 1e-4
 
 
 def _move(fix: GnssFix, lat_deg: float, lon_deg: float, alt_m: float) -> GnssFix:

@@ -70,11 +70,11 @@ class _RowStory:
 
     def __init__(self, index: int, t_s: float, s_m: float) -> None:
         self.index, self._t_s, self._from_m, self._to_m = index, t_s, s_m, s_m
-        self._off_m = 0.0
+        self._off_m = self._nudged_m = 0.0
         self._looks = self._seen = 0
 
     def add(self, record: TickRecord) -> None:
-        self._to_m = record.status.s_m
+        self._to_m, self._nudged_m = record.status.s_m, record.status.row_nudged_m
         if record.tracking is not None:
             self._off_m = max(self._off_m, abs(record.tracking.cross_track_m))
         if record.estimate.row_seen is not None:
@@ -88,6 +88,8 @@ class _RowStory:
             f"row {self.index + 1} {'done' if is_done else 'left, not done'}: "
             f"{self._to_m - self._from_m:.1f} m in {t_s - self._t_s:.0f} s, at most "
             f"{100 * self._off_m:.1f} cm off its line as the robot believes{crop}"
+            + f", moved {100 * self._nudged_m:+.0f} cm by hand"
+            * bool(self._nudged_m)
         )
 
 

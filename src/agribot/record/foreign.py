@@ -13,11 +13,11 @@ import numpy as np
 from agribot.core.errors import RecordingError
 from agribot.core.geo import Datum, MapFrame, compass_deg_from_yaw
 from agribot.core.messages import FloatArray
-from agribot.record.bag.fixes import GPSFIXES, NAVSATFIX
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag, BagTopic
-from agribot.record.bag.utm import ODOMETRY
 from agribot.record.frames_path import read_frames_path
+from agribot.ros.messages.fixes import GPSFIXES, NAVSATFIX
+from agribot.ros.messages.utm import ODOMETRY
 
 _NUMBER = "std_msgs/msg/Float64"
 _RAW_NAMES = ("/agribot/heading/raw", "Rawheading")

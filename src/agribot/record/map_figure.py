@@ -42,7 +42,7 @@ def draw_map(data: RunData) -> Figure:
         _subtitle(data), (0.0, 1.0), xytext=(0, 9), xycoords="axes fraction",
         textcoords="offset points", fontsize=11.5, color=INK,
     )  # fmt: skip
-    _scale_bar(axes, x_min, y_min, x_max - x_min)
+    add_scale_bar(axes, x_min, y_min, x_max - x_min)
     figure.legend(
         *axes.get_legend_handles_labels(), loc="upper left", bbox_to_anchor=legend_at,
         ncols=1 if legend_at[0] > 0.5 else 6, frameon=False, fontsize=12, labelcolor=INK,
@@ -204,11 +204,14 @@ def _subtitle(data: RunData) -> str:
     return f"{metres:.0f} m driven, {len(weeds)} weeds on the map, {treated} treated"
 
 
-def _scale_bar(axes: Axes, x_min: float, y_min: float, width_m: float) -> None:
+def add_scale_bar(axes: Axes, x_min: float, y_min: float, width_m: float) -> None:
+    """Draw a bar of a round length at the lower left of a map."""
     length_m = max(b for b in _BAR_LENGTHS_M if b <= max(width_m / 5.0, _BAR_LENGTHS_M[0]))
     x_m, y_m = x_min + 0.03 * width_m, y_min + 0.025 * width_m
-    axes.plot((x_m, x_m + length_m), (y_m, y_m), color=INK, linewidth=4, solid_capstyle="butt")
+    axes.plot(
+        (x_m, x_m + length_m), (y_m, y_m), color=INK, linewidth=4, solid_capstyle="butt", zorder=10
+    )
     axes.annotate(
         f"{length_m:g} m", (x_m + length_m / 2, y_m), xytext=(0, 5), textcoords="offset points",
-        ha="center", va="bottom", color=INK, fontsize=11,
+        ha="center", va="bottom", color=INK, fontsize=11, zorder=10,
     )  # fmt: skip

@@ -11,13 +11,13 @@ from agribot.core.config import to_toml
 from agribot.core.messages import MappedPlant, PlantClass
 from agribot.record import plots
 from agribot.record.drawing import encode_svg
+from agribot.record.html_tables import fold_table, format_number, render_table
 from agribot.record.map_figure import draw_map
 from agribot.record.report import Report, write_file
 from agribot.record.row_table import RowSummary, summarise_rows
 from agribot.record.series import RunData
 from agribot.record.tiles import make_tiles
-
-_OPEN_ROWS = 12  # longer tables start folded
+from agribot.record.weed_page import render_run_weeds
 
 
 def write_page(path: Path, report: Report, data: RunData) -> None:
@@ -38,6 +38,7 @@ def render_report(report: Report, data: RunData) -> str:
         f"<h2>Map</h2>\n<div class='card map'>{encode_svg(draw_map(data), 'Map of the run')}</div>",
         _render_rows(data),
         _render_plots(data),
+        render_run_weeds(data),
         _render_weeds(data.plants),
         _render_events(data),
         _render_conditions(report),
@@ -93,7 +94,7 @@ def _render_beliefs(report: Report) -> str:
         [one.what, _format_belief(one.believed, one.unit), _format_belief(one.known, one.unit)]
         for one in report.beliefs
     ]
-    return "<h2>Believed and known</h2>\n" + _render_table(heads, body)
+    return "<h2>Believed and known</h2>\n" + render_table(heads, body)
 
 
 def _format_belief(value: float | None, unit: str) -> str:
@@ -114,18 +115,18 @@ def _render_rows(data: RunData) -> str:
         "Cross-track rms (cm)", "Cross-track max (cm)", "Weeds mapped", "Weeds treated",
     )  # fmt: skip
     body = [_format_row(summary) for summary in summarise_rows(data)]
-    return "<h2>Rows</h2>\n" + _render_table(heads, body)
+    return "<h2>Rows</h2>\n" + render_table(heads, body)
 
 
 def _format_row(row: RowSummary) -> list[str]:
     return [
         str(row.index + 1),
         f"{row.distance_m:.1f}",
-        _format_number(row.seen_m, 1),
+        format_number(row.seen_m, 1),
         f"{row.duration_s:.1f}",
-        _format_number(row.speed_mps, 2),
-        _format_number(row.cross_track_rms_m, 1, 100.0),
-        _format_number(row.cross_track_max_m, 1, 100.0),
+        format_number(row.speed_mps, 2),
+        format_number(row.cross_track_rms_m, 1, 100.0),
+        format_number(row.cross_track_max_m, 1, 100.0),
         str(row.weeds_mapped),
         str(row.weeds_treated),
     ]
@@ -164,12 +165,12 @@ def _render_weeds(plants: tuple[MappedPlant, ...]) -> str:
             f"{1e4 * weed.area_m2:.0f}",
             f"{weed.confidence:.2f}",
             str(weed.sightings),
-            _format_number(weed.treated_s, 1),
+            format_number(weed.treated_s, 1),
         ]
         for weed in weeds
     ]
-    return "<h2>Weeds</h2>\n" + _fold_table(
-        f"{len(weeds)} weeds on the map", _render_table(heads, body), body
+    return "<h2>Weeds</h2>\n" + fold_table(
+        f"{len(weeds)} weeds on the map", render_table(heads, body), body
     )
 
 
@@ -187,7 +188,7 @@ def _render_events(data: RunData) -> str:
         '<th class="left">Kind</th><th class="left" style="width:100%">What</th></tr></thead>'
         f"<tbody>{''.join(rows)}</tbody></table></div>"
     )
-    return "<h2>Events</h2>\n" + _fold_table(f"{len(rows)} events", table, rows)
+    return "<h2>Events</h2>\n" + fold_table(f"{len(rows)} events", table, rows)
 
 
 def _render_conditions(report: Report) -> str:
@@ -196,7 +197,7 @@ def _render_conditions(report: Report) -> str:
         return ""
     body = [[name.replace("_", " "), _format_drawn(v)] for name, v in report.conditions.items()]
     heads = ("What the robot is not told", "Drawn")
-    return "<h2>Conditions</h2>\n" + _render_table(heads, body)
+    return "<h2>Conditions</h2>\n" + render_table(heads, body)
 
 
 def _format_drawn(value: object) -> str:
@@ -213,31 +214,3 @@ def _render_settings(data: RunData) -> str:
         "<h2>Settings</h2>\n<details><summary>All settings of the run, resolved</summary>"
         f'<div class="card" style="padding:0"><pre>{toml}</pre></div></details>'
     )
-
-
-def _render_table(heads: tuple[str, ...], body: list[list[str]]) -> str:
-    head = "".join(
-        f"<th{' class=left' if i == 0 else ''}>{escape(text)}</th>" for i, text in enumerate(heads)
-    )
-    lines = "".join(
-        "<tr>"
-        + "".join(
-            f"<td{' class=left' if i == 0 else ''}>{escape(text)}</td>"
-            for i, text in enumerate(cells)
-        )
-        + "</tr>"
-        for cells in body
-    )
-    return (
-        f'<div class="card scroll"><table><thead><tr>{head}</tr></thead>'
-        f"<tbody>{lines}</tbody></table></div>"
-    )
-
-
-def _fold_table(summary: str, table: str, body: list[list[str]] | list[str]) -> str:
-    is_open = " open" if len(body) <= _OPEN_ROWS else ""
-    return f"<details{is_open}><summary>{escape(summary)}</summary>{table}</details>"
-
-
-def _format_number(value: float | None, decimals: int, scale: float = 1.0) -> str:
-    return "–" if value is None else f"{value * scale:.{decimals}f}"

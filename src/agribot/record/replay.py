@@ -121,3 +121,8 @@ def recorded_scenes(path: Path) -> Generator[tuple[Scene, ...]]:
     """Read the scenes of each tick in order, to stand in for the network."""
     for record in read_ticks(path):
         yield record.scenes
+
+
+def find_late_plans(path: Path) -> frozenset[float]:
+    """Find the times of the ticks in which a way was due and not there."""
+    return frozenset(record.batch.t_s for record in read_ticks(path) if record.is_plan_late)

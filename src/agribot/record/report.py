@@ -36,6 +36,22 @@ class MissionReport(msgspec.Struct, frozen=True, kw_only=True):
     rows_unproven: tuple[int, ...] | None = None
 
 
+class FoundRowsReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Rows that the robot found by itself, `file` where it drew them; the rest by the truth.
+
+    `invented` are found rows where none stands. Offsets are across, end errors along the rows.
+    """
+
+    found: int | None = None
+    true: int | None = None
+    matched: int | None = None
+    invented: int | None = None
+    offset_rms_m: float | None = None
+    offset_m_max: float | None = None
+    end_error_m_max: float | None = None
+    file: str | None = None
+
+
 class CrushedReport(msgspec.Struct, frozen=True, kw_only=True):
     """How many crop plants each part of the robot crushed."""
 
@@ -204,6 +220,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     preset: str | None = None
     conditions: dict[str, Any] | None = None
     beliefs: tuple[BeliefReport, ...] = ()
+    found_rows: FoundRowsReport | None = None
 
 
 def to_json(report: Report) -> bytes:

@@ -7,27 +7,30 @@ from pathlib import Path
 
 from agribot.core.config import to_toml
 from agribot.core.errors import RecordingError
-from agribot.record.drawing import encode_png
-from agribot.record.map_figure import draw_map
-from agribot.record.page import write_page
 from agribot.record.report import Report, write_file, write_report
+from agribot.record.run_figures import write_map, write_page
 from agribot.record.series import RunData
-from agribot.record.weeds import write_weeds
+from agribot.record.weeds import WEED_FILE, write_weeds
+
+DRAWN_FILE = "field.geojson"
 
 
 def write_run_files(folder: Path, report: Report, data: RunData) -> None:
-    """Write report.json, report.html, map.png, weeds.geojson and config.toml.
+    """Write report.json, report.html, map.png, weeds.geojson, config.toml, and drawn rows.
 
     Those that can be written are, whatever becomes of the others.
     Raises: RecordingError: one of them cannot be written; the first that failed.
     """
     failures: list[RecordingError] = []
+    first = Path(report.job.runs[0].folder) if report.job else folder
+    map_name = first.resolve().name
     writers: tuple[Callable[[], None], ...] = (
         lambda: write_report(folder / "report.json", report),
         lambda: write_file(folder / "config.toml", to_toml(data.config).encode()),
-        lambda: write_weeds(folder / "weeds.geojson", data.plants, data.config.field.datum),
+        lambda: write_weeds(folder / WEED_FILE, data, map_name),
+        lambda: _write_drawn(folder / DRAWN_FILE, data.drawn_field),
         lambda: write_page(folder / "report.html", report, data),
-        lambda: write_file(folder / "map.png", encode_png(draw_map(data))),
+        lambda: write_map(folder / "map.png", data),
     )
     for write in writers:
         try:
@@ -36,3 +39,8 @@ def write_run_files(folder: Path, report: Report, data: RunData) -> None:
             failures.append(error)
     if failures:
         raise failures[0]
+
+
+def _write_drawn(path: Path, text: str) -> None:
+    if text:
+        write_file(path, text.encode())

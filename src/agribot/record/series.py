@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.autonomy.implements.zones import ZoneMap
 from agribot.core.config import RunConfig
 from agribot.core.geo import compass_deg_from_yaw
 from agribot.core.growing_table import GrowingTable
@@ -49,7 +50,8 @@ class RunData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """All that figures and the report page show besides the report's own numbers.
 
     `world` is the simulated field, None on a real one, and `crushed` its crops that were crushed,
-    as indices.
+    as indices. `zones` are those of a prescription. `drawn_field` is the text of a field file of
+    the rows that the robot found.
     """
 
     config: RunConfig
@@ -61,6 +63,8 @@ class RunData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     events: tuple[Event, ...] = ()
     crushed: tuple[int, ...] = ()
     world: WorldSpec | None = None
+    zones: ZoneMap | None = None
+    drawn_field: str = ""
 
 
 class SeriesTap:

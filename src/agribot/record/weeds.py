@@ -1,4 +1,4 @@
-"""The weed map as GeoJSON (RFC 7946: WGS-84, longitude before latitude)."""
+"""The weed map of a run: its file, and what the page shows of it while it grows."""
 
 from __future__ import annotations
 
@@ -6,12 +6,17 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
-import msgspec
-
+from agribot.autonomy.implements.sprayer import CROP_STEM_M
+from agribot.autonomy.implements.zones import ZoneMap
+from agribot.autonomy.weeds.judge_plants import judge_plants
+from agribot.autonomy.weeds.plant_table import PlantTable, round_rows, tabulate_plants
+from agribot.core.config import RunConfig
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import MappedPlant, PlantClass
-from agribot.record.report import write_file
+from agribot.gis.weeds.files import write_map
+from agribot.record.series import RunData
 
+WEED_FILE = "weeds.geojson"
 WEED_COLUMNS = (
     "id", "class", "x_map_m", "y_map_m", "std_m", "confidence", "area_m2", "sightings",
     "first_seen_s", "last_seen_s", "treated_s",
@@ -60,13 +65,27 @@ def weed_features(plants: Iterable[PlantOnMap], datum: Datum) -> Iterator[dict[s
     return (_make_feature(plant, frame) for plant in plants)
 
 
-def write_weeds(path: Path, plants: Iterable[MappedPlant], datum: Datum) -> None:
-    """Write the weed map.
+def tabulate_run(
+    plants: Iterable[MappedPlant], config: RunConfig, name: str, zones: ZoneMap | None = None
+) -> PlantTable:
+    """Make the table of a run's weed map, with what was decided and what came of it."""
+    treatment = config.treatment
+    table = round_rows(tabulate_plants(plants, config.field.datum, name))
+    is_off = None if zones is None else ~(zones.find_rates(*table.xy_m.T) > 0.0)
+    return judge_plants(
+        table,
+        CROP_STEM_M + treatment.crop_guard_m,
+        is_treating=treatment.enabled,
+        is_off=is_off,
+    )
+
+
+def write_weeds(path: Path, data: RunData, name: str) -> None:
+    """Write the weed map of a run as GeoJSON; `name` is the run's, or that of its job's first.
 
     Raises: RecordingError: the file cannot be written.
     """
-    text = msgspec.json.format(msgspec.json.encode(weeds_geojson(plants, datum)), indent=1)
-    write_file(path, text + b"\n")
+    write_map(path, tabulate_run(data.plants, data.config, name, data.zones))
 
 
 def _make_feature(plant: PlantOnMap, frame: MapFrame) -> dict[str, Any]:

@@ -24,6 +24,7 @@ from agribot.core.world import WorldSpec
 from agribot.sim.attitude import read_roll_pitch_yaw, read_rotation
 from agribot.sim.camera_sensor import CameraSensor
 from agribot.sim.clock import NS_PER_S, Schedule, round_step_ns
+from agribot.sim.driven_physics import DrivenPhysics, WheelDriver
 from agribot.sim.faults.bodies import move_start
 from agribot.sim.faults.layer import FaultLayer
 from agribot.sim.faults.schedule import read_faults
@@ -54,8 +55,11 @@ class SimPlatform:
         *,
         board: DriveSpec | None = None,
         began_s: float = 0.0,
+        driver: WheelDriver | None = None,
     ) -> None:
         """Build the world; `board` is the drive that the motor board assumes, else the true one.
+
+        `driver` turns the wheels in place of that board.
 
         `began_s` is how old the job is that the robot goes on with: the faults of the settings
         count from the job's begin.
@@ -73,9 +77,7 @@ class SimPlatform:
         self._ticks = Schedule(config.tick_hz, self._step_ns)
         self._sensors = SensorSuite(config, robot, world, self._step_ns)
         self._plants = PlantStates(len(world.plants))
-        self._physics = Physics(
-            robot, world, self._step_ns, board=board, is_effort=config.sim.actuation == "effort"
-        )
+        self._physics = _make_physics(config, robot, world, self._step_ns, board, driver)
         self._feed, self._frames = _make_camera(
             config, robot, world, self._step_ns, self._plants, self._physics.ground
         )
@@ -284,6 +286,20 @@ class SimPlatform:
         return (
             () if place is None else (BumperSample(t_s=t_s, x_body_m=place[0], y_body_m=place[1]),)
         )
+
+
+def _make_physics(
+    config: RunConfig,
+    robot: RobotSpec,
+    world: WorldSpec,
+    physics_step_ns: int,
+    board: DriveSpec | None,
+    driver: WheelDriver | None,
+) -> Physics:
+    if driver is not None:
+        return DrivenPhysics(robot, world, physics_step_ns, driver)
+    is_effort = config.sim.actuation == "effort"
+    return Physics(robot, world, physics_step_ns, board=board, is_effort=is_effort)
 
 
 def _make_camera(

@@ -16,6 +16,7 @@ from agribot.core.messages import ByteArray, FloatArray, MappedPlant, PlantClass
 from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
 from agribot.sim.plant_states import PlantStates
+from agribot.sim.row_judge import FoundRowsScore, find_true_row, score_found_rows
 from agribot.sim.safety_judge import SafetyJudge, SafetyScore
 from agribot.sim.scores import (
     CrushedCount,
@@ -84,6 +85,7 @@ class Referee:
         self._distance_m = 0.0
         self._last_xy: tuple[float, float] | None = None
         self._confusion = np.zeros((3, 3), dtype=np.int64)
+        self._true_rows: tuple[Row, ...] = ()
         self.set_task(rows, goals_map_m)
 
     def set_task(
@@ -95,6 +97,20 @@ class Referee:
         self._nearest_m = [math.inf] * len(self._goals_map_m)
         self._worst_m: dict[int, float] = {}
         self._slices: set[tuple[int, int]] = set()
+
+    def take_true_rows(self, rows: Sequence[Row]) -> None:
+        """Take the rows of the map that a robot is to find."""
+        self._true_rows = tuple(self._find_true_row(row) for row in rows)
+
+    def match_rows(self, found: Sequence[Row]) -> None:
+        """Judge rows that were found by the true ones on which they lie."""
+        for row in found:
+            if row.index not in self._rows:
+                self._rows[row.index] = find_true_row(row, self._true_rows) or row
+
+    def score_found_rows(self, found: Sequence[Row]) -> FoundRowsScore | None:
+        """None where the robot was told its rows."""
+        return score_found_rows(found, self._true_rows) if self._true_rows else None
 
     def restore(self, before: RefereeState) -> str:
         """Continue the judgement of an earlier run of the job.

@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 
 from agribot.core.errors import ConfigError
+from agribot.core.home import find_home
 
 DEFAULT_PORT = 8080
 PORTS_TRIED = 20
@@ -64,7 +65,7 @@ class Address(msgspec.Struct, kw_only=True):
     @property
     def home(self) -> Path:
         """Where fields, views and maps of this machine are kept."""
-        return home()
+        return find_home()
 
     def names(self) -> tuple[str, ...]:
         """Every name by which a browser may call this server, besides the local ones."""
@@ -122,13 +123,8 @@ class RobotDoor(msgspec.Struct, frozen=True, kw_only=True):
     cert: str = ""
 
 
-def home() -> Path:
-    """`$AGRIBOT_HOME`, or `.agribot` in the user's folder."""
-    return Path(os.environ.get("AGRIBOT_HOME") or Path.home() / ".agribot")
-
-
 def door_file(port: int) -> Path:
-    return home() / "doors" / f"{port}.json"
+    return find_home() / "doors" / f"{port}.json"
 
 
 def read_door(port: int) -> RobotDoor:

@@ -54,7 +54,9 @@ SeatState = Literal["you", "free", "other"]
 EventLevel = Literal["info", "warn", "fault"]
 CheckState = Literal["ok", "warn", "fault"]
 SensorName = Literal["gnss", "compass", "gyro", "wheels", "camera", "clock"]
-MissionAction = Literal["start", "pause", "resume", "cancel", "skip_row", "return_home"]
+MissionAction = Literal[
+    "start", "pause", "resume", "cancel", "skip_row", "return_home", "nudge_left", "nudge_right"
+]
 RecordingAction = Literal["start", "stop"]
 ShapeKind = Literal["polygon", "route"]
 CalibrationPhase = Literal["driving", "computing", "found", "failed"]

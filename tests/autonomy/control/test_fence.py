@@ -12,7 +12,15 @@ import shapely
 from agribot.autonomy.control.fence import FieldFence, _Edges
 from agribot.core.config import SafetyConfig
 from agribot.core.field_bounds import FieldBounds
-from agribot.core.messages import STOP, DriveCommand, Estimate, Goal, Path, RobotCommand
+from agribot.core.messages import (
+    STOP,
+    DriveCommand,
+    Estimate,
+    GnssQuality,
+    Goal,
+    Path,
+    RobotCommand,
+)
 from tests.autonomy.control.kinematic_rover import TICK_S
 from tests.autonomy.control.test_supervisor import ROBOT, Gate, assert_stopped, goal
 from tests.autonomy.plan.planting import at
@@ -102,6 +110,23 @@ def test_near_the_edge_an_uncertain_position_holds_the_robot_and_says_why(
         assert f"good to {std_m:.2f} m" in objection
         assert "larger --margin" in objection
     assert fence(believed(5.0, 5.0, std_m=std_m)) == "", "far from every edge it may drive"
+
+
+@pytest.mark.parametrize("quality", [GnssQuality.SINGLE, GnssQuality.DGNSS])
+def test_without_carrier_corrections_nothing_of_the_uncertainty_is_forgiven(
+    quality: GnssQuality,
+) -> None:
+    """Such errors last for minutes; those of RTK, as far as they are known, may pass the edge."""
+    std_m, sigmas = 0.12, CONFIG.fence_single_sigma
+    beside = replace_quality(believed(10.0, HALF_M + 0.9 * sigmas * std_m, std_m=std_m), quality)
+    clear = replace_quality(believed(10.0, HALF_M + 1.1 * sigmas * std_m, std_m=std_m), quality)
+    assert "too near to the edge" in Fenced()(beside)
+    assert Fenced()(clear) == ""
+    assert Fenced()(replace_quality(beside, GnssQuality.RTK_FIXED)) == ""
+
+
+def replace_quality(estimate: Estimate, quality: GnssQuality) -> Estimate:
+    return msgspec.structs.replace(estimate, quality=quality)
 
 
 def test_uncertain_along_its_way_only_it_may_drive_beside_an_edge() -> None:

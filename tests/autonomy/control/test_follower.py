@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from agribot.autonomy.control.follower import Follower
+from agribot.autonomy.control.follower import Follower, _Line
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.coverage.area import Leg, LegKind
@@ -352,3 +352,14 @@ def test_at_a_corner_of_any_angle_the_robot_turns_in_place_and_stays_on_its_line
     assert drive.run().state == "done"
     line = shapely.LineString(path.xy_map_m)
     assert float(np.max(shapely.distance(line, shapely.points(drive.log[:, :2])))) < 0.04
+
+
+def test_behind_a_corner_the_robot_looks_at_the_way_ahead_however_far_off_it_stopped() -> None:
+    """Beside the corner the nearest point may be one of the way that it has come: that is over."""
+    path = leg_path(("link", np.array([(0.0, 0.0), (2.0, 0.0), (2.0, -2.0)])))
+    line = _Line(path)
+    for left_m in (-0.05, 0.0, 0.05):
+        for short_m in (-0.05, 0.0, 0.05):
+            seen = line.errors(2.0, 2.0 - short_m, left_m, 0.0)
+            assert seen.heading_rad == pytest.approx(math.pi / 2.0)
+            assert seen.cross_track_m == pytest.approx(-short_m)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.curves import Place
+from agribot.autonomy.plan.explore.explorer import Explorer
 from agribot.autonomy.plan.route import AT_ORIGIN, Tool
 from agribot.autonomy.plan.saved_mission import PoseTuple
 from agribot.autonomy.plan.task import Task
@@ -30,6 +31,7 @@ class PaperTask:
     around: Callable[[Path, int, int], Path] | None = None
     rest: Callable[[Estimate, Sequence[int]], Path] | None = None
     work: FieldWork | None = None
+    explorer: Explorer | None = None
     bounds: FieldBounds | None = None
     text: str = ""
     name: str = ""

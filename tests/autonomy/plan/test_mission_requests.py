@@ -133,6 +133,8 @@ def is_done(reaction: Do, one: Asked, before: MissionStatus, after: MissionStatu
         Do.BEGIN_ANEW: isinstance(state, Waiting),
         Do.CANCEL: (after.state, after.reason) == ("cancelled", "cancelled by Ada"),
         Do.SKIP_ROW: any(row.skipped for row in one.mission.row_results),
+        Do.NUDGE_LEFT: after.row_nudged_m > 0.0 or "in no row" in after.refusal,
+        Do.NUDGE_RIGHT: after.row_nudged_m < 0.0 or "in no row" in after.refusal,
         Do.TURN_HOME: after.leg in ("way home", STOPPING) or "was planned" in after.refusal,
         Do.TURN_TO_GOAL: after.leg in ("to the goal", STOPPING),
         Do.TAKE_PLAN: after.rows_total == 1 or "the robot drives" in after.refusal,

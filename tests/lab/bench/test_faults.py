@@ -142,7 +142,7 @@ def test_wrong_names_seeds_and_workers_are_refused(capsys: pytest.CaptureFixture
         (["--faults", "gnss.jump,gnss.moon"], "gnss.moon"),
         (["--seeds", "none"], "--seeds none"),
         (["--workers", "0"], "--workers 0"),
-        (["--faults", "start.aside", "--camera"], "no scenario with a camera"),
+        (["--faults", "clock.step", "--camera"], "no scenario with a camera"),
     ):
         assert main(["bench", "faults", *words]) == 2
         assert said in capsys.readouterr().err

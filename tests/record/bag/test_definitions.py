@@ -11,10 +11,10 @@ from agribot.record.bag.definitions import (
     make_transcoder,
     name_in_ros1,
     name_in_ros2,
-    read_shipped_texts,
     ros1_store,
     ros2_store,
 )
+from agribot.ros.messages.gps_types import read_shipped_texts
 from tests.record.bag import bag_samples
 
 MARTI = (

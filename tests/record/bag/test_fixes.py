@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from pyproj import CRS, Transformer
 
 from agribot.core.errors import RecordingError
-from agribot.record.bag import utm
 from agribot.record.bag.convert import ConvertOptions, convert
 from agribot.record.bag.definitions import ros1_store, ros2_store
-from agribot.record.bag.fixes import gpsfix_from_navsatfix, navsatfix_from_gpsfix
 from agribot.record.bag.opening import open_bag
+from agribot.ros.messages import utm
+from agribot.ros.messages.fixes import gpsfix_from_navsatfix, navsatfix_from_gpsfix
 from tests.record.bag import bag_samples as samples
 
 STORES = [(ros1_store(), False), (ros2_store(), True)]

@@ -1,4 +1,4 @@
-/** Start, pause, resume, skip row, return home, cancel: shown to the operator where the mode allows them. */
+/** Start, pause, resume, skip or shift a row, return home, cancel: shown to the operator where the mode allows them. */
 
 import type { App } from '../app.ts'
 import { el } from '../dom.ts'
@@ -14,6 +14,8 @@ interface Action {
   in: Mode[]
   kind?: 'primary' | 'danger'
   ask?: boolean
+  /** Only while the robot is in a row. */
+  inRow?: boolean
 }
 
 const ACTIONS: Action[] = [
@@ -21,6 +23,8 @@ const ACTIONS: Action[] = [
   { action: 'pause', label: 'Pause', icon: 'pause', in: ['mission'], kind: 'primary' },
   { action: 'resume', label: 'Resume', icon: 'play', in: ['paused', 'teleop'], kind: 'primary' },
   { action: 'skip_row', label: 'Skip row', icon: 'skip', in: ['mission', 'paused'] },
+  { action: 'nudge_left', label: 'Row 1 cm left', icon: 'left', in: ['mission', 'paused'], inRow: true },
+  { action: 'nudge_right', label: 'Row 1 cm right', icon: 'right', in: ['mission', 'paused'], inRow: true },
   {
     action: 'return_home',
     label: 'Return home',
@@ -59,8 +63,9 @@ export class MissionButtons {
   update(): void {
     const mode = this.app.store.state?.mode
     const mine = this.app.mayCommand
+    const isInRow = (this.app.store.state?.mission?.row ?? -1) >= 0
     for (const [action, button] of this.buttons) {
-      button.hidden = !mine || !mode || !action.in.includes(mode)
+      button.hidden = !mine || !mode || !action.in.includes(mode) || (action.inRow === true && !isInRow)
     }
   }
 

@@ -16,7 +16,7 @@ from agribot.core.arithmetic import clamp
 from agribot.core.config import SafetyConfig
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import std_along_m
-from agribot.core.messages import DriveCommand, Estimate, Goal, Path
+from agribot.core.messages import DriveCommand, Estimate, GnssQuality, Goal, Path
 from agribot.core.pose import Pose2
 
 REACTION_S = 0.2  # until the brakes bite: a tick, the network of the motor board, its lag
@@ -24,6 +24,7 @@ RECHECK_M = 0.25  # nearer than half the robot, so that it cannot get past an ed
 # A way in or out of the field leaves it; so far around such a stretch only the box counts.
 AWAY_M, AWAY_STEP_M = 2.0, 0.2
 LEAST_HALF_M = 0.05
+WITHOUT_CARRIER = (GnssQuality.SINGLE, GnssQuality.DGNSS)
 MOST_MPS, MOST_RADPS = 3.0, 3.0  # no wish is taken for more; what is sent has limits of its own
 
 
@@ -144,7 +145,8 @@ class FieldFence:
     def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> str:
         along_std_m, across_std_m = _std_m(estimate)
         believed = self._box(-self._config.fence_tolerance_m, -self._config.fence_tolerance_m)
-        box = self._box(self._growth_m(along_std_m), self._growth_m(across_std_m))
+        quality = estimate.quality
+        box = self._box(self._growth_m(along_std_m, quality), self._growth_m(across_std_m, quality))
         here = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
         at_rest = predict_rest(here, drive, self._decel_mps2)
         if not self._was_inside:
@@ -179,8 +181,15 @@ class FieldFence:
             "wants to take it out by hand clears the stop first"
         )
 
-    def _growth_m(self, std_m: float) -> float:
+    def _growth_m(self, std_m: float, quality: GnssQuality) -> float:
+        """Say by how much the body counts as larger, for what is not known of its position.
+
+        Errors of a receiver without carrier corrections last for minutes, and the wheels' add up:
+        the mission may drive along the edge for as long, so that nothing is forgiven.
+        """
         config = self._config
+        if quality in WITHOUT_CARRIER:
+            return max(config.fence_single_sigma * std_m, -config.fence_tolerance_m)
         return max(config.fence_sigma * std_m - config.fence_unsure_m, -config.fence_tolerance_m)
 
     def _box(self, along_m: float, across_m: float) -> tuple[float, float, float, float]:

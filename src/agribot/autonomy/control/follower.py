@@ -68,15 +68,22 @@ class _Line:
     def errors(self, s_m: float, x_m: float, y_m: float, yaw_rad: float) -> _Errors:
         """Of a pose, at the point of the path beside it; `s_m` must be within a metre of it."""
         index = self._index(s_m)
+        first = self._index(self._find_corner_m(s_m))
         for _ in range(2):  # the second look corrects for curvature that began in between
             along_m, left_m = self._offset(index, x_m, y_m)
-            index = self._index(self._s[index] + _arc_m(along_m, left_m, self._curvature[index]))
+            on_m = self._s[index] + _arc_m(along_m, left_m, self._curvature[index])
+            index = max(self._index(on_m), first)
         _, left_m = self._offset(index, x_m, y_m)
         heading_rad = wrap_rad(yaw_rad - self._yaw[index])
         return _Errors(
             left_m, heading_rad, self._curvature[index], self._is_backwards[index],
             self._is_corner(s_m),
         )  # fmt: skip
+
+    def _find_corner_m(self, s_m: float) -> float:
+        """Find where the path last turned on the spot; what lies before it is over."""
+        behind = bisect_right(self._corners_m, s_m)
+        return self._corners_m[behind - 1] if behind else self._s[0]
 
     def _is_corner(self, s_m: float) -> bool:
         """Just behind a place where the path turns on the spot."""

@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 from agribot.autonomy.control.battery_watch import BatteryWatch
 from agribot.autonomy.control.bumper import Bumper
 from agribot.autonomy.control.fence import Fence, FieldFence
+from agribot.autonomy.control.input_watch import InputWatch
 from agribot.autonomy.control.sensor_watch import SensorWatch
 from agribot.autonomy.control.wheel_watch import Found, name_motors
 from agribot.core.config import SafetyConfig
@@ -36,6 +37,7 @@ class Situation(NamedTuple):
     batch: SensorBatch
     goal: Goal
     sensors: SensorWatch
+    inputs: InputWatch
     motion: Found
     stuck: str
     bumper: Bumper
@@ -159,6 +161,9 @@ HAZARDS = (
     Hazard(name="touch", seen_by="bumper, in its very tick", limit="any touch", reaction="latch",
            for_hand="yes", find=lambda now: now.touch, at_rest=True,
            faults=("bumper.contact", "obstacle.unmapped")),
+    Hazard(name="red button", seen_by="motor board, which stops the motors itself",
+           limit="pressed", reaction="latch", for_hand="yes",
+           find=lambda now: now.inputs.button(), check="red button", at_rest=True),
     Hazard(name="clock goes back, stands or jumps; the program stood still",
            seen_by="time of the tick", limit="`safety.clock_jump_s`", reaction="latch",
            for_hand="yes", find=lambda now: now.sensors.clock_fault, check="clock",
@@ -167,6 +172,10 @@ HAZARDS = (
            limit="`safety.sensor_timeout_s`", reaction="latch", for_hand="yes",
            find=lambda now: now.sensors.silence(now.batch.t_s), check="wheels and IMU",
            faults=("board.silent", "imu.late", "link.noise")),
+    Hazard(name="safety input silent", seen_by="age of what the motor board tells of it",
+           limit="`safety.sensor_timeout_s`, 5 s for the battery, of each of `safety.must_report`",
+           reaction="latch", for_hand="yes", find=lambda now: now.inputs.silence(),
+           check="safety inputs"),
     Hazard(name="IMU sends numbers that cannot be", seen_by="range of its numbers",
            limit="3 in 5 s beyond 160 m/s^2 or 40 rad/s", reaction="latch", for_hand="yes",
            find=lambda now: now.sensors.spoilt_line(), check="wheels and IMU",
@@ -175,9 +184,15 @@ HAZARDS = (
            limit="`safety.empty_charge_ratio`, `safety.empty_battery_v`", reaction="latch",
            for_hand="until cleared", kind="battery", find=lambda now: now.battery.empty,
            check="battery", faults=("battery.empty",)),
+    Hazard(name="motor board reports a fault, or has started anew", seen_by="motor board",
+           limit="any", reaction="latch", for_hand="until cleared", kind="board",
+           find=lambda now: now.inputs.fault, check="motors"),
     Hazard(name="motor reports a fault", seen_by="motor board", limit="any flag",
            reaction="latch", for_hand="until cleared", kind="wheel", find=_motor_flags,
            check="motors", faults=("motor.weak",)),
+    Hazard(name="motor board holds a stop of its own", seen_by="motor board",
+           limit="3 s after a person cleared the stop", reaction="latch", for_hand="yes",
+           find=lambda now: now.inputs.stop(), check="motors", at_rest=True),
     Hazard(name="wheels stand, run away, turn backwards or are swapped",
            seen_by="encoders against the command",
            limit="30 % and 0.6 rad/s off for 0.4 s", reaction="latch",
@@ -209,6 +224,9 @@ HAZARDS = (
     Hazard(name="wheel encoders or IMU never spoke", seen_by="their samples", limit="one sample",
            reaction="wait", for_hand="yes", find=lambda now: now.sensors.unheard(),
            check="wheels and IMU"),
+    Hazard(name="safety input never spoke", seen_by="what the motor board tells of it",
+           limit="once, of each of `safety.must_report`", reaction="wait", for_hand="yes",
+           find=lambda now: now.inputs.unheard(), check="safety inputs"),
     Hazard(name="no position", seen_by="estimate", limit="its own", reaction="wait",
            find=_pose_missing, check="position",
            faults=("gnss.outage", "start.aside", "start.turned")),
@@ -224,7 +242,8 @@ HAZARDS = (
            faults=("gnss.jump", "gnss.wrong_fix", "gnss.frozen", "carried")),
     Hazard(name="leaves the field, or the box around its path",
            seen_by="position and its sigma, footprint, braking distance",
-           limit="`safety.fence_tolerance_m`, `safety.fence_sigma`, `safety.geofence_margin_m`",
+           limit="`safety.fence_tolerance_m`, `safety.fence_sigma`, `safety.fence_single_sigma`, "
+                 "`safety.geofence_margin_m`",
            reaction="wait", find=_beyond_fence, check="field"),
     Hazard(name="no mission runs", seen_by="mission", limit="-", reaction="wait",
            find=_mission_idle),

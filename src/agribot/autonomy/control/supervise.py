@@ -15,6 +15,7 @@ from agribot.autonomy.control.camera_watch import CameraWatch
 from agribot.autonomy.control.fence import Fence, FieldFence, PathFence
 from agribot.autonomy.control.gate_machine import GateMachine, Seen
 from agribot.autonomy.control.hazards import Situation, check_start, find_hazard
+from agribot.autonomy.control.input_watch import InputWatch
 from agribot.autonomy.control.progress_watch import ProgressWatch
 from agribot.autonomy.control.sensor_watch import SensorWatch
 from agribot.autonomy.control.wheel_watch import WheelWatch
@@ -60,6 +61,7 @@ class Supervisor:
         self._max_yaw_accel_radps2 = robot.drive.max_yaw_accel_radps2
         self._works_backwards = robot.implement is None or robot.implement.works_backwards
         self._sensors = SensorWatch(config)
+        self._inputs = InputWatch(config)
         self._wheels = WheelWatch(robot.drive, config.sensor_timeout_s)
         self._progress = ProgressWatch(robot.drive)
         self._bumper = Bumper()
@@ -163,6 +165,7 @@ class Supervisor:
         for event in batch.events:
             if event.action == "clear_stop":
                 self._bumper.accept()
+                self._inputs.accept(batch.t_s)
                 self._progress.restart()
                 self._accepted |= {self._held_kind} - {""}
                 self._held_kind, self._cleared_by = "", event.source
@@ -179,12 +182,13 @@ class Supervisor:
         """Ask every watch about this tick."""
         self._fence_in(goal)
         self._sensors.update(batch)
+        self._inputs.update(batch)
         self._battery.update(batch)
         self._camera.update(batch, scenes)
         is_early = not self._machine.is_started
         return Situation(
             config=self._config, command=command, estimate=estimate, batch=batch, goal=goal,
-            sensors=self._sensors,
+            sensors=self._sensors, inputs=self._inputs,
             motion=self._wheels.watch(self.sent, batch, self._sensors.dt_s),
             stuck=self._progress.watch(batch),
             bumper=self._bumper, touch=self._bumper.feel(batch),

@@ -27,6 +27,7 @@ from agribot.core.arithmetic import clamp
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import Estimate, GnssQuality, OperatorEvent, RowLine, Scene, SensorBatch
+from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
 
 # Slow errors are aged together, not at every wheel reading.
@@ -121,6 +122,13 @@ class Localizer:
         is_told = self._gnss.quality is GnssQuality.RTK_FIXED  # the fixes tell rows apart
         if scene.crop_cover is not None and epoch is not None and not is_told:
             self.pose.identity.look(scene.crop_cover, self.pose.place(epoch), self.pose.rows)
+
+    def place(self, t_s: float) -> Pose2 | None:
+        """Say where the robot was at a time, as the filter sees it now; None where nobody knows."""
+        epoch = self._history.epoch(t_s)
+        return (
+            self.pose.place(epoch) if epoch is not None and "position" in self.pose.known else None
+        )
 
     def is_stale(self, scene: Scene) -> bool:
         """Whether its picture is an old one, or upside down: as good as none, for any use."""

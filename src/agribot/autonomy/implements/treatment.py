@@ -5,24 +5,31 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import msgspec
+import numpy as np
 
 from agribot.autonomy.implements.kinds import fit_implement
+from agribot.autonomy.implements.tool_frame import predict_tool
+from agribot.autonomy.implements.zones import ZonedPlants, ZoneMap
 from agribot.core.config import TreatmentConfig
 from agribot.core.implement.kind import ReportLine
 from agribot.core.implement.plants import PlantMap
 from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import Estimate, ImplementCommand, OperatorEvent
 
+RATE = "rate_lpha"  # a setpoint of a command: litres per hectare, where a prescription tells one
+
 
 class Treatment:
     """Call `step` every tick, tool on or off; a robot without an implement has nothing to do."""
 
-    def __init__(self, config: TreatmentConfig, spec: ImplementSpec | None) -> None:
-        """Take the implement of the robot, if it has one.
+    def __init__(
+        self, config: TreatmentConfig, spec: ImplementSpec | None, zones: ZoneMap | None = None
+    ) -> None:
+        """Take the implement of the robot, if it has one; it works in `zones` with a rate only.
 
         Raises: DescriptionError: nobody registered its kind.
         """
-        self._config, self._spec = config, spec
+        self._config, self._spec, self.zones = config, spec, zones
         self._implement = None if spec is None else fit_implement(spec, config)
 
     def apply_events(self, events: Iterable[OperatorEvent]) -> None:
@@ -37,7 +44,25 @@ class Treatment:
         if self._implement is None:
             return ImplementCommand()
         may_work = self._config.enabled and tool_on and self._can_work(estimate)
-        return self._implement.step(estimate, plants, may_work=may_work)
+        if self.zones is None:
+            return self._implement.step(estimate, plants, may_work=may_work)
+        zoned = ZonedPlants(plants, self.zones)
+        command = self._implement.step(estimate, zoned, may_work=may_work)
+        return self._add_rate(command, estimate, self.zones)
+
+    def _add_rate(
+        self, command: ImplementCommand, estimate: Estimate, zones: ZoneMap
+    ) -> ImplementCommand:
+        """Give a sprayer the rate of the zone at its tool point."""
+        spec = self._spec
+        if spec is None or not spec.wets_ground or not any(command.sections_on):
+            return command
+        tool = predict_tool(estimate, spec.x_body_m, spec.latency_s)
+        place = np.array([tool.x_map_m]), np.array([tool.y_map_m])
+        rate_lpha = float(zones.find_rates(*place)[0])
+        if not rate_lpha > 0.0:  # the middle of the boom is in no zone, some section is
+            return command
+        return msgspec.structs.replace(command, setpoints={**command.setpoints, RATE: rate_lpha})
 
     def report(self) -> tuple[ReportLine, ...]:
         """Give the implement's figures of the run so far."""

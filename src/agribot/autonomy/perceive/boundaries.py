@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
-from scipy.spatial import cKDTree
 
 from agribot.core.messages import ByteArray, PlantClass
 
@@ -53,12 +51,30 @@ def _outline(mask: Mask, ignored: Mask) -> npt.NDArray[np.int64]:
 
     Neither the edge of the picture nor that of an ignored region is an outline.
     """
-    inside = ndimage.binary_erosion(mask | ignored, border_value=1)
+    whole = np.pad(mask | ignored, 1, constant_values=True)
+    inside = whole[1:-1, 1:-1] & whole[:-2, 1:-1] & whole[2:, 1:-1]
+    inside &= whole[1:-1, :-2] & whole[1:-1, 2:]
     return np.argwhere(mask & ~ignored & ~inside)
 
 
 def _near(pixels: npt.NDArray[np.int64], others: npt.NDArray[np.int64], tolerance_px: float) -> int:
+    """Count the pixels (N, 2) with one of the others nearer than the tolerance.
+
+    In each row that a circle reaches, running sums tell whether its chord holds another one.
+    """
     if not len(pixels) or not len(others):
         return 0
-    distance_px, _ = cKDTree(others).query(pixels, distance_upper_bound=tolerance_px)
-    return int(np.isfinite(distance_px).sum())
+    height, width = np.maximum(pixels.max(axis=0), others.max(axis=0)) + 1
+    sums = np.zeros((height, width + 1), dtype=np.int64)
+    sums[others[:, 0], others[:, 1] + 1] = 1
+    np.cumsum(sums, axis=1, out=sums)
+    is_near = np.zeros(len(pixels), dtype=bool)
+    reach_px = math.ceil(tolerance_px) - 1
+    for down in range(-reach_px, reach_px + 1):
+        aside_px = math.ceil(math.sqrt(tolerance_px**2 - down**2)) - 1
+        row = pixels[:, 0] + down
+        inside = (row >= 0) & (row < height)
+        left = np.maximum(pixels[:, 1] - aside_px, 0)[inside]
+        right = np.minimum(pixels[:, 1] + aside_px + 1, width)[inside]
+        is_near[inside] |= sums[row[inside], right] > sums[row[inside], left]
+    return int(is_near.sum())

@@ -156,8 +156,6 @@ class GroundLookup:
         return points.reshape(height + extra, width + extra, 2)
 
     def _view_polygon(self) -> tuple[tuple[float, float], ...]:
-        from scipy.spatial import ConvexHull
-
         seen = self.range_m <= self.max_range_m
         points = np.column_stack([self.x_body_m[seen], self.y_body_m[seen]]).astype(np.float64)
         if len(points) < 3:
@@ -165,12 +163,21 @@ class GroundLookup:
                 f"camera sees no ground within {self.max_range_m:.2f} m; tilt it down in the "
                 "robot description or raise perception.max_range_m"
             )
-        edges = ConvexHull(points).equations
-        inside = (points @ edges[:, :2].T + edges[:, 2]).max(axis=1) <= -VIEW_MARGIN_M
-        if inside.sum() >= 3:
-            points = points[inside]
-        hull = points[ConvexHull(points).vertices]
-        return tuple((float(x), float(y)) for x, y in _thin(hull))
+        return tuple((float(x), float(y)) for x, y in _thin(_surround_deep(points)))
+
+
+def _surround_deep(points: FloatArray) -> FloatArray:
+    """Return the corners (N, 2), counter-clockwise, around the points deep enough in their hull."""
+    import shapely
+
+    hull = shapely.convex_hull(shapely.multipoints(points))
+    deep = shapely.buffer(hull, -VIEW_MARGIN_M)
+    shapely.prepare(deep)
+    inside = points[shapely.contains_xy(deep, points)]
+    if len(inside) >= 3:
+        hull = shapely.convex_hull(shapely.multipoints(inside))
+    corners: FloatArray = shapely.get_coordinates(shapely.orient_polygons(hull))
+    return corners[:-1]
 
 
 def _thin(polygon: FloatArray, tolerance_m: float = 0.01) -> FloatArray:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import msgspec
 import numpy as np
-from scipy import ndimage
 
+from agribot.autonomy.perceive.pieces import find_windows, label_pieces
 from agribot.core.messages import ByteArray, PlantClass
 
-TOUCHING = np.ones((3, 3), dtype=bool)
 # A plant of the truth counts as found where this share of it is vegetation of its class.
 MISSED_RATIO = 0.25
 
@@ -31,11 +30,11 @@ def plants_in(class_id: ByteArray, confidence: ByteArray, least_px: int) -> list
     """Cut a class map (H, W) into plants of at least `least_px` pixels, weeds first."""
     found = []
     for kind in (PlantClass.WEED, PlantClass.CROP):
-        labels, count = ndimage.label(class_id == kind, TOUCHING)
+        labels, count = label_pieces(class_id == kind)
         if not count:
             continue
         sizes = np.bincount(labels.ravel())
-        for label, window in enumerate(ndimage.find_objects(labels), 1):
+        for label, window in enumerate(find_windows(labels, count), 1):
             if window is None or sizes[label] < least_px:
                 continue
             piece = labels[window] == label
@@ -72,7 +71,7 @@ def plant_recall(truth: ByteArray, guess: ByteArray, least_px: int) -> dict[str,
     """
     recalls = {}
     for kind in (PlantClass.WEED, PlantClass.CROP):
-        labels, count = ndimage.label(truth == kind, TOUCHING)
+        labels, count = label_pieces(truth == kind)
         inside = labels > 0
         pairs = labels[inside] * len(PlantClass) + guess[inside]
         by_class = np.bincount(pairs, minlength=(count + 1) * len(PlantClass))

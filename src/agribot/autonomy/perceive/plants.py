@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
 from agribot.autonomy.perceive.crop_cover import middles_of_squares
 from agribot.autonomy.perceive.ground import GroundLookup
+from agribot.autonomy.perceive.pieces import find_windows, label_pieces
 from agribot.autonomy.perceive.row_line import find_row_line
 from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.core.config import PerceptionConfig
@@ -21,7 +21,6 @@ from agribot.core.messages import ByteArray, CameraFrame, FloatArray, GroundPlan
 LabelArray = npt.NDArray[np.signedinteger]
 Counts = npt.NDArray[np.int64]
 
-TOUCHING = np.ones((3, 3), dtype=bool)
 # A piece that shares this much of its outline with a bigger plant of the other class, and is
 # smaller than that plant by the area ratio, is a mislabelled part of it and no plant of its own.
 FRINGE_CONTACT_RATIO = 0.4
@@ -109,7 +108,7 @@ def _pieces(mask: npt.NDArray[np.bool_]) -> tuple[LabelArray, int]:
     for shift in range(1, GAP_PX + 1):
         grown[:, shift:] |= taller[:, :-shift]
         grown[:, :-shift] |= taller[:, shift:]
-    labels, count = ndimage.label(grown, TOUCHING)
+    labels, count = label_pieces(grown)
     return labels * mask, count
 
 
@@ -167,10 +166,11 @@ def _measure(
         keep[edge] = False  # cut by the image edge: its centre would be wrong
     keep[weed_count + 1 :] &= _is_broad(labels, count)[weed_count + 1 :]
     keep[0] = False
-    windows = ndimage.find_objects(labels)
+    windows = find_windows(labels, count)
     found = []
     for label in np.flatnonzero(keep):
         window = windows[label - 1]
+        assert window is not None  # a piece that is kept has pixels
         plant = PlantClass.WEED if label <= weed_count else PlantClass.CROP
         piece = labels[window] == label
         found.append(_standing(piece, window, plant, float(sure[label]), ground))

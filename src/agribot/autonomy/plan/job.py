@@ -6,17 +6,20 @@ import math
 from collections.abc import Iterable
 from typing import Literal
 
+import msgspec
+
 from agribot.autonomy.plan.covered import CoveredRows, cover_row
 from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.row_evidence import find_doubt, is_counted, row_pitch_m
-from agribot.autonomy.plan.row_log import RowLog
+from agribot.autonomy.plan.row_log import MOST_NUDGED_M, RowLog
 from agribot.autonomy.plan.saved_mission import PoseTuple, SavedMission, name_task, take_pose
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, MissionState, Path
 from agribot.core.pose import Pose2
+from agribot.core.row_shape import chord_yaw_rad
 
 Ending = Literal["done", "cancelled", "failed"]  # of a mission
 MOST_NAMED = 3  # rows without evidence
@@ -104,6 +107,56 @@ class MissionJob:
             visit_name=task.name,
         )
 
+    def lead_on(self) -> None:
+        """Go on along another path, where the task finds its rows under way.
+
+        Raises: MissionError: no way leads to the next row.
+        """
+        explorer, route = self.task.explorer, self.route
+        path = None if explorer is None else explorer.lead(route.path, route.progress.s_m)
+        if path is None:
+            return
+        self.rows.keep([row.index for row in self.task.rows])
+        self.route = self._make_route(path)
+        self.route.go_on(route.progress.s_m, route.visits.reached)
+
+    def nudge(self, left_m: float) -> str:
+        """Move the line of the row under the robot to the left as it drives; why not, else."""
+        row = self.rows.here
+        if row < 0:
+            return "row not moved: the robot is in no row"
+        if not self.rows.nudge(row, self._read_along(row) * left_m):
+            return f"row {row + 1} not moved: {MOST_NUDGED_M:g} m is the limit"
+        return ""
+
+    def relate_to_nudged(self, estimate: Estimate) -> Estimate:
+        """Return the pose in a map in which the row under the robot lies where a person moved it.
+
+        So the robot follows the path that far aside.
+        """
+        row = self.rows.here
+        nudged_m = self.rows.nudged_m(row)
+        if not nudged_m:
+            return estimate
+        line = next(each for each in self.task.rows if each.index == row)
+        left_x, left_y = Pose2(0.0, 0.0, chord_yaw_rad(line)).left
+        return msgspec.structs.replace(
+            estimate,
+            x_map_m=estimate.x_map_m - nudged_m * left_x,
+            y_map_m=estimate.y_map_m - nudged_m * left_y,
+        )
+
+    @property
+    def nudged_here_m(self) -> float:
+        """How far the line of the row under the robot was moved, either way."""
+        return abs(self.rows.nudged_m(self.rows.here))
+
+    def _read_along(self, row: int) -> float:
+        """1.0 where the robot drives a row in its direction, -1.0 against it."""
+        line = next(each for each in self.task.rows if each.index == row)
+        is_along = math.cos(self.route.yaw_map_rad - chord_yaw_rad(line)) >= 0.0
+        return 1.0 if is_along else -1.0
+
     def work(self, estimate: Estimate) -> None:
         """Count what the robot passes: it is on the route, where its progress says."""
         progress = self.route.progress
@@ -188,6 +241,8 @@ class MissionJob:
                 f"waypoints {missed} were passed at more than mission.waypoint_radius_m "
                 f"{self._config.waypoint_radius_m:.2f} m"
             )
+        if self.task.explorer is not None and self.task.explorer.unfinished:
+            return "failed", self.task.explorer.unfinished
         if undone:
             return "failed", f"the path ended with rows {undone} not driven"
         if unproven:

@@ -53,6 +53,7 @@ from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
 
 SETTLE_S = 1.0  # the estimate must hold this long before the robot moves
 END_TOLERANCE_M = 0.01
+NUDGE_M = 0.01  # of a row's line, at a time
 Handler = Callable[[OperatorEvent], str | None]  # gives why the request is refused
 
 
@@ -232,6 +233,8 @@ class Mission:
             Do.BEGIN_ANEW: lambda event: self._begin_anew(),
             Do.CANCEL: self._cancel,
             Do.SKIP_ROW: lambda event: self._skip_row(),
+            Do.NUDGE_LEFT: lambda event: self._nudge(NUDGE_M),
+            Do.NUDGE_RIGHT: lambda event: self._nudge(-NUDGE_M),
             Do.TURN_HOME: lambda event: self._turn_home(event.source),
             Do.TURN_TO_GOAL: self._turn_to_goal,
             Do.TAKE_PLAN: self._take_plan,
@@ -268,6 +271,22 @@ class Mission:
             return self._refuse("row not skipped: nothing was planned yet")
         self._job.skip_row()
         return ""
+
+    def _nudge(self, left_m: float) -> str:
+        if self._job is None or find_away(self._state):
+            return self._refuse("row not moved: the robot is in no row")
+        why = self._job.nudge(left_m)
+        return self._refuse(why) if why else ""
+
+    def relate_to_path(self, estimate: Estimate) -> Estimate:
+        """Return the pose in a map whose rows lie where the robot is to drive them.
+
+        They may stand beside their map, and a person may have moved the one under the robot.
+        """
+        on_rows = estimate.relate_to_rows()
+        if self._job is None or find_away(self._state):
+            return on_rows
+        return self._job.relate_to_nudged(on_rows)
 
     def _resume(self) -> str:
         state = self._state
@@ -490,6 +509,8 @@ class Mission:
         if estimate.contradiction:
             self._pause(estimate.contradiction, by_itself=True)
             return
+        if isinstance(state, Driving) and not self._lead_on(state.job):
+            return
         route = state.job.route if isinstance(state, Driving) else state.route
         if self._is_located:
             reason = self._advance(state, route, estimate)
@@ -507,6 +528,15 @@ class Mission:
             self._pause(stalled, by_itself=True)
         elif stalled:
             self._end("failed", stalled)
+
+    def _lead_on(self, job: MissionJob) -> bool:
+        """Take the way on where the task finds it under way; False: there is none."""
+        try:
+            job.lead_on()
+        except MissionError as error:
+            self._end("failed", str(error))
+            return False
+        return True
 
     def _recover(self, state: Driving, estimate: Estimate) -> None:
         """Take the next step of the ladder where the row is lost."""
@@ -539,7 +569,10 @@ class Mission:
         if isinstance(state, Driving) and route.is_beside_row and has_crop:
             reason = self._watch.check_row(route, estimate, self._config)
         rows = self._task.rows if has_crop else ()
-        astray = self._watch.check_crop(route, estimate, rows, self._task.clearance_m)
+        clearance_m = self._task.clearance_m
+        if isinstance(state, Driving):
+            clearance_m -= state.job.nudged_here_m
+        astray = self._watch.check_crop(route, estimate, rows, clearance_m)
         return reason or astray
 
     def _arrive(self, state: Driving | OnErrand, t_s: float) -> None:

@@ -36,6 +36,8 @@ class Do(Enum):
     TURN_TO_GOAL = "stops, then drives there"
     TAKE_PLAN = "takes it as its task when it stands"
     TAKE_VISIT = "goes there from here as its task"
+    NUDGE_LEFT = "moves the line of its row 1 cm to the left"
+    NUDGE_RIGHT = "moves the line of its row 1 cm to the right"
     SET = "takes the new speed"
 
 
@@ -83,6 +85,7 @@ _SETS_OFF = Ignore("it sets off by itself")
 _OVER = Ignore("it has ended already")
 _RECORDED = Ignore("the recording takes it")
 _STOP_FIRST = "the robot is stopped; clear the stop first"
+_NO_ROW = Refuse("row not moved: the robot is in no row")
 _ENDED = "the mission has ended"
 
 TABLE: Mapping[OperatorAction, Mapping[Column, Reaction]] = {
@@ -124,6 +127,8 @@ TABLE: Mapping[OperatorAction, Mapping[Column, Reaction]] = {
         "ended": Refuse(f"row not skipped: {_ENDED}"),
         "open": Refuse(f"row not skipped: {_ENDED}"),
     },
+    "nudge_left": {**_always(_NO_ROW), "driving": Do.NUDGE_LEFT, "paused": Do.NUDGE_LEFT},
+    "nudge_right": {**_always(_NO_ROW), "driving": Do.NUDGE_RIGHT, "paused": Do.NUDGE_RIGHT},
     "return_home": {
         **_always(Do.TURN_HOME),
         "ended": Refuse(f"cannot return home: {_ENDED}"),

@@ -11,6 +11,8 @@ Doubt = Literal["", "unseen", "unsure"]
 UNPROVEN_RATIO = 0.5  # of the length driven; gaps in the crop and weak light may take the rest
 # Unseen over so much of its length, a row is bare ground: what was seen before it lasts a while.
 BARE_RATIO = 0.8
+# So far a person may move the line of a row aside; the wheels of the packaged robot clear 0.3 m.
+MOST_NUDGED_M = 0.1
 
 
 class RowResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -19,7 +21,8 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
     `worked_m` is how much of the row, from the end where the work began, is behind the tool;
     over `unseen_m` of that a camera saw no crop where the row is to be, over `unsure_m` the
     position could not tell the row from the next. A row of which this is the larger part is
-    `unproven` and not done. Over `counted_m` only the rows before it told which row it is.
+    `unproven` and not done. Its line was moved by hand `nudged_m` to its left.
+    Over `counted_m` only the rows before it told which row it is.
     """
 
     index: int
@@ -32,6 +35,7 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
     unseen_m: float = 0.0
     unsure_m: float = 0.0
     counted_m: float = 0.0
+    nudged_m: float = 0.0
     unproven: bool = False
 
     @property
@@ -153,6 +157,25 @@ class RowLog:
     def missing(self, row: int) -> str:
         """Say what speaks against an unproven row, for people."""
         return self._results[row].missing
+
+    def nudge(self, row: int, left_m: float) -> bool:
+        """Move the line of a row aside, to the left of its direction; False beyond the limit."""
+        nudged_m = self._results[row].nudged_m + left_m
+        if abs(nudged_m) > MOST_NUDGED_M + 1e-9:
+            return False
+        self._change(row, nudged_m=nudged_m)
+        return True
+
+    def nudged_m(self, row: int) -> float:
+        return self._results[row].nudged_m if row in self._results else 0.0
+
+    def keep(self, indices: Iterable[int]) -> None:
+        """Go over to other rows: what is known of those that stay is kept."""
+        before = self._results
+        self._results = {index: before.get(index, RowResult(index=index)) for index in indices}
+        self.done = tuple(index for index in self.done if index in self._results)
+        self.unproven = tuple(index for index in self.unproven if index in self._results)
+        self.here = self.here if self.here in self._results else -1
 
     def take_as_done(self, row: int) -> None:
         """Count a row as done that an earlier mission has worked whole."""

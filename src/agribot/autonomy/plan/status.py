@@ -47,6 +47,7 @@ def describe(
         task=task.name,
         goal_map_m=way.goal if way else None,
         rows_unproven=job.rows.unproven if job else (),
+        row_nudged_m=job.rows.nudged_m(job.rows.here) if job and not find_away(state) else 0.0,
         stopped=stopped,
         held=state.held if isinstance(state, Stopping | Paused) else "",
         warning=warning,

@@ -7,6 +7,7 @@ from typing import Protocol
 
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.curves import Place
+from agribot.autonomy.plan.explore.explorer import Explorer
 from agribot.autonomy.plan.route import Tool
 from agribot.autonomy.plan.saved_mission import PoseTuple
 from agribot.core.errors import MissionError
@@ -52,6 +53,11 @@ class Task(Protocol):
     @property
     def work(self) -> FieldWork | None:
         """The field plan that the task was made of."""
+        ...
+
+    @property
+    def explorer(self) -> Explorer | None:
+        """What finds rows under way and leads the robot over them; None where they are known."""
         ...
 
     @property

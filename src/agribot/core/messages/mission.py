@@ -69,6 +69,7 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     held: str = ""  # why it paused by itself; a person has to look, and to resume it
     warning: str = ""  # what calls it home, such as a low battery
     answers: tuple[RequestAnswer, ...] = ()  # to the requests that were settled in this tick
+    row_nudged_m: float = 0.0  # by hand, to the left of the row's direction; of the row here
     gate: GateStatus = GateStatus()  # of the supervisor, the last gate before the motors
 
 

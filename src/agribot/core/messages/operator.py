@@ -17,10 +17,12 @@ T = TypeVar("T")
 # "goto" sends the robot to the place in `numbers`: x, y (m, map) and, where it matters, yaw (rad).
 # "visit" makes places its mission, x and y (m, map) of each in `numbers`; `text` is its name.
 # "plan" gives a standing robot the field plan in `text` (GeoJSON) as its new mission.
+# "nudge_left" and "nudge_right" move the line of the row under the robot aside, a step each.
 # "mark" marks this moment in the recording with `text`; the two of recording begin and end one.
 OperatorAction = Literal[
     "start", "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note",
     "set", "pose_estimate", "goto", "visit", "plan", "mark", "start_recording", "stop_recording",
+    "nudge_left", "nudge_right",
 ]  # fmt: skip
 LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 

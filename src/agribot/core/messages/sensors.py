@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Literal
 
 import msgspec
 
@@ -77,6 +78,38 @@ class GnssHeading(msgspec.Struct, frozen=True, kw_only=True):
     std_rad: float
 
 
+class Satellite(msgspec.Struct, frozen=True, kw_only=True):
+    """One satellite in view; `system` is GP, GL, GA, GB, GQ or SB, `number` the receiver's name.
+
+    `snr_db` is the carrier to noise density in dB-Hz, 0 of one that is not heard.
+    """
+
+    system: str
+    number: int
+    elevation_deg: float
+    azimuth_deg: float
+    snr_db: float
+    is_used: bool
+
+
+class GnssStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """What a receiver tells beside its fixes, about once a second; None and empty: not told.
+
+    Dilutions of precision are of geometry, position, plane, height and time. The age is that of
+    the newest correction, the counts are of corrections passed on to the receiver, by RTCM number.
+    """
+
+    t_s: float
+    satellites: tuple[Satellite, ...] = ()
+    gdop: float | None = None
+    pdop: float | None = None
+    hdop: float | None = None
+    vdop: float | None = None
+    tdop: float | None = None
+    correction_age_s: float | None = None
+    correction_counts: tuple[tuple[int, int], ...] = ()
+
+
 class BaseFix(msgspec.Struct, frozen=True, kw_only=True):
     """Where a receiver at a known place believes to be: what is off there is off nearby, too."""
 
@@ -123,6 +156,26 @@ class BatterySample(msgspec.Struct, frozen=True, kw_only=True):
     charge_ratio: float
 
 
+# What a motor board reads for safety: the red button (e-stop), the bumper, the battery's voltage,
+# and whether its motors are well.
+SafetyInput = Literal["red button", "bumper", "battery", "motors"]
+
+
+class BoardSample(msgspec.Struct, frozen=True, kw_only=True):
+    """What a motor board tells of itself: its safety inputs, its stop and its faults.
+
+    `inputs` are those that it reads at this moment; one that it has lost is left out, and is a
+    fault where the robot must have it. `stopped` says why it drives no motor until it is told that
+    a person cleared the stop. `faults` are in words; both are empty where it is well.
+    """
+
+    t_s: float
+    inputs: tuple[SafetyInput, ...] = ()
+    is_button_pressed: bool = False
+    stopped: str = ""
+    faults: tuple[str, ...] = ()
+
+
 class OtherSample(msgspec.Struct, frozen=True, kw_only=True):
     """What a sensor without a field of its own in the batch measured.
 
@@ -151,3 +204,5 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     battery: tuple[BatterySample, ...] = ()
     hand: tuple[HandDrive, ...] = ()
     others: tuple[OtherSample, ...] = ()
+    board: tuple[BoardSample, ...] = ()
+    gnss_status: tuple[GnssStatus, ...] = ()

@@ -23,7 +23,8 @@ class TickRecord(msgspec.Struct, frozen=True, kw_only=True):
     """All that one tick saw and decided: log line, display update and replay key.
 
     `reason` says why the supervisor changed the command, or that wheels turn on though they are
-    to stand; empty where neither is so.
+    to stand; empty where neither is so. `is_plan_late` says that a way was due in this tick and was
+    not there: a robot that cannot wait goes on without, and so does a replay.
     """
 
     batch: SensorBatch
@@ -33,3 +34,4 @@ class TickRecord(msgspec.Struct, frozen=True, kw_only=True):
     tracking: Tracking | None
     command: RobotCommand
     reason: str = ""
+    is_plan_late: bool = False

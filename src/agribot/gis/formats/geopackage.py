@@ -9,14 +9,14 @@ from contextlib import closing
 from agribot.gis.geojson import Feature, Found, split_layers
 from agribot.gis.mbtiles import limit_work
 
-_WGS84_SRS = 4326
-_UNDEFINED_SRS = {0, -1}
-_APPLICATION_ID = int.from_bytes(b"GPKG", "big")
-_VERSION = 10300
+WGS84_SRS = 4326
+UNDEFINED_SRS = {0, -1}
+APPLICATION_ID = int.from_bytes(b"GPKG", "big")
+VERSION = 10300
 _MAX_STEPS = 50_000_000  # of SQLite's virtual machine: a view may be a program that never ends
 
 # Clause 1.1.2 and table 1 of the standard, and the definition of WGS 84 by EPSG.
-_TABLES = """
+TABLES = """
 CREATE TABLE gpkg_spatial_ref_sys (srs_name TEXT NOT NULL, srs_id INTEGER PRIMARY KEY,
   organization TEXT NOT NULL, organization_coordsys_id INTEGER NOT NULL,
   definition TEXT NOT NULL, description TEXT);
@@ -46,15 +46,15 @@ def read_geopackage(data: bytes) -> Found:
             "SELECT table_name, column_name, srs_id FROM gpkg_geometry_columns"
         ).fetchall()
         for table, column, srs in tables:
-            if srs != _WGS84_SRS and srs not in _UNDEFINED_SRS:
+            if srs != WGS84_SRS and srs not in UNDEFINED_SRS:
                 raise ValueError(f"layer '{table}' is in EPSG:{srs}; convert it to EPSG:4326 first")
-            cursor = database.execute(f"SELECT * FROM {_quote(table)}")
+            cursor = database.execute(f"SELECT * FROM {quote_name(table)}")
             columns = [entry[0] for entry in cursor.description]
             for row in cursor:
                 values = dict(zip(columns, row, strict=True))
                 blob = values.pop(column)
                 if blob is not None:
-                    shape = wkb.loads(_extract_wkb(blob))
+                    shape = wkb.loads(extract_wkb(blob))
                     plain = {k: v for k, v in values.items() if isinstance(v, str | int | float)}
                     yield dict(mapping(shape)), plain
 
@@ -66,11 +66,11 @@ def _open_database(data: bytes) -> sqlite3.Connection:
     return database
 
 
-def _quote(name: str) -> str:
+def quote_name(name: str) -> str:
     return '"' + name.replace('"', '""') + '"'
 
 
-def _extract_wkb(blob: bytes) -> bytes:
+def extract_wkb(blob: bytes) -> bytes:
     """Return the geometry behind a GeoPackage header (OGC 12-128, 2.1.3)."""
     if blob[:2] != b"GP":
         raise ValueError("a geometry is not in GeoPackage's format")
@@ -80,9 +80,9 @@ def _extract_wkb(blob: bytes) -> bytes:
 
 def write_geopackage(features: Sequence[Feature]) -> bytes:
     with closing(sqlite3.connect(":memory:")) as database:
-        database.executescript(_TABLES)
-        database.execute(f"PRAGMA application_id = {_APPLICATION_ID}")
-        database.execute(f"PRAGMA user_version = {_VERSION}")
+        database.executescript(TABLES)
+        database.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        database.execute(f"PRAGMA user_version = {VERSION}")
         for geometry, layer, found in split_layers(features):
             _write_layer(database, geometry, layer, found)
         database.commit()
@@ -100,17 +100,17 @@ def _write_layer(
     database.execute(
         "INSERT INTO gpkg_contents (table_name, data_type, identifier, min_x, min_y, max_x, max_y,"
         " srs_id) VALUES (?, 'features', ?, ?, ?, ?, ?, ?)",
-        (layer, layer, *bounds, _WGS84_SRS),
+        (layer, layer, *bounds, WGS84_SRS),
     )
     database.execute(
         "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 0, 0)",
-        (layer, geometry.upper(), _WGS84_SRS),
+        (layer, geometry.upper(), WGS84_SRS),
     )
     database.execute(
         f"CREATE TABLE {layer} (fid INTEGER PRIMARY KEY, geom {geometry.upper()}, "
         "kind TEXT, name TEXT)"
     )
-    head = b"GP\x00\x01" + _WGS84_SRS.to_bytes(4, "little")  # version 1, little-endian, no envelope
+    head = b"GP\x00\x01" + WGS84_SRS.to_bytes(4, "little")  # version 1, little-endian, no envelope
     rows = [
         (head + wkb.dumps(shape, byte_order=1), feature.kind, feature.name)
         for shape, feature in zip(shapes, features, strict=True)

@@ -10,14 +10,14 @@ from agribot.core.errors import ConfigError
 from agribot.gis.formats.untrusted import pack, unpack
 from agribot.gis.geojson import Feature, Found, split_layers
 
-_WGS84 = (
+WGS84 = (
     'GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],'
     'PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]]'
 )
 
 
 def read_shapefiles(data: bytes) -> Found:
-    shapefile = _load_library()
+    shapefile = load_library()
     files = {name.lower(): part for name, part in unpack(data, ".shp", ".dbf", ".prj").items()}
     layers = [name.removesuffix(".shp") for name in files if name.endswith(".shp")]
     if not layers:
@@ -31,7 +31,9 @@ def read_shapefiles(data: bytes) -> Found:
         with shapefile.Reader(**parts) as reader:
             for record in reader.iterShapeRecords():
                 fields = record.record.as_dict() if record.record else {}
-                plain = {k: v for k, v in fields.items() if isinstance(v, str | int | float) and v}
+                plain = {
+                    k: v for k, v in fields.items() if isinstance(v, str | int | float) and v != ""
+                }
                 if record.shape.shapeType != shapefile.NULL:
                     yield dict(record.shape.__geo_interface__), plain
 
@@ -44,7 +46,7 @@ def write_shapefiles(features: Sequence[Feature]) -> bytes:
 
 
 def _write_layer(geometry: str, layer: str, features: Sequence[Feature]) -> dict[str, bytes]:
-    shapefile = _load_library()
+    shapefile = load_library()
     parts = {suffix: io.BytesIO() for suffix in ("shp", "shx", "dbf")}
     kinds = {
         "Polygon": shapefile.POLYGON, "LineString": shapefile.POLYLINE, "Point": shapefile.POINT,
@@ -60,10 +62,10 @@ def _write_layer(geometry: str, layer: str, features: Sequence[Feature]) -> dict
             writer.record(feature.kind, feature.name)
         writer.close()
     written = {f"{layer}.{suffix}": part.getvalue() for suffix, part in parts.items()}
-    return written | {f"{layer}.prj": _WGS84.encode(), f"{layer}.cpg": b"UTF-8"}
+    return written | {f"{layer}.prj": WGS84.encode(), f"{layer}.cpg": b"UTF-8"}
 
 
-def _load_library() -> Any:
+def load_library() -> Any:
     try:
         import shapefile
     except ImportError as error:

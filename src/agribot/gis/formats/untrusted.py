@@ -35,7 +35,7 @@ class _LimitCheck:
 
     def check(self, data: bytes) -> None:
         parser = expat.ParserCreate()
-        parser.StartDoctypeDeclHandler = _refuse
+        parser.StartDoctypeDeclHandler = refuse_doctype
         parser.StartElementHandler = self._begin
         parser.EndElementHandler = self._end
         try:
@@ -55,7 +55,8 @@ class _LimitCheck:
         self._depth -= 1
 
 
-def _refuse(*_: object) -> NoReturn:
+def refuse_doctype(*_: object) -> NoReturn:
+    """Handle a document type for expat by refusing it: entities are never expanded."""
     raise ValueError("document type declarations are not accepted")
 
 

@@ -46,12 +46,17 @@ class FaultScenario(NamedTuple):
     has_camera: bool = False
     lasts_s: float | None = None
     is_detectable: bool = True
+    also: str = ""  # a second fault in the same moment
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        return tuple(filter(None, (self.fault, self.also)))
 
     @property
     def name(self) -> str:
         """Name the scenario in tables; every one is another."""
         lasting = f"+{self.lasts_s:g}" if self.lasts_s else ""
-        return f"{self.fault}{lasting}" if self.fault else "no fault"
+        return f"{' and '.join(self.faults)}{lasting}" if self.fault else "no fault"
 
     @property
     def drive(self) -> str:
@@ -59,14 +64,13 @@ class FaultScenario(NamedTuple):
 
     def list_settings(self) -> tuple[str, ...]:
         """List the settings that make this drive."""
-        begin_s = in_row_s = IN_ROW_S[self.profile]
-        texts = ""
-        is_recorded = False
-        if self.fault:
-            kind = parse_fault(f"{self.fault}@0").kind
-            begin_s = 0.0 if kind.at_start else in_row_s
-            lasting = f"+{self.lasts_s:g}" if self.lasts_s else ""
-            texts, is_recorded = f'"{self.fault}@{begin_s:g}{lasting}"', kind.part == "disk"
+        in_row_s = IN_ROW_S[self.profile]
+        lasting = f"+{self.lasts_s:g}" if self.lasts_s else ""
+        kinds = [parse_fault(f"{fault}@0").kind for fault in self.faults]
+        begin_s = [0.0 if kind.at_start else in_row_s for kind in kinds]
+        pairs = zip(self.faults, begin_s, strict=True)
+        texts = ", ".join(f'"{fault}@{t_s:g}{lasting}"' for fault, t_s in pairs)
+        is_recorded = any(kind.part == "disk" for kind in kinds)
         return (
             f"sim.preset={PRESET}",
             f"sim.sensors={self.sensors}",
@@ -84,7 +88,7 @@ def _all(faults: str, **drive: Any) -> tuple[FaultScenario, ...]:
 SCENARIOS = (
     *_all("gnss.outage gnss.jump=0.1 gnss.jump=0.5 gnss.jump=2 gnss.jump=100"),
     FaultScenario("gnss.outage", lasts_s=8.0),
-    *_all("gnss.wrong_fix=0.2 gnss.wrong_fix=0.5 gnss.wrong_fix=2"),
+    *_all("gnss.wrong_fix=0.2 gnss.wrong_fix=0.4 gnss.wrong_fix=1 gnss.wrong_fix=2"),
     FaultScenario("gnss.drift=0.01", is_detectable=False),
     *_all("gnss.drift=0.05 gnss.drift=0.5 gnss.frozen gnss.velocity=10 gnss.velocity=100"),
     *_all("gnss.outage gnss.wrong_fix=0.5 gnss.frozen", sensors="rtk-dual"),
@@ -98,13 +102,20 @@ SCENARIOS = (
     *_all("bumper.contact obstacle.unmapped battery.empty"),
     *_all("clock.step=0.2 clock.step=2 clock.step=-2 link.noise=0.01 link.noise=0.2"),
     *_all("board.silent disk.full start.aside=0.3 start.aside=1 start.turned=20"),
-    *_all("start.turned=90 carried=0.3 carried=1"),
+    *_all("start.turned=30 start.turned=90 carried=0.3 carried=1"),
+    FaultScenario("gnss.drift=0.05", also="imu.bias=0.05"),
+    FaultScenario("gnss.frozen", also="mag.offset=30"),
+    FaultScenario("gnss.wrong_fix=0.4", also="imu.bias=0.05"),
+    FaultScenario("gnss.outage", also="mag.offset=30"),
     *_all("gnss.outage gnss.drift=0.05 obstacle.unmapped carried=0.3", profile="farm"),
     *_all("motor.dead=left_wheel_F soil.mud=0.1 imu.bias=0.05", profile="hills"),
     *_all("camera.black camera.frozen camera.flipped camera.late=0.5 camera.late=2 camera.off "
           "network.hung gnss.outage gnss.wrong_fix=2 gnss.frozen mag.offset=30", sensors="m8n",
           has_camera=True),
-    *_all("gnss.drift=0.01 camera.flipped obstacle.unmapped", has_camera=True),
+    *_all("start.aside=1", sensors="m8n", has_camera=True),
+    FaultScenario("camera.frozen", sensors="m8n", has_camera=True, also="gnss.wrong_fix=2"),
+    *_all("gnss.wrong_fix=0.4 gnss.drift=0.01 camera.flipped obstacle.unmapped", has_camera=True),
+    FaultScenario("camera.frozen", has_camera=True, also="gnss.wrong_fix=0.4"),
 )  # fmt: skip
 
 
@@ -144,7 +155,7 @@ def choose_scenarios(faults: Sequence[str], has_camera: bool | None) -> tuple[Fa
     chosen = [
         scenario
         for scenario in SCENARIOS
-        if parse_fault(f"{scenario.fault}@0").name in faults
+        if any(parse_fault(f"{fault}@0").name in faults for fault in scenario.faults)
         and has_camera in (None, scenario.has_camera)
     ]
     if not chosen:

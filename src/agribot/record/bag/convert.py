@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from agribot.core.errors import RecordingError
-from agribot.record.bag import envelope, fixes, utm
+from agribot.record.bag import envelope
 from agribot.record.bag.definitions import (
     collect_definitions,
     make_transcoder,
@@ -21,6 +21,7 @@ from agribot.record.bag.definitions import (
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.sinks import Compression, Sink, Storage, open_sink
 from agribot.record.bag.source import Bag, BagFile, BagMessage, BagTopic
+from agribot.ros.messages import fixes, utm
 
 
 class ConvertOptions(msgspec.Struct, frozen=True, kw_only=True):

@@ -2,14 +2,13 @@
 
 The maintained type libraries of rosbags hold what ROS itself ships. Here come on top the types
 of gps_umd and marti_messages that the tools of the original AGRIBOT use, as .msg texts of our
-own in `record/msg`; their md5 sums are those of the originals.
+own in `ros/messages/msg`; their md5 sums are those of the originals.
 """
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from importlib import resources
 from typing import Any
 
 from rosbags.convert.converter import is_same_wireformat, migrate_message
@@ -17,22 +16,13 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from agribot.ros.messages.gps_types import IN_ROS1 as _ROS1_PACKAGE
+from agribot.ros.messages.gps_types import IN_ROS2 as _ROS2_PACKAGE
+from agribot.ros.messages.gps_types import read_shipped_texts
+
 Transcoder = Callable[[bytes], bytes]
 
-_SHIPPED = "record/msg"
 _IN_ROS2_STORES = {"tf2_msgs"}
-# The same package under its name in ROS 1 and in ROS 2.
-_ROS1_PACKAGE, _ROS2_PACKAGE = "gps_common", "gps_msgs"
-
-
-def read_shipped_texts() -> dict[str, str]:
-    """Read the shipped .msg texts by ROS 1 type name, such as gps_common/msg/GPSFix."""
-    texts = {}
-    for package in (resources.files("agribot") / _SHIPPED).iterdir():
-        for file in package.iterdir():
-            kind = file.name.removesuffix(".msg")
-            texts[f"{package.name}/msg/{kind}"] = file.read_text(encoding="utf-8")
-    return texts
 
 
 def make_ros1_store() -> Typestore:

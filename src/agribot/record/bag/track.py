@@ -17,11 +17,11 @@ import msgspec
 from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
 from agribot.core.geo import MapFrame
-from agribot.record.bag.fixes import GPSFIXES, NAVSATFIX
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag, BagTopic
-from agribot.record.bag.utm import ODOMETRY
 from agribot.record.recorder import CONFIG_ATTACHMENT
+from agribot.ros.messages.fixes import GPSFIXES, NAVSATFIX
+from agribot.ros.messages.utm import ODOMETRY
 
 POSES = (ODOMETRY, "geometry_msgs/msg/PoseStamped")
 FIXES = (NAVSATFIX, *GPSFIXES)

@@ -10,6 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from agribot.ros.messages.char_types import replace_char
+from agribot.ros.messages.gps_types import IN_ROS2, register_gps_types
 
 PLACEHOLDER = "structure_needs_at_least_one_member"  # of a message without fields
 
@@ -17,6 +18,7 @@ PLACEHOLDER = "structure_needs_at_least_one_member"  # of a message without fiel
 @functools.cache
 def load_dds_types() -> Typestore:
     store = get_typestore(Stores.ROS2_JAZZY)
+    register_gps_types(store, IN_ROS2)
     replace_char(store)
     return store
 

@@ -20,6 +20,7 @@ from agribot.core.messages import (
     FloatArray,
     GnssFix,
     GnssQuality,
+    GnssStatus,
     ImuSample,
     MagSample,
     MissionStatus,
@@ -28,6 +29,7 @@ from agribot.core.messages import (
     WheelSample,
 )
 from agribot.core.robot import CameraSpec
+from agribot.ros.messages import gps_types
 
 MAP_FRAME = "map"
 ODOM_FRAME = "odom"
@@ -51,7 +53,9 @@ _STRAIGHT_RAD = 1e-4  # from point to point
 
 @functools.cache
 def load_types() -> Typestore:
-    return get_typestore(Stores.ROS2_JAZZY)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    gps_types.register_gps_types(store, gps_types.IN_ROS2)
+    return store
 
 
 def make_message(ros_type: str, *values: Any) -> Any:
@@ -165,6 +169,11 @@ def make_fix(fix: GnssFix, frame: str) -> Any:
         covariance,
         1,
     )
+
+
+def make_extended_fix(fix: GnssFix, status: GnssStatus, frame: str) -> Any:
+    """Make the GPSFix of gps_umd."""
+    return gps_types.make_gps_fix(fix, status, make_header(fix.t_s, frame), load_types())
 
 
 def make_fix_velocity(t_s: float, velocity_mps: Vec3) -> Any:

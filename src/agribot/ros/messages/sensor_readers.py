@@ -30,6 +30,7 @@ from agribot.core.messages import (
 )
 from agribot.core.platform import Sensor
 from agribot.core.robot import DriveSpec, RobotSpec
+from agribot.ros.messages.gps_types import GPSFIX_ROS1, GPSFIX_ROS2, read_gps_fix
 from agribot.ros.messages.transforms import find_wheel_joints
 
 Sample = GnssFix | ImuSample | MagSample | WheelSample | CameraFrame
@@ -53,7 +54,11 @@ def make_readers(sensor: Sensor, robot: RobotSpec) -> Mapping[str, ReadSample]:
     Raises: ConfigError: ROS has no type for it.
     """
     if sensor == "gnss":
-        return {"sensor_msgs/msg/NavSatFix": read_fix}
+        return {
+            "sensor_msgs/msg/NavSatFix": read_fix,
+            GPSFIX_ROS1: read_gps_fix,
+            GPSFIX_ROS2: read_gps_fix,
+        }
     if sensor == "imu":
         return {"sensor_msgs/msg/Imu": read_imu}
     if sensor == "mag":

@@ -6,7 +6,7 @@ import math
 from typing import Any, Protocol
 
 from agribot.core import topics
-from agribot.core.messages import WHEEL_NAMES, CameraFrame, SensorBatch, WheelSample
+from agribot.core.messages import WHEEL_NAMES, CameraFrame, GnssStatus, SensorBatch, WheelSample
 from agribot.core.robot import RobotSpec
 from agribot.core.topics import Topic
 from agribot.ros.messages import cdr, rosmsg
@@ -32,6 +32,7 @@ class SensorTopicWriter:
         self._imu = cdr.ImuCdr(robot.imu.link)
         self._joints = cdr.JointStateCdr(tuple(joint.name for joint in joints) or WHEEL_NAMES)
         self._number = cdr.Float64Cdr()
+        self._gnss_status: GnssStatus | None = None  # no simulated receiver tells one
         self._wheel_tf = WheelTransforms(joints) if joints else None
 
     def __call__(self, now_ns: int, batch: SensorBatch) -> None:
@@ -61,12 +62,16 @@ class SensorTopicWriter:
             self._send(topics.TF, now_ns, self._wheel_tf(now_ns, wheels), now_ns)
 
     def _write_positions(self, now_ns: int, batch: SensorBatch) -> None:
+        self._gnss_status = batch.gnss_status[-1] if batch.gnss_status else self._gnss_status
         for fix in batch.gnss:
             message = rosmsg.make_fix(fix, self._robot.gnss.link)
             self._write(topics.FIX, now_ns, message, fix.t_s)
             if fix.velocity_mps is not None:
                 velocity = rosmsg.make_fix_velocity(fix.t_s, fix.velocity_mps)
                 self._write(topics.FIX_VELOCITY, now_ns, velocity, fix.t_s)
+            if self._gnss_status is not None:
+                extended = rosmsg.make_extended_fix(fix, self._gnss_status, self._robot.gnss.link)
+                self._write(topics.EXTENDED_FIX, now_ns, extended, fix.t_s)
         for base in batch.base:
             self._write(topics.POLE_FIX, now_ns, make_pole_fix(base), base.t_s)
 

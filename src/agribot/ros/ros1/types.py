@@ -14,6 +14,13 @@ from rosbags.typesys.store import Typestore
 from agribot.core import topics
 from agribot.core.errors import BridgeError
 from agribot.core.topics import Topic
+from agribot.ros.messages.gps_types import (
+    GPSFIX_ROS1,
+    GPSFIX_ROS2,
+    IN_ROS1,
+    register_gps_types,
+    use_ros1_codes,
+)
 from agribot.ros.messages.rosmsg import MAP_FRAME, make_header, make_message, to_cdr
 from agribot.ros.messages.rosmsg import load_types as ros2_types
 from agribot.ros.requests import Twist
@@ -43,6 +50,7 @@ def load_ros1_types() -> Typestore:
     store = get_typestore(Stores.ROS1_NOETIC)
     text = "geometry_msgs/TransformStamped[] transforms\n"  # tf2_msgs is missing in the library
     store.register(get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
+    register_gps_types(store, IN_ROS1)
     return store
 
 
@@ -58,7 +66,10 @@ def generate_definition(ros_type: str) -> tuple[str, str]:
 
 def list_outputs(topic: Topic) -> list[OutputTopic]:
     """List the ROS 1 topics of a topic: our name and type, then those of the original."""
-    found = {topic.name: topic.ros_type}
+    ros_type = topic.ros_type
+    if ros_type == GPSFIX_ROS2:  # its package has another name in ROS 1
+        ros_type = GPSFIX_ROS1
+    found = {topic.name: ros_type}
     if topic.seed_alias:
         found.setdefault(topic.seed_alias, topic.seed_ros_type)
     if topic.name in _ACCIDENTAL:
@@ -74,6 +85,10 @@ def list_outputs(topic: Topic) -> list[OutputTopic]:
 
 
 def _make_converter(from_type: str, to_type: str) -> Convert:
+    if from_type == GPSFIX_ROS2:
+        return lambda data: bytes(
+            ros2_types().cdr_to_ros1(to_cdr(use_ros1_codes(_decode(data, from_type))), from_type)
+        )
     if (from_type, to_type) in _CHANGES:
         change = _CHANGES[from_type, to_type]
         return lambda data: _encode_ros1(change(_decode(data, from_type)), to_type)
@@ -97,12 +112,13 @@ def find_input(topic: Topic) -> InputTopic:
     if topic.seed_alias:
         name, ros_type = topic.seed_alias, topic.seed_ros_type or ros_type
     change = _BACK.get((ros_type, topic.ros_type))
-    if change is None and ros_type != topic.ros_type:
+    known_type = GPSFIX_ROS2 if ros_type == GPSFIX_ROS1 else ros_type  # to the types of ROS 2
+    if change is None and known_type != topic.ros_type:
         raise BridgeError(f"nothing turns {ros_type} into {topic.ros_type}")
 
     def convert(data: bytes) -> bytes:
         try:
-            cdr = bytes(ros2_types().ros1_to_cdr(data, ros_type))
+            cdr = bytes(ros2_types().ros1_to_cdr(data, known_type))
             return cdr if change is None else to_cdr(change(_decode(cdr, ros_type)))
         except Exception as error:  # the generated code of rosbags raises any error
             raise BridgeError(f"{len(data)} bytes are no {to_ros1_name(ros_type)}") from error

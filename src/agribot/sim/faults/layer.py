@@ -6,7 +6,7 @@ run, and one fault more changes nothing of the others.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -59,8 +59,12 @@ class FaultLayer:
     ) -> None:
         self.faults = tuple(faults)
         self._batch_faults = [
-            MAKERS[fault.name](
-                fault, FaultMaterial(make_stream(config.seed, f"fault {fault.name}"), robot, world)
+            (
+                fault.name,
+                MAKERS[fault.name](
+                    fault,
+                    FaultMaterial(make_stream(config.seed, f"fault {fault.name}"), robot, world),
+                ),
             )
             for fault in sorted(self.faults, key=_choose_place)
             if fault.name in MAKERS
@@ -80,9 +84,13 @@ class FaultLayer:
     def alter(self, batch: SensorBatch) -> SensorBatch:
         """Return the samples as the robot gets them."""
         self._note_changes(batch.t_s)
-        for fault in self._batch_faults:
+        for _, fault in self._batch_faults:
             batch = fault.alter(batch)
         return batch
+
+    def leave(self, names: Collection[str]) -> None:
+        """Let somebody else do what faults of these names do to samples."""
+        self._batch_faults = [one for one in self._batch_faults if one[0] not in names]
 
     def take_changes(self) -> list[FaultChange]:
         """Return what began and what ended since the last call."""

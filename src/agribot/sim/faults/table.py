@@ -121,7 +121,7 @@ FAULTS = (
               about="no wheel samples come, and commands are not heard"),
     FaultKind(name="disk.full", part="disk", words=("recording", "disk"),
               about="the disk has no room left for the recording"),
-    FaultKind(name="start.aside", part="start", words=("start", "mark"), typical="0.3",
+    FaultKind(name="start.aside", part="start", words=("start", "mark", "which row"), typical="0.3",
               value=Span(unit="m", low=1e-3, high=100.0, is_signed=True),
               is_momentary=True, at_start=True,
               about="the robot stands so far to the left of its start"),

@@ -28,11 +28,17 @@ class Wish(NamedTuple):
     requests: tuple[HandRequest, ...] = ()
 
 
-STOP = HandRequest("stop", wire.PressStop())
+# Keys of a terminal that ask for something beside driving.
+KEY_REQUESTS = {
+    "stop": HandRequest("stop", wire.PressStop()),
+    "nudge_left": HandRequest("nudge_left", wire.ControlMission(action="nudge_left")),
+    "nudge_right": HandRequest("nudge_right", wire.ControlMission(action="nudge_right")),
+}
 
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 _WORDS = re.compile(r"\x1b\[<(\d+);(\d+);(\d+)([Mm])|\x1b[\[O]([ABCD])|([\s\S])")
-_LETTERS = {"w": "up", "s": "down", "a": "left", "d": "right", " ": "stop", "q": "quit"}
+_LETTERS = {"w": "up", "s": "down", "a": "left", "d": "right", " ": "stop", "q": "quit",
+            ",": "nudge_left", ".": "nudge_right"}  # fmt: skip
 _DIRECTION = {"up": (1, 0), "down": (-1, 0), "left": (0, 1), "right": (0, -1)}
 
 

@@ -25,6 +25,7 @@ class FieldTask:
 
     waypoints: tuple[MapPoint, ...] = ()
     has_ways = True
+    explorer = None
     name = ""
     errand_planning_s = CHECKING_S
 

@@ -22,7 +22,7 @@ class RowTask:
 
     waypoints: tuple[MapPoint, ...] = ()
     has_crop = has_ways = True
-    bounds = work = None
+    bounds = work = explorer = None
     text = name = ""
     planning_s = errand_planning_s = 0.0
 

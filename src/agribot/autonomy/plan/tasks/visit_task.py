@@ -24,7 +24,7 @@ class VisitTask:
     tool = AT_ORIGIN
     has_crop, has_ways = True, False
     clearance_m = math.inf
-    work = None
+    work = explorer = None
     text = ""
     planning_s = errand_planning_s = 0.0
 

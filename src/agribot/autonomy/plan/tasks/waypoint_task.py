@@ -21,7 +21,7 @@ class WaypointTask:
 
     rows: tuple[Row, ...] = ()
     has_crop = has_ways = True
-    bounds = work = None
+    bounds = work = explorer = None
     text = name = ""
     planning_s = errand_planning_s = 0.0
 

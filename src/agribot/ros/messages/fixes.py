@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from rosbags.typesys.store import Typestore
 
+from agribot.ros.messages.gps_types import GPSFIX_ROS1, GPSFIX_ROS2
+
 NAVSATFIX = "sensor_msgs/msg/NavSatFix"
-GPSFIX_ROS1, GPSFIX_ROS2 = "gps_common/msg/GPSFix", "gps_msgs/msg/GPSFix"
 GPSFIXES = (GPSFIX_ROS1, GPSFIX_ROS2)
 
 _NO_FIX, _DGPS, _WAAS = -1, 18, 33

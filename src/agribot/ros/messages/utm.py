@@ -15,7 +15,7 @@ import numpy as np
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import RecordingError
-from agribot.record.bag.fixes import make_header
+from agribot.ros.messages.fixes import make_header
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 ROT_COVARIANCE = 99999.0  # rad^2: a position holds no orientation

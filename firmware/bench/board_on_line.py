@@ -1,0 +1,94 @@
+"""A board on a serial line of this computer, in real time.
+
+`python -m firmware.bench.board_on_line` prints the name of the line, such as /dev/pts/3; what opens
+it finds a board whose wheels turn in the air. With `imu` behind it is the IMU board.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+import threading
+import time
+import tty
+from pathlib import Path
+from types import TracebackType
+
+from firmware.bench.avr_bench import AvrBench, build_library, load_library
+from firmware.build import PREBUILT
+
+STEP_S = 0.002
+FULL_RADPS, LAG_S = 30.0, 0.05  # of a wheel in the air
+READ_BYTES = 4096
+
+
+class BoardOnLine:
+    """Runs a board in a thread of its own, between `with` and its end; `path` is the line."""
+
+    def __init__(self, bench: AvrBench) -> None:
+        self.bench = bench
+        self.speed_radps = [0.0, 0.0, 0.0, 0.0]
+        self._ours, self._theirs = os.openpty()
+        for end in (self._ours, self._theirs):
+            tty.setraw(end)
+        os.set_blocking(self._ours, False)
+        self.path = os.ttyname(self._theirs)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="board on a line", daemon=True)
+
+    def __enter__(self) -> BoardOnLine:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        self.unplug()
+
+    def unplug(self) -> None:
+        """End the board, and the line with it. Safe to call twice."""
+        if not self._ended.is_set():
+            self._ended.set()
+            self._thread.join()
+            os.close(self._ours)
+            os.close(self._theirs)
+
+    def _run(self) -> None:
+        begun_s = time.monotonic() - self.bench.t_s
+        while not self._ended.is_set():
+            self._exchange()
+            duty = self.bench.advance(STEP_S, self.speed_radps)
+            share = STEP_S / LAG_S
+            self.speed_radps = [
+                speed + (FULL_RADPS * one - speed) * share
+                for speed, one in zip(self.speed_radps, duty, strict=True)
+            ]
+            time.sleep(max(0.0, begun_s + self.bench.t_s - time.monotonic()))
+
+    def _exchange(self) -> None:
+        """Hand on the bytes of both ends; where nobody reads, the board's are lost."""
+        with contextlib.suppress(BlockingIOError):
+            self.bench.send(os.read(self._ours, READ_BYTES))
+        said = self.bench.receive()
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._ours, said)
+
+
+def main() -> None:
+    name = "imu_board" if "imu" in sys.argv[1:] else "motor_board"
+    with tempfile.TemporaryDirectory() as folder:
+        library = load_library(build_library(Path(folder)))
+        with BoardOnLine(AvrBench(library, PREBUILT / f"{name}.hex")) as board:
+            sys.stdout.write(f"{board.path}\n")
+            sys.stdout.flush()
+            try:
+                threading.Event().wait()
+            except KeyboardInterrupt:
+                sys.stderr.write("unplugged\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,258 @@
+"""The simulated robot with real firmware: every wheel sample and every command is bytes.
+
+simulator -> encoders, contacts, voltages and IMU of the board -> firmware, executed instruction by
+instruction -> frames -> codecs -> stack -> frames -> firmware -> duty of the motors -> simulator,
+in lock-step, so that a run repeats bit by bit. The bench that runs the firmware stands on simavr,
+whose licence keeps it outside of this package: it comes with the project's sources.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from agribot.app.firmware_faults import BELOW_THE_SAMPLES, BoardFaults
+from agribot.core.config import RunConfig
+from agribot.core.errors import ConfigError, PlatformError
+from agribot.core.home import find_home
+from agribot.core.messages import (
+    Four,
+    ImplementCommand,
+    Inbox,
+    OperatorEvent,
+    RobotCommand,
+    SensorBatch,
+)
+from agribot.core.robot import DriveSpec, RobotSpec
+from agribot.drivers.agribot_board import TOOL_OUTPUTS, make_board
+from agribot.drivers.board_link import BoardLink
+from agribot.drivers.schemes import SourceUri
+from agribot.drivers.uri_options import UriOptions
+
+if TYPE_CHECKING:
+    from agribot.app.run_setup import RunSetup
+    from agribot.core.world import WorldSpec
+    from agribot.sim.platform import SimPlatform
+
+BOARD_HZ = 100.0  # so often contacts, voltages and IMU change, and bytes are handed on
+BOOT_S = 2.0  # by then a board has spoken
+COUNTS_PER_TURN = 2048.0
+SUPPLY_V = 24.0
+STANDING_RADPS = 1e-5  # the next edge of an encoder would be minutes away
+MOST_SENSED_A = 24.0  # what the board's current sensors tell apart
+OPTIONS = (("counts_per_turn", f"{COUNTS_PER_TURN:g}"), ("full_speed_radps", "80"))
+
+
+class FirmwareMotors:
+    """The board on its bench between the wheels' encoders and the motors.
+
+    A motor is V = R I + k w and T = k I behind its gear; with no duty it is shorted, and brakes.
+    """
+
+    def __init__(self, bench: Any, drive: DriveSpec, faults: BoardFaults) -> None:
+        self._bench, self._drive, self._faults = bench, drive, faults
+
+    def drive(self, dt_s: float, speed_radps: Four) -> Four:
+        """Run the firmware for `dt_s`; gives the torques at the wheels, Nm."""
+        shown = self._faults.show(speed_radps)
+        turning = [speed if abs(speed) > STANDING_RADPS else 0.0 for speed in shown]
+        duties = self._bench.advance(dt_s, turning)
+        runaway_radps = self._faults.runaway_radps
+        if runaway_radps is not None:
+            duties = (self._drive.torque_constant_nmpa * runaway_radps / SUPPLY_V,) * 4
+        constant, winding = self._drive.torque_constant_nmpa, self._drive.winding_ohm
+        torques, currents = [], []
+        for duty, speed in zip(duties, speed_radps, strict=True):
+            current_a = (duty * SUPPLY_V - constant * speed) / winding
+            torque_nm = constant * current_a
+            gear = self._drive.gear_efficiency_ratio
+            torques.append(torque_nm * gear if torque_nm * speed >= 0.0 else torque_nm)
+            currents.append(min(abs(current_a), MOST_SENSED_A))
+        self._bench.set_currents(currents)
+        a, b, c, d = torques
+        return a, b, c, d
+
+
+class FirmwarePlatform:
+    """`simulator` ticks with BOARD_HZ and has `FirmwareMotors`; `bench` is the board of both."""
+
+    def __init__(
+        self, config: RunConfig, robot: RobotSpec, simulator: SimPlatform, bench: Any,
+        faults: BoardFaults,
+    ) -> None:  # fmt: skip
+        """Switch the board on, and wait until it has spoken.
+
+        Raises: ConfigError: ticks that the board's do not fit. PlatformError: the board is silent.
+        """
+        self._ticks, rest = divmod(BOARD_HZ, config.tick_hz)
+        if rest:
+            raise ConfigError(
+                f"platform = 'firmware' needs a tick_hz that divides {BOARD_HZ:g}, not "
+                f"{config.tick_hz:g}; take 50"
+            )
+        self.inbox = Inbox()
+        self._simulator, self._bench, self._faults = simulator, bench, faults
+        if simulator.faults is not None:
+            simulator.faults.leave(BELOW_THE_SAMPLES)
+        self._t_s = 0.0
+        options = UriOptions(SourceUri("firmware", "", "", OPTIONS))
+        self._link = BoardLink(make_board(robot, options), robot.drive, lambda: self._t_s)
+        self._implement = ImplementCommand()
+        self._boot()
+        # A person who starts a simulation has armed it.
+        self.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="start-up"))
+
+    def read(self) -> SensorBatch:
+        """Advance simulator and board by a tick; wheels, inputs and IMU are those of the board.
+
+        Raises: PlatformError: the simulator does.
+        """
+        batches = []
+        for _ in range(int(self._ticks)):
+            self._simulator.write(self._command_tool())
+            batches.append(self._simulator.read())
+            self._feel(batches[-1])
+            self._t_s = self._faults.t_s = batches[-1].t_s
+            self._link.feed(self._faults.carry(self._bench.receive()), self._t_s)
+        events, hand = self.inbox.drain(self._t_s)
+        told = self._link.take(self._t_s)
+        self._send(self._link.clear(self._t_s, events, told["board"]))
+        return msgspec.structs.replace(
+            _join(batches), t_s=self._t_s, events=events, hand=hand, **told
+        )
+
+    def write(self, command: RobotCommand) -> None:
+        """Send a command to the board.
+
+        Raises: PlatformError: a number is not finite.
+        """
+        self._implement = command.implement
+        self._send(self._link.command(command))
+
+    def close(self) -> None:
+        self._simulator.close()
+        self._bench.close()
+
+    def _send(self, data: bytes) -> None:
+        self._bench.send(self._faults.carry(data))
+
+    def _boot(self) -> None:
+        """Let the board begin, before the time of the run does."""
+        self._bench.send(self._link.board.open())
+        still = (0.0, 0.0, 0.0, 0.0)
+        for _ in range(round(BOOT_S * BOARD_HZ)):
+            self._bench.advance(1.0 / BOARD_HZ, still)
+            self._link.feed(self._bench.receive(), 0.0)
+            if self._link.has_spoken:
+                return
+            self._bench.send(self._link.board.poll())
+        why = self._link.board.trouble or f"it says nothing for {BOOT_S:g} s"
+        raise PlatformError(f"the firmware does not begin: {why}; build it anew")
+
+    def _command_tool(self) -> RobotCommand:
+        """Make the command of the tool: of what it was told, what the board lets it do."""
+        bits = self._bench.tool
+        sections = tuple(
+            is_on and (k >= TOOL_OUTPUTS or bool(bits >> k & 1))
+            for k, is_on in enumerate(self._implement.sections_on)
+        )
+        implement = msgspec.structs.replace(self._implement, sections_on=sections)
+        return RobotCommand(t_s=self._t_s, implement=implement)
+
+    def _feel(self, batch: SensorBatch) -> None:
+        """Let the board's inputs be what the simulator's sensors say."""
+        bench = self._bench
+        bench.set_bumper(pressed=bool(batch.bumper))
+        if batch.imu:
+            bench.set_imu(batch.imu[-1].accel_mps2, batch.imu[-1].gyro_radps)
+        if batch.mag:
+            bench.set_mag(batch.mag[-1].field_t)
+        if batch.battery:
+            bench.set_battery(batch.battery[-1].voltage_v)
+
+
+def _join(batches: list[SensorBatch]) -> SensorBatch:
+    """Put the batches of a tick together."""
+    fields = [name for name in SensorBatch.__struct_fields__ if name != "t_s"]
+    joined = {
+        name: tuple(sample for batch in batches for sample in getattr(batch, name))
+        for name in fields
+    }
+    return msgspec.structs.replace(batches[-1], **joined)
+
+
+def open_firmware(
+    setup: RunSetup, described: RobotSpec, world: WorldSpec
+) -> tuple[SimPlatform, FirmwarePlatform]:
+    """Open the simulator of a run with the firmware at its wheels, and the platform of both.
+
+    Raises: AgribotError: the bench cannot be built, or the settings do not fit.
+    """
+    from agribot.sim.faults.schedule import read_faults
+    from agribot.sim.platform import SimPlatform
+    from agribot.sim.random_streams import make_stream
+
+    config, began_s = setup.config, setup.earlier.sim_s
+    bench = open_bench()
+    found = read_faults(config, has_camera=described.camera is not None, began_s=began_s)
+    rng = make_stream(config.seed, "fault of the board's line")
+    faults = BoardFaults(found, described.drive, rng)
+    simulator = SimPlatform(
+        msgspec.structs.replace(config, tick_hz=BOARD_HZ), described, world,
+        board=setup.robot.drive, began_s=began_s,
+        driver=FirmwareMotors(bench, described.drive, faults),
+    )  # fmt: skip
+    return simulator, FirmwarePlatform(config, setup.robot, simulator, bench, faults)
+
+
+def find_firmware() -> Path:
+    """Find the folder `firmware/` of the project's sources.
+
+    Raises: ConfigError: it is not there.
+    """
+    named = os.environ.get("AGRIBOT_FIRMWARE")
+    places = [Path(named)] if named else []
+    places += [Path(__file__).parents[3] / "firmware", Path("firmware")]
+    for place in places:
+        if (place / "bench" / "avr_bench.py").is_file():
+            return place.resolve()
+    raise ConfigError(
+        "platform = 'firmware' needs the folder firmware/ of the project's sources; start it "
+        "there, or name the folder in AGRIBOT_FIRMWARE"
+    )
+
+
+def open_bench() -> Any:
+    """Put the prebuilt firmware of the motor board on its bench.
+
+    Raises: ConfigError: its sources, a C compiler or simavr are missing.
+    """
+    folder = find_firmware()
+    module = _load_module(folder / "bench" / "avr_bench.py")
+    cache = find_home() / "bench"
+    cache.mkdir(parents=True, exist_ok=True)
+    try:
+        library = module.load_library(module.build_library(cache))
+        return module.AvrBench(
+            library, folder / "prebuilt" / "motor_board.hex", counts_per_turn=COUNTS_PER_TURN
+        )
+    except RuntimeError as error:
+        raise ConfigError(f"platform = 'firmware': {error}") from error
+
+
+def _load_module(path: Path) -> ModuleType:
+    name = "agribot_firmware_bench"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module

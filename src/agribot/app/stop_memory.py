@@ -1,0 +1,121 @@
+"""A stop that nobody has cleared outlives the program, and a machine begins disarmed.
+
+Both are a stop in the inbox before the first tick: the recording holds it, and a replay repeats it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
+from pathlib import Path
+
+import msgspec
+
+from agribot.core.errors import PlatformError
+from agribot.core.home import find_home
+from agribot.core.messages import Inbox, OperatorEvent, TickRecord
+from agribot.core.whole_file import write_at_once
+
+DISARMED = "disarmed: a person looks that nobody is near and clears this stop, then resumes"
+FOLDER = "stops"
+
+
+class RememberedStop(msgspec.Struct, frozen=True, kw_only=True):
+    """Why the robot stands, since when, and the folder of the run that it befell."""
+
+    stopped: str
+    since: str
+    run: str
+    platform: str
+
+
+class StopMemory:
+    """A tap: keeps the stop of a platform in one file for as long as it is not cleared.
+
+    A thread writes, so that a slow disk does not hold up the control loop; `on_failure` gets the
+    time and the error. The file belongs to the machine: a run in another folder finds it, too.
+    """
+
+    on_failure: Callable[[float, str], None] | None = None
+
+    def __init__(self, platform: str, run: Path) -> None:
+        digest = hashlib.sha256(platform.encode()).hexdigest()[:16]
+        self.path = find_home() / FOLDER / f"{digest}.json"
+        self._platform, self._run = platform, run
+        self._stopped = ""
+        self._failure = self._told = ""
+        self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="stop-memory")
+
+    def read(self) -> RememberedStop | None:
+        """Read what is remembered.
+
+        Raises: PlatformError: the file cannot be read; the robot may have been stopped.
+        """
+        try:
+            return msgspec.json.decode(self.path.read_bytes(), type=RememberedStop)
+        except FileNotFoundError:
+            return None
+        except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
+            raise PlatformError(
+                f"{self.path}, which remembers a stop of this robot, cannot be read: {error}; look "
+                "after the robot, and remove the file"
+            ) from error
+
+    def hold_back(self, inbox: Inbox, *, is_armed: bool, is_cleared: bool) -> str:
+        """Let the robot begin stopped where it must; returns why, empty where it may drive.
+
+        `is_armed` and `is_cleared` are a person's word. The motor board is told of it.
+
+        Raises: PlatformError: the file cannot be read.
+        """
+        remembered = None if is_cleared else self.read()
+        why = "" if is_armed else DISARMED
+        if remembered is not None:
+            why = f"{remembered.stopped}, not cleared since {remembered.since}"
+            self._stopped = remembered.stopped
+        elif is_cleared:
+            self._forget()
+        if why:
+            inbox.post(OperatorEvent(t_s=0.0, action="stop", source="start-up", text=why))
+        else:
+            inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="start-up"))
+        return why
+
+    def __call__(self, record: TickRecord) -> None:
+        stopped = record.status.stopped
+        if stopped == DISARMED:
+            stopped = ""
+        if self._stopped and stopped.startswith(self._stopped):
+            stopped = self._stopped  # the words of the start are of the same stop
+        if stopped != self._stopped:
+            self._stopped = stopped
+            self._writer.submit(self._keep, stopped)
+        if self._failure != self._told and self.on_failure is not None:
+            self._told = self._failure
+            self.on_failure(record.batch.t_s, self._failure)
+
+    def close(self) -> None:
+        """Wait for the last write. Safe to call twice."""
+        self._writer.shutdown()
+
+    def _keep(self, stopped: str) -> None:
+        since = datetime.now(UTC).isoformat(timespec="seconds")
+        kept = RememberedStop(
+            stopped=stopped, since=since, run=str(self._run.resolve()), platform=self._platform
+        )
+        try:
+            if stopped:
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                write_at_once(self.path, msgspec.json.encode(kept), is_synced=True)
+            else:
+                self._forget()
+        except OSError as error:
+            self._failure = (
+                f"cannot write {self.path}: {error.strerror or error}; a stop is forgotten when "
+                "the program ends"
+            )
+
+    def _forget(self) -> None:
+        self.path.unlink(missing_ok=True)

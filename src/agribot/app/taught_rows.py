@@ -1,0 +1,146 @@
+"""Rows taught by driving: the track of a recording becomes lines that a field is read from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from agribot.core.errors import MissionError
+from agribot.core.geo import Datum, MapFrame
+from agribot.core.messages import FloatArray
+from agribot.gis.drawn_field import DrawnRow, format_drawn_field
+
+STEP_M = 0.05  # between points of a track; a robot that stands adds none
+# What bends more, over so much way, is a turn and no row; shorter stretches are none either.
+TURN_RADPM, BEND_OVER_M, SHORTEST_M = 0.25, 1.0, 2.0
+
+
+class DrivenTrack(NamedTuple):
+    """Where a robot drove: t_s, x and y (m, map) and 1 sigma of its place, (N, 4).
+
+    `marks_s` are when its driver marked the beginnings and the ends of rows.
+    """
+
+    points: FloatArray
+    marks_s: tuple[float, ...]
+    datum: Datum
+
+
+def teach_rows(recording: Path) -> tuple[str, int]:
+    """Make the text of a field file of a drive, and count its rows.
+
+    Rows run from one mark to the next; without marks, every stretch is one on which the robot
+    did not turn. Raises: AgribotError: not a recording, or one without a row.
+    """
+    path = recording / "run.mcap" if recording.is_dir() else recording
+    track = _read(path)
+    stretches = split_by_marks(track) if track.marks_s else split_by_turns(track.points)
+    if not stretches:
+        raise MissionError(
+            f"{path} has no stretch of {SHORTEST_M:g} m without a turn; drive along a row from end "
+            "to end, or mark its beginning and its end"
+        )
+    rows = [_draw(stretch) for stretch in stretches]
+    return format_drawn_field(rows, track.points[:, 1:3], track.datum), len(rows)
+
+
+def split_by_marks(track: DrivenTrack) -> list[FloatArray]:
+    """Cut the stretches between the first and second mark, the third and fourth, and so on.
+
+    Raises: MissionError: a row has no end, or no length.
+    """
+    marks_s = track.marks_s
+    if len(marks_s) % 2:
+        raise MissionError(
+            f"the drive has {len(marks_s)} marks; every row needs two, at its beginning and its end"
+        )
+    found = []
+    for number, (begin_s, end_s) in enumerate(zip(marks_s[::2], marks_s[1::2], strict=True), 1):
+        t_s = track.points[:, 0]
+        stretch = track.points[(t_s >= begin_s) & (t_s <= end_s)]
+        if len(stretch) < 2:
+            raise MissionError(f"row {number} has no length: its two marks were set at one place")
+        found.append(stretch)
+    return found
+
+
+def split_by_turns(points: FloatArray) -> list[FloatArray]:
+    """Cut a track, (N, 4), where it turns; short stretches between turns are left out."""
+    if len(points) < 3:
+        return []
+    step = np.diff(points[:, 1:3], axis=0)
+    way_m = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
+    half_m = BEND_OVER_M / 2.0
+    before, behind = (
+        np.column_stack([np.interp(way_m + side, way_m, points[:, axis]) for axis in (1, 2)])
+        for side in (-half_m, half_m)
+    )
+    came, goes = points[:, 1:3] - before, behind - points[:, 1:3]
+    across = came[:, 0] * goes[:, 1] - came[:, 1] * goes[:, 0]
+    turned_rad = np.arctan2(across, np.einsum("ij,ij->i", came, goes))
+    is_turn = np.abs(turned_rad) > TURN_RADPM * half_m
+    edges = np.flatnonzero(np.diff(is_turn)) + 1
+    runs = np.split(np.arange(len(points)), edges)
+    return [
+        points[run] for run in runs
+        if not is_turn[run[0]] and way_m[run[-1]] - way_m[run[0]] >= SHORTEST_M
+    ]  # fmt: skip
+
+
+def _draw(stretch: FloatArray) -> DrawnRow:
+    known = stretch[np.isfinite(stretch[:, 3]), 3]
+    std_m = math.sqrt(float(np.mean(known**2))) if len(known) else math.nan
+    return DrawnRow([(float(x_m), float(y_m)) for x_m, y_m in stretch[:, 1:3]], std_m)
+
+
+def _read(path: Path) -> DrivenTrack:
+    """Read a run of ours, or the fixes of any other recording."""
+    from agribot.core import topics
+    from agribot.record.bag.opening import open_bag
+
+    with open_bag(path) as bag:
+        is_ours = any(topic.name == topics.TICK.name for topic in bag.topics)
+    return _read_run(path) if is_ours else _read_fixes(path)
+
+
+def _read_run(path: Path) -> DrivenTrack:
+    from agribot.record.replay import read_config, read_ticks
+
+    points: list[tuple[float, float, float, float]] = []
+    marks_s: list[float] = []
+    for record in read_ticks(path):
+        here = record.estimate
+        marks_s += [record.batch.t_s for event in record.batch.events if event.action == "mark"]
+        if here.ok and _has_moved(points, here.x_map_m, here.y_map_m):
+            points.append((record.batch.t_s, here.x_map_m, here.y_map_m, here.pos_std_m))
+    return DrivenTrack(_make_table(points, path), tuple(marks_s), read_config(path).field.datum)
+
+
+def _read_fixes(path: Path) -> DrivenTrack:
+    from agribot.record.bag.track import read_track
+
+    fixes = read_track(path).points
+    if not fixes:
+        raise MissionError(f"{path} has no fix; nothing is known of where the robot drove")
+    datum = Datum(lat_deg=fixes[0].lat_deg, lon_deg=fixes[0].lon_deg, alt_m=fixes[0].alt_m)
+    frame, points = MapFrame(datum), list[tuple[float, float, float, float]]()
+    for fix in fixes:
+        x_m, y_m, _ = frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m)
+        if _has_moved(points, x_m, y_m):
+            points.append((fix.t_s, x_m, y_m, math.nan if fix.std_m is None else fix.std_m))
+    return DrivenTrack(_make_table(points, path), (), datum)
+
+
+def _has_moved(points: Sequence[tuple[float, ...]], x_m: float, y_m: float) -> bool:
+    return not points or math.dist(points[-1][1:3], (x_m, y_m)) >= STEP_M
+
+
+def _make_table(points: Sequence[tuple[float, ...]], path: Path) -> FloatArray:
+    if len(points) < 2:
+        raise MissionError(f"{path}: the robot did not move; nothing was taught")
+    table: FloatArray = np.array(points, dtype=np.float64)
+    return table

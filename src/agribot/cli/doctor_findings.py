@@ -1,0 +1,25 @@
+"""What a check of `agribot doctor` finds, and how it is told."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+State = Literal["ok", "missing", "warning", "bad"]
+
+
+class CheckResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What one check found; `detail` ends with what to do about it.
+
+    "missing" is what nobody must have, a "warning" what will trouble somebody, and only what is
+    "bad" makes the doctor's answer no.
+    """
+
+    what: str
+    state: State
+    detail: str
+
+
+def format_line(finding: CheckResult) -> str:
+    return f"{finding.state:8} {finding.what}: {finding.detail}"

@@ -1,0 +1,226 @@
+"""The motor board of `firmware/`: its frames as wheels, safety inputs and faults."""
+
+from __future__ import annotations
+
+import math
+
+from agribot.core.errors import ConfigError
+from agribot.core.messages import (
+    WHEEL_NAMES,
+    BatterySample,
+    BoardSample,
+    BumperSample,
+    Four,
+    ImplementCommand,
+    ImuSample,
+    MagSample,
+    SafetyInput,
+    WheelSample,
+)
+from agribot.core.robot import RobotSpec
+from agribot.drivers.board_codec import BoardDecoder, BoardEncoder
+from agribot.drivers.board_protocol import (
+    LAYOUT,
+    AskVersion,
+    BoardConfig,
+    BoardFlag,
+    BoardImu,
+    BoardKind,
+    BoardMessage,
+    BoardState,
+    BoardVersion,
+    ClearLatch,
+    StopCause,
+    WheelCommand,
+)
+from agribot.drivers.letter_imu import Axes, read_axes, turn_axes
+from agribot.drivers.motor_board import BoardReport, StampedReport
+from agribot.drivers.uri_options import UriOptions
+
+POLLS_PER_QUESTION = 10  # a board that did not answer is asked again
+MOST_COUNTPS = 32767
+WRAP_US = 1 << 32
+WRAP_SPAN_US = 60_000_000  # a clock that goes back from its last minute to its first wrapped around
+USB_V = 6.0  # less feeds no motor: the board runs on its USB line, and has no battery
+TOOL_OUTPUTS = 8
+CAUSES = {
+    StopCause.BEGAN: "it was switched on, or reset",
+    StopCause.ESTOP: "its red button was pressed",
+    StopCause.BUMPER: "its bumper was touched",
+    StopCause.BATTERY: "its battery is too low",
+    StopCause.MOTOR: "a motor was at fault",
+}
+
+
+class AgribotBoard:
+    """One board. It reads every safety input; how its motors are wired is in `config`."""
+
+    inputs: frozenset[SafetyInput] = frozenset({"red button", "bumper", "battery", "motors"})
+    latency_s = 0.003  # the IMU is read meanwhile, then 60 bytes go out at 250,000 baud
+
+    def __init__(
+        self, config: BoardConfig, counts_per_turn: float, bumper_x_m: float, axes: Axes
+    ) -> None:
+        """`counts_per_turn` of a wheel; the bumper is `bumper_x_m` ahead of the robot's middle.
+
+        `axes` says which of the IMU's axes point forward, left and up.
+        """
+        self._config, self._counts_per_rad = config, counts_per_turn / math.tau
+        self._bumper_x_m, self._axes = bumper_x_m, axes
+        self._mag_count: int | None = None
+        self._encoder, self._decoder = BoardEncoder(), BoardDecoder()
+        self._is_known, self._is_configured = False, False
+        self._polls = 0
+        self._t_us, self._epoch_us = 0, 0
+        self.trouble = ""
+
+    @property
+    def lost(self) -> int:
+        """How many frames of the board were lost since its line was opened."""
+        return self._decoder.lost + self._decoder.bad
+
+    def open(self) -> bytes:
+        self._decoder = BoardDecoder()
+        self._is_known = self._is_configured = False
+        self._t_us = self._epoch_us = 0
+        return b"\0" + self._ask()
+
+    def poll(self) -> bytes:
+        self._polls += 1
+        is_asked = self._polls % POLLS_PER_QUESTION == 0
+        return self._ask() if is_asked and not (self._is_known and self._is_configured) else b""
+
+    def feed(self, data: bytes) -> list[StampedReport]:
+        found = []
+        for frame in self._decoder.feed(data):
+            if isinstance(frame.message, BoardVersion):
+                self._check(frame.message)
+            elif isinstance(frame.message, BoardState) and self._is_known:
+                found.append(self._read(frame.message))
+            elif isinstance(frame.message, BoardImu) and self._is_known:
+                found.append(self._read_imu(frame.message))
+        return found
+
+    def drive(self, speeds_radps: Four, implement: ImplementCommand) -> bytes:
+        most, scale = self._config.max_speed_countps, self._counts_per_rad
+        a, b, c, d = (min(max(round(w * scale), -most), most) for w in speeds_radps)
+        sections = implement.sections_on[:TOOL_OUTPUTS]
+        tool = sum(1 << k for k, is_on in enumerate(sections) if is_on)
+        return self._write(WheelCommand(speed_countps=(a, b, c, d), tool=tool))
+
+    def clear_stop(self) -> bytes:
+        return self._write(ClearLatch())
+
+    def _ask(self) -> bytes:
+        return self._write(AskVersion()) + self._write(self._config)
+
+    def _write(self, message: BoardMessage) -> bytes:
+        return self._encoder.encode(message)[1]
+
+    def _check(self, version: BoardVersion) -> None:
+        number = ".".join(map(str, version.firmware))
+        if version.board is not BoardKind.MOTOR:
+            self.trouble = "this is the IMU board; give it to --source imu, and base its own line"
+        elif version.layout != LAYOUT:
+            self.trouble = (
+                f"its firmware {number} speaks another table of messages (layout "
+                f"{version.layout:#06x}, wanted {LAYOUT:#06x}); flash the firmware of this version"
+            )
+        else:
+            self.trouble, self._is_known = "", True
+
+    def _read(self, state: BoardState) -> StampedReport:
+        self._is_configured = BoardFlag.NOT_CONFIGURED not in state.flags
+        a, b, c, d = (count / self._counts_per_rad for count in state.counts)
+        e, f, g, h = (speed / self._counts_per_rad for speed in state.speed_countps)
+        has_battery = state.battery_v > USB_V
+        report = BoardReport(
+            wheels=WheelSample(
+                t_s=0.0, angle_rad=(a, b, c, d), speed_radps=(e, f, g, h),
+                faults=tuple(name for k, name in enumerate(WHEEL_NAMES)
+                             if state.motor_faults & (0x11 << k)),
+            ),
+            battery=BatterySample(
+                t_s=0.0, voltage_v=state.battery_v, current_a=sum(state.current_a),
+                charge_ratio=math.nan,
+            ) if has_battery else None,
+            bumper=BumperSample(t_s=0.0, x_body_m=self._bumper_x_m, y_body_m=0.0)
+            if BoardFlag.BUMPER_PRESSED in state.flags else None,
+            board=_read_board(state, has_battery=has_battery),
+        )  # fmt: skip
+        return StampedReport(self._stamp(state.t_us), report)
+
+    def _read_imu(self, imu: BoardImu) -> StampedReport:
+        is_new = imu.mag_count != self._mag_count and BoardFlag.MAG_FAULT not in imu.flags
+        is_first, self._mag_count = self._mag_count is None, imu.mag_count
+        report = BoardReport(
+            imu=ImuSample(
+                t_s=0.0, gyro_radps=turn_axes(imu.gyro_radps, self._axes),
+                accel_mps2=turn_axes(imu.accel_mps2, self._axes),
+            ),
+            mag=MagSample(t_s=0.0, field_t=turn_axes(imu.mag_t, self._axes))
+            if is_new and not is_first else None,
+        )  # fmt: skip
+        return StampedReport(self._stamp(imu.t_us), report)
+
+    def _stamp(self, t_us: int) -> float:
+        """Count on where the board's clock wraps around; a board that began anew is at zero."""
+        if t_us < self._t_us:
+            is_wrapped = self._t_us > WRAP_US - WRAP_SPAN_US and t_us < WRAP_SPAN_US
+            self._epoch_us = self._epoch_us + WRAP_US if is_wrapped else 0
+        self._t_us = t_us
+        return (self._epoch_us + t_us) * 1e-6
+
+
+def _read_board(state: BoardState, *, has_battery: bool) -> BoardSample:
+    flags, causes = state.flags, state.stop_causes
+    has_begun = StopCause.BEGAN in causes and BoardFlag.STOP_LATCHED in flags
+    hung = ("it hung, and its watchdog reset it",)
+    told = " and ".join(words for cause, words in CAUSES.items() if cause in causes)
+    return BoardSample(
+        t_s=0.0,
+        inputs=("red button", "bumper", "motors", *(("battery",) if has_battery else ())),
+        is_button_pressed=BoardFlag.ESTOP_PRESSED in flags,
+        stopped=(told or "for a reason that it does not tell")
+        if BoardFlag.STOP_LATCHED in flags
+        else "",
+        faults=hung if has_begun and BoardFlag.WATCHDOG_RESET in flags else (),
+    )
+
+
+def make_board(robot: RobotSpec, options: UriOptions) -> AgribotBoard:
+    """Make it for a robot; the options say what its description does not.
+
+    Raises: ConfigError: an option that is none, or speeds that the frames cannot carry.
+    """
+    drive = robot.drive
+    counts = options.pop_number(
+        "counts_per_turn", drive.encoder_ticks_per_rev * drive.gear_ratio, 4.0, 1e6
+    )
+    countps_per_mps = counts / math.tau / drive.wheel_radius_m
+    half_m = drive.effective_separation_m / 2.0
+    top = (drive.max_speed_mps + drive.max_yaw_rate_radps * half_m) * countps_per_mps
+    accel = (drive.max_accel_mps2 + drive.max_yaw_accel_radps2 * half_m) * countps_per_mps
+    full = options.pop_number("full_speed_radps", 1.25 * top / counts * math.tau, 0.1, 1e3)
+    full_countps = full * counts / math.tau
+    if max(top, full_countps) > MOST_COUNTPS:
+        raise ConfigError(
+            f"counts_per_turn={counts:g} makes {max(top, full_countps):.0f} counts a second at "
+            f"full speed > {MOST_COUNTPS}, more than the board counts; use an encoder with fewer "
+            "lines, or lower full_speed_radps"
+        )
+    config = BoardConfig(
+        full_speed_countps=round(full_countps),
+        max_speed_countps=round(min(top, full_countps)),
+        max_accel_countps2=round(min(accel, 655_350)),
+        kp_ratio=options.pop_number("kp", 0.75, 0.0, 4.0),
+        ti_s=options.pop_number("ti_s", 0.15, 0.02, 60.0),
+        current_limit_a=options.pop_number("current_limit_a", 10.0, 0.1, 65.0),
+        battery_cutoff_v=options.pop_number("battery_cutoff_v", 18.0, 0.0, 65.0),
+        motor_flips=round(options.pop_number("motor_flips", 0.0, 0.0, 15.0)),
+        encoder_flips=round(options.pop_number("encoder_flips", 0.0, 0.0, 15.0)),
+    )
+    nose_m = drive.wheelbase_m / 2.0 + drive.wheel_radius_m
+    bumper_x_m = options.pop_number("bumper_x_m", nose_m, -5.0, 5.0)
+    axes = read_axes(options.pop_text("axes", "x,y,z"))
+    return AgribotBoard(config, counts, bumper_x_m, axes)

@@ -1,0 +1,90 @@
+"""The kinds of motor boards by name, and the line on which one is: `serial:/dev/x?board=vesc`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from agribot.core import extras
+from agribot.core.errors import ConfigError
+from agribot.core.named_functions import find_function
+from agribot.core.robot import RobotSpec
+from agribot.core.suggestions import suggest_name
+from agribot.drivers.byte_streams import OpenStream, SerialStream, TcpStream
+from agribot.drivers.motor_board import MotorBoard
+from agribot.drivers.schemes import BASE, SourceUri, read_uri
+from agribot.drivers.stream_sources import read_address
+from agribot.drivers.uri_options import UriOptions
+
+MakeBoard = Callable[[RobotSpec, UriOptions], MotorBoard]
+
+
+class BoardLine(NamedTuple):
+    """A board, how its line is opened, and the name of that line."""
+
+    board: MotorBoard
+    open_stream: OpenStream
+    name: str
+
+
+class _Kind(NamedTuple):
+    maker: MakeBoard | str
+    baud: int
+
+
+_KINDS: dict[str, _Kind] = {
+    "agribot": _Kind("agribot.drivers.agribot_board:make_board", 250_000),
+    "vesc": _Kind("agribot.drivers.vesc:make_board", 115_200),
+    "odrive": _Kind("agribot.drivers.odrive:make_board", 115_200),
+}
+EXAMPLE = "--source base=serial:/dev/ttyACM0?board=agribot"
+
+
+def register_board(name: str, maker: MakeBoard | str, baud: int = 115_200) -> None:
+    """Let `board=NAME` of `--source base=` choose a board of your own.
+
+    Raises: ConfigError: the name is taken.
+    """
+    if name in _KINDS:
+        raise ConfigError(f"the board {name!r} is registered already; choose another name")
+    _KINDS[name] = _Kind(maker, baud)
+
+
+def open_board(uri_text: str, robot: RobotSpec) -> BoardLine:
+    """Make the board that a URI names, without opening its line.
+
+    Raises: ConfigError: none is named, or the URI means nothing.
+    """
+    if not uri_text:
+        raise ConfigError(
+            f"platform = 'hardware' needs its motor board: add {EXAMPLE} "
+            f"(boards: {', '.join(_KINDS)})"
+        )
+    uri = read_uri("--source", uri_text, f"{BASE}=")
+    options = UriOptions(uri)
+    name = options.pop_text("board", "agribot")
+    if name not in _KINDS:
+        raise ConfigError(
+            f"--source {BASE}={uri_text}: board={name}{suggest_name(name, list(_KINDS))}; known: "
+            f"{', '.join(_KINDS)}"
+        )
+    kind = _KINDS[name]
+    open_stream = _find_line(uri, options, kind.baud)
+    maker: MakeBoard = find_function(kind.maker, f"board={name}")
+    board = maker(robot, options)
+    options.check_empty()
+    return BoardLine(board, open_stream, uri.name)
+
+
+def _find_line(uri: SourceUri, options: UriOptions, default_baud: int) -> OpenStream:
+    if uri.scheme == "tcp":
+        host, port = read_address(uri, None)
+        return lambda: TcpStream(host, port)
+    if uri.scheme != "serial":
+        raise ConfigError(
+            f"--source {BASE}={uri.scheme}:{uri.name}: a motor board is on a serial line or a TCP "
+            f"port: {EXAMPLE}, or tcp://HOST:PORT"
+        )
+    extras.require("hardware", f"--source {BASE}=serial:{uri.path}")
+    baud = int(options.pop_number("baud", default_baud, 300, 4_000_000))
+    return lambda: SerialStream(uri.path, baud)

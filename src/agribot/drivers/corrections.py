@@ -1,0 +1,163 @@
+"""Corrections of a base station on their way from a caster to a receiver.
+
+A thread of its own asks the caster, passes whole RTCM messages on, tells it every ten seconds
+where the receiver is (virtual base stations want to know), and asks again after a loss. Neither
+the control loop nor the thread that reads the receiver waits for it.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import NamedTuple
+
+from agribot.drivers.byte_streams import ByteStream, TcpStream
+from agribot.drivers.ntrip import AnswerDecoder, Caster, CasterLogin, CasterRefusal, write_request
+from agribot.drivers.rtcm import RtcmDecoder
+
+_CLOSE_S = 1.0  # a name that nobody resolves holds the thread up for longer; it ends by itself
+
+
+class CorrectionTiming(NamedTuple):
+    """How long to wait: casters shut those out who ask too often."""
+
+    gga_period_s: float = 10.0
+    stall_s: float = 15.0  # without a message the line counts as dead
+    first_wait_s: float = 1.0  # between two tries, then twice that, and so on
+    longest_wait_s: float = 60.0
+
+
+class CorrectionState(NamedTuple):
+    """Age of the last message, None before the first; messages passed on by RTCM number."""
+
+    age_s: float | None
+    counts: dict[int, int]
+
+
+class CorrectionLink:
+    """Feeds a receiver from a caster until it is closed.
+
+    `write` gives bytes to the receiver and tells whether it took them, `position` is a GGA
+    sentence, empty while there is no fix. `tell` hears once that corrections come (and true), are
+    lost, and why there are none (and false).
+    """
+
+    def __init__(
+        self,
+        caster: Caster,
+        login: CasterLogin | None,
+        write: Callable[[bytes], bool],
+        position: Callable[[], bytes],
+        tell: Callable[[str, bool], None],
+        timing: CorrectionTiming | None = None,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._caster, self._login, self._write = caster, login, write
+        self._position, self._tell, self._now_s = position, tell, now_s
+        self._timing = timing or CorrectionTiming()
+        self._counts: Counter[int] = Counter()
+        self._last_s: float | None = None
+        self._has_come = self._is_flowing = False
+        self._told = ""
+        self._version = 2
+        self._ended = threading.Event()
+        self._thread = threading.Thread(
+            target=self._run, name=f"corrections from {caster.name}", daemon=True
+        )
+        self._thread.start()
+
+    def state(self) -> CorrectionState:
+        """Tell how fresh the corrections are; any thread may ask."""
+        last_s = self._last_s
+        return CorrectionState(
+            None if last_s is None else max(self._now_s() - last_s, 0.0), dict(self._counts.copy())
+        )
+
+    def close(self) -> None:
+        """End the thread. Safe to call twice."""
+        self._ended.set()
+        self._thread.join(_CLOSE_S)
+
+    def _run(self) -> None:
+        wait_s = self._timing.first_wait_s
+        while not self._ended.is_set():
+            self._is_flowing = False
+            why = self._try()
+            if self._ended.is_set():
+                return
+            self._tell_why(why)
+            wait_s = self._timing.first_wait_s if self._is_flowing else wait_s
+            if self._ended.wait(wait_s):
+                return
+            wait_s = min(2.0 * wait_s, self._timing.longest_wait_s)
+
+    def _try(self) -> str:
+        """Ask, and pass on until it ends; returns why it did."""
+        try:
+            stream = TcpStream(self._caster.host, self._caster.port)
+        except OSError as error:
+            return f"{error.strerror or error}"
+        try:
+            self._pass_on(stream)
+        except CasterRefusal as error:
+            if error.is_of_version:
+                self._version = 3 - self._version
+            return str(error)
+        except OSError as error:
+            return f"{error.strerror or error}"
+        finally:
+            stream.close()
+        return ""
+
+    def _pass_on(self, stream: ByteStream) -> None:
+        gga = self._position()
+        stream.write(write_request(self._caster, self._login, self._version, gga))
+        answer = AnswerDecoder(self._caster, has_login=self._login is not None)
+        messages = RtcmDecoder()
+        asked_s = self._now_s()
+        told_s = asked_s if gga and self._version == 2 else asked_s - self._timing.gga_period_s
+        while not self._ended.is_set():
+            try:
+                data = stream.read()
+            except ConnectionResetError:
+                answer.end()
+                raise
+            for message in messages.feed(answer.feed(data)) if data else ():
+                asked_s = self._now_s()
+                self._take(message.kind, message.data)
+            now_s = self._now_s()
+            if now_s - asked_s > self._timing.stall_s:
+                raise CasterRefusal(self._explain_stall(messages.junk))
+            if answer.is_open and now_s - told_s >= self._timing.gga_period_s:
+                gga = self._position()
+                stream.write(gga)
+                told_s = now_s if gga else told_s
+
+    def _take(self, kind: int, data: bytes) -> None:
+        if not self._write(data):  # unplugged, or the line is full: old corrections are no use
+            return
+        self._counts[kind] += 1
+        self._last_s = self._now_s()
+        if not self._is_flowing:
+            self._is_flowing, self._told = True, ""
+            word = "are back" if self._has_come else "come"
+            self._has_come = True
+            self._tell(f"corrections from {self._caster.name} {word}", True)
+
+    def _explain_stall(self, junk: int) -> str:
+        if junk and not self._is_flowing:
+            return f"{junk} bytes came that are no RTCM 3; choose a mountpoint in that format"
+        lacks_fix = "" if self._position() else "; the receiver has no position yet to tell it"
+        return f"nothing came for {self._timing.stall_s:g} s{lacks_fix}"
+
+    def _tell_why(self, why: str) -> None:
+        """Tell each reason once, until corrections come again."""
+        if why == self._told:
+            return
+        self._told = why
+        name = self._caster.name
+        lost = f"corrections from {name} are lost"
+        state = lost if self._is_flowing else f"no corrections from {name}"
+        self._tell(f"{state}: {why}; trying again", False)

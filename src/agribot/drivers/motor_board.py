@@ -1,0 +1,78 @@
+"""A motor board without its line: bytes in become what it reports, wheel speeds become bytes out.
+
+A board of your own is one class in one file and a line in `board_kinds`. It is given bytes, cut
+anywhere, and never opens a port: `HardwarePlatform` does.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import msgspec
+
+from agribot.core.messages import (
+    BatterySample,
+    BoardSample,
+    BumperSample,
+    Four,
+    ImplementCommand,
+    ImuSample,
+    MagSample,
+    SafetyInput,
+    WheelSample,
+)
+
+
+class BoardReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What a board measured at one moment; whatever it does not measure is None.
+
+    The times of the parts are those of the report, which the platform puts in. Inertial and
+    magnetic readings come in reports of their own.
+    """
+
+    t_s: float = 0.0
+    wheels: WheelSample | None = None
+    imu: ImuSample | None = None
+    mag: MagSample | None = None
+    battery: BatterySample | None = None
+    bumper: BumperSample | None = None
+    board: BoardSample | None = None
+
+
+class StampedReport(msgspec.Struct, frozen=True):
+    """`stamp_s` is of the board's clock, which may begin anew with it; 0 where it has none."""
+
+    stamp_s: float
+    report: BoardReport
+
+
+class MotorBoard(Protocol):
+    """One kind of board. `inputs` are the safety inputs that it can read.
+
+    `latency_s` passes at least between the measurement and the last byte of its report. `trouble`
+    says why this board cannot be driven, such as a firmware of another age; empty where it can.
+    """
+
+    inputs: frozenset[SafetyInput]
+    latency_s: float
+    trouble: str
+
+    def open(self) -> bytes:
+        """Begin with a board that was just connected; returns what it is to be told first."""
+        ...
+
+    def poll(self) -> bytes:
+        """Make what the board is to be asked or told now; called once a tick."""
+        ...
+
+    def feed(self, data: bytes) -> list[StampedReport]:
+        """Take bytes in; broken ones are left out."""
+        ...
+
+    def drive(self, speeds_radps: Four, implement: ImplementCommand) -> bytes:
+        """Make the command for the wheels, in the order of WHEEL_NAMES; called once a tick."""
+        ...
+
+    def clear_stop(self) -> bytes:
+        """Make what tells the board that a person cleared the stop."""
+        ...

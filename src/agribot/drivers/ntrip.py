@@ -1,0 +1,284 @@
+"""NTRIP, the protocol of correction services: what is asked, and what the answer means.
+
+Sources: RTCM 10410.0 (version 1) and 10410.1 (version 2, over HTTP/1.1 with RFC 9112's chunks).
+No input or output here; `corrections.py` holds the line.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import netrc
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import urlsplit
+
+from agribot.core.errors import ConfigError
+from agribot.core.suggestions import suggest_name
+from agribot.core.version import __version__
+
+PORT = 2101
+LOGIN_VARIABLE = "AGRIBOT_NTRIP_LOGIN"
+LOGIN_HELP = f"'machine HOST login USER password WORD' in ~/.netrc, or {LOGIN_VARIABLE}=USER:WORD"
+_AGENT = f"NTRIP agribot/{__version__}"
+_LONGEST_HEAD, _LONGEST_TABLE, _LONGEST_CHUNK = 16_384, 1 << 20, 1 << 20
+_LONGEST_LINE = 80  # of a caster's words that are told
+_NAMES = 8  # of mountpoints that are told
+_NO_CASTER = "what answers there is no NTRIP caster; check host and port"
+
+
+class Caster(NamedTuple):
+    """Where corrections come from."""
+
+    host: str
+    port: int
+    mount: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.host}:{self.port}/{self.mount}"
+
+
+class CasterLogin(NamedTuple):
+    """Of a person at a caster; it never appears in a text."""
+
+    user: str
+    password: str
+
+    def __repr__(self) -> str:
+        return "CasterLogin(...)"
+
+
+class CasterRefusal(Exception):
+    """A caster does not give what it was asked for; the text says why and what to do.
+
+    `is_of_version` is set where another version of the protocol may do.
+    """
+
+    def __init__(self, text: str, *, is_of_version: bool = False) -> None:
+        super().__init__(text)
+        self.is_of_version = is_of_version
+
+
+def read_caster(text: str) -> Caster:
+    """Read ntrip://HOST:PORT/MOUNT, or HOST:PORT/MOUNT.
+
+    Raises: ConfigError: it names no mountpoint, or holds a login.
+    """
+    check_no_login(text)
+    try:
+        parts = urlsplit(text if "//" in text else f"ntrip://{text}")
+        host, port = parts.hostname or "", PORT if parts.port is None else parts.port
+    except ValueError:
+        host, port, parts = "", 0, urlsplit("")
+    mount = parts.path.strip("/")
+    is_plain = mount.isascii() and mount.isprintable() and not set(mount) & set(" /?#\\")
+    is_whole = host and port and mount and is_plain and not (parts.query or parts.fragment)
+    if parts.scheme != "ntrip" or not is_whole:
+        raise ConfigError(f"ntrip={text}: write ntrip://HOST:PORT/MOUNTPOINT")
+    return Caster(host, port, mount)
+
+
+def check_no_login(text: str) -> None:
+    """Refuse a login where settings are, for these stand in every recording of a run.
+
+    Raises: ConfigError: there is one; it is not repeated.
+    """
+    if "@" in text:
+        raise ConfigError(
+            f"ntrip=...@...: a login here would stand in every recording; write {LOGIN_HELP}, "
+            "and leave it out here"
+        )
+
+
+def find_login(host: str, environment: Mapping[str, str], home: Path) -> CasterLogin | None:
+    """Find the login for a caster in the environment or else in `home`/.netrc; None without one.
+
+    Raises: ConfigError: a file that cannot be read, or half a login.
+    """
+    told = environment.get(LOGIN_VARIABLE, "")
+    if told:
+        user, colon, password = told.partition(":")
+        if not colon or not user:
+            raise ConfigError(f"{LOGIN_VARIABLE}: write USER:WORD")
+        return CasterLogin(user, password)
+    path = home / ".netrc"
+    try:
+        found = netrc.netrc(str(path)).authenticators(host)
+    except FileNotFoundError:
+        return None
+    except netrc.NetrcParseError as error:  # its text may repeat a password
+        raise ConfigError(f"{path}, line {error.lineno}: it is no netrc; see man netrc") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read ({type(error).__name__}); mend it") from None
+    return CasterLogin(found[0], found[2] or "") if found else None
+
+
+def write_request(
+    caster: Caster, login: CasterLogin | None, version: int, gga: bytes = b""
+) -> bytes:
+    """Write the request for a mountpoint; `gga` tells version 2 at once where the rover is."""
+    lines = [f"GET /{caster.mount} HTTP/1.{version - 1}"]
+    if version == 2:
+        lines += [f"Host: {caster.host}:{caster.port}", "Ntrip-Version: Ntrip/2.0"]
+    lines += [f"User-Agent: {_AGENT}"]
+    if login is not None:
+        word = f"{login.user}:{login.password}".encode()
+        lines += [f"Authorization: Basic {base64.b64encode(word).decode()}"]
+    if version == 2:
+        lines += [f"Ntrip-GGA: {gga.decode().strip()}"] if gga else []
+        lines += ["Connection: close"]
+    return ("\r\n".join(lines) + "\r\n\r\n").encode()
+
+
+class AnswerDecoder:
+    """Reads a caster's answer from its bytes: first the head, then what the mountpoint sends."""
+
+    def __init__(self, caster: Caster, *, has_login: bool) -> None:
+        self._caster, self._has_login = caster, has_login
+        self._waiting = bytearray()
+        self._chunks: _Chunks | None = None
+        self._is_table = False
+        self.is_open = False  # the caster said yes
+
+    def feed(self, data: bytes) -> bytes:
+        """Take bytes of the caster; gives those of the mountpoint.
+
+        Raises: CasterRefusal: it says no, sends a list of mountpoints, or speaks no NTRIP.
+        """
+        if self.is_open:
+            return self._chunks.feed(data) if self._chunks else data
+        self._waiting += data
+        if not self._is_table and not self._read_head():
+            return b""
+        if self._is_table:
+            if b"ENDSOURCETABLE" in self._waiting or len(self._waiting) > _LONGEST_TABLE:
+                self.end()
+            return b""
+        rest = bytes(self._waiting)
+        self._waiting.clear()
+        return self._chunks.feed(rest) if self._chunks else rest
+
+    def end(self) -> None:
+        """Say what it means that the caster closed the line now.
+
+        Raises: CasterRefusal: always.
+        """
+        if self._is_table:
+            raise CasterRefusal(self._explain_table(bytes(self._waiting)))
+        if self.is_open:
+            raise CasterRefusal("the caster closed the line")
+        raise CasterRefusal("the caster closed the line without an answer", is_of_version=True)
+
+    def _read_head(self) -> bool:
+        """Read the first line and, of HTTP, those up to the empty one; tell whether it is there."""
+        first, newline, rest = bytes(self._waiting).partition(b"\n")
+        line = _clean(first)
+        if not newline:
+            if len(first) > _LONGEST_HEAD or not _may_begin(first):
+                raise CasterRefusal(_NO_CASTER)
+            return False
+        if line.startswith("HTTP/1.") and " 200" in line[8:13]:
+            head, end, rest = bytes(self._waiting).partition(b"\r\n\r\n")
+            if not end:
+                if len(head) > _LONGEST_HEAD:
+                    raise CasterRefusal(f"the head of its answer exceeds {_LONGEST_HEAD} bytes")
+                return False
+            self._read_http(_read_fields(head))
+        elif line.startswith("SOURCETABLE 200"):
+            self._is_table = True
+        elif not line.startswith("ICY 200"):
+            self._refuse(line)
+        self.is_open = not self._is_table
+        self._waiting[:] = rest
+        return True
+
+    def _read_http(self, fields: Mapping[str, str]) -> None:
+        kind = fields.get("content-type", "").lower()
+        if kind.startswith("text/html"):
+            raise CasterRefusal(_NO_CASTER)
+        if "chunked" in fields.get("transfer-encoding", "").lower():
+            self._chunks = _Chunks()
+        self._is_table = "sourcetable" in kind
+
+    def _refuse(self, line: str) -> None:
+        words = line.upper()
+        if " 401" in words or "PASSWORD" in words or "UNAUTHORIZED" in words:
+            raise CasterRefusal(
+                f"the caster refuses the login; check {LOGIN_HELP}"
+                if self._has_login
+                else f"the caster wants a login: {LOGIN_HELP}"
+            )
+        if " 404" in words or "MOUNT" in words:
+            raise CasterRefusal(f"the caster has no mountpoint '{self._caster.mount}' now")
+        if not words.startswith(("HTTP/", "ICY", "ERROR")):
+            raise CasterRefusal(_NO_CASTER)
+        raise CasterRefusal(
+            f"the caster answers '{line}'", is_of_version=" 400" in words or " 505" in words
+        )
+
+    def _explain_table(self, table: bytes) -> str:
+        words = [_clean(line).split(";") for line in table.splitlines()]
+        names = [w[1] for w in words if w[0] == "STR" and len(w) > 1]
+        more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
+        has = f"it has {', '.join(names[:_NAMES])}{more}" if names else "its list is empty"
+        mount = self._caster.mount
+        return f"the caster has no mountpoint '{mount}'{suggest_name(mount, names)}; {has}"
+
+
+class _Chunks:
+    """Takes the chunks of RFC 9112, section 7.1, apart."""
+
+    def __init__(self) -> None:
+        self._line = bytearray()
+        self._left = 0  # of the present chunk, with the line's end behind it
+
+    def feed(self, data: bytes) -> bytes:
+        body = bytearray()
+        while data:
+            if self._left:
+                part, data = data[: self._left], data[self._left :]
+                # The last two bytes of a chunk are its line's end.
+                body += part[: max(self._left - 2, 0)]
+                self._left -= len(part)
+                continue
+            line, newline, data = data.partition(b"\n")
+            self._line += line
+            if len(self._line) > _LONGEST_HEAD:
+                raise CasterRefusal("a chunk without a length")
+            if newline:
+                self._left = self._read_length(bytes(self._line)) + 2
+                self._line.clear()
+        return bytes(body)
+
+    def _read_length(self, line: bytes) -> int:
+        word = line.partition(b";")[0].strip()
+        try:
+            length = int.from_bytes(binascii.unhexlify(word.rjust(len(word) + len(word) % 2, b"0")))
+        except binascii.Error:
+            raise CasterRefusal("a chunk whose length is none") from None
+        if not word:
+            raise CasterRefusal("a chunk without a length")
+        if length > _LONGEST_CHUNK:
+            raise CasterRefusal(f"a chunk of {length} bytes; the limit is {_LONGEST_CHUNK}")
+        if length == 0:
+            raise CasterRefusal("the caster ended the stream")
+        return length
+
+
+def _may_begin(first: bytes) -> bool:
+    """Tell whether bytes without a line's end may be the beginning of an answer."""
+    known = (b"HTTP/1.", b"ICY 200", b"SOURCETABLE", b"ERROR")
+    return any(word.startswith(first[: len(word)]) for word in known)
+
+
+def _read_fields(head: bytes) -> dict[str, str]:
+    pairs = (line.decode("latin-1").partition(":") for line in head.splitlines()[1:])
+    return {name.strip().lower(): value.strip() for name, _, value in pairs}
+
+
+def _clean(line: bytes) -> str:
+    """Make a caster's words fit to be told: printable ASCII, not too many."""
+    text = line.decode("latin-1").strip()
+    return "".join(c if c.isascii() and c.isprintable() else "?" for c in text)[:_LONGEST_LINE]

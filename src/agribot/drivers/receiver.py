@@ -1,0 +1,224 @@
+"""A GNSS receiver on a line: its fixes, heading and status, and corrections on their way to it.
+
+A receiver may speak UBX or NMEA; which, its bytes tell, and UBX counts where it speaks both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from agribot.core.geo import yaw_from_compass_deg
+from agribot.core.messages import SENSOR_WATCH, GnssFix, GnssHeading, GnssStatus, OperatorEvent
+from agribot.core.platform import Sensor
+from agribot.core.stamp_clock import SampleQueue
+from agribot.drivers import gpsd, nmea, ubx
+from agribot.drivers.byte_streams import ByteStream, OpenStream, StreamReader
+from agribot.drivers.corrections import CorrectionLink
+from agribot.drivers.ntrip import Caster, CasterLogin
+from agribot.drivers.sky import Sky
+
+ReceiverSample = GnssFix | GnssHeading | GnssStatus
+_MOST_OTHERS = 8  # receivers that are told of
+_SILENT_REPORTS = 20  # of another receiver; two seconds and more
+_MOST_NOTES = 32  # that wait for a tick
+Stamped = list[tuple[float, ReceiverSample]]
+
+
+class HeadingMount(NamedTuple):
+    """How two antennas stand on the robot, and how good a heading is that tells no accuracy.
+
+    `offset_deg` is from forward to the line from the first antenna to the second, clockwise;
+    `std_deg` is that of a metre of baseline by the data sheet of the ZED-F9P.
+    """
+
+    offset_deg: float = 0.0
+    std_deg: float = 0.4
+
+    def make_heading(self, heading_deg: float, std_deg: float) -> GnssHeading:
+        """Make the robot's heading of the antennas', in degrees clockwise from North."""
+        return GnssHeading(
+            t_s=0.0,
+            yaw_map_rad=yaw_from_compass_deg(heading_deg - self.offset_deg),
+            std_rad=math.radians(std_deg),
+        )
+
+
+class ReceiverDecoder:
+    """A receiver that speaks UBX, NMEA or both; of both, UBX tells the accuracy."""
+
+    def __init__(self, refuse: Callable[[str], None], mount: HeadingMount | None = None) -> None:
+        self._refuse, self._mount = refuse, mount or HeadingMount()
+        self._sentences, self._frames = nmea.SentenceDecoder(), ubx.UbxDecoder()
+        self._from_nmea, self._from_ubx = nmea.NmeaFixes(refuse), ubx.UbxFixes()
+        self._speaks_ubx = False
+        self.sky = Sky()
+        self.last_fix: nmea.StampedFix | None = None
+
+    def feed(self, data: bytes) -> Stamped:
+        found: Stamped = []
+        for frame in self._frames.feed(data):
+            self._speaks_ubx |= frame.kind == ubx.NAV_PVT
+            self.sky.add_frame(frame)
+            baseline = ubx.read_baseline(frame)
+            if baseline is not None:
+                heading = self._mount.make_heading(baseline.heading_deg, baseline.std_deg)
+                found.append((baseline.stamp_s, heading))
+            for fix in self._from_ubx.add(frame):
+                self._add_fix(found, fix)
+        for sentence in self._sentences.feed(data):
+            self._add_sentence(found, sentence)
+        return found
+
+    def _add_sentence(self, found: Stamped, sentence: nmea.Sentence) -> None:
+        fix = self._from_nmea.add(sentence)
+        if self._speaks_ubx:
+            return
+        try:
+            self.sky.add_sentence(sentence)
+            heading_deg = nmea.read_heading_deg(sentence)
+        except (ValueError, IndexError) as error:
+            self._refuse(f"{sentence.kind} that cannot be read: {error}")
+            heading_deg = None
+        if heading_deg is not None:
+            heading = self._mount.make_heading(heading_deg, self._mount.std_deg)
+            found.append((self._from_nmea.stamp_s, heading))
+        if fix is not None:
+            self._add_fix(found, fix)
+
+    def _add_fix(self, found: Stamped, fix: nmea.StampedFix) -> None:
+        self.last_fix = fix
+        found.append((fix.stamp_s, fix.fix))
+        status = self.sky.make_status(fix.stamp_s)
+        if status is not None:
+            found.append((fix.stamp_s, status))
+
+
+class GpsdDecoder:
+    """Reports of gpsd about one receiver; that of `device`, or the first that it tells of.
+
+    Without `device` another one takes its place that speaks while the first is silent: a receiver
+    that was unplugged may come back under another name.
+    """
+
+    def __init__(self, refuse: Callable[[str], None], device: str = "") -> None:
+        self._refuse, self._device = refuse, device
+        self._is_chosen = bool(device)
+        self._others: set[str] = set()
+        self._of_others = 0  # positions since the last one of ours
+        self._lines, self._fixes = gpsd.JsonLineDecoder(), gpsd.GpsdFixes(refuse)
+        self.sky = Sky()
+        self.last_fix: nmea.StampedFix | None = None
+
+    def feed(self, data: bytes) -> Stamped:
+        found: Stamped = []
+        for report in self._lines.feed(data):
+            if not self._is_ours(report):
+                continue
+            try:
+                if report.get("class") == "SKY":
+                    self.sky.add_sky(report)
+            except (KeyError, ValueError, TypeError, AttributeError) as error:
+                self._refuse(f"SKY that cannot be read: {error}")
+            fix = self._fixes.add(report)
+            if fix is not None:
+                self.last_fix = fix
+                found.append((fix.stamp_s, fix.fix))
+                status = self.sky.make_status(fix.stamp_s)
+                found += [(fix.stamp_s, status)] if status else []
+        return found
+
+    def _is_ours(self, report: Mapping[str, Any]) -> bool:
+        """Tell whether a report is of our receiver: positions of two make no way of one."""
+        device = report.get("device")
+        if not isinstance(device, str) or report.get("class") not in ("TPV", "GST", "SKY"):
+            return True
+        is_position = report["class"] == "TPV"
+        is_silent = not self._is_chosen and self._of_others >= _SILENT_REPORTS
+        if is_position and (not self._device or is_silent):
+            self._device = device
+        self._of_others = (self._of_others + is_position) if device != self._device else 0
+        is_ours = device == self._device or not self._device
+        if not is_ours and device not in self._others and len(self._others) < _MOST_OTHERS:
+            self._others.add(device)
+            self._refuse(f"gpsd tells of {device} too; taken is {self._device}")
+        return is_ours
+
+
+class ReceiverSource:
+    """A receiver behind a line; the loop takes its samples with their capture time."""
+
+    def __init__(
+        self,
+        name: str,
+        open_stream: OpenStream,
+        decoder: ReceiverDecoder | GpsdDecoder,
+        tell: Callable[[str], None],
+        latency_s: float = 0.0,
+        on_open: Callable[[ByteStream], None] = lambda stream: None,
+    ) -> None:
+        """Open the line and begin to read.
+
+        Raises: ConfigError: the line cannot be opened.
+        """
+        self.sensor: Sensor = "gnss"
+        self.name = name
+        self._decoder = decoder
+        self._notes: deque[tuple[str, bool]] = deque(maxlen=_MOST_NOTES)
+        self._fixes: SampleQueue[GnssFix] = SampleQueue(latency_s=latency_s)
+        self._headings: SampleQueue[GnssHeading] = SampleQueue(latency_s=latency_s)
+        self._states: SampleQueue[GnssStatus] = SampleQueue(latency_s=latency_s)
+        self._link: CorrectionLink | None = None
+        self._reader = StreamReader(
+            f"gnss from {name}", open_stream, self._read, self._fixes.now_s, tell, on_open
+        )
+
+    def take_corrections(self, caster: Caster, login: CasterLogin | None) -> None:
+        """Feed the receiver with the corrections of a caster from now on."""
+        self._link = CorrectionLink(
+            caster, login, self._reader.write, self._write_position, self._note
+        )
+        self._decoder.sky.corrections = self._link.state
+
+    def take(self, t_s: float) -> tuple[GnssFix, ...]:
+        """Take the fixes captured until `t_s`."""
+        return self._fixes.take(t_s)
+
+    def take_more(self, t_s: float) -> dict[str, tuple[Any, ...]]:
+        """Take headings and states of the receiver, and what happened to its corrections."""
+        notes = [self._notes.popleft() for _ in range(len(self._notes))]
+        return {
+            "events": tuple(_make_note(t_s, text, is_good) for text, is_good in notes),
+            "headings": self._headings.take(t_s),
+            "gnss_status": self._states.take(t_s),
+        }
+
+    def close(self) -> None:
+        """Let go of the line and of the caster. Safe to call twice."""
+        if self._link is not None:
+            self._link.close()
+        self._reader.close()
+
+    def _read(self, data: bytes, arrived_s: float) -> None:
+        for stamp_s, sample in self._decoder.feed(data):
+            if isinstance(sample, GnssFix):
+                self._fixes.put(stamp_s, arrived_s, sample)
+            elif isinstance(sample, GnssHeading):
+                self._headings.put(stamp_s, arrived_s, sample)
+            else:
+                self._states.put(stamp_s, arrived_s, sample)
+
+    def _note(self, text: str, is_good: bool) -> None:
+        self._notes.append((text, is_good))
+
+    def _write_position(self) -> bytes:
+        found = self._decoder.last_fix
+        return nmea.write_gga(found) if found else b""
+
+
+def _make_note(t_s: float, text: str, is_good: bool) -> OperatorEvent:
+    return OperatorEvent(
+        t_s=t_s, action="note", source=SENSOR_WATCH, text=text, value=float(not is_good)
+    )

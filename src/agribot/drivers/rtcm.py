@@ -1,0 +1,80 @@
+"""RTCM 3 of a base station: bytes to whole messages, which go on as they came.
+
+Source: RTCM 10403.3, transport layer: preamble 0xD3, ten bits of length, CRC-24Q.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+PREAMBLE = 0xD3
+_AROUND = 6  # bytes of preamble, length and checksum
+_POLYNOMIAL = 0x1864CFB
+
+
+class RtcmMessage(NamedTuple):
+    """`kind` is its number, such as 1005; `data` the whole of it, checksum and all."""
+
+    kind: int
+    data: bytes
+
+
+class RtcmDecoder:
+    """Finds messages in a stream of bytes; every byte that belongs to none is counted in `junk`."""
+
+    def __init__(self) -> None:
+        self._waiting = bytearray()
+        self.junk = 0
+
+    def feed(self, data: bytes) -> list[RtcmMessage]:
+        waiting = self._waiting
+        waiting += data
+        found: list[RtcmMessage] = []
+        start, end = 0, len(waiting)
+        while True:
+            before, start = start, waiting.find(PREAMBLE, start)
+            self.junk += (end if start < 0 else start) - before
+            if start < 0 or end - start < 3:
+                break
+            length = (waiting[start + 1] << 8 | waiting[start + 2]) + _AROUND
+            if waiting[start + 1] >> 2:  # reserved bits, all zero
+                length = 0
+            if end - start < length:
+                break
+            whole = bytes(waiting[start : start + length])
+            if length > _AROUND + 1 and compute_crc24q(whole) == 0:
+                found.append(RtcmMessage(whole[3] << 4 | whole[4] >> 4, whole))
+                start += length
+            else:
+                self.junk += 1
+                start += 1
+        del waiting[: end if start < 0 else start]
+        return found
+
+
+def _make_table() -> tuple[int, ...]:
+    table = []
+    for byte in range(256):
+        value = byte << 16
+        for _ in range(8):
+            value <<= 1
+            value ^= _POLYNOMIAL if value & 0x1000000 else 0
+        table.append(value)
+    return tuple(table)
+
+
+_TABLE = _make_table()
+
+
+def compute_crc24q(data: bytes) -> int:
+    """Compute the checksum; that of a message with its own checksum behind it is zero."""
+    value = 0
+    for byte in data:
+        value = (value << 8 & 0xFFFFFF) ^ _TABLE[value >> 16 ^ byte]
+    return value
+
+
+def make_message(payload: bytes) -> bytes:
+    """Put a payload of at most 1023 bytes between preamble and checksum."""
+    head = bytes((PREAMBLE, len(payload) >> 8, len(payload) & 0xFF)) + payload
+    return head + compute_crc24q(head).to_bytes(3, "big")

@@ -1,0 +1,205 @@
+"""What a receiver sees of the sky: satellites, dilutions of precision, the corrections' age.
+
+Sources: NMEA 0183 (GSV, GSA, GGA); UBXDOC-963802114-12815 (NAV-SAT, NAV-DOP, NAV-PVT);
+gpsd_json(5), class SKY.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from agribot.core.messages import GnssStatus, Satellite
+from agribot.drivers.corrections import CorrectionState
+from agribot.drivers.nmea import Sentence
+from agribot.drivers.ubx import NAV_PVT, UbxFrame
+
+PERIOD_S = 1.0  # of a status
+NAV_DOP, NAV_SAT = (0x01, 0x04), (0x01, 0x35)
+_DOP = struct.Struct("<I7H")
+_SAT_HEAD, _SAT = struct.Struct("<IBB2x"), struct.Struct("<BBBbhhI")
+_PVT_PDOP, _PVT_FLAGS3 = 76, 78
+_UBX_SYSTEMS = {0: "GP", 1: "SB", 2: "GA", 3: "GB", 5: "GQ", 6: "GL"}
+_NMEA_SYSTEMS = {"1": "GP", "2": "GL", "3": "GA", "4": "GB", "5": "GQ"}
+_SBAS_NUMBERS = range(33, 65)  # in NMEA, among those of GPS
+_GLONASS_NUMBERS = range(65, 97)
+# Of NAV-PVT's lastCorrectionAge: at most so old; 12 and more are older.
+_AGE_LIMITS_S = (None, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0)
+_OLDEST_S = 300.0
+_MOST_SATELLITES = 200
+_DOP_NAMES = ("gdop", "pdop", "hdop", "vdop", "tdop")
+_UNKNOWN_DOP = 99.9  # what receivers write without a fix
+
+Key = tuple[str, int]
+
+
+class Sky:
+    """Gathers what reports tell beside positions, and makes a status of it once a second.
+
+    `corrections` tells of a caster's, where the receiver is fed by one.
+    """
+
+    def __init__(self) -> None:
+        self.corrections: Callable[[], CorrectionState] | None = None
+        self._groups: dict[tuple[str, str], list[Satellite]] = {}
+        self._seen: dict[tuple[str, str], list[Satellite]] = {}
+        self._used: set[Key] = set()
+        self._dops: dict[str, float] = {}
+        self._age_s: float | None = None
+        self._last_s = -math.inf
+
+    def make_status(self, stamp_s: float) -> GnssStatus | None:
+        """Make the status of an epoch; None before a second has passed, or without anything."""
+        if 0.0 <= stamp_s - self._last_s < PERIOD_S:
+            return None
+        state = self.corrections() if self.corrections else CorrectionState(self._age_s, {})
+        satellites = self._join_satellites()
+        if not (satellites or self._dops or self.corrections or self._age_s is not None):
+            return None
+        status = GnssStatus(
+            t_s=0.0,
+            satellites=satellites,
+            correction_age_s=state.age_s,
+            correction_counts=tuple(sorted(state.counts.items())),
+            **self._dops,
+        )
+        self._last_s = stamp_s
+        self._used, self._dops, self._age_s = set(), {}, None
+        return status
+
+    def add_sentence(self, sentence: Sentence) -> None:
+        """Add an NMEA sentence.
+
+        Raises: ValueError, IndexError: fields that are no numbers, or too few.
+        """
+        if sentence.kind == "GSV":
+            self._add_gsv(sentence)
+        elif sentence.kind == "GSA":
+            self._add_gsa(sentence)
+        elif sentence.kind == "GGA" and sentence.fields[12]:
+            self._age_s = _read_number(sentence.fields[12], 0.0, 1e5)
+
+    def add_frame(self, frame: UbxFrame) -> None:
+        """Add a frame of UBX; what is too short is left out."""
+        kind, payload = frame
+        if kind == NAV_PVT and len(payload) >= _PVT_FLAGS3 + 2:
+            self._note_dop("pdop", int.from_bytes(payload[_PVT_PDOP:_PVT_FLAGS3], "little") * 0.01)
+            place = payload[_PVT_FLAGS3] >> 1 & 0xF
+            self._age_s = _AGE_LIMITS_S[place] if place < len(_AGE_LIMITS_S) else _OLDEST_S
+        elif kind == NAV_DOP and len(payload) >= _DOP.size:
+            _, gdop, pdop, tdop, vdop, hdop, _, _ = _DOP.unpack_from(payload)
+            for name, value in zip(_DOP_NAMES, (gdop, pdop, hdop, vdop, tdop), strict=True):
+                self._note_dop(name, value * 0.01)
+        elif kind == NAV_SAT and len(payload) >= _SAT_HEAD.size:
+            count = min(_SAT_HEAD.unpack_from(payload)[2], (len(payload) - 8) // _SAT.size)
+            self._seen = {("", ""): [_read_ubx_satellite(payload, k) for k in range(count)]}
+
+    def add_sky(self, report: Mapping[str, Any]) -> None:
+        """Add a SKY of gpsd, which tells satellites, dilutions, or both.
+
+        Raises: ValueError, TypeError, KeyError: it is none.
+        """
+        for name in _DOP_NAMES:
+            if name in report:
+                self._note_dop(name, float(report[name]))
+        told = report.get("satellites")
+        if told is not None:
+            self._seen = {("", ""): [_read_gpsd_satellite(s) for s in told[:_MOST_SATELLITES]]}
+
+    def _note_dop(self, name: str, value: float) -> None:
+        if 0.0 < value < _UNKNOWN_DOP:
+            self._dops[name] = value
+
+    def _add_gsv(self, sentence: Sentence) -> None:
+        """Gather one of the sentences about the satellites of a system, signal by signal."""
+        total, number, _, *rest = sentence.fields
+        key = sentence.talker, rest.pop() if len(rest) % 4 == 1 else ""
+        group = self._groups.setdefault(key, [])
+        if number == "1":
+            group.clear()
+        for k in range(0, len(rest) - 3, 4):
+            if rest[k] and rest[k + 1] and rest[k + 2] and len(group) < _MOST_SATELLITES:
+                group.append(_read_gsv_satellite(sentence.talker, *rest[k : k + 4]))
+        if number == total:
+            self._seen[key] = self._groups.pop(key)
+
+    def _add_gsa(self, sentence: Sentence) -> None:
+        numbers = [int(text) for text in sentence.fields[2:14] if text]
+        pdop, hdop, vdop, *system = sentence.fields[14:]
+        for name, text in (("pdop", pdop), ("hdop", hdop), ("vdop", vdop)):
+            if text:
+                self._note_dop(name, _read_number(text, 0.0, 1e3))
+        told = _NMEA_SYSTEMS.get(system[0], "") if system else ""
+        self._used |= {(told or _guess_system(sentence.talker, n), n) for n in numbers}
+
+    def _join_satellites(self) -> tuple[Satellite, ...]:
+        """Join signals: a satellite is as strong as its best; what GSA names is used."""
+        found: dict[Key, Satellite] = {}
+        for satellite in (each for group in self._seen.values() for each in group):
+            key = satellite.system, satellite.number
+            known = found.get(key)
+            if known is None or known.snr_db < satellite.snr_db:
+                found[key] = satellite
+        return tuple(
+            _mark_used(each) if key in self._used else each
+            for key, each in sorted(found.items())[:_MOST_SATELLITES]
+        )
+
+
+def _mark_used(satellite: Satellite) -> Satellite:
+    return Satellite(
+        system=satellite.system, number=satellite.number, elevation_deg=satellite.elevation_deg,
+        azimuth_deg=satellite.azimuth_deg, snr_db=satellite.snr_db, is_used=True,
+    )  # fmt: skip
+
+
+def _guess_system(talker: str, number: int) -> str:
+    """Tell whose number it is, by NMEA's ranges where the talker is GN."""
+    if talker in ("GP", "GN") and number in _SBAS_NUMBERS:
+        return "SB"
+    if talker == "GN":
+        return "GL" if number in _GLONASS_NUMBERS else "GP"
+    return "GB" if talker == "BD" else talker
+
+
+def _read_gsv_satellite(
+    talker: str, number: str, elevation: str, azimuth: str, snr: str
+) -> Satellite:
+    return Satellite(
+        system=_guess_system(talker, int(number)),
+        number=int(number),
+        elevation_deg=_read_number(elevation, -90.0, 90.0),
+        azimuth_deg=_read_number(azimuth, 0.0, 360.0),
+        snr_db=_read_number(snr or "0", 0.0, 99.0),
+        is_used=False,
+    )
+
+
+def _read_ubx_satellite(payload: bytes, index: int) -> Satellite:
+    system, number, snr, elevation, azimuth, _, flags = _SAT.unpack_from(
+        payload, _SAT_HEAD.size + index * _SAT.size
+    )
+    return Satellite(
+        system=_UBX_SYSTEMS.get(system, "?"), number=number, elevation_deg=float(elevation),
+        azimuth_deg=float(azimuth), snr_db=float(snr), is_used=bool(flags & 8),
+    )  # fmt: skip
+
+
+def _read_gpsd_satellite(told: Mapping[str, Any]) -> Satellite:
+    return Satellite(
+        system=_UBX_SYSTEMS.get(int(told.get("gnssid", 0)), "?"),
+        number=int(told["PRN"]),
+        elevation_deg=_read_number(told.get("el", 0.0), -90.0, 90.0),
+        azimuth_deg=_read_number(told.get("az", 0.0), 0.0, 360.0),
+        snr_db=_read_number(told.get("ss", 0.0), 0.0, 99.0),
+        is_used=bool(told.get("used", False)),
+    )
+
+
+def _read_number(text: str | float, least: float, most: float) -> float:
+    value = float(text)
+    if not least <= value <= most:
+        raise ValueError(f"{text} is not from {least:g} to {most:g}")
+    return value

@@ -1,0 +1,257 @@
+"""VESC motor controllers as a motor board: `serial:/dev/ttyACM0?board=vesc&ids=local,12`.
+
+One controller is on the line; the others are reached through it over CAN. Wheel speeds go out as
+electrical revolutions a minute, and the positions of the motors come back as the tachometer.
+
+Source: the packets and commands of VESC firmware 5 and later (vedderb/bldc: comm/packet.c,
+comm/commands.c, datatypes.h): COMM_GET_VALUES, COMM_SET_RPM, COMM_FORWARD_CAN, and
+mc_fault_code. A packet is 2, length, payload, CRC-16/XMODEM high byte first, 3; one longer than
+255 bytes begins with 3 and two bytes of length.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from binascii import crc_hqx
+from typing import NamedTuple
+
+from agribot.core.errors import ConfigError
+from agribot.core.messages import (
+    WHEEL_NAMES,
+    BatterySample,
+    BoardSample,
+    Four,
+    ImplementCommand,
+    SafetyInput,
+    WheelSample,
+)
+from agribot.core.robot import RobotSpec
+from agribot.drivers.motor_board import BoardReport, StampedReport
+from agribot.drivers.uri_options import UriOptions
+
+GET_VALUES, SET_RPM, ALIVE, FORWARD_CAN = 4, 8, 30, 34
+SHORT, LONG, END = 2, 3, 3
+LONGEST_PAYLOAD = 512
+STEPS_PER_ELECTRICAL_TURN = 6  # of the tachometer
+# GET_VALUES after its number: temperatures, currents of motor and battery, i_d and i_q, duty, rpm,
+# voltage, charges and energies, tachometer twice, fault, position, id.
+_VALUES = struct.Struct(">hhiiiihihiiiiiiBiB")
+FAULTS = (
+    "", "over voltage", "under voltage", "DRV", "absolute over current", "over temperature of FET",
+    "over temperature of motor", "gate driver over voltage", "gate driver under voltage",
+    "MCU under voltage (brown-out)", "booting from watchdog reset", "encoder SPI",
+)  # fmt: skip
+LOCAL = -1
+
+
+class VescValues(NamedTuple):
+    """What one controller answers."""
+
+    controller: int
+    erpm: float
+    tachometer: int
+    voltage_v: float
+    input_a: float
+    fault: int
+
+
+class VescDecoder:
+    """Finds packets in a stream of bytes; what is broken is counted in `bad` and left out."""
+
+    def __init__(self) -> None:
+        self._waiting = bytearray()
+        self.bad = 0
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Give the payloads of the packets that `data` completes."""
+        self._waiting += data
+        found = []
+        while self._waiting:
+            size = self._measure()
+            if size is None:
+                break
+            payload = self._take(size)
+            if payload is None:
+                self.bad += 1
+                del self._waiting[0]
+            else:
+                found.append(payload)
+        return found
+
+    def _measure(self) -> int | None:
+        """Measure the head and payload of what may be a packet; 0 for none, None to wait."""
+        waiting = self._waiting
+        head = {SHORT: 2, LONG: 3}.get(waiting[0], 0)
+        if not head:
+            return 0
+        if len(waiting) < head:
+            return None
+        length = int.from_bytes(waiting[1:head], "big")
+        if not 0 < length <= LONGEST_PAYLOAD:
+            return 0
+        return None if len(waiting) < head + length + 3 else head + length
+
+    def _take(self, size: int) -> bytes | None:
+        waiting = self._waiting
+        if not size or waiting[size + 2] != END:
+            return None
+        payload = bytes(waiting[2 if waiting[0] == SHORT else 3 : size])
+        if crc_hqx(payload, 0) != int.from_bytes(waiting[size : size + 2], "big"):
+            return None
+        del waiting[: size + 3]
+        return payload
+
+
+def make_packet(payload: bytes) -> bytes:
+    head = bytes((SHORT, len(payload))) if len(payload) < 256 else b"\x03" + _two(len(payload))
+    return head + payload + _two(crc_hqx(payload, 0)) + bytes((END,))
+
+
+def read_values(payload: bytes) -> VescValues | None:
+    """Read the answer to GET_VALUES; None where it is another one, or one that is cut off."""
+    if len(payload) < 1 + _VALUES.size or payload[0] != GET_VALUES:
+        return None
+    (_, _, _, input_ca, _, _, _, erpm, voltage_dv, _, _, _, _, tachometer, _, fault, _, controller
+     ) = _VALUES.unpack_from(payload, 1)  # fmt: skip
+    return VescValues(
+        controller, float(erpm), tachometer, voltage_dv / 10.0, input_ca / 100.0, fault
+    )
+
+
+class VescBoard:
+    """Two controllers for the two sides, or four for the wheels in the order of WHEEL_NAMES.
+
+    `ids` are their CAN ids, right before left; LOCAL is the one on the line. They tell no time, and
+    nothing of a red button or a bumper.
+    """
+
+    inputs: frozenset[SafetyInput] = frozenset({"battery", "motors"})
+    latency_s = 0.002
+    trouble = ""
+
+    def __init__(self, ids: tuple[int, ...], pole_pairs: int, gear_ratio: float) -> None:
+        self._ids, self._wheels = ids, ids if len(ids) == 4 else (*ids, *ids)
+        self._electrical_turns = pole_pairs * gear_ratio  # for a turn of the wheel
+        self._decoder = VescDecoder()
+        self._values: dict[int, VescValues] = {}
+        self._counts: dict[int, _Turns] = {}
+
+    def open(self) -> bytes:
+        self._decoder, self._values = VescDecoder(), {}
+        return self.poll()
+
+    def poll(self) -> bytes:
+        return b"".join(self._send(one, bytes((GET_VALUES,))) for one in self._ids)
+
+    def feed(self, data: bytes) -> list[StampedReport]:
+        found = []
+        for payload in self._decoder.feed(data):
+            values = read_values(payload)
+            if values is not None and (report := self._add(values)):
+                found.append(StampedReport(0.0, report))
+        return found
+
+    def drive(self, speeds_radps: Four, implement: ImplementCommand) -> bytes:
+        out = b""
+        for k, one in enumerate(self._ids):
+            erpm = speeds_radps[k] * 60.0 / math.tau * self._electrical_turns
+            out += self._send(one, struct.pack(">Bi", SET_RPM, round(erpm)))
+        return out
+
+    def clear_stop(self) -> bytes:
+        return b""  # a fault of a controller ends by itself
+
+    def _send(self, one: int, payload: bytes) -> bytes:
+        forward = b"" if one == LOCAL else bytes((FORWARD_CAN, one))
+        return make_packet(forward + payload)
+
+    def _add(self, values: VescValues) -> BoardReport | None:
+        """Take an answer in; it is a reading once every controller has answered.
+
+        The id of the controller on the line is whatever is none of the others'.
+        """
+        known = set(self._ids) - {LOCAL}
+        one = values.controller if values.controller in known else LOCAL
+        if one not in self._ids:
+            return None
+        self._values[one] = values
+        self._counts.setdefault(one, _Turns()).add(values.tachometer)
+        if len(self._values) < len(self._ids):
+            return None
+        report = self._report()
+        self._values.clear()
+        return report
+
+    def _report(self) -> BoardReport:
+        by_wheel = [self._values[one] for one in self._wheels]
+        steps = STEPS_PER_ELECTRICAL_TURN * self._electrical_turns / math.tau
+        turns = self._electrical_turns
+        a, b, c, d = (self._counts[one].total / steps for one in self._wheels)
+        e, f, g, h = (v.erpm * math.tau / 60.0 / turns for v in by_wheel)
+        faults = tuple(name for name, v in zip(WHEEL_NAMES, by_wheel, strict=True) if v.fault)
+        ours = [self._values[one] for one in self._ids]
+        return BoardReport(
+            wheels=WheelSample(
+                t_s=0.0, angle_rad=(a, b, c, d), speed_radps=(e, f, g, h), faults=faults
+            ),
+            battery=BatterySample(
+                t_s=0.0, voltage_v=min(v.voltage_v for v in ours),
+                current_a=sum(v.input_a for v in ours), charge_ratio=math.nan,
+            ),
+            board=BoardSample(
+                t_s=0.0, inputs=("battery", "motors"),
+                faults=tuple(f"controller {_name(one)}: {_name_fault(v.fault)}"
+                             for one, v in zip(self._ids, ours, strict=True) if v.fault),
+            ),
+        )  # fmt: skip
+
+
+class _Turns:
+    """A counter of 32 bits that goes on where it wraps around."""
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+        self.total = 0
+
+    def add(self, count: int) -> None:
+        last = count if self._last is None else self._last
+        self._last = count
+        self.total += (count - last + 0x80000000) % 0x100000000 - 0x80000000
+
+
+def make_board(robot: RobotSpec, options: UriOptions) -> VescBoard:
+    """Make it of `ids`, `pole_pairs` and `gear`.
+
+    Raises: ConfigError: an option that is none.
+    """
+    text = options.pop_text("ids", "local")
+    ids = tuple(_read_id(word.strip()) for word in text.split(","))
+    if len(ids) not in (2, 4) or len(set(ids)) != len(ids):
+        raise ConfigError(
+            f"ids={text}: name two controllers, right and left, or four, right rear, left rear, "
+            "right front and left front, such as ids=local,12"
+        )
+    pole_pairs = options.pop_number("pole_pairs", 7.0, 1.0, 100.0)
+    gear = options.pop_number("gear", robot.drive.gear_ratio, 0.1, 1000.0)
+    return VescBoard(ids, round(pole_pairs), gear)
+
+
+def _read_id(word: str) -> int:
+    if word == "local":
+        return LOCAL
+    if not (word.isdecimal() and int(word) < 255):
+        raise ConfigError(f"ids: '{word}' is no controller; write local or a CAN id up to 254")
+    return int(word)
+
+
+def _name(one: int) -> str:
+    return "on the line" if one == LOCAL else str(one)
+
+
+def _name_fault(fault: int) -> str:
+    return FAULTS[fault] if fault < len(FAULTS) else f"fault {fault}"
+
+
+def _two(number: int) -> bytes:
+    return number.to_bytes(2, "big")

@@ -1,0 +1,189 @@
+"""Prescription maps: zones with rates as polygons of any field format, or as ISOXML."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import PurePath
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from agribot.autonomy.implements.zones import ZoneMap
+from agribot.core.errors import MissionError
+from agribot.core.geo import Datum, MapFrame
+from agribot.core.messages import FloatArray
+from agribot.gis.formats.isoxml import holds_task_data
+from agribot.gis.formats.table import read_field_file
+from agribot.gis.formats.untrusted import list_members
+from agribot.gis.isoxml_zones import RateGrid, read_task_zones
+
+COLUMNS = ("rate", "rate_lpha", "dose", "target", "targetrate", "target_rate", "rx", "value")
+MAX_RATE_LPHA = 5000.0
+MAX_EXTENT_M = 20_000.0
+MAX_CELLS = 4_000_000
+LEAST_CELL_M = 0.1
+_PLACES = 400  # that are asked of a field
+
+
+class Zone(NamedTuple):
+    """A polygon of longitudes and latitudes, its outer ring first, and its rate."""
+
+    rings_deg: Sequence[Sequence[Sequence[float]]]
+    rate_lpha: float
+
+
+def read_prescription(name: str, data: bytes, datum: Datum, column: str = "") -> ZoneMap:
+    """Read a prescription into the map of a datum; `column` has the rates, where names are odd.
+
+    Raises: MissionError: none, a broken one, in other coordinates, or with rates that are none.
+    """
+    shown = f"'{name[:80]}'"
+    if not data:
+        raise MissionError(f"{shown} is empty")
+    parts: Sequence[Zone | RateGrid]
+    try:
+        if PurePath(name).suffix.lower() == ".zip" and holds_task_data(list_members(data)):
+            parts = [_as_zone(part) for part in read_task_zones(data)]
+        else:
+            parts = [*_read_polygons(name, data, column)]
+    except MissionError:
+        raise
+    except Exception as error:  # the archive's, the XML's and the numbers' own errors
+        reason = " ".join(str(error).split()) or "it is cut off"
+        raise MissionError(f"{shown} cannot be read: {reason}") from error
+    _check_rates(parts, shown)
+    return _draw(parts, MapFrame(datum), shown)
+
+
+def _as_zone(part: RateGrid | tuple[Any, float]) -> Zone | RateGrid:
+    return part if isinstance(part, RateGrid) else Zone(*part)
+
+
+def _read_polygons(name: str, data: bytes, column: str) -> Iterator[Zone]:
+    features = read_field_file(name, data)["features"]
+    areas = [f for f in features if f["geometry"]["type"] == "Polygon"]
+    if not areas:
+        raise ValueError("no zone in it: a zone is a polygon with a rate")
+    for number, area in enumerate(areas, 1):
+        told = {key.lower(): value for key, value in area["properties"].items()}
+        wanted = [column.lower()] if column else [name for name in COLUMNS if name in told]
+        value = told.get(wanted[0]) if wanted else None
+        if value is None:
+            known = ", ".join(sorted(told.keys() - {"kind", "name"}))[:200] or "none"
+            raise ValueError(
+                f"zone {number} has no rate; its columns: {known}; name the one with litres per "
+                "hectare, treatment.prescription_column"
+            )
+        yield Zone(area["geometry"]["coordinates"], float(value))
+
+
+def _check_rates(parts: Sequence[Zone | RateGrid], shown: str) -> None:
+    rates = np.concatenate([np.ravel(part.rate_lpha).astype(float) for part in parts])
+    wrong = ~((rates >= 0.0) & (rates <= MAX_RATE_LPHA)) & ~np.isnan(rates)
+    if wrong.any() or np.isnan(rates).all():
+        value = rates[wrong][0] if wrong.any() else math.nan
+        raise MissionError(
+            f"{shown}: a rate of {value:g} l/ha; rates are from 0 to {MAX_RATE_LPHA:g} l/ha: check "
+            "unit and column"
+        )
+
+
+def _draw(parts: Sequence[Zone | RateGrid], frame: MapFrame, shown: str) -> ZoneMap:
+    """Draw the zones on cells; where several overlap, the lowest rate counts."""
+    corners = np.concatenate([_list_corners(part) for part in parts])
+    if not (np.abs(corners) <= (180.0, 90.0)).all():
+        raise MissionError(
+            f"{shown}: its coordinates are not degrees of longitude and latitude, in that order; "
+            "convert it to WGS-84 (EPSG:4326)"
+        )
+    xy_m = frame.map_from_lonlat(corners)
+    away_m = float(np.hypot(xy_m[:, 0], xy_m[:, 1]).max())
+    if away_m > MAX_EXTENT_M:
+        is_other = _is_near(frame, corners[:, ::-1])
+        hint = "longitude and latitude are exchanged" if is_other else "it is of another field"
+        raise MissionError(f"{shown}: it reaches {away_m / 1000:.0f} km from the field; {hint}")
+    low_m, high_m = xy_m.min(axis=0), xy_m.max(axis=0)
+    side_m = np.maximum(high_m - low_m, LEAST_CELL_M)
+    cell_m = max(LEAST_CELL_M, math.sqrt(float(side_m.prod()) / MAX_CELLS))
+    columns, rows = (math.ceil(side / cell_m) for side in side_m.tolist())
+    x, y = np.meshgrid(
+        low_m[0] + (np.arange(columns) + 0.5) * cell_m, low_m[1] + (np.arange(rows) + 0.5) * cell_m
+    )
+    places_deg = frame.lonlat_from_map(np.column_stack([x.ravel(), y.ravel()]))
+    rates = np.full(len(places_deg), np.nan)
+    for part in parts:
+        rates = np.fmin(rates, _rate_places(part, places_deg))
+    grid: npt.NDArray[np.float32] = rates.reshape(rows, columns).astype(np.float32)
+    return ZoneMap(float(low_m[0]), float(low_m[1]), cell_m, grid)
+
+
+def _is_near(frame: MapFrame, lonlat_deg: FloatArray) -> bool:
+    if not (np.abs(lonlat_deg) <= (180.0, 90.0)).all():
+        return False
+    xy_m = frame.map_from_lonlat(lonlat_deg)
+    return bool(np.hypot(xy_m[:, 0], xy_m[:, 1]).max() <= MAX_EXTENT_M)
+
+
+def _list_corners(part: Zone | RateGrid) -> FloatArray:
+    if isinstance(part, RateGrid):
+        rows, columns = part.rate_lpha.shape
+        east = part.west_deg + columns * part.cell_east_deg
+        north = part.south_deg + rows * part.cell_north_deg
+        return np.array([[part.west_deg, part.south_deg], [east, north]])
+    return np.array([point[:2] for point in part.rings_deg[0]], dtype=float)
+
+
+def _rate_places(part: Zone | RateGrid, places_deg: FloatArray) -> FloatArray:
+    """Rates at places (N, 2) of longitude and latitude; NaN outside."""
+    if isinstance(part, RateGrid):
+        rows, columns = part.rate_lpha.shape
+        column = np.floor((places_deg[:, 0] - part.west_deg) / part.cell_east_deg).astype(np.int64)
+        row = np.floor((places_deg[:, 1] - part.south_deg) / part.cell_north_deg).astype(np.int64)
+        is_inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        found = part.rate_lpha[np.where(is_inside, row, 0), np.where(is_inside, column, 0)]
+        return np.where(is_inside, found, np.nan)
+    import shapely
+
+    polygon = shapely.Polygon(part.rings_deg[0], part.rings_deg[1:])
+    if not polygon.is_valid:
+        raise MissionError(f"a zone crosses itself: {shapely.is_valid_reason(polygon)}")
+    is_inside = shapely.contains_xy(polygon, places_deg[:, 0], places_deg[:, 1])
+    return np.where(is_inside, part.rate_lpha, np.nan)
+
+
+def check_covers(
+    zones: ZoneMap, rows_map_m: Sequence[FloatArray], datum: Datum, shown: str
+) -> float:
+    """Return which share of a field's lines, (N, 2) each, lies in zones.
+
+    Raises: MissionError: nothing of it does; a likely reason is named.
+    """
+    places_m = np.concatenate([_fill_line(line) for line in rows_map_m])
+    share = _compute_share(zones, places_m)
+    if share > 0.0:
+        return share
+    frame = MapFrame(datum)
+    exchanged = frame.lonlat_from_map(places_m)[:, ::-1]
+    mirrors = {
+        "East and West are mirrored": places_m * (-1.0, 1.0),
+        "North and South are mirrored": places_m * (1.0, -1.0),
+        "longitude and latitude are exchanged": (
+            frame.map_from_lonlat(exchanged) if _is_near(frame, exchanged) else places_m
+        ),
+    }
+    hint = next((what for what, at in mirrors.items() if _compute_share(zones, at) > 0.5), "")
+    raise MissionError(
+        f"{shown}: the field lies outside all of its zones; {hint or 'it is of another field'}"
+    )
+
+
+def _compute_share(zones: ZoneMap, places_m: FloatArray) -> float:
+    return float(np.isfinite(zones.find_rates(places_m[:, 0], places_m[:, 1])).mean())
+
+
+def _fill_line(line_m: FloatArray) -> FloatArray:
+    along = np.linspace(0.0, len(line_m) - 1.0, _PLACES)
+    index = np.arange(len(line_m))
+    return np.column_stack([np.interp(along, index, line_m[:, axis]) for axis in (0, 1)])

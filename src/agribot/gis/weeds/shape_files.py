@@ -1,0 +1,111 @@
+"""Weed maps as Shapefiles: .shp with .shx, .dbf, .prj and .cpg beside it, or all in a .shp.zip."""
+
+from __future__ import annotations
+
+import tempfile
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from agribot.autonomy.weeds.plant_table import PlantTable
+from agribot.gis.formats.shapes import WGS84, load_library
+from agribot.gis.formats.untrusted import unpack
+from agribot.gis.weeds.found_plants import Reading
+from agribot.gis.weeds.records import COLUMNS, iterate_records
+
+PARTS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
+# dBASE has ten letters for a name. What does not fit into a field is left out: the evidence.
+_SHORT = {"first_seen_s": "first_s", "last_seen_s": "last_s"}
+# As GDAL shortens them.
+_CUT = {name[:10]: name for name in COLUMNS if len(name) > 10}
+_LONG = _CUT | {short: name for name, short in _SHORT.items()}
+_NAMES = tuple(name for name in COLUMNS if name != "evidence")
+_WIDTHS = {
+    "id": 10, "class": 4, "confidence": 8, "decision": 5, "outcome": 10, "std_m": 9, "xx_m2": 13,
+    "xy_m2": 13, "yy_m2": 13, "area_m2": 11, "sightings": 6, "first_seen_s": 14,
+    "last_seen_s": 14, "treated_s": 14, "x_map_m": 11, "y_map_m": 11, "map": 40, "map_id": 10,
+    "maps": 4,
+}  # fmt: skip
+_DECIMALS = {
+    "confidence": 5, "std_m": 5, "xx_m2": 10, "xy_m2": 10, "yy_m2": 10, "area_m2": 7,
+    "first_seen_s": 4, "last_seen_s": 4, "treated_s": 4, "x_map_m": 4, "y_map_m": 4,
+}  # fmt: skip
+
+
+def write_shapefile(path: Path, table: PlantTable) -> None:
+    """Write `path`, which ends with .shp, and its four companions."""
+    library = load_library()
+    with library.Writer(str(path), shapeType=library.POINT, encoding="utf-8") as writer:
+        for name in _NAMES:
+            kind = "C" if COLUMNS[name] == "TEXT" else "N"
+            writer.field(_SHORT.get(name, name), kind, _WIDTHS[name], _DECIMALS.get(name, 0))
+        used = [
+            ([*COLUMNS].index(name), "" if COLUMNS[name] == "TEXT" else None) for name in _NAMES
+        ]
+        for records in iterate_records(table):
+            for record in records:
+                writer.point(record.lon_deg, record.lat_deg)
+                values = record.values
+                writer.record(*(nil if values[at] is None else values[at] for at, nil in used))
+    path.with_suffix(".prj").write_text(WGS84, encoding="ascii")
+    path.with_suffix(".cpg").write_text("UTF-8", encoding="ascii")
+
+
+def write_shape_archive(path: Path, table: PlantTable) -> None:
+    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+        shape = Path(folder) / "weed_map.shp"
+        write_shapefile(shape, table)
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            for suffix in PARTS:
+                archive.write(shape.with_suffix(suffix), f"weed_map{suffix}")
+
+
+def read_shapefile(path: Path) -> Reading:
+    """Read points with their attributes; companions lie beside the .shp.
+
+    Raises: ValueError: a companion is missing, or the coordinates are projected.
+    """
+    for suffix in (".dbf", ".prj"):
+        if not path.with_suffix(suffix).is_file():
+            raise ValueError(f"{path.with_suffix(suffix).name} is missing beside it")
+    _check_projection(path.with_suffix(".prj").read_bytes())
+    return Reading(_iterate_shapes(path))
+
+
+def read_shape_archive(path: Path) -> Reading:
+    return Reading(_iterate_archive(path))
+
+
+def _iterate_archive(path: Path) -> Iterator[tuple[float, float, Mapping[str, Any]]]:
+    files = unpack(path.read_bytes(), *PARTS)
+    shapes = [name for name in files if name.lower().endswith(".shp")]
+    if len(shapes) != 1:
+        raise ValueError(f"{len(shapes)} .shp files inside, where one is wanted")
+    with tempfile.TemporaryDirectory() as folder:
+        for name, data in files.items():
+            if name[:-4] == shapes[0][:-4]:
+                (Path(folder) / f"map{name[-4:].lower()}").write_bytes(data)
+        yield from read_shapefile(Path(folder) / "map.shp").found
+
+
+def _check_projection(text: bytes) -> None:
+    known = text.lstrip().upper()
+    if not known.startswith((b"GEOGCS", b"GEOGCRS")) or b"WGS" not in known or b"84" not in known:
+        raise ValueError("its .prj is not WGS-84 (EPSG:4326); convert it first")
+
+
+def _iterate_shapes(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]:
+    library = load_library()
+    with library.Reader(str(path), encodingErrors="replace") as reader:
+        if reader.shapeType not in {library.POINT, library.POINTZ, library.POINTM}:
+            raise ValueError(f"its shapes are {reader.shapeTypeName}, not points")
+        names = [
+            _LONG.get(field[0], field[0]) for field in reader.fields if field[0] != "DeletionFlag"
+        ]
+        if reader.numShapes != reader.numRecords:
+            raise ValueError(f"{reader.numShapes} shapes, but {reader.numRecords} records: cut off")
+        for item in reader.iterShapeRecords():
+            lon_deg, lat_deg = item.shape.points[0][:2]
+            values = zip(names, item.record, strict=True)
+            yield lon_deg, lat_deg, {k: v for k, v in values if v not in (None, "")}

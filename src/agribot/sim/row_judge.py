@@ -1,0 +1,72 @@
+"""Rows that a robot found, held against those that truly stand there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+
+from agribot.core.messages import Row
+from agribot.core.row_shape import project_on_row, row_length_m, row_points_map_m
+
+# A found row is a true one's where its middle and both ends lie so near to its line.
+SAME_ROW_M = 0.3
+
+
+class FoundRowsScore(msgspec.Struct, frozen=True, kw_only=True):
+    """How many rows were found, of how many, and how well; None where nothing can be told.
+
+    `invented` are found rows where none stands, or where one was found already. Offsets are
+    across a true row at both ends and in the middle of the found one, `end_error_m_max` is along
+    it.
+    """
+
+    found: int
+    true: int
+    matched: int
+    invented: int
+    offset_rms_m: float | None = None
+    offset_m_max: float | None = None
+    end_error_m_max: float | None = None
+
+
+def find_true_row(row: Row, true_rows: Sequence[Row]) -> Row | None:
+    """Find the true row on which a found one lies."""
+    near = [(_measure_off_m(row, true).max(), true) for true in true_rows]
+    off_m, true = min(near, key=lambda pair: float(pair[0]), default=(np.inf, None))
+    return true if off_m <= SAME_ROW_M else None
+
+
+def score_found_rows(found: Sequence[Row], true_rows: Sequence[Row]) -> FoundRowsScore:
+    """Match found rows to true ones, each to one, and measure how far off they are."""
+    taken: dict[int, Row] = {}
+    for row in found:
+        true = find_true_row(row, true_rows)
+        if true is not None and true.index not in taken:
+            taken[true.index] = row
+    pairs = [(taken[true.index], true) for true in true_rows if true.index in taken]
+    off_m = np.array([_measure_off_m(row, true) for row, true in pairs]).ravel()
+    ends_m = [_measure_end_error_m(row, true) for row, true in pairs]
+    return FoundRowsScore(
+        found=len(found), true=len(true_rows), matched=len(pairs), invented=len(found) - len(pairs),
+        offset_rms_m=float(np.sqrt(np.mean(off_m**2))) if len(off_m) else None,
+        offset_m_max=float(off_m.max()) if len(off_m) else None,
+        end_error_m_max=max(ends_m, default=None),
+    )  # fmt: skip
+
+
+def _measure_off_m(row: Row, true: Row) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    points = row_points_map_m(row)
+    middle = (points[0] + points[-1]) / 2.0 if len(points) == 2 else points[len(points) // 2]
+    places = np.stack([points[0], middle, points[-1]])
+    along_m, left_m, _ = project_on_row(true, places[:, 0], places[:, 1])
+    past_m = np.maximum(np.maximum(-along_m, along_m - row_length_m(true)), 0.0)
+    return np.asarray(np.where(past_m > row_length_m(true), np.inf, np.abs(left_m)))
+
+
+def _measure_end_error_m(row: Row, true: Row) -> float:
+    ends_m = sorted(
+        float(project_on_row(true, *end).along_m) for end in (row.start_map_m, row.end_map_m)
+    )
+    return max(abs(ends_m[0]), abs(ends_m[1] - row_length_m(true)))

@@ -1,0 +1,275 @@
+"""`agribot run --platform hardware` as a builder starts it, with every device on a pseudo-terminal.
+
+The motor board is emulated by its table of messages; bytes, lines, threads and clock are real.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from agribot.app.open_run import open_run
+from agribot.app.run import Run
+from agribot.app.stop_memory import DISARMED
+from agribot.cli.main import main
+from agribot.core import config
+from agribot.core.messages import OperatorEvent, TickRecord
+from agribot.drivers.board_protocol import StopCause
+from agribot.record.replay import read_ticks
+from tests.drivers.hardware_bench import HardwareBench
+from tests.waiting import wait_for
+
+pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
+SETTINGS = [
+    "platform=hardware", "perception.enabled=false", "field.row_count=1",
+    # A busy machine is no fault of the robot's.
+    "safety.sensor_timeout_s=1.5", "estimate.wheel_timeout_s=1.5", "estimate.imu_timeout_s=1.5",
+    "safety.clock_jump_s=10",
+]  # fmt: skip
+START = (-2.0, 0.0, math.pi / 2.0)  # the mark of the farm
+AHEAD_M = 1.2
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[HardwareBench]:
+    """A robot on its mark, with a home of its own, so that its stops are."""
+    monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    with HardwareBench(tmp_path, START, config.load("farm").field) as bench:
+        yield bench
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> Path:
+    """One place, straight ahead."""
+    frame = {"type": "Point", "coordinates": list(_ahead())}
+    file = tmp_path / "places.geojson"
+    file.write_text(json.dumps({"type": "Feature", "properties": {}, "geometry": frame}))
+    return file
+
+
+def _ahead() -> tuple[float, float]:
+    from agribot.core.geo import MapFrame
+
+    frame = MapFrame(config.load("farm").field.datum)
+    lat_deg, lon_deg, _ = frame.geodetic_from_map(START[0], START[1] + AHEAD_M)
+    return lon_deg, lat_deg
+
+
+def words(bench: HardwareBench, out: Path, *more: str) -> list[str]:
+    sets = [word for setting in SETTINGS[1:] for word in ("--set", setting)]
+    return ["run", "farm", "--platform", "hardware", *bench.sources, *sets, "--headless",
+            "--out", str(out), *more]  # fmt: skip
+
+
+def open_bench(bench: HardwareBench, out: Path, *more: str, is_armed: bool) -> Run:
+    sources = [f"sources.base='serial:{bench.base.path}?baud=115200'"]
+    settings = config.load("farm", [*SETTINGS, *sources, *more])
+    return open_run(settings, out, is_armed=is_armed)
+
+
+def until(run: Run, is_so: object, limit_s: float = 90.0, *, by_hand: bool = False) -> TickRecord:
+    """Drive until it is so."""
+    assert callable(is_so)
+    for record in run.ticks():
+        if by_hand:
+            run.inbox.drive(0.2, 0.0, "Ann")
+        if is_so(record):
+            return record
+        assert record.batch.t_s < limit_s, record.status
+    raise AssertionError(f"the run ended: {run.last and run.last.status}")
+
+
+def test_a_builder_starts_the_robot_it_drives_to_a_place_and_a_replay_gives_the_same_commands(
+    bench: HardwareBench, places: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    options = words(bench, out, "--arm", "--waypoints", str(places), "--for", "90")
+    done = subprocess.run(
+        [sys.executable, "-m", "agribot.cli", *options], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    report = json.loads((out / "report.json").read_text())
+    assert report["mission"]["waypoints_reached"] == 1
+    x_m, y_m, _ = bench.pose
+    assert math.hypot(x_m - START[0], y_m - START[1] - AHEAD_M) < 0.2
+    ticks = list(read_ticks(out / "run.mcap"))
+    assert {len(tick.batch.wheels) for tick in ticks} >= {2}, "100 Hz in ticks of 50 Hz"
+    moved = [tick for tick in ticks if tick.command.drive.v_mps]
+    assert moved[0].batch.board and moved[0].batch.imu and moved[0].batch.battery
+    assert main(["replay", str(out / "run.mcap"), "--check"]) == 0
+    assert "identical" in capsys.readouterr().out
+    assert bench.board.commands[-1].speed_countps == (0, 0, 0, 0)
+
+
+def test_a_robot_begins_disarmed_and_moves_when_a_person_has_cleared_that(
+    bench: HardwareBench, tmp_path: Path
+) -> None:
+    with open_bench(bench, tmp_path / "run", is_armed=False) as run:
+        record = until(run, lambda r: r.batch.t_s > 1.0)
+        assert record.status.stopped == DISARMED
+        assert bench.board.clears == 0
+        assert {c.speed_countps for c in bench.board.commands} == {(0, 0, 0, 0)}
+        run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))
+        until(run, lambda r: not r.status.stopped)
+        until(run, lambda r: r.batch.board and not r.batch.board[-1].stopped)
+        assert bench.board.clears >= 1
+        run.inbox.drive(0.2, 0.0, "Ann")
+        drive(run)
+        assert max(c.speed_countps for c in bench.board.commands) > (0, 0, 0, 0)
+
+
+def drive(run: Run, seconds: float = 0.5) -> TickRecord:
+    """By hand."""
+    assert run.last is not None
+    end_s = run.last.batch.t_s + seconds
+    for record in run.ticks():
+        run.inbox.drive(0.2, 0.0, "Ann")
+        if record.batch.t_s >= end_s:
+            return record
+    raise AssertionError("the run ended")
+
+
+def armed(bench: HardwareBench, out: Path) -> Run:
+    """A robot that is driven by hand."""
+    run = open_bench(bench, out, is_armed=True)
+    until(run, lambda r: r.batch.board and not r.batch.board[-1].stopped)
+    record = drive(run)
+    assert record.command.drive.v_mps > 0.1, record.status
+    return run
+
+
+def brown_out(bench: HardwareBench) -> None:
+    bench.board.restart()
+
+
+def press(bench: HardwareBench) -> None:
+    bench.board.is_button_pressed = True
+
+
+def break_motor(bench: HardwareBench) -> None:
+    bench.board.motor_faults = 1
+
+
+def fall_silent(bench: HardwareBench) -> None:
+    bench.board.is_silent = True
+
+
+def pull_out(bench: HardwareBench) -> None:
+    bench.base.pull()
+
+
+@pytest.mark.parametrize(
+    ("harm", "why"),
+    [
+        (press, "the red button is pressed"),
+        (brown_out, "the motor board holds a stop: it was switched on, or reset"),
+        (break_motor, "right rear motor reports a fault"),
+        (fall_silent, "wheel encoders silent"),
+        (pull_out, "wheel encoders silent"),
+    ],
+)
+def test_whatever_befalls_the_board_stops_the_robot_with_the_reason(
+    harm: object, why: str, bench: HardwareBench, tmp_path: Path
+) -> None:
+    assert callable(harm)
+    with armed(bench, tmp_path / "run") as run:
+        harm(bench)
+        record = until(run, lambda r: r.status.stopped, by_hand=True)
+        assert why in record.status.stopped
+        assert record.command.drive.v_mps == 0.0
+        wait_for(lambda: not any(map(round, bench.board.speed_countps)), "the wheels to stand")
+
+
+def test_a_board_that_was_unplugged_is_driven_again_when_it_is_back_and_cleared(
+    bench: HardwareBench, tmp_path: Path
+) -> None:
+    with armed(bench, tmp_path / "run") as run:
+        bench.base.pull()
+        assert "silent" in until(run, lambda r: r.status.stopped, by_hand=True).status.stopped
+        bench.base.put_in()
+        until(run, lambda r: r.batch.wheels and r.batch.board)
+        run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))
+        until(run, lambda r: r.batch.board and not r.batch.board[-1].stopped)
+        assert drive(run, 1.0).command.drive.v_mps > 0.1
+    told = (tmp_path / "run" / "events.jsonl").read_text()
+    assert "is lost" in told and "is back" in told
+
+
+def test_a_stop_outlives_the_program_until_a_person_clears_it(
+    bench: HardwareBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = words(bench, tmp_path / "killed", "--arm")
+    with subprocess.Popen(
+        [sys.executable, "-m", "agribot.cli", *options], stderr=subprocess.DEVNULL
+    ) as robot:
+        wait_for(lambda: bench.board.clears and not bench.board.causes, "the board to be armed")
+        bench.board.is_button_pressed = True
+        wait_for(lambda: list((tmp_path / "home" / "stops").glob("*.json")), "the stop on disk")
+        robot.send_signal(signal.SIGKILL)
+    bench.board.is_button_pressed = False
+    bench.board.commands.clear()
+    assert main(words(bench, tmp_path / "again", "--arm", "--for", "2")) == 2
+    told = capsys.readouterr().err
+    assert "the red button is pressed" in told and "--clear-stop" in told
+    assert StopCause.ESTOP in bench.board.causes and not bench.board.commands
+    main(words(bench, tmp_path / "cleared", "--arm", "--clear-stop", "--for", "2"))
+    assert not bench.board.causes
+    assert not list((tmp_path / "home" / "stops").glob("*.json"))
+
+
+def test_a_robot_that_nobody_could_arm_is_refused(
+    bench: HardwareBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words(bench, tmp_path / "run")) == 2
+    assert "begins disarmed" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("base", "why"),
+    [
+        ("", "needs its motor board"),
+        ("base=gpsd:", "serial line or a TCP port"),
+        ("base=serial:/dev/nothing", "plugged in"),
+        ("base=serial:{path}?board=vesc&ids=1,2", "cannot read the red button"),
+    ],
+)
+def test_a_base_that_cannot_be_driven_is_refused_in_one_line(
+    base: str, why: str, bench: HardwareBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = ["--source", base.format(path=bench.base.path)] if base else []
+    options = ["run", "farm", "--platform", "hardware", "--arm", *source]
+    assert main([*options, "--out", str(tmp_path / "run")]) == 2
+    assert why in capsys.readouterr().err.strip().splitlines()[-1]
+
+
+def test_a_motor_board_of_a_simulated_robot_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["run", "farm", "--source", "base=serial:/dev/x", "--out", str(tmp_path / "run")]
+    assert main(options) == 2
+    assert "--platform hardware" in capsys.readouterr().err
+
+
+def test_ticks_keep_the_time_of_the_clock_and_leave_out_what_was_missed(
+    bench: HardwareBench, tmp_path: Path
+) -> None:
+    with open_bench(bench, tmp_path / "run", is_armed=False) as run:
+        until(run, lambda r: r.batch.t_s > 0.5)
+        assert run.last is not None
+        before_s = run.last.batch.t_s
+        threading.Event().wait(0.25)
+        after_s = next(run.ticks()).batch.t_s
+        assert after_s - before_s >= 0.24
+        assert math.remainder(after_s, 0.02) == pytest.approx(0.0, abs=1e-9)
+    assert os.environ["AGRIBOT_HOME"].startswith(str(tmp_path))

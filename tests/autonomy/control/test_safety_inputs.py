@@ -1,0 +1,111 @@
+"""What the motor board tells of itself stops the robot, and so does its silence."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from agribot.core.config import SafetyConfig
+from agribot.core.messages import STOP, BoardSample, SafetyInput, SensorBatch
+from tests.autonomy.control.kinematic_rover import TICK_S
+from tests.autonomy.control.test_supervisor import FORWARD, Gate, assert_stopped
+
+ALL: tuple[SafetyInput, ...] = ("red button", "bumper", "battery", "motors")
+
+
+def telling(gate: Gate, **changes: object) -> SensorBatch:
+    """The batch of the next tick, with what the board tells in it."""
+    t_s = gate.rover.t_s + TICK_S
+    sample = msgspec.structs.replace(BoardSample(t_s=t_s, inputs=ALL), **changes)
+    wheels = gate.rover.batch()
+    return msgspec.structs.replace(wheels, t_s=t_s, board=(sample,))
+
+
+def cruising(config: SafetyConfig | None = None) -> Gate:
+    gate = Gate(config)
+    for _ in range(50):
+        sent, reason = gate.send(batch=telling(gate))
+    assert (sent.drive, reason) == (FORWARD, "")
+    return gate
+
+
+@pytest.mark.parametrize("state", ["running", "waiting"])
+def test_the_red_button_stops_a_robot_that_drives_and_holds_one_that_stands(state: str) -> None:
+    gate = cruising()
+    pressed = telling(gate, is_button_pressed=True, stopped="its red button was pressed")
+    gate.send(STOP if state == "waiting" else FORWARD, batch=pressed, state=state)  # type: ignore[arg-type]
+    assert_stopped(*gate.send(batch=telling(gate)), "red button is pressed", "clear the stop")
+    pressed = telling(gate, is_button_pressed=True, stopped="its red button was pressed")
+    gate.send(STOP, state="paused", batch=pressed, actions=("clear_stop",))
+    sent, reason = gate.send(batch=telling(gate, is_button_pressed=True, stopped="yes"))
+    assert_stopped(sent, reason, "red button is pressed")
+
+
+def test_a_board_has_a_moment_to_let_go_of_the_stop_that_a_person_cleared_and_no_second_one() -> (
+    None
+):
+    gate = cruising()
+    gate.send(batch=telling(gate, stopped="it was switched on"))
+    assert "holds a stop: it was switched on" in gate.supervisor.gate.reason
+    held = telling(gate, stopped="it was switched on")
+    gate.send(STOP, state="paused", batch=held, actions=("clear_stop",))
+    for _ in range(50):
+        sent, reason = gate.send(batch=telling(gate, stopped="it was switched on"))
+        assert reason == ""
+    sent, _ = gate.send(batch=telling(gate))
+    assert sent.drive == FORWARD
+    sent, reason = gate.send(batch=telling(gate, stopped="it was switched on"))
+    assert_stopped(sent, reason, "holds a stop: it was switched on")
+
+
+def test_a_board_that_never_lets_go_stops_the_robot_again() -> None:
+    gate = cruising()
+    gate.send(STOP, state="paused", batch=telling(gate, stopped="why"), actions=("clear_stop",))
+    reasons = {gate.send(batch=telling(gate, stopped="why"))[1] for _ in range(200)}
+    assert any("holds a stop: why" in reason for reason in reasons)
+
+
+def test_a_fault_of_the_board_stops_the_robot_and_lets_a_hand_drive_it_off() -> None:
+    gate = cruising()
+    faulty = telling(gate, faults=("it hung",))
+    assert_stopped(*gate.send(batch=faulty), "motor board: it hung")
+    gate.send(STOP, state="paused", batch=telling(gate, faults=("it hung",)),
+              actions=("clear_stop",))  # fmt: skip
+    batch = telling(gate, faults=("it hung",))
+    sent, _ = gate.send(FORWARD, state="paused", batch=batch, is_by_hand=True)
+    assert sent.drive != STOP
+    assert_stopped(*gate.send(batch=telling(gate, faults=("it hung",))), "it hung")
+
+
+@pytest.mark.parametrize(("name", "limit_s"), [("red button", 0.3), ("battery", 5.0)])
+def test_an_input_that_the_robot_must_have_stops_it_when_it_grows_old(
+    name: str, limit_s: float
+) -> None:
+    gate = cruising(SafetyConfig(must_report=("red button", "battery")))
+    rest = tuple(one for one in ALL if one != name)
+    ticks = 0
+    for _ in range(400):
+        sent, reason = gate.send(batch=telling(gate, inputs=rest))
+        if reason:
+            break
+        ticks += 1
+    assert_stopped(sent, reason, f"the {name} is not reported", f"> {limit_s:.2f} s")
+    assert ticks * TICK_S == pytest.approx(limit_s, abs=3 * TICK_S)
+    for _ in range(20):  # it is back, and the stop stays
+        assert_stopped(*gate.send(batch=telling(gate)), "clear the stop")
+
+
+def test_an_input_that_never_spoke_holds_the_start_with_its_item_of_the_list() -> None:
+    gate = Gate(SafetyConfig(must_report=("red button",)))
+    sent, reason = gate.send()
+    assert_stopped(sent, reason, "red button has not been reported yet")
+    assert gate.supervisor.gate.state == "checking"
+    bad = [check.name for check in gate.supervisor.gate.checks if not check.is_ok]
+    assert bad == ["safety inputs"]
+    for _ in range(50):
+        sent, reason = gate.send(batch=telling(gate))
+    assert (sent.drive, reason) == (FORWARD, "")
+
+
+def test_a_robot_without_such_a_board_is_not_held() -> None:
+    Gate().cruise()

@@ -1,0 +1,62 @@
+"""Stamps of a board's clock on the robot's clock, and how well they are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agribot.core.stamp_clock import StampClock
+
+PERIOD_S, JITTER_S, DRIFT = 0.01, 0.003, 5e-5
+BEGAN_S = 812.3  # of the robot's clock, when the board's began
+
+
+def run_board(clock: StampClock, seed: int, seconds: float = 3.0) -> float:
+    """Note reports with delays of an exponential law; gives the error of the last capture, s."""
+    rng = np.random.default_rng(seed)
+    converted_s = captured_s = 0.0
+    for k in range(1, round(seconds / PERIOD_S)):
+        captured_s = BEGAN_S + k * PERIOD_S
+        stamp_s = k * PERIOD_S * (1.0 + DRIFT)
+        arrived_s = captured_s + float(rng.exponential(JITTER_S))
+        clock.note_message(stamp_s, arrived_s)
+        converted_s = clock.convert_to_robot_s(stamp_s, arrived_s)
+    return converted_s - captured_s
+
+
+def test_the_stated_uncertainty_holds_as_often_as_an_exponential_law_says() -> None:
+    held = []
+    for seed in range(100):
+        clock = StampClock(is_of_its_own=True)
+        error_s = run_board(clock, seed)
+        assert abs(error_s) < 2e-3, "far below the jitter of a single report"
+        assert 1e-5 < clock.uncertainty_s < 1e-3
+        held.append(abs(error_s) <= 3.0 * clock.uncertainty_s)
+    assert np.mean(held) >= 0.95  # exp(-3) = 5 % are beyond three mean excesses
+
+
+def test_two_reports_at_least_make_an_uncertainty() -> None:
+    clock = StampClock(is_of_its_own=True)
+    assert clock.uncertainty_s == float("inf")
+    clock.note_message(1.0, 5.0)
+    assert clock.uncertainty_s == float("inf")
+    clock.note_message(1.01, 5.012)
+    assert clock.uncertainty_s == pytest.approx(0.001 + 2e-4)
+
+
+def test_a_board_that_began_with_the_robot_is_not_taken_for_the_robots_own_clock() -> None:
+    """Its clock is off by half a second, which a peer's delay might be, too."""
+    own, peer = StampClock(is_of_its_own=True), StampClock()
+    for k in range(1, 50):
+        for clock in (own, peer):
+            clock.note_message(k * PERIOD_S, 0.5 + k * PERIOD_S)
+    assert own.convert_to_robot_s(0.49, 0.99) == pytest.approx(0.99)
+    assert peer.convert_to_robot_s(0.49, 0.99) == pytest.approx(0.49)
+
+
+def test_a_clock_that_began_anew_is_followed_at_once() -> None:
+    clock = StampClock(is_of_its_own=True)
+    for k in range(1, 100):
+        clock.note_message(100.0 + k * PERIOD_S, k * PERIOD_S)
+    clock.note_message(0.05, 1.2)
+    assert clock.convert_to_robot_s(0.05, 1.2) == pytest.approx(1.2)

@@ -1,0 +1,80 @@
+"""Casters of corrections: a made-up one that misbehaves as told, and a base station's bytes."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable, Sequence
+
+from agribot.drivers import rtcm
+
+# RTCM 10403.3, the example of message 1005.
+STATION = bytes.fromhex("d300133ed7d30202980edeef34b4bd62ac0941986f33360b98")
+Serve = Callable[[socket.socket, bytes], None]
+YES = b"HTTP/1.1 200 OK\r\nNtrip-Version: Ntrip/2.0\r\nContent-Type: gnss/data\r\n"
+TABLE = b"STR;FARM;Farm;RTCM 3.3;\r\nSTR;FARMVRS;Farm;RTCM 3.3;\r\nENDSOURCETABLE\r\n"
+
+
+def make_observation(kind: int = 1077, length: int = 180) -> bytes:
+    """Write a message of that number with any content."""
+    return rtcm.make_message(bytes((kind >> 4, (kind & 0xF) << 4)) + b"\x5a" * (length - 2))
+
+
+def chunk(data: bytes) -> bytes:
+    return f"{len(data):X};made=up\r\n".encode() + data + b"\r\n"
+
+
+class FakeCaster:
+    """Serves each connection as the next of `answers` does, and all further ones as the last.
+
+    An answer gets the socket and the request's head, and the line is closed when it returns.
+    """
+
+    def __init__(self, *answers: Serve) -> None:
+        self._answers: Sequence[Serve] = answers
+        self.requests: list[bytes] = []
+        self.heard = bytearray()
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = int(self._server.getsockname()[1])
+        self.ended = threading.Event()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def close(self) -> None:
+        self.ended.set()
+        self._server.shutdown(socket.SHUT_RDWR)
+        self._server.close()
+
+    def listen(self, peer: socket.socket) -> None:
+        """Keep what the rover says until it goes or the caster ends."""
+        peer.settimeout(0.05)
+        while not self.ended.is_set():
+            try:
+                data = peer.recv(4096)
+            except TimeoutError:
+                continue
+            if not data:
+                return
+            self.heard += data
+
+    def _accept(self) -> None:
+        while not self.ended.is_set():
+            try:
+                peer, _ = self._server.accept()
+            except OSError:
+                return
+            threading.Thread(target=self._serve, args=(peer,), daemon=True).start()
+
+    def _serve(self, peer: socket.socket) -> None:
+        with peer:
+            head = b""
+            while b"\r\n\r\n" not in head:
+                data = peer.recv(4096)
+                if not data:
+                    return
+                head += data
+            answer = self._answers[min(len(self.requests), len(self._answers) - 1)]
+            self.requests.append(head)
+            try:
+                answer(peer, head)
+            except OSError:  # the rover is gone
+                return

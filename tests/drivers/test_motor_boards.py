@@ -1,0 +1,263 @@
+"""Motor boards as codecs: wheel speeds out, what they report in, for three kinds of boards."""
+
+from __future__ import annotations
+
+import math
+import struct
+from binascii import crc_hqx
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agribot.core.errors import ConfigError
+from agribot.core.messages import WHEEL_NAMES, ImplementCommand
+from agribot.description.loader import load_robot
+from agribot.drivers import board_kinds, vesc
+from agribot.drivers.motor_board import BoardReport, MotorBoard, StampedReport
+from tests.drivers.board_emulator import BoardEmulator
+from tests.drivers.esc_fakes import FakeOdrive, FakeVesc
+
+ROBOT = load_robot()
+STILL = ImplementCommand()
+COUNTS_PER_TURN = ROBOT.drive.encoder_ticks_per_rev * ROBOT.drive.gear_ratio
+
+
+def open_board(options: str) -> MotorBoard:
+    return board_kinds.open_board(f"tcp://localhost:1?{options}", ROBOT).board
+
+
+class Bench:
+    """A board and its driver without a line between them; `cut` is how long the pieces are."""
+
+    def __init__(self, options: str = "board=agribot", cut: int = 7) -> None:
+        self.driver, self.board, self._cut = open_board(options), BoardEmulator(), cut
+        self.board.feed(self.driver.open())
+
+    def run(self, seconds: float, speeds: tuple[float, float, float, float] = (0.0,) * 4,
+            implement: ImplementCommand = STILL) -> list[StampedReport]:  # fmt: skip
+        found = []
+        for tick in range(round(seconds * 100)):
+            if tick % 2 == 0:
+                self.board.feed(self.driver.poll() + self.driver.drive(speeds, implement))
+            said = self.board.advance()
+            for k in range(0, len(said), self._cut):
+                found += self.driver.feed(said[k : k + self._cut])
+        return found
+
+    def arm(self) -> Bench:
+        self.run(0.1)
+        self.board.feed(self.driver.clear_stop())
+        self.run(0.1)
+        return self
+
+
+def last(reports: list[StampedReport]) -> BoardReport:
+    return next(r.report for r in reversed(reports) if r.report.wheels is not None)
+
+
+def test_wheels_turn_as_told_and_tell_how_they_turn() -> None:
+    bench = Bench().arm()
+    speeds = (3.0, -2.0, 4.0, 1.0)
+    wheels = last(bench.run(2.0, speeds)).wheels
+    assert wheels is not None
+    assert wheels.speed_radps == pytest.approx(speeds, abs=math.tau / COUNTS_PER_TURN)
+    turned = [a / w for a, w in zip(wheels.angle_rad, speeds, strict=True)]
+    assert min(turned) > 1.0
+    assert wheels.faults == ()
+
+
+def test_a_board_that_was_just_switched_on_turns_no_wheel_until_a_person_clears_its_stop() -> None:
+    bench = Bench()
+    report = last(bench.run(0.5, (3.0,) * 4))
+    assert report.board is not None
+    assert "switched on" in report.board.stopped
+    assert set(bench.board.speed_countps) == {0.0}
+    bench.arm()
+    report = last(bench.run(0.5, (3.0,) * 4))
+    assert report.board is not None
+    assert (report.board.stopped, report.board.faults) == ("", ())
+    assert min(bench.board.speed_countps) > 0.0
+
+
+def test_the_red_button_the_bumper_and_the_battery_are_told() -> None:
+    bench = Bench().arm()
+    report = last(bench.run(0.1))
+    assert report.board is not None and report.battery is not None and report.bumper is None
+    assert set(report.board.inputs) == {"red button", "bumper", "battery", "motors"}
+    assert report.battery.voltage_v == pytest.approx(25.2)
+    bench.board.is_button_pressed = bench.board.is_bumper_pressed = True
+    report = last(bench.run(0.1))
+    assert report.board is not None and report.bumper is not None
+    assert report.board.is_button_pressed
+    assert "red button" in report.board.stopped and "bumper" in report.board.stopped
+    assert report.bumper.x_body_m > ROBOT.drive.wheelbase_m / 2.0
+    bench.board.battery_v = 4.9  # of the USB line
+    report = last(bench.run(0.1))
+    assert report.board is not None and report.battery is None
+    assert "battery" not in report.board.inputs
+
+
+@pytest.mark.parametrize("bits", [0b0010, 0b0010_0000])
+def test_a_motor_at_fault_is_told_by_its_wheel(bits: int) -> None:
+    bench = Bench().arm()
+    bench.board.motor_faults = bits
+    wheels = last(bench.run(0.1)).wheels
+    assert wheels is not None
+    assert wheels.faults == (WHEEL_NAMES[1],)
+
+
+def test_a_board_that_hung_and_began_anew_says_so_and_is_configured_again() -> None:
+    bench = Bench().arm()
+    bench.board.restart(is_by_watchdog=True)
+    report = last(bench.run(0.5))
+    assert report.board is not None
+    assert report.board.faults == ("it hung, and its watchdog reset it",)
+    assert "switched on" in report.board.stopped
+    bench.arm()
+    wheels = last(bench.run(1.0, (2.0,) * 4)).wheels
+    assert wheels is not None
+    assert wheels.speed_radps == pytest.approx((2.0,) * 4, abs=1e-2)
+
+
+def test_times_go_on_where_the_boards_clock_wraps_around_and_begin_anew_with_the_board() -> None:
+    bench = Bench().arm()
+    bench.board._ticks = 2**32 // 10_000 - 50
+    stamps = [report.stamp_s for report in bench.run(1.0) if report.report.wheels]
+    assert max(b - a for a, b in pairwise(stamps)) < 0.02
+    assert stamps[-1] - stamps[0] == pytest.approx(0.99, abs=0.02)
+    bench.board.restart()
+    assert bench.run(0.3)[-1].stamp_s < 1.0
+
+
+def test_a_board_of_another_table_is_trouble_that_says_what_to_do() -> None:
+    bench = Bench()
+    bench.board = BoardEmulator(layout=1)
+    bench.board.feed(bench.driver.open())
+    assert bench.run(0.3) == []
+    assert "flash the firmware" in bench.driver.trouble
+
+
+def test_the_implements_sections_are_the_boards_outputs() -> None:
+    bench = Bench().arm()
+    bench.run(0.1, implement=ImplementCommand(sections_on=(True, False, True)))
+    assert bench.board.commands[-1].tool == 0b101
+
+
+def test_the_imu_is_turned_to_the_axes_of_the_body() -> None:
+    bench = Bench("board=agribot&axes=x,-y,-z")
+    bench.board.accel_mps2, bench.board.gyro_radps = (1.0, 2.0, -9.81), (0.1, 0.2, 0.3)
+    reports = [r.report for r in bench.run(0.5)]
+    imu = next(r.imu for r in reports if r.imu)
+    assert imu.accel_mps2 == pytest.approx((1.0, -2.0, 9.81), abs=2e-3)
+    assert imu.gyro_radps == pytest.approx((0.1, -0.2, -0.3), abs=5e-4)
+    assert sum(r.mag is not None for r in reports) == pytest.approx(10, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ("board=arduino", "board=arduino.*known: agribot, vesc, odrive"),
+        ("board=agribot&counts_per_turn=90000", "more than the board counts"),
+        ("board=agribot&kp=x", "kp=x: write a number"),
+        ("board=agribot&colour=red", "unknown option 'colour'"),
+        ("board=vesc", "ids=local: name two controllers"),
+        ("board=vesc&ids=1,999", "'999' is no controller"),
+        ("board=odrive&axes=2,3", "axes=2,3"),
+    ],
+)
+def test_a_board_that_means_nothing_is_refused_in_words(options: str, why: str) -> None:
+    with pytest.raises(ConfigError, match=why.replace("(", r"\(")):
+        open_board(options)
+
+
+def test_vesc_controllers_turn_the_wheels_of_their_sides_and_tell_their_faults() -> None:
+    driver = open_board("board=vesc&ids=local,12&pole_pairs=7&gear=10")
+    fake = FakeVesc(local=3, others=(12,))
+    found: list[StampedReport] = driver.feed(fake.answer(driver.open()))
+    for _ in range(100):
+        fake.advance(0.02)
+        out = driver.poll() + driver.drive((2.0, -1.0, 2.0, -1.0), STILL)
+        said = fake.answer(out)
+        found += driver.feed(said[:9])
+        found += driver.feed(said[9:])
+    report = found[-1].report
+    assert report.wheels is not None and report.battery is not None and report.board is not None
+    assert report.wheels.speed_radps == pytest.approx((2.0, -1.0, 2.0, -1.0), rel=0.01)
+    assert report.wheels.angle_rad == pytest.approx((4.0, -2.0, 4.0, -2.0), rel=0.06)
+    assert report.battery.voltage_v == pytest.approx(24.6)
+    assert report.board.inputs == ("battery", "motors")
+    fake.faults[12] = 9
+    report = driver.feed(fake.answer(driver.poll()))[-1].report
+    assert report.wheels is not None and report.board is not None
+    assert report.wheels.faults == ("left_wheel_R", "left_wheel_F")
+    assert report.board.faults == ("controller 12: MCU under voltage (brown-out)",)
+
+
+def test_a_vesc_packet_is_what_its_protocol_says() -> None:
+    payload = struct.pack(">Bi", 8, 4000)
+    crc = crc_hqx(payload, 0).to_bytes(2, "big")
+    assert vesc.make_packet(payload) == b"\x02\x05" + payload + crc + b"\x03"
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.binary(max_size=400), st.integers(1, 40))
+def test_vesc_packets_are_found_among_any_noise(noise: bytes, cut: int) -> None:
+    decoder, packet = vesc.VescDecoder(), vesc.make_packet(bytes((4, *range(60))))
+    data = noise + bytes(700) + packet  # zeros end whatever the noise seemed to begin
+    found = [p for k in range(0, len(data), cut) for p in decoder.feed(data[k : k + cut])]
+    assert bytes((4, *range(60))) in found
+
+
+def test_an_odrive_turns_its_axes_and_tells_faults_and_voltage() -> None:
+    driver = open_board("board=odrive&axes=1,0&gear=10")
+    fake = FakeOdrive()
+    found = driver.feed(fake.answer(driver.open() + driver.clear_stop()))
+    for _ in range(100):
+        fake.advance(0.02)
+        said = fake.answer(driver.poll() + driver.drive((2.0, -1.0, 2.0, -1.0), STILL))
+        found += driver.feed(said)
+    report = found[-1].report
+    assert report.wheels is not None and report.battery is not None
+    assert report.wheels.speed_radps == pytest.approx((2.0, -1.0, 2.0, -1.0), rel=0.01)
+    assert report.battery.voltage_v == pytest.approx(24.3)
+    assert fake.states == [8, 8] and fake.watchdogs == {0, 1}
+    fake.errors[0] = 0x40
+    for _ in range(12):
+        found += driver.feed(fake.answer(driver.poll()))
+    report = found[-1].report
+    assert report.wheels is not None and report.board is not None
+    assert report.wheels.faults == ("left_wheel_R", "left_wheel_F")
+    assert report.board.faults == ("axis 0: error 0x40",)
+
+
+def test_answers_of_an_odrive_that_got_lost_are_not_taken_for_others() -> None:
+    driver = open_board("board=odrive&gear=10")
+    fake = FakeOdrive()
+    driver.feed(fake.answer(driver.open() + driver.clear_stop()))
+    for tick in range(200):
+        fake.advance(0.02)
+        said = fake.answer(driver.poll() + driver.drive((2.0, -1.0, 2.0, -1.0), STILL))
+        if tick % 23 == 5:
+            said = said[3:] if tick % 2 else said[: len(said) // 2]
+        for stamped in driver.feed(said):
+            wheels, battery = stamped.report.wheels, stamped.report.battery
+            assert wheels is not None
+            assert all(abs(speed) < 2.1 for speed in wheels.speed_radps)
+            assert battery is None or battery.voltage_v == pytest.approx(24.3)
+            assert wheels.faults == ()
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.sampled_from(["board=agribot", "board=vesc&ids=1,2", "board=odrive"]),
+    st.lists(st.binary(max_size=120), max_size=12),
+)
+def test_no_bytes_break_a_board(options: str, pieces: list[bytes]) -> None:
+    driver = open_board(options)
+    driver.open()
+    for piece in pieces:
+        driver.poll()
+        for stamped in driver.feed(piece):
+            assert stamped.stamp_s >= 0.0

@@ -1,0 +1,156 @@
+"""A u-blox receiver is set up in the messages of its generation, as its maker's list has them."""
+
+from __future__ import annotations
+
+import datetime as dt
+import itertools
+import json
+import threading
+
+import pytest
+from pyubx2 import GET, SET, UBX_CONFIG_DATABASE, UBXMessage, UBXReader
+
+from agribot.cli.main import main
+from agribot.drivers.ubx import UbxDecoder, UbxFrame, make_frame
+from agribot.drivers.ubx_setup import ACK, MON_VER, NAK, ReceiverSetup, SetupPlan, write_setup
+from tests.drivers import receiver_bytes as written
+from tests.drivers.lines import Line
+
+VERSIONS = {"ZED-F9P": "27.31", "NEO-M8N": "18.00"}
+
+
+def write_version(model: str) -> bytes:
+    words = [b"EXT CORE 1.00", b"FWVER=HPG 1.32", f"PROTVER={VERSIONS[model]}".encode()]
+    words += [f"MOD={model}".encode()]
+    body = words[0].ljust(30, b"\0") + b"00190000".ljust(10, b"\0")
+    return make_frame(MON_VER, body + b"".join(word.ljust(30, b"\0") for word in words[1:]))
+
+
+def test_the_keys_of_the_ninth_generation_are_those_of_its_maker() -> None:
+    plan = SetupPlan(rate_hz=10.0, model="automotive", is_kept=True)
+    meant: dict[str, int] = {}
+    for data in write_setup(plan, 27.31):
+        message = UBXReader.parse(data, msgmode=SET)
+        assert message.identity == "CFG-VALSET" and (message.ram, message.bbr) == (1, 1)
+        meant |= {
+            name: getattr(message, name) for name in UBX_CONFIG_DATABASE if hasattr(message, name)
+        }
+    expected = {"CFG_RATE_MEAS": 100, "CFG_NAVSPG_DYNMODEL": 4}
+    for port in ("UART1", "UART2", "USB"):
+        for name, every in (
+            ("PVT", 1), ("HPPOSLLH", 1), ("RELPOSNED", 1), ("SAT", 10), ("DOP", 10),
+        ):  # fmt: skip
+            expected[f"CFG_MSGOUT_UBX_NAV_{name}_{port}"] = every
+        expected[f"CFG_{port}INPROT_RTCM3X"] = 1
+    assert meant == expected
+
+
+def test_the_eighth_generation_is_set_up_in_its_own_messages() -> None:
+    plan = SetupPlan(rate_hz=5.0, model="pedestrian", is_kept=True)
+    told = [UBXReader.parse(data, msgmode=SET) for data in write_setup(plan, 18.0)]
+    assert [message.identity for message in told] == [
+        "CFG-RATE", "CFG-NAV5", "CFG-MSG", "CFG-MSG", "CFG-MSG", "CFG-CFG",
+    ]  # fmt: skip
+    assert (told[0].measRate, told[0].navRate) == (200, 1)
+    assert (told[1].dyn, told[1].dynModel) == (1, 3)
+    pvt = (told[2].msgClass, told[2].msgID)
+    assert [int.from_bytes(part, "big") if isinstance(part, bytes) else part for part in pvt] == [
+        1, 7,
+    ]  # fmt: skip
+
+
+def test_what_a_receiver_does_not_have_is_no_end_of_the_talk() -> None:
+    setup = ReceiverSetup(SetupPlan())
+    (frame,) = UbxDecoder().feed(write_version("ZED-F9P"))
+    sent = setup.add(frame)
+    count = 0
+    while sent:
+        assert setup.add(UbxFrame(ACK, b"\x06\x01")) == b""  # of another message
+        count += 1
+        sent = setup.add(UbxFrame(NAK if count == 6 else ACK, sent[2:4]))
+    assert setup.is_done and (setup.accepted, len(setup.refused)) == (count - 1, 1)
+
+
+class Ublox:
+    """A receiver that answers as its generation does."""
+
+    def __init__(self, line: Line, model: str) -> None:
+        self._line, self._model = line, model
+        self.settings: list[UBXMessage] = []
+        self.ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self.ended.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        frames = UbxDecoder()
+        while not self.ended.wait(0.01):
+            for kind, payload in frames.feed(self._line.hear()):
+                self._line.say(b"$GNGGA,,,,,,0,,,,,,,,*78\r\n" + written.make_ubx_pvt())
+                if kind == MON_VER:
+                    self._line.say(write_version(self._model))
+                    continue
+                self.settings.append(UBXReader.parse(make_frame(kind, payload), msgmode=SET))
+                ack = UBXMessage("ACK", "ACK-ACK", GET, clsID=kind[0], msgID=kind[1])
+                self._line.say(ack.serialize())
+
+
+@pytest.mark.parametrize(("model", "first"), [("ZED-F9P", "CFG-VALSET"), ("NEO-M8N", "CFG-RATE")])
+def test_the_command_sets_up_a_receiver_on_a_line(
+    model: str, first: str, line: Line, capsys: pytest.CaptureFixture[str]
+) -> None:
+    receiver = Ublox(line, model)
+    try:
+        assert main(["gnss", "configure", f"serial:{line.path}", "--rate", "8", "--json"]) == 0
+    finally:
+        receiver.close()
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert told["model"] == model and told["refused"] == 0
+    assert told["accepted"] == len(receiver.settings)
+    assert receiver.settings[0].identity == first
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["--rate", "100"], "choose 1 to 20 Hz"),
+        (["--model", "car"], "known are portable, pedestrian, automotive"),
+    ],
+)
+def test_what_no_receiver_can_do_is_refused(
+    words: list[str], why: str, line: Line, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["gnss", "configure", f"serial:{line.path}", *words]) == 2
+    assert why in capsys.readouterr().err
+    assert line.hear() == b""
+
+
+def test_the_command_shows_what_a_receiver_tells(
+    line: Line, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ended = threading.Event()
+
+    def speak() -> None:
+        for k in itertools.count():
+            if ended.wait(0.05):
+                return
+            at = written.EPOCH + k * dt.timedelta(seconds=0.2)
+            line.say(written.make_ubx_sky(at) + written.make_ubx_relposned(at, 90.0))
+            line.say(written.make_ubx_pvt(at, carrier=2, h_acc_m=0.014))
+
+    receiver = threading.Thread(target=speak)
+    receiver.start()
+    uri = f"serial:{line.path}?heading_offset_deg=90"
+    try:
+        assert main(["gnss", "show", uri, "--for", "2.5", "--json"]) == 0
+    finally:
+        ended.set()
+        receiver.join()
+    told = capsys.readouterr()
+    assert "RTK fixed +-0.010 m" in told.err and "2 of 3 satellites, HDOP 0.9" in told.err
+    assert "heading 0.0 deg" in told.err
+    result = json.loads(told.out.splitlines()[-1])
+    assert result["fix"]["lat_deg"] == pytest.approx(written.LAT_DEG)

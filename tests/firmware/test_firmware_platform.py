@@ -1,0 +1,136 @@
+"""`--platform firmware`: the simulated robot whose motor board is real firmware, byte by byte."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from agribot.app.rerun import compare_passes, read_pass, rerun
+from agribot.app.simulated_run import SimulatedRun, simulate
+from agribot.core import config
+from agribot.core.messages import OperatorEvent, TickRecord
+from tests import machine
+
+SETTINGS = ["perception.enabled=false", "seed=3"]
+PLACES = ((-2.0, 1.5), (-1.0, 2.5))  # from the mark of the farm: ahead, then to the right
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    machine.require("simavr")
+    monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path / "home"))
+
+
+def drive(
+    out: Path, platform: str, seconds: float, *more: str,
+    meddle: Callable[[SimulatedRun, TickRecord], None] = lambda run, record: None,
+) -> tuple[list[TickRecord], tuple[float, float]]:  # fmt: skip
+    """Visit PLACES for so long; gives the ticks and where the robot really is at the end."""
+    settings = config.load(
+        "farm", [*SETTINGS, f"platform={platform}", f"duration_s={seconds}", *more]
+    )
+    with simulate(settings, out) as run:
+        numbers = tuple(number for place in PLACES for number in place)
+        run.inbox.post(OperatorEvent(t_s=0.0, action="visit", source="Ann", numbers=numbers))
+        ticks = []
+        for record in run.ticks():
+            ticks.append(record)
+            meddle(run, record)
+        truth = run.truth()
+        run.finish()
+    return ticks, (truth.x_map_m, truth.y_map_m)
+
+
+def decisions(out: Path) -> list[str]:
+    """What the robot decided and told, in order, without numbers."""
+    events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
+    kinds = {"mission", "gate", "stop", "hold", "resume", "ready"}
+    return ["".join(c for c in f"{e['kind']} {e['reason']}" if not c.isdigit())
+            for e in events if e["kind"] in kinds]  # fmt: skip
+
+
+def test_the_same_mission_through_bytes_and_firmware_is_decided_as_on_the_simulator(
+    tmp_path: Path,
+) -> None:
+    by_sim, sim_end = drive(tmp_path / "sim", "sim", 16.0)
+    by_bytes, bytes_end = drive(tmp_path / "bytes", "firmware", 16.0)
+    assert decisions(tmp_path / "bytes") == decisions(tmp_path / "sim")
+    assert math.dist(sim_end, bytes_end) < 0.05
+    assert by_bytes[-1].status.waypoints_reached == by_sim[-1].status.waypoints_reached == 2
+    told = [tick for tick in by_bytes if tick.batch.board]
+    assert len(told) == len(by_bytes)
+    samples = sum(len(tick.batch.wheels) for tick in by_bytes)
+    assert samples == pytest.approx(2 * len(by_bytes), abs=3), "100 Hz in ticks of 50 Hz"
+    assert all(tick.batch.wheels[0].effort_nm is None for tick in by_bytes)  # not the simulator's
+
+
+def test_a_run_on_firmware_repeats_bit_by_bit_and_so_does_its_replay(tmp_path: Path) -> None:
+    once, end = drive(tmp_path / "one", "firmware", 5.0)
+    again, end_again = drive(tmp_path / "two", "firmware", 5.0)
+    assert end == end_again
+    assert [t.command for t in once] == [t.command for t in again]
+    assert [t.batch.wheels for t in once] == [t.batch.wheels for t in again]
+    assert max(t.command.drive.v_mps for t in once) > 0.3
+    path = tmp_path / "one" / "run.mcap"
+    before = read_pass(path)
+    replayed, _ = rerun(path, config.load("farm", SETTINGS))
+    assert compare_passes(before, replayed).first is None
+
+
+def test_a_touch_passes_through_contact_and_firmware_and_stops_the_robot(tmp_path: Path) -> None:
+    ticks, _ = drive(tmp_path / "run", "firmware", 6.0, "faults=bumper.contact@4")
+    (first,) = [t for t in ticks if t.batch.bumper][:1]
+    assert 4.0 <= first.batch.t_s < 4.1
+    assert "bumper touches something in front" in ticks[-1].status.stopped
+    assert "its bumper was touched" in ticks[-1].batch.board[-1].stopped
+    assert ticks[-1].batch.wheels[-1].speed_radps == pytest.approx((0.0,) * 4, abs=0.1)
+
+
+def test_a_board_that_hangs_is_reset_by_its_watchdog_and_the_robot_stands_until_cleared(
+    tmp_path: Path,
+) -> None:
+    def meddle(run: SimulatedRun, record: TickRecord) -> None:
+        if record.batch.t_s == pytest.approx(4.0):
+            run.platform._bench.hang()  # type: ignore[attr-defined]
+
+    ticks, _ = drive(tmp_path / "run", "firmware", 6.0, meddle=meddle)
+    assert ticks[-1].status.stopped
+    assert "watchdog" in " ".join(ticks[-1].batch.board[-1].faults)
+    still = [t for t in ticks if t.batch.t_s > 5.0]
+    assert all(t.command.drive.v_mps == 0.0 for t in still)
+    speeds = [abs(speed) for t in still for w in t.batch.wheels for speed in w.speed_radps]
+    assert max(speeds) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("wheels.stuck=left_wheel_F@3", ("left front",)),
+        ("wheels.reversed@3", ("backwards", "motor")),
+        ("motor.runaway@3", ("turn too fast", "RUNAWAY")),
+        ("board.silent@3", ("wheel encoders silent",)),
+    ],
+)
+def test_faults_at_and_below_the_board_stop_the_robot_and_are_named(
+    fault: str, words: tuple[str, ...], tmp_path: Path
+) -> None:
+    ticks, _ = drive(tmp_path / "run", "firmware", 4.5, f"faults={fault}")
+    before = [t for t in ticks if t.batch.t_s < 3.0]
+    assert before[-1].command.drive.v_mps > 0.2 and not before[-1].status.stopped
+    told = f"{ticks[-1].status.stopped} {ticks[-1].status.gate.told}"
+    assert any(word in told for word in words), told
+    (first,) = [t.batch.t_s for t in ticks if t.status.stopped][:1]
+    assert first - 3.0 < 1.0
+
+
+def test_noise_on_the_line_costs_frames_and_makes_no_false_number(tmp_path: Path) -> None:
+    ticks, _ = drive(tmp_path / "run", "firmware", 5.0, "faults=link.noise=0.05@2")
+    assert not ticks[-1].status.stopped
+    samples = [w for t in ticks for w in t.batch.wheels]
+    assert 0.85 < len(samples) / (2 * len(ticks)) < 0.99
+    assert max(abs(speed) for w in samples for speed in w.speed_radps) < 12.0
+    assert ticks[-1].command.drive.v_mps > 0.2

@@ -1,0 +1,332 @@
+"""Weed maps in the files of farm software: other programs read them, and nothing broken gets in."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import sqlite3
+import subprocess
+import zipfile
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agribot.autonomy.weeds.merge import merge_maps
+from agribot.autonomy.weeds.plant_table import DECISIONS, OUTCOMES, PlantTable, move_to_datum
+from agribot.cli.main import main
+from agribot.core.errors import RecordingError
+from agribot.gis.weeds.files import FORMATS, read_map, write_map
+from agribot.gis.weeds.found_plants import Reading, tabulate_found
+from agribot.gis.weeds.records import COLUMNS, iterate_records
+from agribot.gis.weeds.styles import STYLES, find_style
+from tests.gis.weed_maps import DATUM, make_map, scatter
+from tests.machine import needs
+
+TENTH_MM_M = 1.5e-4
+SYSTEM_PYTHON = Path("/usr/bin/python3")
+HAS_QGIS = any(Path("/usr/lib").glob("python3/dist-packages/qgis/core/__init__.py"))
+MAP = make_map(scatter(500), std_m=0.02)
+MERGED = merge_maps([make_map(scatter(200), n, std_m=0.02, seed=s) for s, n in enumerate("ab")])
+
+
+def written(folder: Path, suffix: str, table: PlantTable = MAP) -> Path:
+    path = folder / f"north field{suffix}"
+    write_map(path, table)
+    return path
+
+
+def ogr(*words: str) -> str:
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_a_map_comes_back_from_every_format_as_it_went(tmp_path: Path, suffix: str) -> None:
+    back = read_map(written(tmp_path, suffix), "another name")
+    assert back.maps == MAP.maps
+    assert np.abs(move_to_datum(back, DATUM).xy_m - MAP.xy_m).max() < TENTH_MM_M
+    assert np.abs(back.xy_m - MAP.xy_m).max() < TENTH_MM_M  # in the robot's own map, too
+    for name in MAP.rows.dtype.names or ():
+        if name not in {"x_map_m", "y_map_m"}:
+            assert np.array_equal(back.rows[name], MAP.rows[name], equal_nan=True), name
+
+
+@pytest.mark.parametrize("suffix", sorted(FORMATS.keys() - {".shp", ".shp.zip"}))
+def test_a_merged_map_comes_back_with_all_that_it_was_merged_from(
+    tmp_path: Path, suffix: str
+) -> None:
+    back = read_map(written(tmp_path, suffix, MERGED), "x")
+    assert back.maps == MERGED.maps
+    again = merge_maps([back, MERGED])
+    assert np.array_equal(again.rows["group"], MERGED.rows["group"])
+    assert np.abs(again.xy_m - MERGED.xy_m).max() < TENTH_MM_M
+
+
+def test_a_merged_map_in_a_shapefile_is_not_merged_again(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"merged from several maps.*GeoPackage"):
+        read_map(written(tmp_path, ".shp", MERGED), "x")
+
+
+def test_a_map_that_is_read_and_written_again_is_the_same_file(tmp_path: Path) -> None:
+    for table in (MAP, MERGED):
+        first = written(tmp_path, ".geojson", table)
+        data = first.read_bytes()
+        write_map(first, merge_maps([read_map(first, "x")]))
+        assert first.read_bytes() == data
+
+
+@needs("ogr2ogr")
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_gdal_reads_places_and_attributes_of_every_format(tmp_path: Path, suffix: str) -> None:
+    path = written(tmp_path, suffix)
+    source = f"/vsizip/{path}" if suffix == ".shp.zip" else str(path)
+    hints = ["-oo", "X_POSSIBLE_NAMES=lon_deg", "-oo", "Y_POSSIBLE_NAMES=lat_deg"]
+    out = tmp_path / "seen.csv"
+    ogr(
+        "ogr2ogr", "-f", "CSV", str(out), source, *(hints if suffix == ".csv" else []),
+        *(["weed_map"] if suffix == ".gpkg" else []), "-lco", "GEOMETRY=AS_XY",
+    )  # fmt: skip
+    seen = list(csv.DictReader(out.read_text().splitlines()))
+    wanted = [record for records in iterate_records(MAP) for record in records]
+    assert len(seen) == len(wanted)
+    for row, record in zip(seen, wanted, strict=True):
+        values = dict(zip(COLUMNS, record.values, strict=True))
+        assert (float(row["X"]), float(row["Y"])) == pytest.approx(
+            (record.lon_deg, record.lat_deg), abs=1e-9
+        )
+        for name in ("class", "decision", "outcome"):
+            assert row[name] == (values[name] or "")
+        for name in ("confidence", "xx_m2", "xy_m2", "yy_m2"):
+            assert float(row[name]) == pytest.approx(values[name], abs=1e-9)
+        assert int(row["id"]) == values["id"]
+
+
+@needs("ogr2ogr")
+@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".shp", ".kml"])
+def test_a_map_that_went_through_another_program_is_the_same_map(
+    tmp_path: Path, suffix: str
+) -> None:
+    out = tmp_path / f"theirs{suffix}"
+    exact = ["-lco", "COORDINATE_PRECISION=9"] if suffix == ".geojson" else []
+    ogr("ogr2ogr", str(out), str(written(tmp_path, ".gpkg")), "weed_map", *exact)
+    back = read_map(out, "x")
+    assert back.maps == MAP.maps
+    assert np.abs(move_to_datum(back, DATUM).xy_m - MAP.xy_m).max() < TENTH_MM_M
+    for name in ("id", "plant", "decision", "outcome", "sightings"):
+        assert np.array_equal(back.rows[name], MAP.rows[name]), name
+    for name in ("confidence", "xx_m2", "xy_m2", "treated_s", "first_seen_s", "last_seen_s"):
+        assert np.allclose(back.rows[name], MAP.rows[name], atol=1e-4, equal_nan=True), name
+
+
+@needs("ogr2ogr")
+@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".shp", ".kml"])
+def test_gdal_takes_the_coordinates_for_wgs_84(tmp_path: Path, suffix: str) -> None:
+    told = ogr("ogrinfo", "-ro", "-al", "-so", str(written(tmp_path, suffix)))
+    assert 'GEOGCRS["WGS 84"' in told
+
+
+@pytest.mark.skipif(not HAS_QGIS, reason="QGIS is missing (apt-get install python3-qgis)")
+def test_qgis_draws_the_geopackage_in_its_own_style(tmp_path: Path) -> None:
+    path = written(tmp_path, ".gpkg")
+    program = Path(__file__).with_name("qgis_reader.py")
+    done = subprocess.run(
+        [str(SYSTEM_PYTHON), str(program), f"{path}|layername=weed_map"],
+        capture_output=True, text=True, check=True,
+        env={**os.environ, "QT_QPA_PLATFORM": "offscreen", "XDG_RUNTIME_DIR": str(tmp_path)},
+    )  # fmt: skip
+    (seen,) = json.loads(done.stdout.splitlines()[-1])
+    assert (seen["crs"], seen["count"]) == ("EPSG:4326", len(MAP.rows))
+    assert seen["renderer"] == "categorizedSymbol"
+    for records in iterate_records(MAP):
+        for record in records:
+            values = dict(zip(COLUMNS, record.values, strict=True))
+            assert seen["drawn"][str(values["id"])] == STYLES[find_style(values)]
+    assert len(set(seen["drawn"].values())) >= 3
+
+
+def test_every_plant_has_its_class_certainty_decision_and_outcome(tmp_path: Path) -> None:
+    features = json.loads(written(tmp_path, ".geojson").read_text())["features"]
+    for feature in features:
+        told = feature["properties"]
+        assert told["class"] in {"weed", "crop"} and 0.0 < told["confidence"] < 1.0
+        assert told["xx_m2"] * told["yy_m2"] > told["xy_m2"] ** 2
+        assert told["id"] and told["first_seen_s"] <= told["last_seen_s"]
+        if told["class"] == "crop":
+            assert (told["decision"], told["outcome"]) == ("spare", None)
+        elif told["treated_s"] is not None:
+            assert (told["decision"], told["outcome"]) == ("treat", "treated")
+        else:
+            assert (told["decision"], told["outcome"]) in {("treat", "missed"), ("spare", None)}
+
+
+def spoil(path: Path, edit: Callable[[Any], Any]) -> Path:
+    path.write_text(json.dumps(edit(json.loads(path.read_text()))))
+    return path
+
+
+def of_each(change: Callable[[dict[str, Any], list[float]], None]) -> Callable[[Any], Any]:
+    def edit(root: Any) -> Any:
+        for feature in root["features"]:
+            change(feature["properties"], feature["geometry"]["coordinates"])
+        return root
+
+    return edit
+
+
+BROKEN: dict[str, tuple[Callable[[Any], Any], str]] = {
+    "another CRS": (
+        lambda root: {**root, "crs": {"properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}},
+        r"25832; convert it to WGS-84",
+    ),
+    "metres for degrees": (of_each(lambda _, at: at.__setitem__(0, 677_000.0)), r"not in degrees"),
+    "swapped ids": (of_each(lambda told, _: told.update(map_id=7)), r"have the id 7"),
+    "mirrored axes": (
+        of_each(lambda told, _: told.update(x_map_m=-told["x_map_m"])), r"mirrored.*West",
+    ),
+    "exchanged axes": (
+        of_each(lambda t, _: t.update(x_map_m=t["y_map_m"], y_map_m=t["x_map_m"])),
+        r"x_map_m and y_map_m are exchanged",
+    ),
+    "moved places": (of_each(lambda told, at: at.__setitem__(0, at[0] + told["id"] * 1e-5)),
+                     r"m apart; drop these two columns"),
+    "an unknown class": (of_each(lambda told, _: told.update({"class": 2})), r"--classes 2=weed"),
+    "a covariance that is none": (of_each(lambda told, _: told.update(xx_m2=-1.0)), r"covariance"),
+    "certain beyond one": (of_each(lambda told, _: told.update(confidence=90)), r"confidence"),
+    "no number": (of_each(lambda told, _: told.update(area_m2="big")), r"plant 1.*'big'"),
+    "lines for points": (lambda root: {**root, "features": [
+        {"geometry": {"type": "LineString", "coordinates": []}, "properties": {}}]}, r"a Point"),
+    "no collection": (lambda root: root["features"], r"cannot be read"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_a_map_with_a_fault_is_refused_with_its_name(tmp_path: Path, what: str) -> None:
+    edit, words = BROKEN[what]
+    with pytest.raises(RecordingError, match=words):
+        read_map(spoil(written(tmp_path, ".geojson"), edit), "x")
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("kept_ratio", [0.0, 0.3, 0.9])
+def test_a_file_that_is_cut_off_is_refused(tmp_path: Path, suffix: str, kept_ratio: float) -> None:
+    path = written(tmp_path, suffix)
+    cut = path.with_suffix(".dbf") if suffix == ".shp" else path
+    data = cut.read_bytes()
+    cut.write_bytes(data[: int(kept_ratio * len(data))])
+    with pytest.raises(RecordingError, match="north field"):
+        read_map(path, "x")
+
+
+def test_an_archive_that_unpacks_to_gigabytes_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.shp.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("bomb.shp", bytes(120_000_000))
+    assert path.stat().st_size < 200_000
+    with pytest.raises(RecordingError, match=r"unpacks to 120000000 bytes, more than 100000000"):
+        read_map(path, "x")
+
+
+def test_a_kml_that_grows_by_its_entities_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "laughs.kml"
+    path.write_text('<!DOCTYPE kml [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]><kml>&b;</kml>')
+    with pytest.raises(RecordingError, match="document type declarations are not accepted"):
+        read_map(path, "x")
+
+
+def test_a_view_that_never_ends_is_stopped(tmp_path: Path) -> None:
+    path = written(tmp_path, ".gpkg")
+    with closing(sqlite3.connect(path)) as database:
+        database.executescript(
+            "ALTER TABLE weed_map RENAME TO hidden; CREATE VIEW weed_map AS WITH RECURSIVE n(i) AS"
+            " (SELECT 1 UNION ALL SELECT i FROM n) SELECT count(*) AS c, NULL AS geom FROM n;"
+        )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("agribot.gis.weeds.geopackage_file._MAX_STEPS", 3_000_000)
+        with pytest.raises(RecordingError, match="interrupted"):
+            read_map(path, "x")
+
+
+def test_a_geopackage_in_other_coordinates_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, ".gpkg")
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("UPDATE gpkg_geometry_columns SET srs_id = 25832")
+        database.commit()
+    with pytest.raises(RecordingError, match=r"EPSG:25832; convert it to EPSG:4326"):
+        read_map(path, "x")
+
+
+def test_a_shapefile_in_other_coordinates_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, ".shp")
+    path.with_suffix(".prj").write_text('PROJCS["ETRS89 / UTM zone 32N"]')
+    with pytest.raises(RecordingError, match=r"not WGS-84"):
+        read_map(path, "x")
+
+
+def test_points_of_a_scout_without_any_columns_are_weeds_of_unknown_certainty() -> None:
+    found = tabulate_found(Reading([(11.6, 52.1, {}), (11.60001, 52.1, {})]), "'x'", "scouted")
+    assert found.maps == ("scouted",) and found.rows["id"].tolist() == [1, 2]
+    assert np.isnan(found.rows["confidence"]).all()
+    assert [DECISIONS[c] + OUTCOMES[c] for c in found.rows["decision"]] == ["", ""]
+
+
+# The command
+
+
+def field_around(path: Path) -> Path:
+    corners = np.array([[-3, -3], [43, -3], [43, 43], [-3, 43], [-3, -3.0]])
+    ring = MAP.frame.lonlat_from_map(corners).tolist()
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    return path
+
+
+def test_the_command_exports_what_the_name_says(tmp_path: Path, capsys: Any) -> None:
+    source = written(tmp_path, ".geojson")
+    assert main(["weeds", "export", str(source), "-o", str(tmp_path / "a.gpkg"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert told["weeds"] + told["crops"] == len(MAP.rows) and told["treated"] > 0
+    assert (tmp_path / "a.gpkg").read_bytes()[:15] == b"SQLite format 3"
+
+
+def test_the_command_merges_under_other_names(tmp_path: Path, capsys: Any) -> None:
+    one, out = written(tmp_path, ".geojson"), tmp_path / "all.geojson"
+    words = ["weeds", "merge", f"may={one}", f"june={one}", "-o", str(out), "--json"]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert told["maps"] == ["june", "may"]
+    assert told["in_several_maps"] == len(MAP.rows)
+
+
+@pytest.mark.parametrize(
+    ("exchange", "words"),
+    [
+        ((0, 1), ""),
+        ((1, 0), "longitude and latitude are exchanged"),
+    ],
+)
+def test_the_command_refuses_plants_outside_the_field(
+    tmp_path: Path, capsys: Any, exchange: tuple[int, int], words: str
+) -> None:
+    field = field_around(tmp_path / "field.geojson")
+    places = [f"{a[exchange[0]]},{a[exchange[1]]}" for a in MAP.frame.lonlat_from_map(MAP.xy_m)]
+    source = tmp_path / "scouted.csv"
+    source.write_text("\n".join(["lon,lat", *places]) + "\n")
+    out = ["--field", str(field), "-o", str(tmp_path / "taken.geojson")]
+    status = main(["weeds", "import", str(source), *out])
+    said = capsys.readouterr().err
+    assert (status, words in said) == (2 if words else 0, True)
+    assert (tmp_path / "taken.geojson").exists() == (status == 0)
+
+
+def test_the_command_takes_classes_by_their_numbers(tmp_path: Path, capsys: Any) -> None:
+    source = tmp_path / "scouted.csv"
+    source.write_text("lon,lat,class\n11.6,52.1,1\n11.60001,52.1,2\n")
+    out = ["-o", str(tmp_path / "taken.csv"), "--json"]
+    assert main(["weeds", "import", str(source), *out]) == 2
+    assert "--classes 1=weed" in capsys.readouterr().err
+    assert main(["weeds", "import", str(source), "--classes", "1=crop,2=weed", *out]) == 0
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (told["crops"], told["weeds"]) == (1, 1)

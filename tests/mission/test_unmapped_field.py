@@ -1,0 +1,98 @@
+"""A field that nobody mapped: found, counted, driven, drawn, and driven again from the drawing."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from agribot.app.field_work import plan_field_file
+from agribot.app.simulated_run import SimulatedRun, simulate
+from agribot.autonomy.plan.rows import lay_rows
+from agribot.core.config import RunConfig, load
+from agribot.core.messages import Row
+from agribot.core.world import WorldSpec
+from agribot.description.loader import load_robot
+from agribot.description.worlds_sdf import load_run_world
+from agribot.gis.plan_file import format_plan
+from agribot.record.report import Report
+from tests.mission.paper_camera import CameraOnPaper
+
+Start = tuple[float, float, float]  # East, North, heading in degrees
+SETTINGS = ["seed=1", 'sim.sensors="rtk"', "perception.enabled=false", "record.enabled=false",
+            'world="empty"', "field.row_length_m=5.0", "field.row_count=3"]  # fmt: skip
+BEFORE, BESIDE, ELSEWHERE = (-2.4, -1.3, 8.0), (2.5, -5.0, 80.0), (7.2, 1.2, 180.0)
+
+
+def drive(
+    start: Start, out: Path, patch: pytest.MonkeyPatch, *settings: str, plan: str = "",
+    seen_rows: tuple[Row, ...] | None = None,
+) -> tuple[SimulatedRun, Report]:  # fmt: skip
+    """Drive a mission that begins at a place; `seen_rows` are those that the camera can see."""
+
+    def place(settings: RunConfig) -> WorldSpec:
+        at = {"spawn_xy_map_m": start[:2], "spawn_yaw_map_rad": math.radians(start[2])}
+        return msgspec.structs.replace(load_run_world(settings), **at)
+
+    patch.setattr("agribot.app.run_world.load_run_world", place)
+    mark = [f"field.start_map_m=[{start[0]},{start[1]}]", f"field.start_yaw_deg={start[2]}"]
+    config = load("rows-10x12", [*SETTINGS, *mark, *settings])
+    with simulate(config, out, plan_text=plan) as session:
+        rows = lay_rows(config.field) if seen_rows is None else seen_rows
+        session.stack.perception = CameraOnPaper(session, rows, has_cover=True)
+        for _ in session.ticks():
+            pass
+        return session, session.finish()
+
+
+@pytest.mark.parametrize("start", [BEFORE, BESIDE], ids=["before a row's end", "beside a row"])
+def test_rows_that_nobody_mapped_are_found_and_driven_again_from_their_drawing(
+    start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, report = drive(start, tmp_path / "first", monkeypatch, 'task="explore"')
+    assert report.ok, report.reason
+    found = report.found_rows
+    assert found is not None
+    assert found.found == found.true == found.matched == report.mission.rows_done == 3
+    assert found.offset_m_max is not None and found.offset_m_max < 0.03
+    assert found.end_error_m_max is not None and found.end_error_m_max < 0.3
+    assert report.tracking.xte_max_m is not None and report.tracking.xte_max_m < 0.1
+    drawn = tmp_path / "first" / "field.geojson"
+    saved, certificate = plan_field_file(drawn, session.config, load_robot("agribot"), None)
+    assert certificate.ok
+    again = format_plan(saved, certificate)
+    _, second = drive(ELSEWHERE, tmp_path / "second", monkeypatch, plan=again)
+    assert second.ok, second.reason
+    assert second.mission.rows_done == 3
+
+
+def test_a_robot_that_sees_no_row_stops_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = ('task="explore"', "mission.speed_mps=1.0")
+    _, report = drive(BEFORE, tmp_path / "run", monkeypatch, *settings, seen_rows=())
+    assert not report.ok and "no crop row came into view over 8 m" in report.reason
+    assert not (tmp_path / "run" / "field.geojson").exists()
+
+
+def test_a_camera_that_goes_blind_in_a_row_ends_the_drive_with_what_it_had_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The robot never drives farther than the crop that it saw, and the headland behind it."""
+    first = lay_rows(load("rows-10x12", SETTINGS).field)[0]
+    blind = tmp_path / "run"
+
+    def see_to_3_m(self: CameraOnPaper, t_s: float) -> bool:
+        return self._session.simulator.truth().x_map_m < 3.0
+
+    step = CameraOnPaper.step
+    monkeypatch.setattr(
+        CameraOnPaper, "step",
+        lambda self, batch: step(self, batch) if see_to_3_m(self, batch.t_s) else (),
+    )  # fmt: skip
+    session, report = drive((-2.4, 0.0, 0.0), blind, monkeypatch, 'task="explore"',
+                            seen_rows=(first,))  # fmt: skip
+    assert not report.ok and "shows no more of row 1" in report.reason
+    assert session.simulator.truth().x_map_m < 3.0 + 1.7 + session.config.mission.headland_m + 0.1
