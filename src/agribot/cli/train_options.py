@@ -113,9 +113,10 @@ def _describe_start(path: Path) -> str:
 def add_drawn_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--variety",
-        choices=("standard", "wide"),
+        choices=("standard", "wide", "rough"),
         default="standard",
-        help="wide: all species, and soil with residue, stones and wet patches",
+        help="wide: all species, and soil with residue, stones and wet patches; rough: all crops, "
+        "half of the fields on the ground and in the light of the presets field and hard",
     )
     group.add_argument("--images", type=int, default=2000, help="to train on")
     group.add_argument(

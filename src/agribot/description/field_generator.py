@@ -83,13 +83,28 @@ def generate_field(plan: FieldSettings, seed: int, folder: Path = Path()) -> Wor
 
 def _make_relief(plan: FieldSettings, seed: int, drawn: list[Row]) -> Relief:
     """Make the relief of a plan, its ridges and tracks along the rows; none where none is asked."""
-    asked, rows = plan.relief, plan.rows
+    asked = plan.relief
     if not (
         asked.roughness_rms_m or asked.clods_per_m2 or asked.ridge_height_m or asked.track_depth_m
     ):
         return Relief()
-    lines = list(drawn)
-    for index, offset_m in enumerate([] if drawn else compute_row_offsets_m(rows)):
+    return Relief(
+        seed=seed,
+        roughness_rms_m=asked.roughness_rms_m,
+        clods_per_m2=asked.clods_per_m2,
+        clod_height_m=asked.clod_height_m,
+        ridge_height_m=asked.ridge_height_m,
+        track_depth_m=asked.track_depth_m,
+        track_gauge_m=plan.soil.track_gauge_m,
+        track_width_m=plan.soil.track_width_m,
+        rows=tuple(drawn) or lay_parallel_rows(plan.rows),
+    )
+
+
+def lay_parallel_rows(rows: RowsSettings) -> tuple[Row, ...]:
+    """Lay the rows that settings describe by their number, distance and bend."""
+    lines = []
+    for index, offset_m in enumerate(compute_row_offsets_m(rows)):
         ends = _bend(rows, np.array([0.0, rows.length_m]), offset_m).round(DIGITS).tolist()
         stretch = 1.0 + rows.curvature_radpm * offset_m
         lines.append(
@@ -100,17 +115,7 @@ def _make_relief(plan: FieldSettings, seed: int, drawn: list[Row]) -> Relief:
                 curvature_radpm=rows.curvature_radpm / stretch,
             )
         )
-    return Relief(
-        seed=seed,
-        roughness_rms_m=asked.roughness_rms_m,
-        clods_per_m2=asked.clods_per_m2,
-        clod_height_m=asked.clod_height_m,
-        ridge_height_m=asked.ridge_height_m,
-        track_depth_m=asked.track_depth_m,
-        track_gauge_m=plan.soil.track_gauge_m,
-        track_width_m=plan.soil.track_width_m,
-        rows=tuple(lines),
-    )
+    return tuple(lines)
 
 
 def compute_row_offsets_m(rows: RowsSettings) -> list[float]:

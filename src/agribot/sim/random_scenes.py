@@ -7,6 +7,7 @@ generator that is passed, in a fixed order: the same generator state gives the s
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,25 +28,56 @@ ALL_CROPS = (*CROPS, ("carrot", 0.05, 0.22), ("onion", 0.08, 0.32))
 ALL_CROP_SHARE = (0.3, 0.15, 0.15, 0.2, 0.2)
 ALL_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock", "chamomile")
 WEED_HEIGHT_M = (0.025, 0.17)
+# From the first true leaves on; a preset's growth makes them still smaller.
+YOUNG_CROPS = (
+    ("sugar_beet", 0.05, 0.26),
+    ("lettuce", 0.05, 0.20),
+    ("maize", 0.08, 0.45),
+    ("carrot", 0.04, 0.22),
+    ("onion", 0.06, 0.32),
+)
 
 
-def sample_field(rng: np.random.Generator, *, is_wide: bool = False) -> WorldSpec:
-    """Sample rows along x of one crop at one stage, with weeds among them.
+class Variety(NamedTuple):
+    """What may grow on a random field, and how it lies.
 
-    With `is_wide` all species and soils are possible, else those that the shipped network was
-    trained on.
+    `weed_share` is None where all are as likely. With `has_litter` the soil has residue, stones
+    and wet patches; of `rough_share` of the fields a preset of conditions makes ground and light.
     """
+
+    crops: tuple[tuple[str, float, float], ...]
+    crop_share: tuple[float, ...]
+    weeds: tuple[str, ...]
+    weed_share: tuple[float, ...] | None = None
+    has_litter: bool = False
+    rough_share: float = 0.0
+
+
+STANDARD = Variety(CROPS, CROP_SHARE, WEEDS)
+WIDE = Variety(ALL_CROPS, ALL_CROP_SHARE, ALL_WEEDS, has_litter=True)
+ROUGH = Variety(
+    YOUNG_CROPS,
+    crop_share=(0.35, 0.15, 0.15, 0.175, 0.175),
+    weeds=ALL_WEEDS,
+    weed_share=(0.18, 0.18, 0.18, 0.18, 0.07, 0.07, 0.07, 0.07),
+    rough_share=0.5,
+)
+VARIETIES = {"standard": STANDARD, "wide": WIDE, "rough": ROUGH}
+
+
+def sample_field(rng: np.random.Generator, variety: Variety = STANDARD) -> WorldSpec:
+    """Sample rows along x of one crop at one stage, with weeds among them, on level ground."""
     return WorldSpec(
         name="random field",
         datum=DATUM,
         light=sample_light(rng),
         ground=_sample_ground(rng),
         plants=(
-            *_sample_rows(rng, *((ALL_CROPS, ALL_CROP_SHARE) if is_wide else (CROPS, CROP_SHARE))),
-            *_sample_weeds(rng, ALL_WEEDS if is_wide else WEEDS),
+            *_sample_rows(rng, variety),
+            *_sample_weeds(rng, variety),
         ),
         obstacles=_sample_obstacles(rng),
-        soil=sample_soil(rng) if is_wide else Soil(),
+        soil=sample_soil(rng) if variety.has_litter else Soil(),
     )
 
 
@@ -99,12 +131,8 @@ def sample_soil(rng: np.random.Generator) -> Soil:
     return Soil(residue_ratio=residue, stones_ratio=stones, wet_ratio=0.7 * wet)
 
 
-def _sample_rows(
-    rng: np.random.Generator,
-    crops: tuple[tuple[str, float, float], ...],
-    share: tuple[float, ...],
-) -> list[Plant]:
-    species, least_m, most_m = crops[rng.choice(len(crops), p=share)]
+def _sample_rows(rng: np.random.Generator, variety: Variety) -> list[Plant]:
+    species, least_m, most_m = choose_crop(rng, variety)
     stage_m = rng.uniform(least_m, most_m)
     pitch_m = rng.uniform(0.4, 1.0)
     spacing_m = math.exp(rng.uniform(math.log(0.15), math.log(2.0))) + stage_m
@@ -119,10 +147,22 @@ def _sample_rows(
     return plants
 
 
-def _sample_weeds(rng: np.random.Generator, species: tuple[str, ...]) -> list[Plant]:
+def choose_crop(rng: np.random.Generator, variety: Variety) -> tuple[str, float, float]:
+    """Choose a species and return it with its range of heights, metres."""
+    return variety.crops[rng.choice(len(variety.crops), p=variety.crop_share)]
+
+
+def choose_weeds(rng: np.random.Generator, variety: Variety) -> tuple[str, ...]:
+    """Choose one to four species."""
+    count = int(rng.integers(1, 5))
+    kinds = rng.choice(variety.weeds, size=count, replace=False, p=variety.weed_share)
+    return tuple(str(kind) for kind in kinds)
+
+
+def _sample_weeds(rng: np.random.Generator, variety: Variety) -> list[Plant]:
     """Sample single weeds and patches of them, of one to four species."""
     density_per_m2 = math.exp(rng.uniform(math.log(1.0), math.log(20.0)))
-    kinds = rng.choice(species, size=int(rng.integers(1, 5)), replace=False)
+    kinds = choose_weeds(rng, variety)
     count = int(density_per_m2 * 2.0 * FIELD_HALF_M * 5.0)
     patches_m = rng.uniform((-FIELD_HALF_M, -2.5), (FIELD_HALF_M, 2.5), (max(1, count // 25), 2))
     median_m = rng.uniform(0.04, 0.10)

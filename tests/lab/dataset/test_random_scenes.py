@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agribot.sim.flora.species import SPECIES
-from agribot.sim.random_scenes import sample_field, sample_look, sample_view
+from agribot.sim.random_scenes import WIDE, sample_field, sample_look, sample_view
 
 # A seed, then what was drawn from it when the shipped network was trained.
 KNOWN = [
@@ -18,7 +18,7 @@ KNOWN = [
 
 
 def test_wide_fields_have_every_species_and_litter_on_the_soil() -> None:
-    fields = [sample_field(np.random.default_rng([8, k]), is_wide=True) for k in range(40)]
+    fields = [sample_field(np.random.default_rng([8, k]), variety=WIDE) for k in range(40)]
     species = {plant.species for field in fields for plant in field.plants}
     assert species == set(SPECIES)
     for plant in (plant for field in fields for plant in field.plants):

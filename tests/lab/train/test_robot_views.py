@@ -11,7 +11,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import PlantClass
 from agribot.description.field_generator import generate_field
 from agribot.lab.train.farm import choose_plan, choose_turn_pose, draw_row_crop, draw_turn
-from agribot.sim.random_scenes import CROPS, WEEDS
+from agribot.sim.random_scenes import CROPS, WEEDS, WIDE
 from tests.lab.train.command_line import parsed
 
 
@@ -59,7 +59,7 @@ def test_plans_vary_and_keep_to_the_species_of_their_variety() -> None:
     assert {name for plan in plans for name in plan.weeds.species} == set(WEEDS)
     spacings_m = [plan.crop.spacing_m for plan in plans]
     assert min(spacings_m) < 0.2 and max(spacings_m) > 1.5
-    wide = {choose_plan(rng, is_wide=True).crop.species for _ in range(60)}
+    wide = {choose_plan(rng, variety=WIDE).crop.species for _ in range(60)}
     assert {"carrot", "onion"} <= wide
 
 

@@ -33,7 +33,7 @@ from agribot.lab.dataset.records import (
 from agribot.lab.dataset.run_lengths import instance_run_lengths
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
-from agribot.sim.random_scenes import sample_field, sample_look, sample_view
+from agribot.sim.random_scenes import WIDE, sample_field, sample_look, sample_view
 from agribot.sim.seedling_scenes import (
     sample_overhead_view,
     sample_red_infrared_look,
@@ -67,7 +67,7 @@ class Scenes(NamedTuple):
 
 SCENES = {
     "standard": Scenes(sample_field, sample_look, sample_view),
-    "wide": Scenes(partial(sample_field, is_wide=True), sample_look, sample_view),
+    "wide": Scenes(partial(sample_field, variety=WIDE), sample_look, sample_view),
     "seedlings": Scenes(
         sample_seedlings, sample_red_infrared_look, sample_overhead_view, to_red_infrared
     ),

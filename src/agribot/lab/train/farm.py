@@ -15,7 +15,7 @@ from agribot.core.config import load
 from agribot.core.geo import transform
 from agribot.core.messages import WHEEL_NAMES, FloatArray, PlantClass
 from agribot.core.world import Plant, Soil, WorldSpec
-from agribot.description.field_generator import generate_field
+from agribot.description.field_generator import generate_field, lay_parallel_rows
 from agribot.description.field_settings import (
     CropSettings,
     FieldSettings,
@@ -25,17 +25,17 @@ from agribot.description.field_settings import (
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
 from agribot.lab.train.data import LabelledImage
+from agribot.lab.train.rough_ground import roughen, stand_on
 from agribot.lab.train.simulated import make_label
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.camera.renderer import CameraRenderer
+from agribot.sim.ground_surface import build_ground_surface
 from agribot.sim.random_scenes import (
-    ALL_CROP_SHARE,
-    ALL_CROPS,
-    ALL_WEEDS,
-    CROP_SHARE,
-    CROPS,
+    STANDARD,
     WEED_HEIGHT_M,
-    WEEDS,
+    Variety,
+    choose_crop,
+    choose_weeds,
     sample_light,
     sample_look,
     sample_soil,
@@ -50,38 +50,38 @@ def draw_farm(rng: np.random.Generator, views: int) -> Iterator[LabelledImage]:
 
 
 def draw_row_crop(
-    rng: np.random.Generator, views: int, *, is_wide: bool = False
+    rng: np.random.Generator, views: int, variety: Variety = STANDARD
 ) -> Iterator[LabelledImage]:
     """Draw views from a robot along the rows of a generated field of any growth and weediness."""
-    world, look, row_yaw_rad = _choose_rows(rng, is_wide=is_wide)
+    world, look, row_yaw_rad = _choose_rows(rng, variety)
     return _drive_rows(world, look, row_yaw_rad, rng, views)
 
 
 def draw_turn(
-    rng: np.random.Generator, views: int, *, is_wide: bool = False
+    rng: np.random.Generator, views: int, variety: Variety = STANDARD
 ) -> Iterator[LabelledImage]:
     """Draw views from a robot that turns beside such rows, or comes to them from any side."""
-    world, look, _ = _choose_rows(rng, is_wide=is_wide)
+    world, look, _ = _choose_rows(rng, variety)
     return _drive_rows(world, look, None, rng, views)
 
 
-def _choose_rows(rng: np.random.Generator, *, is_wide: bool) -> tuple[WorldSpec, Appearance, float]:
+def _choose_rows(rng: np.random.Generator, variety: Variety) -> tuple[WorldSpec, Appearance, float]:
     """Choose a field, its look, and the direction of its rows."""
-    plan = choose_plan(rng, is_wide=is_wide)
+    plan = choose_plan(rng, variety)
     world = msgspec.structs.replace(
         generate_field(plan, int(rng.integers(2**31))),
         light=sample_light(rng),
-        soil=sample_soil(rng) if is_wide else Soil(),
+        soil=sample_soil(rng) if variety.has_litter else Soil(),
     )
+    world = roughen(world, lay_parallel_rows(plan.rows), variety, rng)
     look = sample_look(rng) if rng.random() < 0.5 else Appearance()
     return world, look, math.radians(plan.rows.yaw_deg)
 
 
-def choose_plan(rng: np.random.Generator, *, is_wide: bool = False) -> FieldSettings:
+def choose_plan(rng: np.random.Generator, variety: Variety = STANDARD) -> FieldSettings:
     """Choose five rows, from dense seedlings to single tall plants, clean to full of weeds."""
-    crops, share = (ALL_CROPS, ALL_CROP_SHARE) if is_wide else (CROPS, CROP_SHARE)
-    species, least_m, most_m = crops[rng.choice(len(crops), p=share)]
-    kinds = rng.choice(ALL_WEEDS if is_wide else WEEDS, size=int(rng.integers(1, 5)), replace=False)
+    species, least_m, most_m = choose_crop(rng, variety)
+    kinds = choose_weeds(rng, variety)
     low_m, high_m = np.sort(rng.uniform(*WEED_HEIGHT_M, 2))
     return FieldSettings(
         rows=RowsSettings(count=5, length_m=6.0, pitch_m=float(rng.uniform(0.45, 1.1))),
@@ -96,7 +96,7 @@ def choose_plan(rng: np.random.Generator, *, is_wide: bool = False) -> FieldSett
         ),
         weeds=WeedsSettings(
             density_per_m2=math.exp(rng.uniform(math.log(0.3), math.log(12.0))),
-            species=tuple(str(kind) for kind in kinds),
+            species=kinds,
             height_min_m=float(low_m),
             height_max_m=float(high_m),
             crop_distance_m=float(rng.uniform(0.02, 0.12)),
@@ -116,13 +116,16 @@ def _drive_rows(
     robot = load_robot()
     body_from_camera, camera = robot.body_from_camera(), robot.camera
     assert camera is not None  # body_from_camera() has looked
-    renderer = CameraRenderer(world, robot, appearance=look, threads=1)
+    ground = build_ground_surface(world)
+    renderer = CameraRenderer(world, robot, appearance=look, threads=1, ground=ground)
     for _ in range(views):
         map_from_body = (
             choose_turn_pose(rng, world)
             if row_yaw_rad is None
             else choose_row_pose(rng, world, row_yaw_rad)
         )
+        if ground.has_detail:
+            map_from_body = stand_on(ground, map_from_body, robot.drive)
         drawn = renderer.render(
             map_from_body @ body_from_camera,
             camera,

@@ -12,21 +12,22 @@ import numpy as np
 from agribot.core.messages import ByteArray
 from agribot.lab.train.data import LabelledImage
 from agribot.lab.train.losses import IGNORED
+from agribot.lab.train.rough_ground import roughen
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
-from agribot.sim.random_scenes import sample_field, sample_look, sample_view
+from agribot.sim.random_scenes import STANDARD, Variety, sample_field, sample_look, sample_view
 
 VIEWS_PER_SCENE = 2
+ROUGH_VIEWS_PER_SCENE = 3  # relief is dear to light
 # Beyond it a pixel covers more than a weed; the robot does not look that far either.
 LABEL_RANGE_M = 3.0
 
 
 def draw_random_field(
-    rng: np.random.Generator, views: int, *, is_wide: bool = False
+    rng: np.random.Generator, views: int, variety: Variety = STANDARD
 ) -> Iterator[LabelledImage]:
-    """Draw views of one random field; `is_wide`: of any species and soil."""
-    renderer = CameraRenderer(
-        sample_field(rng, is_wide=is_wide), appearance=sample_look(rng), threads=1
-    )
+    """Draw views of one random field from masts."""
+    world = roughen(sample_field(rng, variety), (), variety, rng)
+    renderer = CameraRenderer(world, appearance=sample_look(rng), threads=1)
     for _ in range(views):
         camera, map_from_camera = sample_view(rng)
         fine = 2 if rng.random() < 0.25 else 1

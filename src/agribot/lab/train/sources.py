@@ -35,10 +35,17 @@ from agribot.lab.train.photographs import (
     tally_classes,
 )
 from agribot.lab.train.precision import sample_pictures
-from agribot.lab.train.simulated import VIEWS_PER_SCENE, draw_random_field
+from agribot.lab.train.simulated import (
+    ROUGH_VIEWS_PER_SCENE,
+    VIEWS_PER_SCENE,
+    draw_random_field,
+)
+from agribot.sim.random_scenes import STANDARD, VARIETIES, Variety
 
 # Order weed, crop, soil; crop is the rarest class of the photographs.
 PHOTO_WEIGHTS = (1.0, 2.0, 0.6)
+VariedDrawer = Callable[..., Iterator[LabelledImage]]  # of a scene; all but one of any variety
+FOLDERS = {one: "" if one is STANDARD else name for name, one in VARIETIES.items()}
 
 
 class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
@@ -84,7 +91,7 @@ def make_simulated_source(args: argparse.Namespace, progress: Progress) -> Train
         train_images=args.images,
         input_size_px=(INPUT_HEIGHT_PX, INPUT_WIDTH_PX),
         antialias=False,
-        about=f"{SIM_TEXT}; no photograph was used",
+        about=f"{SIM_TEXT}{ROUGH_TEXT * (args.variety == 'rough')}; no photograph was used",
         license=LICENSE,
         limits=SIM_LIMITS,
         command=f"agribot train --data sim --variety {args.variety} --images {args.images} "
@@ -96,32 +103,35 @@ def make_simulated_source(args: argparse.Namespace, progress: Progress) -> Train
 def _draw_sets(
     args: argparse.Namespace, counts: dict[str, int], progress: Progress
 ) -> dict[str, DataSet]:
-    is_wide = args.variety == "wide"
-    folder = (args.cache or args.out / "images") / ("wide" if is_wide else "")
-    on_any = partial(draw_random_field, is_wide=is_wide)
-    on_rows = partial(draw_row_crop, is_wide=is_wide)
-    in_turns = partial(draw_turn, is_wide=is_wide)
-    wanted = (
-        ("train-random", 0, on_any, counts["train-random"]),
-        ("train-rows", 1, on_rows, counts["train-rows"]),
-        ("train-turns", 2, in_turns, counts["train-turns"]),
-        ("random-fields", 101, on_any, args.test_images),
-        ("farm", 102, draw_farm, args.test_images),
-        ("row-crops", 103, on_rows, args.test_images),
-        ("turns", 106, in_turns, args.test_images),
-        ("aside-random", 104, on_any, args.test_images // 2),
-        ("aside-rows", 105, on_rows, args.test_images // 2),
-    )
+    own = VARIETIES[args.variety]
+    usual = STANDARD if own.rough_share else own  # a test set that others have too
+    wanted: list[tuple[str, int, VariedDrawer, Variety, int]] = [
+        ("train-random", 0, draw_random_field, own, counts["train-random"]),
+        ("train-rows", 1, draw_row_crop, own, counts["train-rows"]),
+        ("train-turns", 2, draw_turn, own, counts["train-turns"]),
+        ("random-fields", 101, draw_random_field, usual, args.test_images),
+        ("farm", 102, draw_farm, usual, args.test_images),
+        ("row-crops", 103, draw_row_crop, usual, args.test_images),
+        ("turns", 106, draw_turn, usual, args.test_images),
+        ("aside-random", 104, draw_random_field, own, args.test_images // 2),
+        ("aside-rows", 105, draw_row_crop, own, args.test_images // 2),
+    ]
+    if own.rough_share:
+        wanted += [
+            ("rough-fields", 107, draw_random_field, own, args.test_images),
+            ("rough-rows", 108, draw_row_crop, own, args.test_images),
+        ]
     sets = {}
-    for name, stream, drawer, count in wanted:
+    for name, stream, drawer, variety, count in wanted:
         sets[name] = DataSet(
-            folder=folder,
+            folder=(args.cache or args.out / "images") / FOLDERS[variety],
             name=name,
             stream=stream,
             seed=args.seed,
-            views_per_scene=VIEWS_PER_SCENE,
+            views_per_scene=ROUGH_VIEWS_PER_SCENE if variety.rough_share else VIEWS_PER_SCENE,
         )
-        sets[name].draw(count, drawer, progress)
+        varied = drawer if drawer is draw_farm else partial(drawer, variety=variety)
+        sets[name].draw(count, varied, progress)
     return sets
 
 
@@ -293,4 +303,8 @@ SIM_TEXT = (
     "images of AGRIBOT's own simulator: procedural fields of several crops and weeds in random "
     "soil, light, growth stage and density, some from random camera poses, the others from the "
     "robot's own camera along and beside rows, labelled by the renderer"
+)
+ROUGH_TEXT = (
+    "; five crops from seedlings on, half of the fields with the relief, litter, moisture, light "
+    "and sowing errors of the presets field and hard"
 )
