@@ -14,6 +14,7 @@ export default defineConfig({
     chunkSizeWarningLimit: 1200,
     assetsInlineLimit: 0,
     modulePreload: { polyfill: false },
+    rollupOptions: { input: ['index.html', 'label.html'] },
   },
   plugins: [collectPackages(), writeLicences(import.meta.dirname), compress()],
   worker: { format: 'es', plugins: () => [collectPackages()] },

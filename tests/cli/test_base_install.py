@@ -72,10 +72,15 @@ COMMANDS = {
     "bench ui": ("--seconds 1", "sim"),
     "dataset generate": ("--images 1 --out {out}/drawn", "sim"),
     "dataset check": ("{pairs}", ""),
+    "dataset import": (
+        "{out}/0.txt --images {pairs}/images --classes crop=0 --out {out}/imported",
+        "",
+    ),
     "dataset split": ("{pairs} --by image --ratios 50,25,25 -o {out}/split.json", ""),
     "train": ("--images 1 --minutes 1 --out {out}/training", "train"),
     "eval": ("{pairs}", ""),
     "predict": ("{pairs}/images/0.png -o {out}/seen", ""),
+    "label": ("{pairs}", "ui"),
     "live": ("sim --seconds 1", "sim"),
     "export": ("agribot-sim --size 128x96 -o {out}/small.onnx", "train"),
     "models": ("agribot-sim", ""),
@@ -98,6 +103,7 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, st
         session.finish()
     (folder / "field.toml").write_text("[rows]\ncount = 2\nlength_m = 3.0\n")
     (folder / "map.tif").write_bytes(b"")
+    (folder / "0.txt").write_text("0 0.1 0.1 0.5 0.1 0.5 0.5")
     pairs = folder / "pairs"
     for name in ("images", "masks"):
         (pairs / name).mkdir(parents=True)

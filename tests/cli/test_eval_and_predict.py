@@ -78,6 +78,25 @@ def test_eval_reads_masks_whose_values_are_named(
     assert result_of(capsys)["confusion"] == expected["confusion"]
 
 
+@pytest.mark.parametrize(
+    "words", [("eval", "PHOTOS"), ("export", "agribot-sim", "-o", "OUT", "--judge", "PHOTOS")]
+)
+def test_nothing_is_judged_on_masks_whose_classes_look_swapped(
+    words: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 2)
+    for path in (folder / "annotations").iterdir():  # soil 0, crop 1, weed 2
+        red, green, _ = np.moveaxis(np.asarray(Image.open(path)), -1, 0)
+        Image.fromarray(np.where(red > 0, 2, np.where(green > 0, 1, 0)).astype(np.uint8)).save(path)
+    places = {"PHOTOS": str(folder), "OUT": str(tmp_path / "small.onnx")}
+    assert main([places.get(word, word) for word in words]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    (line,) = (text for text in printed.err.splitlines() if "covers" in text)
+    assert "weed covers" in line
+    assert "--ids 0=soil,1=crop,2=weed" in line
+
+
 def test_eval_judges_the_rest_names_broken_files_and_ends_with_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,4 +1,4 @@
-"""`agribot dataset`: draw labelled images, check sets of images and masks, split without leaks."""
+"""`agribot dataset`: draw, import, check and split sets of images and masks."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import msgspec
 
 from agribot.app.workers import results, usable_cpus
 from agribot.cli.counting import CountProgress
+from agribot.cli.dataset_import import add_import, import_files
 from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import seed
 from agribot.cli.stopping import stop_on_signal
@@ -28,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_generate(actions)
     _add_check(actions)
     _add_split(actions)
+    add_import(actions)
 
 
 def _add_generate(actions: Any) -> None:
@@ -92,7 +94,7 @@ def _add_folder(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    actions = {"generate": _generate, "check": _check, "split": _split}
+    actions = {"generate": _generate, "check": _check, "split": _split, "import": import_files}
     return actions[options.action](options)
 
 

@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     from agribot.lab.dataset.classes import read_ids
     from agribot.lab.train.network_scores import NetworkScores
     from agribot.lab.train.networks import open_network, read_size
-    from agribot.lab.train.photographs import find_pairs, split_fold
+    from agribot.lab.train.photographs import check_sample, find_pairs, split_fold
 
     folder = args.folder or args.data_dir
     if folder is None:
@@ -63,6 +63,8 @@ def run(args: argparse.Namespace) -> int:
     pairs, problems = find_pairs(folder, args.data, args.images, args.masks, read_ids(args.ids))
     if args.fold is not None:
         pairs = split_fold(pairs, args.folds, args.fold)[1]
+    if args.data == "folder" and args.ids is None:
+        check_sample(pairs, folder)
     for text in problems:
         _print_line(f"left out: {text}")
     network_scores = NetworkScores()

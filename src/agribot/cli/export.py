@@ -125,9 +125,11 @@ def _measure_accuracy(
     from agribot.autonomy.perceive.pictures import classify
     from agribot.lab.dataset.classes import read_ids
     from agribot.lab.train.evaluate import evaluate
-    from agribot.lab.train.photographs import find_pairs, read_pairs
+    from agribot.lab.train.photographs import check_sample, find_pairs, read_pairs
 
     pairs, wrong = find_pairs(args.judge, args.data, ids=read_ids(args.ids))
+    if args.data == "folder" and args.ids is None:
+        check_sample(pairs, args.judge)
     problems += wrong
     result = evaluate(
         lambda image_rgb: classify(network, image_rgb).class_id,

@@ -132,8 +132,13 @@ COMMANDS = {
     ),
     "dataset": (
         "agribot.cli.dataset",
-        "draw, check and split labelled images",
+        "draw, import, check and split labelled images",
         "agribot dataset generate --images 1000 --seed 1 --out fields",
+    ),
+    "label": (
+        "agribot.cli.label",
+        "label photographs on a page: the network guesses, you correct",
+        "agribot label photos --open",
     ),
     "train": (
         "agribot.cli.train",

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 pytest.importorskip("cv2")
 
-from agribot.core.messages import PlantClass
-from agribot.lab.train.photo_batches import PhotoBatches
+from agribot.core.messages import ByteArray, PlantClass
+from agribot.lab.train.photo_batches import PhotoBatches, ScaledPictures
 
 # Far apart, so that no change of light makes one the other.
 COLOURS = np.array([[250, 30, 30], [30, 250, 30], [20, 20, 60]], dtype=np.uint8)
@@ -65,3 +67,30 @@ def test_a_picture_smaller_than_the_crop_is_continued_by_its_mirror_image() -> N
     images, labels = batches(np.random.default_rng(0))
     assert images.shape == (2, 3, 96, 96)
     assert bool((labels == PlantClass.CROP).all())
+
+
+def test_a_set_larger_than_the_memory_gives_the_same_batches_from_less_of_it() -> None:
+    rng = np.random.default_rng(5)
+    labels = [rng.integers(0, 3, (160, 200)).astype(np.uint8) for _ in range(9)]
+
+    class Disk(list[tuple[ByteArray, ByteArray]]):
+        reads = 0
+
+        def __getitem__(self, index: Any) -> Any:
+            Disk.reads += 1
+            return super().__getitem__(index)
+
+    pairs = Disk((COLOURS[label], label) for label in labels)
+    whole = PhotoBatches(pairs, scale=0.5, batch_size=4, crop_px=64)
+    assert Disk.reads == 9
+    one = ScaledPictures(pairs, np.array([0.5]), 1).held_bytes
+    few = PhotoBatches(pairs, scale=0.5, batch_size=4, crop_px=64, memory_bytes=12 * one)
+    for seed in range(6):
+        for a, b in zip(
+            whole(np.random.default_rng(seed)), few(np.random.default_rng(seed)), strict=True
+        ):
+            assert bool((a == b).all())
+    scaled = ScaledPictures(pairs, np.array([0.5]), int(3.5 * one))
+    for index in rng.integers(0, 9, 60):
+        scaled[int(index)]
+        assert scaled.held_bytes <= 3.5 * one

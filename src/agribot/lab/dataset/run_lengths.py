@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+LONGEST_COUNT_BITS = 40
 Ints = npt.NDArray[np.integer]
 
 
@@ -49,3 +50,25 @@ def compress(counts: list[int]) -> str:
             if is_last:
                 break
     return text.decode("ascii")
+
+
+def decompress(text: str) -> list[int]:
+    """Decode what `compress` encodes; what was cut off gives too few counts.
+
+    Raises: ValueError: a letter that it does not write, or a count that no picture has.
+    """
+    counts: list[int] = []
+    value = shift = 0
+    for letter in text:
+        bits = ord(letter) - 48
+        if not 0 <= bits < 64 or shift > LONGEST_COUNT_BITS:
+            raise ValueError(f"'{letter}' is no part of a count of pixels")
+        value |= (bits & 31) << shift
+        shift += 5
+        if bits & 32:
+            continue
+        if bits & 16:
+            value -= 1 << shift
+        counts.append(value + counts[-2] if len(counts) > 2 else value)
+        value = shift = 0
+    return counts

@@ -6,8 +6,8 @@ more often: crops centre on vegetation, and plants of one picture are set into a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections import OrderedDict
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +27,7 @@ ON_PLANTS_RATIO = 0.6  # of the crops centre on vegetation, half of them on a cr
 PASTE_RATIO = 0.35
 PASTE_CROP_RATIO = 0.7
 LEAST_PASTE_PX = 30
+MEMORY_BYTES = 2_000_000_000  # of pictures at all scales, some 300 of 512 px
 
 
 class Level(NamedTuple):
@@ -38,24 +39,63 @@ class Level(NamedTuple):
     plant_rows_columns: npt.NDArray[np.intp]
 
 
+class LabelledPictures(Protocol):
+    """Pictures (height, width, 3) and labels (height, width) by number, such as a list of them."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int, /) -> tuple[ByteArray, ByteArray]: ...
+
+
+class ScaledPictures:
+    """All pictures at all scales, as many as `memory_bytes` hold; the others are read again."""
+
+    def __init__(
+        self, pairs: LabelledPictures, scales: npt.NDArray[np.float64], memory_bytes: int
+    ) -> None:
+        self._pairs, self._scales, self._memory_bytes = pairs, scales, memory_bytes
+        self._kept: OrderedDict[int, list[Level]] = OrderedDict()
+        self.held_bytes = 0
+        for index in range(len(pairs)):
+            levels = self[index]
+            if self.held_bytes + _count_bytes(levels) > memory_bytes:
+                break
+
+    def __len__(self) -> int:
+        return len(self._pairs)
+
+    def __getitem__(self, index: int) -> list[Level]:
+        if index in self._kept:
+            self._kept.move_to_end(index)
+            return self._kept[index]
+        pair = self._pairs[index]
+        levels = self._kept[index] = [_make_level(*pair, float(s)) for s in self._scales]
+        self.held_bytes += _count_bytes(levels)
+        while self.held_bytes > self._memory_bytes and len(self._kept) > 1:
+            self.held_bytes -= _count_bytes(self._kept.popitem(last=False)[1])
+        return levels
+
+
 class PhotoBatches:
     """A source of batches; the same generator state gives the same batch.
 
-    `scale` is the network's input width over the width of the photographs.
+    `scale` is the network's input width over the width of the photographs. However little memory
+    there is, the batches are the same.
     """
 
     def __init__(
         self,
-        pairs: Sequence[tuple[ByteArray, ByteArray]],
+        pairs: LabelledPictures,
         scale: float,
         batch_size: int,
         crop_px: int,
+        memory_bytes: int = MEMORY_BYTES,
     ) -> None:
         self.batch_size = batch_size
         self.crop_px = crop_px
         scales = np.minimum(1.0, scale * np.geomspace(*SCALE_RATIO, LEVELS) / FROM_LEVEL_RATIO[0])
         scales = np.minimum(scales, scale * SCALE_RATIO[1])
-        self._pictures = [[_make_level(*pair, float(s)) for s in scales] for pair in pairs]
+        self._pictures = ScaledPictures(pairs, scales, memory_bytes)
         # A turned square must not reach over the edge of its window.
         self._window_px = int(np.ceil(crop_px * 1.2))
 
@@ -104,6 +144,10 @@ class PhotoBatches:
         top, left = np.clip(np.round(centre - size_px / 2), 0, limit).astype(int)
         window = (slice(top, top + size_px), slice(left, left + size_px))
         return level.image_rgb[window], level.label[window]
+
+
+def _count_bytes(levels: list[Level]) -> int:
+    return sum(part.nbytes for level in levels for part in level)
 
 
 def _make_level(image_rgb: ByteArray, label: ByteArray, scale: float) -> Level:

@@ -23,6 +23,7 @@ from agribot.lab.dataset.layouts import Item, find_layout
 from agribot.lab.dataset.pictures import PictureError, open_mask, read_picture
 
 NON_COMMERCIAL = "non-commercial research use only"
+SAMPLE_PAIRS = 24  # read before a set is judged; all are read before one is learnt from
 
 
 class DataKind(msgspec.Struct, frozen=True, kw_only=True):
@@ -135,6 +136,23 @@ def read_pairs(
             problem(str(error))
 
 
+class PairFiles:
+    """Pictures and labels that are read whenever they are asked for, and take no memory."""
+
+    def __init__(self, pairs: Sequence[Pair]) -> None:
+        self.pairs = pairs
+
+    def __len__(self) -> int:
+        return len(self.pairs)
+
+    def __getitem__(self, index: int) -> tuple[ByteArray, ByteArray]:
+        """Read a pair.
+
+        Raises: PictureError: a file has changed since it was checked.
+        """
+        return read_pair(self.pairs[index])
+
+
 def read_pair(pair: Pair) -> tuple[ByteArray, ByteArray]:
     """Read image_rgb (height, width, 3) and label (height, width) of a pair.
 
@@ -173,22 +191,32 @@ def read_label(path: Path, ids: MaskIds, *, is_named: bool = False) -> ByteArray
     return label
 
 
-def check_classes(
-    read: Iterable[tuple[ByteArray, ByteArray]], pairs: Iterable[Pair], folder: Path
-) -> None:
-    """Refuse labels whose classes look swapped, before anything is learnt from them.
-
-    `read` are the pictures and labels of those `pairs` that can be read.
-
-    Raises: ConfigError: most of the ground is weed, or the soil is greener than the plants.
-    """
+def tally_classes(read: Iterable[tuple[ByteArray, ByteArray]]) -> ClassTally:
+    """Add up the classes of pictures and labels, one after the other."""
     tally = ClassTally()
     for image_rgb, label in read:
         tally.add(image_rgb, label)
+    return tally
+
+
+def refuse_doubt(tally: ClassTally, pairs: Iterable[Pair], folder: Path) -> None:
+    """Refuse labels whose classes look swapped, before anything is learnt from them.
+
+    Raises: ConfigError: most of the ground is weed, or the soil is greener than the plants.
+    """
     doubt = tally.explain_doubt()
     if doubt:
         holds_values = any(_holds_values(pair.mask) for pair in pairs)
         raise ConfigError(f"{folder}: {doubt}; {advise_swapped(holds_values=holds_values)}")
+
+
+def check_sample(pairs: Sequence[Pair], folder: Path) -> None:
+    """Refuse labels whose classes look swapped in some of the pairs, spread over all of them.
+
+    Raises: ConfigError: most of the ground is weed, or the soil is greener than the plants.
+    """
+    some = pairs[:: -(-len(pairs) // SAMPLE_PAIRS)]
+    refuse_doubt(tally_classes(read_pairs(some, lambda _text: None)), some, folder)
 
 
 def _holds_values(path: Path) -> bool:

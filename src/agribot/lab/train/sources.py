@@ -27,11 +27,14 @@ from agribot.lab.train.photo_batches import PhotoBatches
 from agribot.lab.train.photographs import (
     KINDS,
     Pair,
-    check_classes,
+    PairFiles,
     find_pairs,
     read_pairs,
+    refuse_doubt,
     split_fold,
+    tally_classes,
 )
+from agribot.lab.train.precision import sample_pictures
 from agribot.lab.train.simulated import (
     ROUGH_VIEWS_PER_SCENE,
     VIEWS_PER_SCENE,
@@ -55,7 +58,7 @@ class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
     recipe: TrainingPlan
     tests: dict[str, Callable[[], Iterable[LabelledImage]]]
     aside: Callable[[], Iterable[LabelledImage]] | None = None
-    pictures: Sequence[ByteArray]  # that were trained on
+    pictures: Sequence[ByteArray]  # some that were trained on, to calibrate 8-bit numbers
     train_images: int
     input_size_px: tuple[int, int]  # height, width
     antialias: bool
@@ -152,10 +155,10 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
     )
     return TrainingSource(
         batches=_make_photo_batches(args, read, recipe, progress),
-        pictures=[image_rgb for image_rgb, _ in read],
+        pictures=_read_sample(args, read.files),
         recipe=recipe,
         tests={f"fold {args.fold} of {args.folds}": held} if held else {},
-        train_images=len(read),
+        train_images=len(read.files),
         input_size_px=(height_px, width_px),
         antialias=True,
         about=KINDS[args.data].about
@@ -170,10 +173,19 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
     )
 
 
+class _Photographs(NamedTuple):
+    """What can be read of a set, and how wide the pictures are."""
+
+    files: PairFiles
+    widths_px: list[int]
+
+
 def _read_photographs(
     args: argparse.Namespace, progress: Progress
-) -> tuple[list[LabelledImage], Callable[[], Iterable[LabelledImage]] | None, list[str]]:
-    """Read the pictures to train on, prepare those held out, and collect what cannot be used.
+) -> tuple[_Photographs, Callable[[], Iterable[LabelledImage]] | None, list[str]]:
+    """Read every picture to train on once, prepare those held out, collect what cannot be used.
+
+    No picture is kept: a set may be larger than the memory.
 
     Raises: ConfigError: no pair, or classes that look swapped.
     """
@@ -189,12 +201,30 @@ def _read_photographs(
         problems.append(text)
         progress(f"left out: {text}")
 
-    read = list(read_pairs(pairs, note))
-    if not read:
+    good: list[Pair] = []
+    widths_px: list[int] = []
+
+    def read_all() -> Iterator[LabelledImage]:
+        for pair in pairs:
+            for image_rgb, label in read_pairs([pair], note):
+                good.append(pair)
+                widths_px.append(label.shape[1])
+                yield image_rgb, label
+
+    tally = tally_classes(read_all())
+    if not good:
         raise ConfigError(f"{args.data_dir}: no pair can be read; the first problem: {problems[0]}")
     if args.data == "folder" and ids is None:
-        check_classes(read, pairs, args.data_dir)
+        refuse_doubt(tally, pairs, args.data_dir)
+    read = _Photographs(PairFiles(good), widths_px)
     return read, partial(read_pairs, held, note) if held else None, problems
+
+
+def _read_sample(args: argparse.Namespace, files: PairFiles) -> list[ByteArray]:
+    """Read some of the pictures, on which 8-bit numbers are calibrated."""
+    if args.precision != "int8":
+        return []
+    return [files[index][0] for index in sample_pictures(range(len(files)))]
 
 
 class _DataOptions(NamedTuple):
@@ -214,15 +244,17 @@ def _format_options(args: argparse.Namespace) -> _DataOptions:
 
 
 def _make_photo_batches(
-    args: argparse.Namespace, read: list[LabelledImage], recipe: TrainingPlan, progress: Progress
+    args: argparse.Namespace, read: _Photographs, recipe: TrainingPlan, progress: Progress
 ) -> BatchSource:
     """Crop the photographs; simulated images, if any, give a quarter of every batch."""
     aside = recipe.batch_size // 4 if args.with_sim else 0
 
-    def scale(images: list[LabelledImage]) -> float:
-        return float(args.train_width / np.median([label.shape[1] for _, label in images]))
+    def scale(widths_px: list[int]) -> float:
+        return float(args.train_width / np.median(widths_px))
 
-    photos = PhotoBatches(read, scale(read), recipe.batch_size - aside, recipe.crop_px)
+    photos = PhotoBatches(
+        read.files, scale(read.widths_px), recipe.batch_size - aside, recipe.crop_px
+    )
     if not aside:
         return photos
     drawn = DataSet(
@@ -234,7 +266,9 @@ def _make_photo_batches(
     )
     drawn.draw(args.with_sim, draw_random_field, progress)
     images = list(drawn.read(args.with_sim))
-    simulated = PhotoBatches(images, scale(images), aside, recipe.crop_px)
+    simulated = PhotoBatches(
+        images, scale([label.shape[1] for _, label in images]), aside, recipe.crop_px
+    )
 
     def draw_mixed(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         parts = photos(rng), simulated(rng)

@@ -1,0 +1,1 @@
+"""Labels as other tools write them; every reader takes bytes and touches no file."""

@@ -1,0 +1,88 @@
+"""LabelMe: one JSON file for each picture (github.com/wkentaro/labelme, file version 5)."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import io
+from functools import partial
+from typing import Any
+
+import msgspec
+import numpy as np
+from PIL import Image
+
+from agribot.lab.dataset.foreign.shapes import (
+    DrawnShape,
+    LabelFileError,
+    LabelledPicture,
+    Mask,
+    check_size,
+    convert_json,
+    make_polygon,
+)
+
+
+class _Shape(msgspec.Struct):
+    label: str
+    points: list[tuple[float, float]]
+    shape_type: str | None = "polygon"
+    mask: str | None = None
+
+
+class _File(msgspec.Struct, rename="camel"):
+    shapes: list[_Shape]
+    image_path: str
+    image_height: int
+    image_width: int
+
+
+def is_labelme(value: Any) -> bool:
+    return isinstance(value, dict) and "shapes" in value and "imagePath" in value
+
+
+def read_labelme(value: Any) -> list[LabelledPicture]:
+    """Read the one picture of a file.
+
+    Raises: LabelFileError: it is no such file.
+    """
+    file = convert_json(value, _File, "LabelMe")
+    size_px = check_size(file.image_width, file.image_height)
+    try:
+        shapes = tuple(_read_shape(shape, size_px) for shape in file.shapes)
+    except LabelFileError as error:
+        return [LabelledPicture(file=file.image_path, size_px=size_px, problem=str(error))]
+    return [LabelledPicture(file=file.image_path, size_px=size_px, shapes=shapes)]
+
+
+def _read_shape(shape: _Shape, size_px: tuple[int, int]) -> DrawnShape:
+    if shape.shape_type == "mask" and shape.mask is not None:
+        return DrawnShape(
+            name=shape.label, mask=partial(_read_mask, shape.mask, shape.points, size_px)
+        )
+    if shape.shape_type not in {"polygon", None}:
+        raise LabelFileError(
+            f"'{shape.label}' is a {shape.shape_type}; only polygons and masks say which pixels "
+            "are plant"
+        )
+    return DrawnShape(name=shape.label, polygons=(make_polygon(shape.points),))
+
+
+def _read_mask(text: str, points: list[tuple[float, float]], size_px: tuple[int, int]) -> Mask:
+    """Read a mask that fills the box from the first point to the second, both included."""
+    try:
+        with Image.open(io.BytesIO(base64.b64decode(text, validate=True))) as image:
+            if image.width > size_px[0] or image.height > size_px[1]:
+                raise LabelFileError(f"a mask of {image.width} x {image.height} is too large")
+            part = np.asarray(image.convert("L")) > 0
+    except (OSError, SyntaxError, ValueError, binascii.Error) as error:
+        raise LabelFileError(f"a mask that is no picture ({error})") from error
+    if len(points) != 2:
+        raise LabelFileError("a mask whose place is not two points")
+    left, top = (round(min(axis)) for axis in zip(*points, strict=True))
+    height, width = part.shape
+    if left < 0 or top < 0 or left + width > size_px[0] or top + height > size_px[1]:
+        raise LabelFileError("a mask that reaches out of the picture")
+    mask = np.zeros(size_px[::-1], bool)
+    mask[top : top + height, left : left + width] = part
+    return mask

@@ -1,0 +1,1 @@
+"""Labelling photographs by hand: what the page of `agribot label` works on."""

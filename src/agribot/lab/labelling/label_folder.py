@@ -1,0 +1,244 @@
+"""A folder of photographs while somebody labels it: which are done, and what the network says.
+
+Masks lie where `agribot train` looks for them; work that is not finished and what the network is
+unsure of lie in `.label` beside them, so that a half-corrected mask teaches nobody.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from agribot.autonomy.perceive.pictures import PictureClasses
+from agribot.core.errors import AgribotError, ConfigError, RecordingError
+from agribot.core.messages import ByteArray, PlantClass
+from agribot.core.whole_file import write_at_once
+from agribot.lab.dataset.classes import UNLABELLED, MaskIds
+from agribot.lab.dataset.importing import encode_mask
+from agribot.lab.dataset.layouts import IMAGE_FOLDERS, MASK_FOLDERS, Item, find_layout
+from agribot.lab.dataset.pictures import read_picture
+from agribot.lab.labelling.superpixels import find_superpixels
+from agribot.lab.train.photographs import read_label
+from agribot.ui.label_page import LabelledClasses, PictureState, State
+
+WORK = ".label"
+CLASSES = (*PlantClass, UNLABELLED)
+
+
+class _Judged(msgspec.Struct):
+    """How unsure a network was of each picture, for the next start."""
+
+    model: str
+    uncertainty: dict[str, float]
+
+
+class LabelFolder:
+    """The pictures of a set, by their number in the order of their names."""
+
+    def __init__(
+        self,
+        root: Path,
+        classify: Callable[[ByteArray], PictureClasses],
+        model: str,
+        ids: MaskIds | None = None,
+    ) -> None:
+        """Find the pictures.
+
+        Raises: ConfigError: no folder of pictures, or ids that lack a class.
+        """
+        self.root, self._classify, self._model = root, classify, model
+        self._ids = ids or {}
+        self._values = _invert(self._ids)
+        self._mask_folder = _make_folders(root)
+        self._items = [one for one in find_layout(root).items if one.image is not None]
+        if not self._items:
+            raise ConfigError(f"{root / 'images'} has no picture; put the photographs there")
+        self._uncertainty = self._read_judged()
+        self._lock = threading.Lock()
+
+    @property
+    def about(self) -> str:
+        return f"{self.root.name or self.root} · {self._model}"
+
+    def list_pictures(self) -> list[PictureState]:
+        """List all pictures, the ones of which the network is least sure first."""
+        with self._lock:
+            found = [
+                PictureState(
+                    number=number,
+                    name=item.key,
+                    state=self._state_of(item),
+                    uncertainty=self._uncertainty.get(item.key),
+                )
+                for number, item in enumerate(self._items)
+            ]
+        return sorted(found, key=lambda one: (-(one.uncertainty or 0.0), one.number))
+
+    def read_picture(self, number: int) -> ByteArray:
+        return read_picture(self._image(number))
+
+    def find_superpixels(self, number: int) -> npt.NDArray[np.uint16]:
+        return find_superpixels(self.read_picture(number))
+
+    def read_classes(self, number: int) -> LabelledClasses:
+        """Read what was saved, else what was begun, else what the network says.
+
+        Raises: AgribotError: a file cannot be read, or does not fit its picture.
+        """
+        item, image_rgb = self._items[number], self.read_picture(number)
+        state = self._state_of(item)
+        if state == "draft":
+            label = read_label(self._draft(item), {})
+        elif item.mask is not None:
+            label = read_label(self.root / item.mask, self._ids, is_named=bool(self._ids))
+        else:
+            label = self._classify(image_rgb).class_id
+        if label.shape != image_rgb.shape[:2]:
+            raise ConfigError(
+                f"{item.mask or item.key}: is {label.shape[1]} x {label.shape[0]} pixels, its "
+                f"picture {image_rgb.shape[1]} x {image_rgb.shape[0]}; move the mask away"
+            )
+        return LabelledClasses(class_id=label, state=state)
+
+    def save(self, number: int, class_id: ByteArray, *, is_done: bool) -> None:
+        """Save a finished mask where a training reads it, or one that was only begun.
+
+        Raises: RecordingError: the disk does not take it. ConfigError: a mask that is no PNG.
+        """
+        item = self._items[number]
+        if not np.isin(class_id, CLASSES).all():
+            raise ConfigError(f"{item.key}: the classes hold values that are no class")
+        draft = self._draft(item)
+        try:
+            if not is_done:
+                draft.parent.mkdir(parents=True, exist_ok=True)
+                write_at_once(draft, encode_mask(class_id))
+                return
+            path = self._mask(item)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_at_once(path, encode_mask(self._values[class_id]), is_synced=True)
+            draft.unlink(missing_ok=True)
+            self._confirm_note(item)
+        except OSError as error:
+            raise RecordingError(
+                f"cannot save the mask of {item.key}: {error.strerror}; make room on the disk, or "
+                "check that the folder may be written"
+            ) from error
+        with self._lock:
+            saved = path.relative_to(self.root).as_posix()
+            self._items[number] = msgspec.structs.replace(item, mask=saved)
+
+    def judge_all(self, is_stopped: Callable[[], object]) -> None:
+        """Ask the network about every picture that it has not seen, and remember how unsure it is.
+
+        A picture that cannot be read counts as a sure one: it comes last, and says why when it is
+        opened.
+        """
+        for item in self._items:
+            if is_stopped() or item.key in self._uncertainty or item.image is None:
+                continue
+            try:
+                confidence = self._classify(read_picture(self.root / item.image)).confidence
+                unsure = 1.0 - float(confidence.mean()) / 255.0
+            except AgribotError:
+                unsure = 0.0
+            with self._lock:
+                self._uncertainty[item.key] = unsure
+        self._write_judged()
+
+    def _image(self, number: int) -> Path:
+        image = self._items[number].image
+        assert image is not None  # only pictures were taken
+        return self.root / image
+
+    def _draft(self, item: Item) -> Path:
+        return self.root / WORK / "drafts" / f"{item.key}.png"
+
+    def _mask(self, item: Item) -> Path:
+        if item.mask is None:
+            return self._mask_folder / f"{item.key}.png"
+        path = self.root / item.mask
+        if path.suffix.lower() != ".png":
+            raise ConfigError(f"{item.mask}: only masks that are PNG are written; convert it first")
+        return path
+
+    def _state_of(self, item: Item) -> State:
+        if self._draft(item).is_file():
+            return "draft"
+        if item.mask is None or self._read_note(item).get("is_mask_from_network"):
+            return "new"
+        return "done"
+
+    def _note(self, item: Item) -> Path:
+        return self.root / "notes" / f"{item.key}.json"
+
+    def _read_note(self, item: Item) -> dict[str, Any]:
+        """Read what the robot noted of a frame that an operator kept."""
+        try:
+            note = msgspec.json.decode(self._note(item).read_bytes())
+        except (OSError, msgspec.DecodeError):
+            return {}
+        return note if isinstance(note, dict) else {}
+
+    def _confirm_note(self, item: Item) -> None:
+        note = self._read_note(item)
+        if note.get("is_mask_from_network"):
+            note["is_mask_from_network"] = False
+            data = msgspec.json.format(msgspec.json.encode(note), indent=2)
+            write_at_once(self._note(item), data + b"\n")
+
+    def _read_judged(self) -> dict[str, float]:
+        try:
+            found = msgspec.json.decode(
+                (self.root / WORK / "judged.json").read_bytes(), type=_Judged
+            )
+        except (OSError, msgspec.DecodeError):
+            return {}
+        return found.uncertainty if found.model == self._model else {}
+
+    def _write_judged(self) -> None:
+        """Keep the order for the next start; without a place for it the network is asked again."""
+        path = self.root / WORK / "judged.json"
+        judged = _Judged(model=self._model, uncertainty=dict(self._uncertainty))
+        try:
+            path.parent.mkdir(exist_ok=True)
+            write_at_once(path, msgspec.json.encode(judged))
+        except OSError:
+            return
+
+
+def _make_folders(root: Path) -> Path:
+    """Find the folder of the masks, or make it.
+
+    Raises: ConfigError: no folder of pictures. RecordingError: it cannot be written.
+    """
+    if not root.is_dir():
+        raise ConfigError(f"{root} is no folder; check the path")
+    if not any((root / name).is_dir() for name in IMAGE_FOLDERS):
+        raise ConfigError(f"{root} has no folder 'images'; make one and put the photographs there")
+    found = next((root / name for name in MASK_FOLDERS if (root / name).is_dir()), root / "masks")
+    try:
+        found.mkdir(exist_ok=True)
+    except OSError as error:
+        raise RecordingError(f"cannot make {found}: {error.strerror}") from error
+    return found
+
+
+def _invert(ids: Mapping[int, int]) -> ByteArray:
+    """Make the table from classes to the values that a mask stores.
+
+    Raises: ConfigError: a class has no value.
+    """
+    table = np.arange(256, dtype=np.uint8)
+    for kind in PlantClass if ids else ():
+        values = sorted(value for value, meant in ids.items() if meant == kind)
+        if not values:
+            raise ConfigError(f"--ids names no value for {kind.name.lower()}; masks need one")
+        table[kind] = values[0]
+    return table

@@ -1,0 +1,150 @@
+"""The page of `agribot label` in a real browser: what is painted is the mask on the disk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import BrowserContext, Page, expect
+
+from agribot.core.messages import PlantClass
+from agribot.lab.labelling.label_folder import LabelFolder
+from agribot.ui.label_page import PAGE, PAGE_DIR, serve_labels
+from tests.lab.labelling.photographs import HEIGHT, WIDTH, make_photographs, open_folder
+
+BEET = (slice(20, 50), slice(15, 45))
+THISTLE = (slice(50, 80), slice(75, 105))
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    return make_photographs(tmp_path / "photos")
+
+
+@pytest.fixture
+def labels(root: Path) -> LabelFolder:
+    if not (PAGE_DIR / PAGE).is_file():
+        pytest.fail("The page is not built: run `pip install -e .` or `npm run build` in web/.")
+    labels = open_folder(root)
+    labels.judge_all(lambda: False)
+    return labels
+
+
+@pytest.fixture
+def page(context: BrowserContext, labels: LabelFolder) -> Iterator[Page]:
+    with serve_labels(labels, 0) as url:
+        page = context.new_page()
+        foreign: list[str] = []
+        page.on(
+            "request", lambda r: None if r.url.startswith((url, "blob:")) else foreign.append(r.url)
+        )
+        page.goto(url)
+        expect(page.locator(".picture-name")).to_have_text("murky")
+        yield page
+        page.close()
+        assert foreign == []  # works without a network
+
+
+def drag(page: Page, *points: tuple[float, float]) -> None:
+    """Drag over the picture, in its pixels."""
+    box = page.locator(".overlay").bounding_box()
+    assert box
+    scale = box["width"] / WIDTH
+    for i, (u, v) in enumerate(points):
+        page.mouse.move(box["x"] + scale * u, box["y"] + scale * v, steps=4)
+        if i == 0:
+            page.mouse.down()
+    page.mouse.up()
+
+
+def saved(page: Page) -> None:
+    expect(page.locator(".saved")).to_have_text("saved")
+
+
+def read_mask(path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+    image = Image.open(path)
+    assert (image.mode, image.size) == ("L", (WIDTH, HEIGHT))
+    return np.asarray(image)
+
+
+def test_what_is_painted_is_saved_found_again_and_finished(root: Path, page: Page) -> None:
+    page.keyboard.press("f")
+    expect(page.locator(".outlines")).to_be_visible()
+    page.keyboard.press("1")
+    for v in range(22, 50, 4):
+        drag(page, (17, v), (43, v))
+    expect(page.locator(".state")).to_have_text("begun")
+    saved(page)
+    draft = read_mask(root / ".label" / "drafts" / "murky.png")
+    assert (draft[BEET] == PlantClass.CROP).mean() > 0.97
+    assert (draft[THISTLE] == PlantClass.WEED).all()  # as the network said
+    assert not list((root / "masks").iterdir())
+    page.reload()
+    expect(page.locator(".picture-name")).to_have_text("murky")
+    page.keyboard.press("b")
+    page.keyboard.press("3")
+    drag(page, (90, 65), (90, 65))  # a hole of soil in the thistle
+    page.keyboard.press("4")
+    drag(page, (60, 10), (70, 10))
+    page.keyboard.press("Control+z")
+    saved(page)
+    page.keyboard.press("Enter")
+    expect(page.locator(".picture-name")).to_have_text("dim")
+    mask = read_mask(root / "masks" / "murky.png")
+    assert (mask[BEET] == PlantClass.CROP).mean() > 0.97
+    hole = mask[THISTLE] == PlantClass.SOIL
+    assert hole.sum() == pytest.approx(np.pi * 8**2, rel=0.1)
+    assert mask[65, 90] == PlantClass.SOIL
+    assert not (mask == 255).any()  # undone
+    expect(page.locator(".count")).to_have_text("1 of 3 labelled")
+
+
+def test_keys_go_from_picture_to_picture_and_change_nothing(root: Path, page: Page) -> None:
+    page.keyboard.press("ArrowRight")
+    expect(page.locator(".picture-name")).to_have_text("dim")
+    page.keyboard.press("ArrowRight")
+    expect(page.locator(".picture-name")).to_have_text("clear")
+    page.keyboard.press("ArrowLeft")
+    expect(page.locator(".picture-name")).to_have_text("dim")
+    assert not (root / ".label" / "drafts").exists()
+    assert not list((root / "masks").iterdir())
+
+
+def test_the_wheel_zooms_to_where_the_pointer_is_and_painting_stays_in_place(
+    root: Path, page: Page
+) -> None:
+    box = page.locator(".overlay").bounding_box()
+    assert box
+    at = (box["x"] + box["width"] / 4, box["y"] + box["height"] / 3)  # pixel (30, 30)
+    page.mouse.move(*at)
+    page.mouse.wheel(0, -500)
+    page.keyboard.press("3")
+    page.mouse.down()
+    page.mouse.up()
+    saved(page)
+    draft = read_mask(root / ".label" / "drafts" / "murky.png")
+    rows, columns = np.nonzero(draft[BEET] == PlantClass.SOIL)
+    assert rows.mean() + 20.5 == pytest.approx(30, abs=0.7)
+    assert columns.mean() + 15.5 == pytest.approx(30, abs=0.7)
+
+
+@pytest.mark.parametrize("size", [(1400, 850), (390, 844)], ids=["wide", "phone"])
+def test_everything_is_within_the_display_and_large_enough_for_a_finger(
+    size: tuple[int, int], page: Page
+) -> None:
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    fit = "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
+    assert page.evaluate(fit) == list(size)
+    for name in ("Crop", "Weed", "Soil", "Ignore", "Brush", "Done, next", "Next picture"):
+        box = page.get_by_role("button", name=name).first.bounding_box()
+        assert box, name
+        assert min(box["width"], box["height"]) >= 44, name
+        assert box["x"] >= 0, name
+        assert box["x"] + box["width"] <= size[0], name
+        assert box["y"] + box["height"] <= size[1], name
+    overlay = page.locator(".overlay").bounding_box()
+    assert overlay
+    assert overlay["width"] > 0.5 * min(size)

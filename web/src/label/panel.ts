@@ -1,0 +1,180 @@
+/** Bar, tools and list around the picture. */
+
+import { el, replace, setAttr, setText } from '../dom.ts'
+import { icon } from '../icons.ts'
+import type { LabelCanvas } from './canvas.ts'
+import { KINDS } from './painting.ts'
+import type { PictureState } from './server.ts'
+import type { Session, Tool } from './session.ts'
+
+const TOOLS: [Tool, string, string][] = [
+  ['brush', 'Brush', 'B'],
+  ['fill', 'Superpixels', 'F'],
+  ['move', 'Move', 'V'],
+]
+const STATE_NAMES = { new: 'not labelled', draft: 'begun', done: 'labelled' }
+const RADII = { least: 1, most: 80 }
+
+type Press = (event: Event) => void
+
+function button(name: string, key: string, press: Press, more: Record<string, string> = {}): HTMLButtonElement {
+  const shown = key ? el('kbd', {}, key) : null
+  const title = key ? `key ${key}` : null
+  return el('button', { class: 'button', type: 'button', onclick: press, title, ...more }, name, shown)
+}
+
+function choice(name: string, key: string, swatch: HTMLElement | null, press: Press): HTMLButtonElement {
+  return el(
+    'button',
+    { class: 'choice', type: 'button', onclick: press },
+    swatch,
+    el('span', {}, name),
+    el('kbd', {}, key),
+  )
+}
+
+export function makeBar(session: Session): HTMLElement {
+  const name = el('strong', { class: 'picture-name' })
+  const state = el('span', { class: 'state' })
+  const count = el('span', { class: 'count muted' })
+  const progress = el('progress', { max: 1, value: 0, 'aria-label': 'Pictures labelled' })
+  const saved = el('span', { class: 'saved muted', role: 'status' })
+  const draw = (): void => {
+    const done = session.pictures.filter((one) => one.state === 'done').length
+    setText(name, session.current?.name ?? '')
+    setText(state, session.current ? STATE_NAMES[session.current.state] : '')
+    setAttr(state, 'data-state', session.current?.state ?? null)
+    setText(count, `${done} of ${session.pictures.length} labelled`)
+    progress.max = Math.max(1, session.pictures.length)
+    progress.value = done
+    setText(saved, session.isBusy ? 'opening…' : session.isUnsaved ? 'not saved yet' : 'saved')
+  }
+  session.on('list', draw)
+  session.on('change', draw)
+  return el(
+    'header',
+    { class: 'label-bar' },
+    el('h1', {}, 'AGRIBOT', el('span', { class: 'muted' }, ' label')),
+    el('div', { class: 'bar-picture' }, name, state),
+    saved,
+    el('div', { class: 'bar-progress' }, count, progress),
+  )
+}
+
+export function setRadius(session: Session, radius: number): void {
+  session.radius = Math.min(RADII.most, Math.max(RADII.least, radius))
+  session.emit('change', undefined)
+}
+
+function makeChoices(session: Session): HTMLElement {
+  const kinds = KINDS.map((kind) => {
+    const swatch = el('span', { class: 'swatch', style: `background: rgb(${kind.rgb.join(' ')})` })
+    return choice(kind.name, kind.key, swatch, () => {
+      session.kind = kind.id
+      session.emit('change', undefined)
+    })
+  })
+  const tools = TOOLS.map(([tool, name, key]) => choice(name, key, null, () => void session.setTool(tool)))
+  session.on('change', () => {
+    for (const [i, kind] of KINDS.entries()) kinds[i]?.setAttribute('aria-pressed', String(session.kind === kind.id))
+    for (const [i, [tool]] of TOOLS.entries()) tools[i]?.setAttribute('aria-pressed', String(session.tool === tool))
+  })
+  return el(
+    'div',
+    { class: 'choices' },
+    el('div', { class: 'choice-row kinds', role: 'group', 'aria-label': 'Class' }, ...kinds),
+    el('div', { class: 'choice-row tools', role: 'group', 'aria-label': 'Tool' }, ...tools),
+  )
+}
+
+function makeSliders(session: Session, canvas: LabelCanvas): HTMLElement {
+  const size = el('input', { type: 'range', min: RADII.least, max: RADII.most, 'aria-label': 'Brush size' })
+  const text = el('output', {})
+  size.addEventListener('input', () => setRadius(session, Number(size.value)))
+  const opacity = el('input', { type: 'range', min: 0, max: 100, value: 90, 'aria-label': 'Strength of the colours' })
+  opacity.addEventListener('input', () => canvas.setOpacity(Number(opacity.value) / 100))
+  canvas.setOpacity(0.9)
+  session.on('change', () => {
+    size.value = String(session.radius)
+    setText(text, `${2 * session.radius} px`)
+  })
+  return el(
+    'div',
+    { class: 'sliders' },
+    el('label', { class: 'slider' }, el('span', {}, 'Size ', text), size),
+    el('label', { class: 'slider' }, el('span', {}, 'Colours'), opacity),
+  )
+}
+
+function makeActions(session: Session, canvas: LabelCanvas): HTMLElement {
+  const undo = button('Undo', 'Z', () => session.undo())
+  const redo = button('Redo', 'Y', () => session.redo())
+  session.on('change', () => {
+    undo.disabled = !session.canUndo
+    redo.disabled = !session.canRedo
+  })
+  const zoomOut = el('button', { class: 'button', type: 'button', 'aria-label': 'Zoom out' }, icon('minus', 20))
+  const zoomIn = el('button', { class: 'button', type: 'button', 'aria-label': 'Zoom in' }, icon('plus', 20))
+  zoomOut.addEventListener('click', () => canvas.zoom(1 / 1.5))
+  zoomIn.addEventListener('click', () => canvas.zoom(1.5))
+  const fit = button('Fit', '0', () => canvas.fit())
+  return el('div', { class: 'actions' }, undo, redo, zoomOut, zoomIn, fit)
+}
+
+function makeSteps(session: Session): HTMLElement {
+  const before = button('‹', '', () => void session.step(-1), { 'aria-label': 'Previous picture' })
+  const after = button('›', '', () => void session.step(1), { 'aria-label': 'Next picture' })
+  const done = button('Done, next', '⏎', () => void session.finish(), { class: 'button primary finish' })
+  session.on('change', () => {
+    before.disabled = session.isBusy || session.place <= 0
+    after.disabled = session.isBusy || session.place >= session.pictures.length - 1
+    done.disabled = session.isBusy
+  })
+  return el('div', { class: 'steps' }, before, done, after)
+}
+
+function makeList(session: Session): HTMLElement {
+  const list = el('ol', { class: 'picture-list' })
+  const about = el('span', { class: 'muted' })
+  const row = (picture: PictureState): HTMLElement => {
+    const unsure = picture.uncertainty === null ? '…' : `${(100 * picture.uncertainty).toFixed(1)} %`
+    const press = (): void => void session.open(picture)
+    return el(
+      'li',
+      {},
+      el(
+        'button',
+        { type: 'button', onclick: press, 'aria-current': picture.number === session.current?.number && 'true' },
+        el('span', { class: 'dot', 'data-state': picture.state, title: STATE_NAMES[picture.state] }),
+        el('span', { class: 'name' }, picture.name),
+        el('span', { class: 'muted' }, unsure),
+      ),
+    )
+  }
+  const draw = (): void => {
+    setText(about, session.about)
+    const scroll = list.scrollTop
+    replace(list, ...session.pictures.map(row))
+    list.scrollTop = scroll
+  }
+  session.on('list', draw)
+  session.on('change', draw)
+  return el(
+    'section',
+    { class: 'pictures', 'aria-label': 'Pictures' },
+    el('div', { class: 'pictures-head' }, el('h2', {}, 'Least sure first'), about),
+    list,
+  )
+}
+
+export function makePanel(session: Session, canvas: LabelCanvas): HTMLElement {
+  return el(
+    'aside',
+    { class: 'label-panel' },
+    makeChoices(session),
+    makeSliders(session, canvas),
+    makeActions(session, canvas),
+    makeSteps(session),
+    makeList(session),
+  )
+}

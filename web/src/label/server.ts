@@ -1,0 +1,60 @@
+/** What the page asks of `agribot label`. */
+
+import type { Classes, Pieces, Raster } from './painting.ts'
+
+export type State = 'new' | 'draft' | 'done'
+
+export interface PictureState {
+  number: number
+  name: string
+  state: State
+  uncertainty: number | null
+}
+
+export interface PictureList {
+  about: string
+  pictures: PictureState[]
+}
+
+const BASE = '/api/v1/pictures'
+
+async function ask(path: string, init?: RequestInit): Promise<Response> {
+  let answer: Response
+  try {
+    answer = await fetch(`${BASE}${path}`, init)
+  } catch {
+    throw new Error('agribot label does not answer; is it still running?')
+  }
+  if (!answer.ok) {
+    const told = (await answer.json().catch(() => null)) as { error?: string } | null
+    throw new Error(told?.error ?? `the server answered ${answer.status}`)
+  }
+  return answer
+}
+
+function raster<T extends Uint8Array | Uint16Array>(answer: Response, data: T): Raster<T> {
+  const size = (name: string): number => Number(answer.headers.get(name))
+  return { width: size('x-width'), height: size('x-height'), data }
+}
+
+export async function listPictures(): Promise<PictureList> {
+  return (await (await ask('')).json()) as PictureList
+}
+
+export async function readPicture(number: number): Promise<ImageBitmap> {
+  return createImageBitmap(await (await ask(`/${number}/picture`)).blob())
+}
+
+export async function readClasses(number: number): Promise<Classes> {
+  const answer = await ask(`/${number}/classes`)
+  return raster(answer, new Uint8Array(await answer.arrayBuffer()))
+}
+
+export async function readPieces(number: number): Promise<Pieces> {
+  const answer = await ask(`/${number}/superpixels`)
+  return raster(answer, new Uint16Array(await answer.arrayBuffer()))
+}
+
+export async function saveClasses(number: number, data: Uint8Array, isDone: boolean): Promise<void> {
+  await ask(`/${number}/classes?done=${isDone ? 1 : 0}`, { method: 'PUT', body: data.slice() })
+}

@@ -1,0 +1,214 @@
+/** The picture that is worked on: its classes, what was drawn, and whether that is saved. */
+
+import { Emitter } from '../emitter.ts'
+import type { LabelCanvas } from './canvas.ts'
+import type { Painter } from './gestures.ts'
+import { type Box, type Classes, fill, History, type Pieces, type Point, SOIL, stroke } from './painting.ts'
+import * as server from './server.ts'
+
+export type Tool = 'brush' | 'fill' | 'move'
+interface Events {
+  list: undefined
+  change: undefined
+  problem: string
+}
+
+const SAVE_AFTER_MS = 700
+
+export class Session extends Emitter<Events> implements Painter {
+  about = ''
+  pictures: server.PictureState[] = []
+  current: server.PictureState | null = null
+  tool: Tool = 'brush'
+  kind = 1
+  radius = 8
+  isBusy = false
+  isUnsaved = false
+  private classes: Classes | null = null
+  private pieces: Pieces | null = null
+  private history = new History()
+  private last: Point | null = null
+  private paintKind = SOIL
+  private timer = 0
+  private saving: Promise<void> = Promise.resolve()
+
+  constructor(private readonly canvas: LabelCanvas) {
+    super()
+  }
+
+  get canUndo(): boolean {
+    return this.history.canUndo
+  }
+
+  get canRedo(): boolean {
+    return this.history.canRedo
+  }
+
+  get place(): number {
+    return this.pictures.findIndex((one) => one.number === this.current?.number)
+  }
+
+  async refresh(): Promise<void> {
+    const list = await server.listPictures()
+    this.about = list.about
+    this.pictures = list.pictures
+    this.current = list.pictures.find((one) => one.number === this.current?.number) ?? this.current
+    this.emit('list', undefined)
+  }
+
+  /** Opens what was begun last time, else the picture of which the network is least sure. */
+  async start(): Promise<void> {
+    await this.refresh()
+    const begun = this.pictures.find((one) => one.state === 'draft')
+    const first = begun ?? this.pictures.find((one) => one.state === 'new') ?? this.pictures[0]
+    if (first) await this.open(first)
+  }
+
+  async open(picture: server.PictureState): Promise<void> {
+    if (this.isBusy) return
+    this.isBusy = true
+    this.emit('change', undefined)
+    try {
+      await this.flush()
+      const [image, classes] = await Promise.all([
+        server.readPicture(picture.number),
+        server.readClasses(picture.number),
+      ])
+      this.current = picture
+      this.classes = classes
+      this.pieces = null
+      this.history = new History()
+      this.canvas.show(image, classes)
+    } catch (error) {
+      this.fail(error)
+    } finally {
+      this.isBusy = false
+    }
+    await this.setTool(this.tool)
+  }
+
+  async step(by: number): Promise<void> {
+    const next = this.pictures[this.place + by]
+    if (next) await this.open(next)
+  }
+
+  /** Saves the picture as finished and opens the next one that is not. */
+  async finish(): Promise<void> {
+    const { current, classes } = this
+    if (!current || !classes || this.isBusy) return
+    try {
+      await this.flush()
+      await server.saveClasses(current.number, classes.data, true)
+      await this.refresh()
+    } catch (error) {
+      this.fail(error)
+      return
+    }
+    const next = this.pictures.find((one) => one.state !== 'done')
+    if (next) await this.open(next)
+    else this.emit('change', undefined)
+  }
+
+  async setTool(tool: Tool): Promise<void> {
+    this.tool = tool
+    this.emit('change', undefined)
+    if (tool !== 'fill') this.canvas.showPieces(null)
+    else if (this.current) await this.loadPieces(this.current.number)
+  }
+
+  private async loadPieces(number: number): Promise<void> {
+    try {
+      const pieces = this.pieces ?? (await server.readPieces(number))
+      if (this.current?.number !== number || this.tool !== 'fill') return
+      this.pieces = pieces
+      this.canvas.showPieces(pieces)
+    } catch (error) {
+      this.fail(error)
+    }
+  }
+
+  isMoving(): boolean {
+    return this.tool === 'move' || this.isBusy
+  }
+
+  begin(at: Point, isErasing: boolean): void {
+    if (!this.classes) return
+    this.paintKind = isErasing ? SOIL : this.kind
+    this.history.begin(this.classes)
+    this.last = at
+    this.move(at)
+  }
+
+  move(at: Point): void {
+    if (!this.classes || !this.last) return
+    const box = this.paint(this.classes, this.last, at)
+    this.last = at
+    if (!box) return
+    this.history.touch(box)
+    this.canvas.draw(this.classes, box)
+  }
+
+  private paint(classes: Classes, from: Point, to: Point): Box | null {
+    if (this.tool === 'brush') return stroke(classes, from, to, this.radius, this.paintKind)
+    return this.pieces ? fill(classes, this.pieces, to, this.paintKind) : null
+  }
+
+  end(): void {
+    this.last = null
+    if (this.classes && this.history.end(this.classes)) this.saveSoon()
+  }
+
+  cancel(): void {
+    this.last = null
+    if (this.classes && this.history.end(this.classes)) this.redraw(this.history.undo(this.classes))
+  }
+
+  hover(at: Point | null): void {
+    this.canvas.showCursor(this.tool === 'brush' ? at : null, this.radius)
+  }
+
+  undo(): void {
+    if (this.classes) this.redraw(this.history.undo(this.classes))
+  }
+
+  redo(): void {
+    if (this.classes) this.redraw(this.history.redo(this.classes))
+  }
+
+  private redraw(box: Box | null): void {
+    if (!this.classes || !box) return
+    this.canvas.draw(this.classes, box)
+    this.saveSoon()
+  }
+
+  private saveSoon(): void {
+    this.isUnsaved = true
+    clearTimeout(this.timer)
+    this.timer = window.setTimeout(() => void this.flush().catch((error) => this.fail(error)), SAVE_AFTER_MS)
+    this.emit('change', undefined)
+  }
+
+  /** Saves what was drawn as begun; one request at a time, the newest content last. */
+  async flush(): Promise<void> {
+    clearTimeout(this.timer)
+    await this.saving
+    const { current, classes } = this
+    if (!this.isUnsaved || !current || !classes) return
+    this.isUnsaved = false
+    const sent = server.saveClasses(current.number, classes.data, false)
+    this.saving = sent.catch(() => undefined)
+    try {
+      await sent
+      await this.refresh()
+    } catch (error) {
+      this.isUnsaved = true
+      throw error
+    } finally {
+      this.emit('change', undefined)
+    }
+  }
+
+  private fail(error: unknown): void {
+    this.emit('problem', error instanceof Error ? error.message : String(error))
+  }
+}
