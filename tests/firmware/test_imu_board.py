@@ -5,11 +5,13 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from agribot.core.messages import ImuSample, Vec3
+from agribot.core.messages import ImuSample, MagSample, Vec3
+from agribot.drivers import imu_devices
 from agribot.drivers.board_codec import BoardDecoder, encode
 from agribot.drivers.board_protocol import (
     GRAVITY_MPS2,
@@ -22,8 +24,11 @@ from agribot.drivers.board_protocol import (
     BoardKind,
     BoardVersion,
 )
+from agribot.drivers.imu_devices import ImuDevice, Measured
 from agribot.drivers.letter_imu import LetterImuDecoder, read_axes
 from agribot.drivers.rosserial import RosserialHost, TopicMessage, read_string
+from agribot.drivers.schemes import read_uri
+from agribot.drivers.uri_options import UriOptions
 from firmware.bench.avr_bench import MPU, AvrBench
 from firmware.build import PREBUILT, build_imu_board
 from tests import machine
@@ -153,3 +158,63 @@ def test_an_unplugged_chip_gives_silence_and_comes_back_with_the_right_ranges(
     assert_measured(readings[-1].accel_mps2, readings[-1].gyro_radps)
     assert not readings[-1].flags & BoardFlag.MAG_FAULT
     assert imu.get_register(MPU, 0x1C) == 0x08
+
+
+def open_device(text: str) -> ImuDevice:
+    return imu_devices.make_imu(
+        UriOptions(read_uri("--source", f"serial:/dev/imu?{text}", "imu=")), pytest.fail
+    )
+
+
+def read_device(imu: AvrBench, device: ImuDevice, duration_s: float) -> Measured:
+    """Let the board and the program speak with each other."""
+    found: Measured = []
+    imu.send(device.take_to_send())
+    for _ in range(round(duration_s / STEP_S)):
+        imu.advance(STEP_S, REST)
+        found += device.feed(imu.receive(), imu.t_s)
+        imu.send(device.take_to_send())
+    return found
+
+
+@pytest.mark.parametrize(
+    ("options", "rate_hz"),
+    [
+        ("board=letters&accel_g=4&gyro_dps=500", 10.0),
+        ("board=rosserial&accel_g=4&gyro_dps=500", 10.0),
+        ("board=agribot", TELEMETRY_HZ),
+    ],
+)
+def test_the_robot_reads_the_board_in_each_of_its_three_ways(
+    imu: AvrBench, options: str, rate_hz: float
+) -> None:
+    found = [sample for _, sample in read_device(imu, open_device(options), 3.0)]
+    samples = [sample for sample in found if isinstance(sample, ImuSample)]
+    assert len(samples) >= 1.5 * rate_hz
+    assert_measured(samples[-1].accel_mps2, samples[-1].gyro_radps)
+
+
+def test_frames_bring_the_magnetometer_and_the_times_of_the_board(imu: AvrBench) -> None:
+    found = read_device(imu, open_device("board=agribot&axes=x,-y,-z"), 2.0)
+    stamps_s = [stamp_s for stamp_s, sample in found if isinstance(sample, ImuSample)]
+    gaps_s = [after - before for before, after in pairwise(stamps_s)]
+    assert gaps_s == pytest.approx([1.0 / TELEMETRY_HZ] * len(gaps_s), abs=1e-3)
+    fields = [sample for _, sample in found if isinstance(sample, MagSample)]
+    assert fields
+    assert [sample for _, sample in found if isinstance(sample, ImuSample)][
+        -1
+    ].accel_mps2 == pytest.approx((ACCEL[0], -ACCEL[1], -ACCEL[2]), abs=0.01)
+
+
+def test_a_board_that_was_reset_is_asked_for_frames_again(
+    make_imu: Callable[..., AvrBench],
+) -> None:
+    device = open_device("board=agribot")
+    assert read_device(make_imu(), device, 1.5)
+    fresh = make_imu()
+    later: Measured = []
+    for step in range(150):
+        fresh.advance(STEP_S, REST)
+        later += device.feed(fresh.receive(), 10.0 + step * STEP_S)
+        fresh.send(device.take_to_send())
+    assert len([s for _, s in later if isinstance(s, ImuSample)]) > TELEMETRY_HZ

@@ -72,7 +72,7 @@ class AgribotBoard:
         self._encoder, self._decoder = BoardEncoder(), BoardDecoder()
         self._is_known, self._is_configured = False, False
         self._polls = 0
-        self._t_us, self._epoch_us = 0, 0
+        self._clock = MicrosecondClock()
         self.trouble = ""
 
     @property
@@ -83,7 +83,7 @@ class AgribotBoard:
     def open(self) -> bytes:
         self._decoder = BoardDecoder()
         self._is_known = self._is_configured = False
-        self._t_us = self._epoch_us = 0
+        self._clock = MicrosecondClock()
         return b"\0" + self._ask()
 
     def poll(self) -> bytes:
@@ -149,28 +149,42 @@ class AgribotBoard:
             if BoardFlag.BUMPER_PRESSED in state.flags else None,
             board=_read_board(state, has_battery=has_battery),
         )  # fmt: skip
-        return StampedReport(self._stamp(state.t_us), report)
+        return StampedReport(self._clock.read_s(state.t_us), report)
 
     def _read_imu(self, imu: BoardImu) -> StampedReport:
-        is_new = imu.mag_count != self._mag_count and BoardFlag.MAG_FAULT not in imu.flags
-        is_first, self._mag_count = self._mag_count is None, imu.mag_count
-        report = BoardReport(
-            imu=ImuSample(
-                t_s=0.0, gyro_radps=turn_axes(imu.gyro_radps, self._axes),
-                accel_mps2=turn_axes(imu.accel_mps2, self._axes),
-            ),
-            mag=MagSample(t_s=0.0, field_t=turn_axes(imu.mag_t, self._axes))
-            if is_new and not is_first else None,
-        )  # fmt: skip
-        return StampedReport(self._stamp(imu.t_us), report)
+        sample, field = read_board_imu(imu, self._axes, self._mag_count)
+        self._mag_count = imu.mag_count
+        return StampedReport(self._clock.read_s(imu.t_us), BoardReport(imu=sample, mag=field))
 
-    def _stamp(self, t_us: int) -> float:
-        """Count on where the board's clock wraps around; a board that began anew is at zero."""
+
+class MicrosecondClock:
+    """Counts on where a board's 32 bits wrap around; a board that began anew is at zero."""
+
+    def __init__(self) -> None:
+        self._t_us = self._epoch_us = 0
+
+    def read_s(self, t_us: int) -> float:
+        """Say how long the board has run at this reading of its clock."""
         if t_us < self._t_us:
             is_wrapped = self._t_us > WRAP_US - WRAP_SPAN_US and t_us < WRAP_SPAN_US
             self._epoch_us = self._epoch_us + WRAP_US if is_wrapped else 0
         self._t_us = t_us
         return (self._epoch_us + t_us) * 1e-6
+
+
+def read_board_imu(
+    imu: BoardImu, axes: Axes, last_mag_count: int | None
+) -> tuple[ImuSample, MagSample | None]:
+    """Read an IMU's frame in the axes of the body, and the magnetic field where it is a new one."""
+    is_new = last_mag_count is not None and imu.mag_count != last_mag_count
+    sample = ImuSample(
+        t_s=0.0,
+        gyro_radps=turn_axes(imu.gyro_radps, axes),
+        accel_mps2=turn_axes(imu.accel_mps2, axes),
+    )
+    if not is_new or BoardFlag.MAG_FAULT in imu.flags:
+        return sample, None
+    return sample, MagSample(t_s=0.0, field_t=turn_axes(imu.mag_t, axes))
 
 
 def _read_board(state: BoardState, *, has_battery: bool) -> BoardSample:

@@ -1,7 +1,6 @@
 """Sensors on a serial line, a TCP port or gpsd: `serial:/dev/ttyACM0?baud=38400`, `gpsd:`.
 
-Receivers are in `receiver.py`; an IMU speaks the lines of the original's Arduino. A line that
-breaks is opened again.
+Receivers are in `receiver.py`, IMUs in `imu_devices.py`. A line that breaks is opened again.
 """
 
 from __future__ import annotations
@@ -9,22 +8,18 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
 
 from agribot.core.errors import ConfigError
-from agribot.core.messages import ImuSample
 from agribot.core.platform import Sensor, SensorSource
-from agribot.core.stamp_clock import SampleQueue
 from agribot.drivers import gpsd, ntrip
 from agribot.drivers.byte_streams import (
     LINE_HELP,
     ByteStream,
     OpenStream,
     SerialStream,
-    StreamReader,
     TcpStream,
 )
-from agribot.drivers.letter_imu import LetterImuDecoder, read_axes
+from agribot.drivers.imu_devices import ImuSource, make_imu
 from agribot.drivers.receiver import GpsdDecoder, HeadingMount, ReceiverDecoder, ReceiverSource
 from agribot.drivers.schemes import SourceContext, SourceUri
 from agribot.drivers.uri_options import UriOptions
@@ -33,62 +28,6 @@ from agribot.drivers.uri_options import UriOptions
 # 40 to 100 ms and send a NAV-PVT for 26 ms at 38400 baud.
 GNSS_LATENCY_S = 0.06
 BAUD = {"gnss": 38400, "imu": 57600}
-
-
-class StreamDecoder(Protocol):
-    """Makes samples of the bytes of a device; the stamp is 0 where the device tells none."""
-
-    def feed(self, data: bytes) -> list[tuple[float, ImuSample]]: ...
-
-
-class ImuDecoder:
-    """Lines of the original's Arduino, which tell no time."""
-
-    def __init__(self, options: UriOptions, refuse: Callable[[str], None]) -> None:
-        self._lines = LetterImuDecoder(
-            read_axes(options.pop_text("axes", "x,y,z")), refuse,
-            accel_g=options.pop_number("accel_g", 2.0, 1.0, 32.0),
-            gyro_dps=options.pop_number("gyro_dps", 250.0, 10.0, 4000.0),
-        )  # fmt: skip
-
-    def feed(self, data: bytes) -> list[tuple[float, ImuSample]]:
-        return [(0.0, sample) for sample in self._lines.feed(data)]
-
-
-class StreamSource:
-    """A sensor behind a line of bytes; the loop takes its samples with their capture time."""
-
-    def __init__(
-        self,
-        sensor: Sensor,
-        name: str,
-        open_stream: OpenStream,
-        decoder: StreamDecoder,
-        tell: Callable[[str], None],
-        latency_s: float = 0.0,
-    ) -> None:
-        """Open the line and begin to read.
-
-        Raises: ConfigError: the line cannot be opened.
-        """
-        self.sensor, self.name = sensor, name
-        self._decoder = decoder
-        self._arrivals: SampleQueue[ImuSample] = SampleQueue(latency_s=latency_s)
-        self._reader = StreamReader(
-            f"{sensor} from {name}", open_stream, self._read, self._arrivals.now_s, tell
-        )
-
-    def take(self, t_s: float) -> tuple[ImuSample, ...]:
-        """Take the samples captured until `t_s`."""
-        return self._arrivals.take(t_s)
-
-    def close(self) -> None:
-        """Let go of the line. Safe to call twice."""
-        self._reader.close()
-
-    def _read(self, data: bytes, arrived_s: float) -> None:
-        for stamp_s, sample in self._decoder.feed(data):
-            self._arrivals.put(stamp_s, arrived_s, sample)
 
 
 def open_serial_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> SensorSource:
@@ -163,9 +102,9 @@ def _open_stream(
             f"{sensor} from {uri.scheme}:{uri.name}: bytes of gnss and imu can be read"
         )
     latency_s = options.pop_number("latency_s", 0.0, 0.0, 2.0)
-    decoder = ImuDecoder(options, refuse)
+    device = make_imu(options, refuse)
     options.check_empty()
-    return StreamSource(sensor, uri.name, stream, decoder, context.refuse, latency_s)
+    return ImuSource(uri.name, stream, device, context.refuse, latency_s)
 
 
 def _open_receiver(
