@@ -3,6 +3,7 @@
  * line. Driven by avr_bench.py through ctypes. For tests only: simavr is under the GPL, and nothing
  * of this goes into a package.
  */
+#include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,6 +19,7 @@
 #include <simavr/sim_irq.h>
 
 #define HZ 16000000
+#define STANDING_COUNTPS 1e-3 /* slower, the next edge is further off than timers count */
 #define WHEELS 4
 #define LINE_SIZE 65536 /* powers of two */
 #define MPU 0
@@ -185,6 +187,7 @@ void bench_turn(bench_t *bench, int wheel, double speed_countps) {
   avr_t *avr = bench->avr;
   encoder->position = place_at(encoder, avr->cycle);
   encoder->at = avr->cycle;
+  if (fabs(speed_countps) < STANDING_COUNTPS) speed_countps = 0.0;
   if (speed_countps == encoder->speed_countps) return;
   encoder->speed_countps = speed_countps;
   avr_cycle_timer_cancel(avr, on_edge, encoder);

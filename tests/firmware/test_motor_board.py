@@ -88,6 +88,13 @@ def test_every_edge_of_every_encoder_is_counted(board: BoardOnBench) -> None:
     assert board.state.encoder_errors == 0
 
 
+@pytest.mark.parametrize("speed_radps", [1e-6, 1e-12, -1e-300])
+def test_wheels_that_all_but_stand_show_no_edge(board: BoardOnBench, speed_radps: float) -> None:
+    before = board.bench.counts
+    board.bench.advance(0.5, (speed_radps,) * 4)
+    assert board.bench.counts == before
+
+
 def test_encoders_of_ten_thousand_counts_a_turn_are_counted_at_full_speed(
     board: BoardOnBench,
 ) -> None:

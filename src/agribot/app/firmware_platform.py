@@ -44,7 +44,6 @@ BOARD_HZ = 100.0  # so often contacts, voltages and IMU change, and bytes are ha
 BOOT_S = 2.0  # by then a board has spoken
 COUNTS_PER_TURN = 2048.0
 SUPPLY_V = 24.0
-STANDING_RADPS = 1e-5  # the next edge of an encoder would be minutes away
 MOST_SENSED_A = 24.0  # what the board's current sensors tell apart
 OPTIONS = (("counts_per_turn", f"{COUNTS_PER_TURN:g}"), ("full_speed_radps", "80"))
 
@@ -60,9 +59,7 @@ class FirmwareMotors:
 
     def drive(self, dt_s: float, speed_radps: Four) -> Four:
         """Run the firmware for `dt_s`; gives the torques at the wheels, Nm."""
-        shown = self._faults.show(speed_radps)
-        turning = [speed if abs(speed) > STANDING_RADPS else 0.0 for speed in shown]
-        duties = self._bench.advance(dt_s, turning)
+        duties = self._bench.advance(dt_s, self._faults.show(speed_radps))
         runaway_radps = self._faults.runaway_radps
         if runaway_radps is not None:
             duties = (self._drive.torque_constant_nmpa * runaway_radps / SUPPLY_V,) * 4
