@@ -134,3 +134,12 @@ def test_noise_on_the_line_costs_frames_and_makes_no_false_number(tmp_path: Path
     assert 0.85 < len(samples) / (2 * len(ticks)) < 0.99
     assert max(abs(speed) for w in samples for speed in w.speed_radps) < 12.0
     assert ticks[-1].command.drive.v_mps > 0.2
+
+
+def test_the_first_readings_of_the_compass_are_of_the_world(tmp_path: Path) -> None:
+    """The chip on the bench shows a field of its own, until it is told of the world's."""
+    ticks, _ = drive(tmp_path, "firmware", 1.5)
+    fields = [sample.field_t for record in ticks for sample in record.batch.mag]
+    courses = [math.atan2(field[1], field[0]) for field in fields]
+    assert len(courses) > 10
+    assert max(courses) - min(courses) < math.radians(30.0)

@@ -9,6 +9,7 @@ whose licence keeps it outside of this package: it comes with the project's sour
 from __future__ import annotations
 
 import importlib.util
+import math
 import os
 import sys
 from pathlib import Path
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 
 BOARD_HZ = 100.0  # so often contacts, voltages and IMU change, and bytes are handed on
 BOOT_S = 2.0  # by then a board has spoken
+MAG_SETTLES_S = 0.1  # from the world's first field at the chip to the first frame that has it
 COUNTS_PER_TURN = 2048.0
 SUPPLY_V = 24.0
 MOST_SENSED_A = 24.0  # what the board's current sensors tell apart
@@ -98,6 +100,7 @@ class FirmwarePlatform:
         if simulator.faults is not None:
             simulator.faults.leave(BELOW_THE_SAMPLES)
         self._t_s = 0.0
+        self._field_from_s = math.inf  # before, the chip shows a field that is not of the world
         options = UriOptions(SourceUri("firmware", "", "", OPTIONS))
         self._link = BoardLink(make_board(robot, options), robot.drive, lambda: self._t_s)
         self._implement = ImplementCommand()
@@ -119,6 +122,7 @@ class FirmwarePlatform:
             self._link.feed(self._faults.carry(self._bench.receive()), self._t_s)
         events, hand = self.inbox.drain(self._t_s)
         told = self._link.take(self._t_s)
+        told["mag"] = tuple(each for each in told["mag"] if each.t_s >= self._field_from_s)
         self._send(self._link.clear(self._t_s, events, told["board"]))
         return msgspec.structs.replace(
             _join(batches), t_s=self._t_s, events=events, hand=hand, **told
@@ -170,6 +174,7 @@ class FirmwarePlatform:
             bench.set_imu(batch.imu[-1].accel_mps2, batch.imu[-1].gyro_radps)
         if batch.mag:
             bench.set_mag(batch.mag[-1].field_t)
+            self._field_from_s = min(self._field_from_s, batch.t_s + MAG_SETTLES_S)
         if batch.battery:
             bench.set_battery(batch.battery[-1].voltage_v)
 

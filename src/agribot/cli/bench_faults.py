@@ -35,6 +35,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--camera", action=argparse.BooleanOptionalAction,
         help="only the scenarios with a camera, or only those without (default: both)",
     )  # fmt: skip
+    parser.add_argument(
+        "--platform", choices=faults.PLATFORMS, default="sim",
+        help="firmware: on the motor board's real program, and only what goes wrong at the board "
+        "or below it (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
@@ -42,11 +47,11 @@ def run(options: argparse.Namespace) -> int:
     """Return 130 where the campaign was interrupted, else 0: its table is the result."""
     from agribot.lab.sweep.tables import SweepFolder
 
-    names = parse_names("--faults", options.faults, faults.list_fault_names())
+    names = parse_names("--faults", options.faults, faults.list_fault_names(options.platform))
     if not 1 <= options.workers <= 1024:
         raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
     extras.require("sim", "agribot bench faults")
-    scenarios = faults.choose_scenarios(names, options.camera)
+    scenarios = faults.choose_scenarios(names, options.camera, options.platform)
     jobs = faults.list_jobs(scenarios, options.seeds)
     folder = SweepFolder(options.out.resolve(), jobs)
     errors = drive_all(folder, faults.FaultExecutor(options.workers))

@@ -137,6 +137,24 @@ def test_what_the_same_drive_tells_without_a_fault_is_no_sign_of_one() -> None:
     assert (result["false_stops"], result["missions_without_fault"]) == (1, 1)
 
 
+def test_two_sensors_may_lie_at_once_and_each_is_judged() -> None:
+    pairs = [scenario for scenario in faults.SCENARIOS if scenario.also]
+    assert pairs
+    for pair in pairs:
+        (job,) = faults.list_jobs((pair,), "1")
+        assert len(job.config().faults) == 2
+        assert pair.name == f"{pair.fault} and {pair.also}"
+
+
+def test_real_firmware_is_tried_by_what_goes_wrong_at_the_board_and_below() -> None:
+    names = faults.list_fault_names("firmware")
+    assert {"wheels.stuck", "motor.runaway", "board.silent", "battery.empty"} <= {*names}
+    assert not any(name.startswith(("gnss", "camera", "start")) for name in names)
+    chosen = faults.choose_scenarios(names, has_camera=False, platform="firmware")
+    assert all(job.config().platform == "firmware" for job in faults.list_jobs(chosen, "1"))
+    assert any(not scenario.fault for scenario in chosen)
+
+
 def test_wrong_names_seeds_and_workers_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     for words, said in (
         (["--faults", "gnss.jump,gnss.moon"], "gnss.moon"),

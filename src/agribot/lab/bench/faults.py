@@ -30,6 +30,9 @@ STANDS_S = 5.0  # a robot that stands for so long, and waits for a person, has c
 STANDING_MPS = 0.02
 IN_ROW_S = {"rows-10x12": 20.0, "farm": 32.0, "hills": 32.0, "beet": 20.0}
 DEFAULT_SEEDS = "1-5"
+# What happens to the motor board, to what is wired to it and to its line.
+BELOW_THE_STACK = ("imu", "wheels", "motor", "bumper", "battery", "board", "link")
+PLATFORMS = ("sim", "firmware")
 ENDED = "ended by an error: "
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
@@ -47,6 +50,7 @@ class FaultScenario(NamedTuple):
     lasts_s: float | None = None
     is_detectable: bool = True
     also: str = ""  # a second fault in the same moment
+    platform: str = "sim"  # or `firmware`, the simulator on the motor board's real program
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -60,7 +64,7 @@ class FaultScenario(NamedTuple):
 
     @property
     def drive(self) -> str:
-        return f"{self.profile} {self.sensors}" + (" camera" if self.has_camera else "")
+        return _name_drive(self)
 
     def list_settings(self) -> tuple[str, ...]:
         """List the settings that make this drive."""
@@ -78,7 +82,14 @@ class FaultScenario(NamedTuple):
             f"record.enabled={str(is_recorded).lower()}",
             f"duration_s={in_row_s + AFTER_S:g}",
             f"faults=[{texts}]",
+            f"platform={self.platform}",
         )
+
+
+def _name_drive(of: FaultScenario | FaultRow) -> str:
+    camera = " camera" if of.has_camera else ""
+    platform = "" if of.platform == "sim" else f" {of.platform}"
+    return f"{of.profile} {of.sensors}{camera}{platform}"
 
 
 def _all(faults: str, **drive: Any) -> tuple[FaultScenario, ...]:
@@ -143,9 +154,12 @@ class FaultRow(msgspec.Struct, frozen=True, kw_only=True):
     reason: str = ""
     ended_badly: int = 0
     why_ended: str = ""
+    platform: str = "sim"
 
 
-def choose_scenarios(faults: Sequence[str], has_camera: bool | None) -> tuple[FaultScenario, ...]:
+def choose_scenarios(
+    faults: Sequence[str], has_camera: bool | None, platform: str = "sim"
+) -> tuple[FaultScenario, ...]:
     """Choose the scenarios of these faults, and the drives without a fault beside them.
 
     `has_camera` None takes both kinds.
@@ -153,7 +167,7 @@ def choose_scenarios(faults: Sequence[str], has_camera: bool | None) -> tuple[Fa
     Raises: ConfigError: none is left.
     """
     chosen = [
-        scenario
+        scenario._replace(platform=platform)
         for scenario in SCENARIOS
         if any(parse_fault(f"{fault}@0").name in faults for fault in scenario.faults)
         and has_camera in (None, scenario.has_camera)
@@ -161,12 +175,18 @@ def choose_scenarios(faults: Sequence[str], has_camera: bool | None) -> tuple[Fa
     if not chosen:
         kind = "with a camera" if has_camera else "without a camera"
         raise ConfigError(f"no scenario {kind} has one of these faults: {', '.join(faults)}")
-    drives = dict.fromkeys(scenario[1:4] for scenario in chosen)
-    return (*(FaultScenario("", *drive) for drive in drives), *chosen)
+    drives = dict.fromkeys(_leave_out_fault(scenario) for scenario in chosen)
+    return (*drives, *chosen)
 
 
-def list_fault_names() -> tuple[str, ...]:
-    return tuple(kind.name for kind in FAULTS)
+def _leave_out_fault(scenario: FaultScenario) -> FaultScenario:
+    return scenario._replace(fault="", also="", lasts_s=None, is_detectable=True)
+
+
+def list_fault_names(platform: str = "sim") -> tuple[str, ...]:
+    """List the faults of a platform; real firmware is tried by those at the board and below it."""
+    names = (kind.name for kind in FAULTS)
+    return tuple(n for n in names if platform == "sim" or n.split(".")[0] in BELOW_THE_STACK)
 
 
 def list_jobs(scenarios: Sequence[FaultScenario], seeds: str) -> tuple[SweepJob, ...]:
@@ -244,7 +264,7 @@ def make_rows(
     rows = []
     for scenario in scenarios:
         found = _find_reports(scenario, jobs, reports)
-        usual = _find_reports(FaultScenario("", *scenario[1:4]), jobs, reports)
+        usual = _find_reports(_leave_out_fault(scenario), jobs, reports)
         if found:
             rows.append(_make_row(scenario, found, usual))
     return rows
@@ -273,6 +293,7 @@ def _make_row(
         sensors=scenario.sensors,
         has_camera=scenario.has_camera,
         is_detectable=scenario.is_detectable,
+        platform=scenario.platform,
         runs=len(reports),
         outside_m_max=max(r.safety.outside_m_max or 0.0 for r in reports),
         stop_distance_m_max=max(r.safety.stop_distance_m_max or 0.0 for r in reports),
@@ -391,7 +412,7 @@ def format_table(rows: Sequence[FaultRow]) -> str:
             said = f"{said}; {row.ended_badly} ended by: {row.why_ended}"
         cells = (
             f"`{row.fault}`" if row.fault != "no fault" else row.fault,
-            f"{row.profile} {row.sensors}" + (" camera" if row.has_camera else ""),
+            _name_drive(row),
             str(row.runs),
             _format(row.detected_ratio, 100.0, " %", 0),
             _format(row.time_to_detect_s, 1.0, " s", 2),
