@@ -379,7 +379,7 @@ def summarise_rows(
     count = sum(row.runs for row in judged)
     plants = sum(row.plants for row in bad)
     crushed = sum(row.crushed_after or 0 for row in bad)
-    without = [job for job in jobs if job.settings[-1] == "faults=[]" and job.name in reports]
+    without = [job for job in jobs if "faults=[]" in job.settings and job.name in reports]
     return {
         "preset": PRESET,
         "faults": len(bad),
