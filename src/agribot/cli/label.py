@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     from agribot.lab.dataset.classes import read_ids
     from agribot.lab.labelling.label_folder import LabelFolder
     from agribot.lab.train.networks import open_network
-    from agribot.ui.label_page import serve_labels
+    from agribot.ui.server.label_page import serve_labels
 
     ids = read_ids(options.ids)
     segmenter = open_network(options.model, options.threads, options.size)

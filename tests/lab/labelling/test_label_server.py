@@ -20,7 +20,7 @@ from agribot.core.messages import PlantClass
 from agribot.lab.labelling.label_folder import LabelFolder
 from agribot.lab.labelling.superpixels import find_superpixels
 from agribot.lab.train.photographs import find_pairs, read_label, read_pair
-from agribot.ui.label_page import serve_labels
+from agribot.ui.server.label_page import serve_labels
 from tests.lab.labelling.photographs import (
     HEIGHT,
     NAMES,

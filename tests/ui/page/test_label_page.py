@@ -12,7 +12,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from agribot.core.messages import PlantClass
 from agribot.lab.labelling.label_folder import LabelFolder
-from agribot.ui.label_page import PAGE, PAGE_DIR, serve_labels
+from agribot.ui.server.label_page import PAGE, PAGE_DIR, serve_labels
 from tests.lab.labelling.photographs import HEIGHT, WIDTH, make_photographs, open_folder
 
 BEET = (slice(20, 50), slice(15, 45))

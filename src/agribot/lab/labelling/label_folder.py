@@ -25,7 +25,7 @@ from agribot.lab.dataset.layouts import IMAGE_FOLDERS, MASK_FOLDERS, Item, find_
 from agribot.lab.dataset.pictures import read_picture
 from agribot.lab.labelling.superpixels import find_superpixels
 from agribot.lab.train.photographs import read_label
-from agribot.ui.label_page import LabelledClasses, PictureState, State
+from agribot.ui.server.label_page import LabelledClasses, PictureState, State
 
 WORK = ".label"
 CLASSES = (*PlantClass, UNLABELLED)

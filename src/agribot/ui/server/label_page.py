@@ -5,6 +5,7 @@ Classes and superpixels cross the line as plain bytes, row by row, with their si
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import io
 import secrets
@@ -34,8 +35,9 @@ from agribot.ui.server.off_the_loop import run_in_thread
 from agribot.ui.server.page_files import page_file
 from agribot.ui.server.serve import QuietServer
 
-PAGE_DIR = Path(__file__).parent / "page"
+PAGE_DIR = Path(__file__).parents[1] / "page"
 PAGE = "label.html"
+LAST_KNOCK_S = 0.05
 JPEG_QUALITY = 93
 State = Literal["new", "draft", "done"]
 Endpoint = Callable[[Request], Awaitable[Response]]
@@ -106,7 +108,16 @@ def serve_labels(labels: LabelSet, port: int | None = None) -> Iterator[str]:
 
 
 def _serve(server: uvicorn.Server, listener: socket.socket) -> None:
-    server.run(sockets=[listener])
+    asyncio.run(_serve_until_told(server, listener))
+
+
+async def _serve_until_told(server: uvicorn.Server, listener: socket.socket) -> None:
+    await server.serve(sockets=[listener])
+    # A browser that knocked while the server ended was let in and never greeted.
+    await asyncio.sleep(LAST_KNOCK_S)
+    for late in [*server.server_state.connections]:
+        late.transport.abort()
+    await asyncio.sleep(0.0)
 
 
 def _build_app(labels: LabelSet, port: int) -> Starlette:
