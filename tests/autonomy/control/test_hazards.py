@@ -10,7 +10,7 @@ import pytest
 
 from agribot.autonomy.control.camera_watch import CameraWatch
 from agribot.autonomy.control.gate_machine import STATES
-from agribot.autonomy.control.hazards import CHECKS, HAZARDS
+from agribot.autonomy.control.hazards import CHECKS, HAZARDS, OF_BOARD
 from agribot.core.config import SafetyConfig
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import (
@@ -30,7 +30,7 @@ from tests.autonomy.control.test_protective_stops import faulty, touching
 from tests.autonomy.control.test_supervisor import FORWARD, Gate, assert_stopped, goal
 
 AHEAD = DriveCommand(v_mps=0.4)
-CHECKS_WITHOUT_CAMERA = tuple(name for name in CHECKS if name != "camera")
+CHECKS_OF_A_BARE_ROBOT = tuple(name for name in CHECKS if name not in ("camera", *OF_BOARD))
 NO_PIXELS = np.zeros((0, 0, 3), np.uint8)
 
 
@@ -129,7 +129,7 @@ def test_before_the_first_motion_every_item_is_checked_and_told_once() -> None:
     assert not gate.supervisor.gate.checks
     gate.send()
     checks = gate.supervisor.gate.checks
-    assert tuple(check.name for check in checks) == CHECKS_WITHOUT_CAMERA
+    assert tuple(check.name for check in checks) == CHECKS_OF_A_BARE_ROBOT
     assert {"clock", "wheels and IMU", "battery", "bumper", "position", "heading", "field",
             "tool"} <= set(CHECKS)  # fmt: skip
     assert all(check.is_ok for check in checks)
@@ -171,7 +171,7 @@ def test_a_mission_after_the_end_of_one_is_checked_anew() -> None:
     gate = Gate().cruise()
     gate.send(STOP, state="done")
     gate.send()
-    assert len(gate.supervisor.gate.checks) == len(CHECKS_WITHOUT_CAMERA)
+    assert len(gate.supervisor.gate.checks) == len(CHECKS_OF_A_BARE_ROBOT)
     gate.send(STOP, state="paused")
     gate.send()
     assert not gate.supervisor.gate.checks, "a pause is no end"

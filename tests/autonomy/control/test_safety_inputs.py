@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
+from agribot.autonomy.control.hazards import OF_BOARD
 from agribot.core.config import SafetyConfig
 from agribot.core.messages import STOP, BoardSample, SafetyInput, SensorBatch
 from tests.autonomy.control.kinematic_rover import TICK_S
@@ -107,5 +108,11 @@ def test_an_input_that_never_spoke_holds_the_start_with_its_item_of_the_list() -
     assert (sent.drive, reason) == (FORWARD, "")
 
 
-def test_a_robot_without_such_a_board_is_not_held() -> None:
-    Gate().cruise()
+def test_a_robot_without_such_a_board_is_not_held_and_its_list_is_silent_of_it() -> None:
+    gate = Gate()
+    gate.send(STOP, state="waiting")
+    gate.send()
+    listed = [check.name for check in gate.supervisor.gate.checks]
+    assert "bumper" in listed
+    assert not {*OF_BOARD} & {*listed}
+    gate.cruise()

@@ -313,6 +313,7 @@ _COUNTING = {
     for reaction in _REACTIONS
     for is_by_hand in (False, True)
 }
+OF_BOARD = ("red button", "safety inputs")  # items that only a motor board can tell of
 CHECKS = tuple(dict.fromkeys(hazard.check for hazard in HAZARDS if hazard.check))
 _BY_CHECK = {
     name: tuple(hazard.find for hazard in HAZARDS if hazard.check == name and hazard.find)
@@ -321,10 +322,11 @@ _BY_CHECK = {
 
 
 def check_start(now: Situation) -> tuple[Check, ...]:
-    """Go through the list before the first motion; a camera that is not in use is no item."""
+    """Go through the list before the first motion; what the robot does not have is no item."""
     checks = []
+    absent = (() if now.has_camera else ("camera",)) + (() if now.inputs.is_there else OF_BOARD)
     for name in CHECKS:
-        if name == "camera" and not now.has_camera:
+        if name in absent:
             continue
         found = next((told for find in _BY_CHECK[name] if (told := find(now))), "")
         checks.append(Check(name=name, is_ok=not found, text=found))

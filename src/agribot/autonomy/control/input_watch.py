@@ -38,6 +38,11 @@ class InputWatch:
         if batch.board:
             self.fault = f"motor board: {'; '.join(faults)}" if faults else ""
 
+    @property
+    def is_there(self) -> bool:
+        """Whether a motor board tells of safety inputs, or has to."""
+        return bool(self._must) or self._last is not None
+
     def accept(self, t_s: float) -> None:
         """Let the board's own stop go: a person has cleared it, and the board is told."""
         self._cleared_s = t_s
