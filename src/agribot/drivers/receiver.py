@@ -6,17 +6,19 @@ A receiver may speak UBX or NMEA; which, its bytes tell, and UBX counts where it
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from agribot.core.geo import yaw_from_compass_deg
-from agribot.core.messages import SENSOR_WATCH, GnssFix, GnssHeading, GnssStatus, OperatorEvent
+from agribot.core.messages import GnssFix, GnssHeading, GnssStatus
 from agribot.core.platform import Sensor
 from agribot.core.stamp_clock import SampleQueue
 from agribot.drivers import gpsd, nmea, ubx
 from agribot.drivers.byte_streams import ByteStream, OpenStream, StreamReader
 from agribot.drivers.corrections import CorrectionLink
+from agribot.drivers.line_watch import LineWatch, make_note
 from agribot.drivers.ntrip import Caster, CasterLogin
 from agribot.drivers.sky import Sky
 
@@ -53,13 +55,19 @@ class ReceiverDecoder:
         self._refuse, self._mount = refuse, mount or HeadingMount()
         self._sentences, self._frames = nmea.SentenceDecoder(), ubx.UbxDecoder()
         self._from_nmea, self._from_ubx = nmea.NmeaFixes(refuse), ubx.UbxFixes()
-        self._speaks_ubx = False
+        self._speaks_ubx = self._has_frames = False
         self.sky = Sky()
         self.last_fix: nmea.StampedFix | None = None
+
+    @property
+    def broken(self) -> int:
+        """How many messages had a wrong checksum; to a reader of sentences all frames have."""
+        return self._frames.bad if self._has_frames else self._sentences.bad
 
     def feed(self, data: bytes) -> Stamped:
         found: Stamped = []
         for frame in self._frames.feed(data):
+            self._has_frames = True
             self._speaks_ubx |= frame.kind == ubx.NAV_PVT
             self.sky.add_frame(frame)
             baseline = ubx.read_baseline(frame)
@@ -112,6 +120,11 @@ class GpsdDecoder:
         self.sky = Sky()
         self.last_fix: nmea.StampedFix | None = None
 
+    @property
+    def broken(self) -> int:
+        """How many lines were no report."""
+        return self._lines.bad
+
     def feed(self, data: bytes) -> Stamped:
         found: Stamped = []
         for report in self._lines.feed(data):
@@ -147,6 +160,49 @@ class GpsdDecoder:
         return is_ours
 
 
+class ReceiverLink:
+    """What a receiver says by tick, whatever carries its bytes.
+
+    `ReceiverSource` gives it those of a real line; a simulation gives it those of a simulated one.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        decoder: ReceiverDecoder | GpsdDecoder,
+        now_s: Callable[[], float] = time.monotonic,
+        latency_s: float = 0.0,
+    ) -> None:
+        """`latency_s` passes at least from the epoch of a fix until its last byte."""
+        self.decoder, self.now_s = decoder, now_s
+        self._fixes: SampleQueue[GnssFix] = SampleQueue(now_s, latency_s=latency_s)
+        self._headings: SampleQueue[GnssHeading] = SampleQueue(now_s, latency_s=latency_s)
+        self._states: SampleQueue[GnssStatus] = SampleQueue(now_s, latency_s=latency_s)
+        self._watch = LineWatch(name)
+
+    def feed(self, data: bytes, arrived_s: float) -> None:
+        """Take bytes in, in any thread."""
+        for stamp_s, sample in self.decoder.feed(data):
+            if isinstance(sample, GnssFix):
+                self._fixes.put(stamp_s, arrived_s, sample)
+            elif isinstance(sample, GnssHeading):
+                self._headings.put(stamp_s, arrived_s, sample)
+            else:
+                self._states.put(stamp_s, arrived_s, sample)
+
+    def take_fixes(self, t_s: float) -> tuple[GnssFix, ...]:
+        """Take the fixes captured until `t_s`."""
+        return self._fixes.take(t_s)
+
+    def take_more(self, t_s: float) -> dict[str, tuple[Any, ...]]:
+        """Take headings and states, and notes on a line that is noisy, by field of the batch."""
+        return {
+            "events": self._watch.update(t_s, self.decoder.broken),
+            "headings": self._headings.take(t_s),
+            "gnss_status": self._states.take(t_s),
+        }
+
+
 class ReceiverSource:
     """A receiver behind a line; the loop takes its samples with their capture time."""
 
@@ -165,60 +221,40 @@ class ReceiverSource:
         """
         self.sensor: Sensor = "gnss"
         self.name = name
-        self._decoder = decoder
+        self._link = ReceiverLink(f"receiver on {name}", decoder, latency_s=latency_s)
         self._notes: deque[tuple[str, bool]] = deque(maxlen=_MOST_NOTES)
-        self._fixes: SampleQueue[GnssFix] = SampleQueue(latency_s=latency_s)
-        self._headings: SampleQueue[GnssHeading] = SampleQueue(latency_s=latency_s)
-        self._states: SampleQueue[GnssStatus] = SampleQueue(latency_s=latency_s)
-        self._link: CorrectionLink | None = None
+        self._corrections: CorrectionLink | None = None
         self._reader = StreamReader(
-            f"gnss from {name}", open_stream, self._read, self._fixes.now_s, tell, on_open
+            f"gnss from {name}", open_stream, self._link.feed, self._link.now_s, tell, on_open
         )
 
     def take_corrections(self, caster: Caster, login: CasterLogin | None) -> None:
         """Feed the receiver with the corrections of a caster from now on."""
-        self._link = CorrectionLink(
+        self._corrections = CorrectionLink(
             caster, login, self._reader.write, self._write_position, self._note
         )
-        self._decoder.sky.corrections = self._link.state
+        self._link.decoder.sky.corrections = self._corrections.state
 
     def take(self, t_s: float) -> tuple[GnssFix, ...]:
         """Take the fixes captured until `t_s`."""
-        return self._fixes.take(t_s)
+        return self._link.take_fixes(t_s)
 
     def take_more(self, t_s: float) -> dict[str, tuple[Any, ...]]:
         """Take headings and states of the receiver, and what happened to its corrections."""
         notes = [self._notes.popleft() for _ in range(len(self._notes))]
-        return {
-            "events": tuple(_make_note(t_s, text, is_good) for text, is_good in notes),
-            "headings": self._headings.take(t_s),
-            "gnss_status": self._states.take(t_s),
-        }
+        more = self._link.take_more(t_s)
+        told = tuple(make_note(t_s, text, is_fault=not is_good) for text, is_good in notes)
+        return more | {"events": (*told, *more["events"])}
 
     def close(self) -> None:
         """Let go of the line and of the caster. Safe to call twice."""
-        if self._link is not None:
-            self._link.close()
+        if self._corrections is not None:
+            self._corrections.close()
         self._reader.close()
-
-    def _read(self, data: bytes, arrived_s: float) -> None:
-        for stamp_s, sample in self._decoder.feed(data):
-            if isinstance(sample, GnssFix):
-                self._fixes.put(stamp_s, arrived_s, sample)
-            elif isinstance(sample, GnssHeading):
-                self._headings.put(stamp_s, arrived_s, sample)
-            else:
-                self._states.put(stamp_s, arrived_s, sample)
 
     def _note(self, text: str, is_good: bool) -> None:
         self._notes.append((text, is_good))
 
     def _write_position(self) -> bytes:
-        found = self._decoder.last_fix
+        found = self._link.decoder.last_fix
         return nmea.write_gga(found) if found else b""
-
-
-def _make_note(t_s: float, text: str, is_good: bool) -> OperatorEvent:
-    return OperatorEvent(
-        t_s=t_s, action="note", source=SENSOR_WATCH, text=text, value=float(not is_good)
-    )

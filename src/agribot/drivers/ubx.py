@@ -18,10 +18,12 @@ from agribot.drivers.nmea import StampedFix
 
 SYNC = b"\xb5\x62"
 LONGEST_PAYLOAD = 8192
+_INNER_TRIES = 4  # beginnings of frames within one that does not end
 NAV_PVT, NAV_HPPOSLLH, NAV_RELPOSNED = (0x01, 0x07), (0x01, 0x14), (0x01, 0x3C)
-_PVT = struct.Struct("<IHBBBBBBIiBBBBiiiiIIiiiiiIIH")
-_HPPOSLLH = struct.Struct("<BxxBIiiiibbbbII")
-_RELPOSNED = struct.Struct("<B3xI16xi24xI4xI")
+PVT = struct.Struct("<IHBBBBBBIiBBBBiiiiIIiiiiiIIH")
+PVT_BYTES = 92  # of a receiver that says all of it
+HPPOSLLH = struct.Struct("<BxxBIiiiibbbbII")
+RELPOSNED = struct.Struct("<B3xI16xi24xI4xI")
 _CARRIER = {1: GnssQuality.RTK_FLOAT, 2: GnssQuality.RTK_FIXED}
 # Of NAV-RELPOSNED: fix good, relative position valid, carrier fixed, base moving, heading valid.
 _HAS_HEADING, _HEADING_MASK = 0b1_0011_0101, 0b1_0011_1101
@@ -60,6 +62,11 @@ class UbxDecoder:
                 self.bad += 1
                 del waiting[:2]
                 continue
+            inner = self._find_frame_within(length + 8)
+            if inner:
+                self.bad += 1
+                del waiting[:inner]
+                continue
             if len(waiting) < length + 8:
                 return found
             if compute_checksum(waiting[2 : length + 6]) == bytes(waiting[length + 6 : length + 8]):
@@ -68,6 +75,24 @@ class UbxDecoder:
             else:
                 self.bad += 1
                 del waiting[:2]
+
+    def _find_frame_within(self, size: int) -> int:
+        """Find the begin of the first whole frame within one of this size, 0 where there is none.
+
+        A false bit in its length may make a frame seem to reach over seconds of those after it. No
+        message holds another; so what is found does not depend on how the stream is cut.
+        """
+        waiting, start = self._waiting, 0
+        found, first_end = 0, min(size, len(self._waiting))
+        for _ in range(_INNER_TRIES):
+            start = waiting.find(SYNC, start + 2, first_end)
+            if start < 0 or len(waiting) < start + 8:
+                break
+            end = start + 6 + int.from_bytes(waiting[start + 4 : start + 6], "little")
+            is_within = end + 2 <= first_end
+            if is_within and compute_checksum(waiting[start + 2 : end]) == waiting[end : end + 2]:
+                found, first_end = start, end + 1
+        return found
 
 
 def compute_checksum(data: bytes | bytearray) -> bytes:
@@ -95,9 +120,9 @@ def read_baseline(frame: UbxFrame) -> Baseline | None:
 
     The direction to a base that stands in the field is no heading.
     """
-    if frame.kind != NAV_RELPOSNED or len(frame.payload) != _RELPOSNED.size:
+    if frame.kind != NAV_RELPOSNED or len(frame.payload) != RELPOSNED.size:
         return None
-    version, i_tow_ms, heading, accuracy, flags = _RELPOSNED.unpack(frame.payload)
+    version, i_tow_ms, heading, accuracy, flags = RELPOSNED.unpack(frame.payload)
     if version != 1 or flags & _HEADING_MASK != _HAS_HEADING or accuracy == 0:
         return None
     return Baseline(1.0 + i_tow_ms * 1e-3, heading * 1e-5 % 360.0, accuracy * 1e-5)
@@ -117,10 +142,10 @@ class UbxFixes:
 
     def add(self, frame: UbxFrame) -> list[StampedFix]:
         """Add a frame; gives the fixes that it completes."""
-        if frame.kind == NAV_HPPOSLLH and len(frame.payload) >= _HPPOSLLH.size:
+        if frame.kind == NAV_HPPOSLLH and len(frame.payload) >= HPPOSLLH.size:
             self._precise = read_hpposllh(frame.payload)
             return self._join()
-        if frame.kind != NAV_PVT or len(frame.payload) < _PVT.size:
+        if frame.kind != NAV_PVT or len(frame.payload) < PVT.size:
             return []
         late = self._give_up()
         found = read_pvt(frame.payload)
@@ -159,7 +184,7 @@ def read_pvt(payload: bytes) -> StampedFix | None:
         i_tow_ms, year, month, day, hour, minute, second, valid, _, nano, fix_type, flags, _, _,
         lon, lat, height_mm, _, h_acc_mm, _, north_mmps, east_mmps, down_mmps, _, _, s_acc_mmps,
         _, _,
-    ) = _PVT.unpack_from(payload)  # fmt: skip
+    ) = PVT.unpack_from(payload)  # fmt: skip
     lat_deg, lon_deg = lat * 1e-7, lon * 1e-7
     is_place = abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0
     if not flags & 1 or fix_type not in (2, 3, 4) or not is_place:
@@ -184,7 +209,7 @@ def read_pvt(payload: bytes) -> StampedFix | None:
 def read_hpposllh(payload: bytes) -> tuple[int, float, float, float] | None:
     """Read time of week (ms), latitude, longitude (degrees) and height (m); None where invalid."""
     _, flags, i_tow_ms, lon, lat, height_mm, _, lon_hp, lat_hp, height_hp, _, _, _ = (
-        _HPPOSLLH.unpack_from(payload)
+        HPPOSLLH.unpack_from(payload)
     )
     lat_deg, lon_deg = lat * 1e-7 + lat_hp * 1e-9, lon * 1e-7 + lon_hp * 1e-9
     if flags & 1 or abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0:
