@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Callable
@@ -12,10 +13,11 @@ import pytest
 from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.core import config
-from agribot.core.messages import OperatorEvent, TickRecord
+from agribot.core.messages import GnssQuality, OperatorEvent, TickRecord
 from tests import machine
 
 SETTINGS = ["perception.enabled=false", "seed=3"]
+M_PER_DEG = 111_320.0
 PLACES = ((-2.0, 1.5), (-1.0, 2.5))  # from the mark of the farm: ahead, then to the right
 
 
@@ -134,6 +136,41 @@ def test_noise_on_the_line_costs_frames_and_makes_no_false_number(tmp_path: Path
     assert 0.85 < len(samples) / (2 * len(ticks)) < 0.99
     assert max(abs(speed) for w in samples for speed in w.speed_radps) < 12.0
     assert ticks[-1].command.drive.v_mps > 0.2
+
+
+def test_fixes_come_as_bytes_at_the_epochs_of_the_receiver_with_their_carrier_and_velocity(
+    tmp_path: Path,
+) -> None:
+    by_sim, _ = drive(tmp_path / "sim", "sim", 2.0)
+    by_bytes, _ = drive(tmp_path / "bytes", "firmware", 2.0)
+    meant = [fix for tick in by_sim for fix in tick.batch.gnss]
+    told = [fix for tick in by_bytes for fix in tick.batch.gnss]
+    assert len(told) == len(meant) > 15
+    assert [fix.t_s for fix in told] == pytest.approx([fix.t_s for fix in meant], abs=1e-6)
+    assert {fix.quality for fix in told} == {GnssQuality.RTK_FIXED}
+    assert {fix.velocity_std_mps for fix in told} == {meant[0].velocity_std_mps}
+    assert {round(fix.pos_std_m, 3) for fix in told} == {meant[0].pos_std_m}
+    # Both robots stand for so long: what differs is what bytes cannot carry.
+    for one, other in zip(told[1:8], meant[1:8], strict=True):
+        assert one.lat_deg == pytest.approx(other.lat_deg, abs=6e-10)
+        assert one.lat_deg != other.lat_deg
+        assert one.velocity_mps == pytest.approx(other.velocity_mps, abs=6e-4)
+
+
+def test_noise_on_the_line_of_the_receiver_costs_fixes_moves_none_and_is_told(
+    tmp_path: Path,
+) -> None:
+    ticks, _ = drive(tmp_path / "run", "firmware", 6.0, "faults=link.noise=0.2@2")
+    fixes = [fix for tick in ticks for fix in tick.batch.gnss]
+    assert 0.5 < len(fixes) / 59 < 0.98
+    steps_m = [
+        M_PER_DEG * math.hypot(b.lat_deg - a.lat_deg, b.lon_deg - a.lon_deg)
+        for a, b in itertools.pairwise(fixes)
+    ]
+    assert max(steps_m) < 0.3, "no false bit becomes a place"
+    events = [json.loads(line) for line in (tmp_path / "run/events.jsonl").read_text().splitlines()]
+    told = [e["reason"] for e in events if e["kind"] == "fault" and e["t_s"] > 2.0]
+    assert any("link to the receiver broke 3 messages" in reason for reason in told)
 
 
 def test_the_first_readings_of_the_compass_are_of_the_world(tmp_path: Path) -> None:

@@ -22,11 +22,29 @@ BELOW_THE_SAMPLES = ("wheels.stuck", "wheels.reversed", "board.silent", "link.no
 FRAMES = 2  # that the board sends in a hundredth of a second
 
 
+class LineNoise:
+    """The fault `link.noise` on the bytes of one line: a share of the frames has a false bit."""
+
+    def __init__(self, faults: Sequence[Fault], rng: np.random.Generator) -> None:
+        self._faults = tuple(fault for fault in faults if fault.name == "link.noise")
+        self._rng = rng
+
+    def carry(self, data: bytes, frames: int, t_s: float) -> bytes:
+        """Return what arrives of the bytes of so many frames."""
+        share = sum(fault.number for fault in self._faults if fault.is_on(t_s))
+        if not (share and data):
+            return data
+        spoilt = bytearray(data)
+        for _ in range(int(self._rng.binomial(frames, min(share, 1.0)))):
+            spoilt[int(self._rng.integers(len(spoilt)))] ^= 1 << int(self._rng.integers(8))
+        return bytes(spoilt)
+
+
 class BoardFaults:
     """What is on at `t_s`, which whoever owns it sets."""
 
     def __init__(self, faults: Sequence[Fault], drive: DriveSpec, rng: np.random.Generator) -> None:
-        self._faults, self._rng = tuple(faults), rng
+        self._faults, self._noise = tuple(faults), LineNoise(faults, rng)
         self._runaway_radps = drive.max_speed_mps / drive.wheel_radius_m
         self.t_s = 0.0
 
@@ -53,16 +71,8 @@ class BoardFaults:
         return a, b, c, d
 
     def carry(self, data: bytes) -> bytes:
-        """Return what arrives of bytes: of the frames a share has one bit that is false."""
-        if self.is_silent:
-            return b""
-        share = sum(fault.number for fault in self._on() if fault.name == "link.noise")
-        if not (share and data):
-            return data
-        spoilt = bytearray(data)
-        for _ in range(int(self._rng.binomial(FRAMES, min(share, 1.0)))):
-            spoilt[int(self._rng.integers(len(spoilt)))] ^= 1 << int(self._rng.integers(8))
-        return bytes(spoilt)
+        """Return what arrives of the board's bytes, or at the board."""
+        return b"" if self.is_silent else self._noise.carry(data, FRAMES, self.t_s)
 
     def _on(self) -> list[Fault]:
         return [fault for fault in self._faults if fault.is_on(self.t_s)]

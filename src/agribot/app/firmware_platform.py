@@ -1,8 +1,9 @@
-"""The simulated robot with real firmware: every wheel sample and every command is bytes.
+"""The simulated robot with real firmware: every wheel sample, fix and command is bytes.
 
 simulator -> encoders, contacts, voltages and IMU of the board -> firmware, executed instruction by
 instruction -> frames -> codecs -> stack -> frames -> firmware -> duty of the motors -> simulator,
-in lock-step, so that a run repeats bit by bit. The bench that runs the firmware stands on simavr,
+in lock-step, so that a run repeats bit by bit. What the receiver measures goes to its decoder as
+UBX, on a line of its own. The bench that runs the firmware stands on simavr,
 whose licence keeps it outside of this package: it comes with the project's sources.
 """
 
@@ -18,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from agribot.app.firmware_faults import BELOW_THE_SAMPLES, BoardFaults
+from agribot.app.firmware_faults import BELOW_THE_SAMPLES, BoardFaults, LineNoise
+from agribot.app.firmware_receiver import FirmwareReceiver
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.home import find_home
@@ -83,7 +85,7 @@ class FirmwarePlatform:
 
     def __init__(
         self, config: RunConfig, robot: RobotSpec, simulator: SimPlatform, bench: Any,
-        faults: BoardFaults,
+        faults: BoardFaults, gnss_noise: LineNoise,
     ) -> None:  # fmt: skip
         """Switch the board on, and wait until it has spoken.
 
@@ -103,6 +105,7 @@ class FirmwarePlatform:
         self._field_from_s = math.inf  # before, the chip shows a field that is not of the world
         options = UriOptions(SourceUri("firmware", "", "", OPTIONS))
         self._link = BoardLink(make_board(robot, options), robot.drive, lambda: self._t_s)
+        self._receiver = FirmwareReceiver(simulator.gnss_latency_s, gnss_noise, lambda: self._t_s)
         self._implement = ImplementCommand()
         self._boot()
         # A person who starts a simulation has armed it.
@@ -110,6 +113,8 @@ class FirmwarePlatform:
 
     def read(self) -> SensorBatch:
         """Advance simulator and board by a tick; wheels, inputs and IMU are those of the board.
+
+        Fixes are those of the receiver's bytes.
 
         Raises: PlatformError: the simulator does.
         """
@@ -119,11 +124,14 @@ class FirmwarePlatform:
             batches.append(self._simulator.read())
             self._feel(batches[-1])
             self._t_s = self._faults.t_s = batches[-1].t_s
+            self._receiver.carry(batches[-1])
             self._link.feed(self._faults.carry(self._bench.receive()), self._t_s)
         events, hand = self.inbox.drain(self._t_s)
         told = self._link.take(self._t_s)
         told["mag"] = tuple(each for each in told["mag"] if each.t_s >= self._field_from_s)
         self._send(self._link.clear(self._t_s, events, told["board"]))
+        told |= self._receiver.take(self._t_s)
+        events = (*told.pop("events"), *events)
         return msgspec.structs.replace(
             _join(batches), t_s=self._t_s, events=events, hand=hand, **told
         )
@@ -203,14 +211,16 @@ def open_firmware(
     config, began_s = setup.config, setup.earlier.sim_s
     bench = open_bench()
     found = read_faults(config, has_camera=described.camera is not None, began_s=began_s)
-    rng = make_stream(config.seed, "fault of the board's line")
-    faults = BoardFaults(found, described.drive, rng)
+    faults = BoardFaults(
+        found, described.drive, make_stream(config.seed, "fault of the board's line")
+    )
+    noise = LineNoise(found, make_stream(config.seed, "fault of the receiver's line"))
     simulator = SimPlatform(
         msgspec.structs.replace(config, tick_hz=BOARD_HZ), described, world,
         board=setup.robot.drive, began_s=began_s,
         driver=FirmwareMotors(bench, described.drive, faults),
     )  # fmt: skip
-    return simulator, FirmwarePlatform(config, setup.robot, simulator, bench, faults)
+    return simulator, FirmwarePlatform(config, setup.robot, simulator, bench, faults, noise)
 
 
 def find_firmware() -> Path:

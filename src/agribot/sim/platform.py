@@ -179,6 +179,11 @@ class SimPlatform:
             self._truth = self._measure_truth()
         return self._truth
 
+    @property
+    def gnss_latency_s(self) -> float:
+        """What passes from the epoch of a fix until it arrives."""
+        return self._sensors.gnss.latency_s
+
     def _measure_truth(self) -> Truth:
         row = self._physics.history[-1]
         rotation = read_rotation(row)

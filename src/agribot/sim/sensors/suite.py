@@ -93,7 +93,7 @@ class DelayedSensor(Generic[Timed]):
 
     def __init__(self, channel: SampledSensor[Timed | None], latency_s: float) -> None:
         self._channel = channel
-        self._latency_s = latency_s
+        self.latency_s = latency_s
         self._late: deque[Timed] = deque()
 
     def take_samples(
@@ -107,7 +107,7 @@ class DelayedSensor(Generic[Timed]):
             if sample is not None:
                 self._late.append(sample)
         arrived = []
-        while self._late and self._late[0].t_s + self._latency_s <= t_s + 1e-9:
+        while self._late and self._late[0].t_s + self.latency_s <= t_s + 1e-9:
             arrived.append(self._late.popleft())
         return tuple(arrived)
 
