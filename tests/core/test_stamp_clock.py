@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agribot.core.stamp_clock import StampClock
+from agribot.core.messages import MagSample
+from agribot.core.stamp_clock import SampleQueue, StampClock
 
 PERIOD_S, JITTER_S, DRIFT = 0.01, 0.003, 5e-5
 BEGAN_S = 812.3  # of the robot's clock, when the board's began
@@ -60,3 +61,20 @@ def test_a_clock_that_began_anew_is_followed_at_once() -> None:
         clock.note_message(100.0 + k * PERIOD_S, k * PERIOD_S)
     clock.note_message(0.05, 1.2)
     assert clock.convert_to_robot_s(0.05, 1.2) == pytest.approx(1.2)
+
+
+def test_samples_that_come_later_than_others_of_their_device_are_late_however_long_it_lasts() -> (
+    None
+):
+    now_s = [0.0]
+    states: SampleQueue[MagSample] = SampleQueue(lambda: now_s[0], is_of_its_own=True)
+    readings: SampleQueue[MagSample] = SampleQueue(lambda: now_s[0], clock=states.clock)
+    late_s, sample = 0.25, MagSample(t_s=0.0, field_t=(0.0, 0.0, 0.0))
+    ages_s = []
+    for k in range(1, 1000):
+        now_s[0] = k * PERIOD_S
+        states.put(50.0 + now_s[0], now_s[0], sample)
+        readings.put(50.0 + now_s[0] - late_s, now_s[0], sample)
+        states.take(now_s[0])
+        ages_s += [now_s[0] - taken.t_s for taken in readings.take(now_s[0])]
+    assert ages_s[-100:] == pytest.approx([late_s] * 100)

@@ -113,7 +113,8 @@ class BoardEmulator:
         self._say(wire.BoardState(
             t_us=t_us, counts=(a, b, c, d), speed_countps=(e, f, g, h), duty_ratio=none,
             current_a=none, battery_v=self.battery_v, flags=flags, stop_causes=self.causes,
-            motor_faults=self.motor_faults, tool=0, command_seq=0, bad_frames=0, encoder_errors=0,
+            motor_faults=self.motor_faults, tool=0, command_seq=0, encoder_errors=0,
+            bad_frames=self._decoder.bad & 0xFF,
         ))  # fmt: skip
         self._say(wire.BoardImu(
             t_us=t_us, accel_mps2=self.accel_mps2, temperature_c=20.0, gyro_radps=self.gyro_radps,

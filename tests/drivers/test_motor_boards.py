@@ -15,7 +15,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import WHEEL_NAMES, ImplementCommand
 from agribot.description.loader import load_robot
 from agribot.drivers import board_kinds, vesc
-from agribot.drivers.motor_board import BoardReport, MotorBoard, StampedReport
+from agribot.drivers.motor_board import BoardReport, CountsBroken, MotorBoard, StampedReport
 from tests.drivers.board_emulator import BoardEmulator
 from tests.drivers.esc_fakes import FakeOdrive, FakeVesc
 
@@ -97,6 +97,44 @@ def test_the_red_button_the_bumper_and_the_battery_are_told() -> None:
     report = last(bench.run(0.1))
     assert report.board is not None and report.battery is None
     assert "battery" not in report.board.inputs
+
+
+def test_the_charge_follows_from_the_voltages_of_the_pack_and_is_not_known_without_them() -> None:
+    plain, pack = Bench(), Bench("board=agribot&battery_empty_v=18&battery_full_v=25.2")
+    for bench, left_ratio in ((plain, math.nan), (pack, 0.5)):
+        bench.board.battery_v = 21.6
+        battery = last(bench.run(0.1)).battery
+        assert battery is not None
+        assert battery.charge_ratio == pytest.approx(left_ratio, abs=0.01, nan_ok=True)
+    pack.board.battery_v = 26.0
+    battery = last(pack.run(0.1)).battery
+    assert battery is not None and battery.charge_ratio == 1.0
+
+
+@pytest.mark.parametrize(
+    "options", ["battery_full_v=25", "battery_empty_v=18", "battery_empty_v=25&battery_full_v=18"]
+)
+def test_half_a_pack_is_refused(options: str) -> None:
+    with pytest.raises(ConfigError, match="write both, the full one higher"):
+        open_board(f"board=agribot&{options}")
+
+
+def test_frames_that_break_on_either_way_are_counted_and_a_board_that_begins_anew_is_none() -> None:
+    bench = Bench().arm()
+    board = bench.driver
+    assert isinstance(board, CountsBroken) and board.broken == 0
+    spoilt = bytearray(board.drive((1.0,) * 4, STILL))
+    spoilt[4] ^= 4
+    bench.board.feed(bytes(spoilt) * 2)
+    bench.run(0.1)
+    assert board.broken == 2
+    said = bytearray(bench.board.advance())
+    said[5] ^= 4 if said[5] != 4 else 8  # a zero would end the frame
+    board.feed(bytes(said))
+    assert board.broken == 3
+    bench.board.restart()
+    bench.run(0.1)
+    assert board.broken == 3
 
 
 @pytest.mark.parametrize("bits", [0b0010, 0b0010_0000])

@@ -129,8 +129,54 @@ def test_faults_at_and_below_the_board_stop_the_robot_and_are_named(
     assert first - 3.0 < 1.0
 
 
+def read_faults(out: Path) -> list[tuple[float, str]]:
+    """What was told of sensors and lines, with its time."""
+    events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
+    return [(e["t_s"], e["reason"]) for e in events if e["kind"] == "fault"]
+
+
+def test_an_empty_battery_stops_the_robot_and_then_its_board_cuts_the_motors_off(
+    tmp_path: Path,
+) -> None:
+    ticks, _ = drive(tmp_path / "run", "firmware", 15.0, "faults=battery.empty@2")
+    volts = [battery.voltage_v for tick in ticks for battery in tick.batch.battery]
+    assert volts[10] > 24.5 and volts[-1] < 18.0
+    (stopped_s,) = [t.batch.t_s for t in ticks if t.status.stopped][:1]
+    (cut_s,) = [t.batch.t_s for t in ticks if t.batch.board and t.batch.board[-1].stopped
+                and t.batch.t_s > 2.0][:1]  # fmt: skip
+    assert 7.0 <= stopped_s < 8.5 and "battery empty" in ticks[-1].status.stopped
+    assert cut_s > stopped_s
+    assert ticks[-1].batch.board[-1].stopped == "its battery is too low"
+
+
+def test_a_board_cuts_the_motors_off_by_itself_where_nobody_else_looks_at_the_battery(
+    tmp_path: Path,
+) -> None:
+    ticks, _ = drive(
+        tmp_path / "run", "firmware", 15.0, "faults=battery.empty@2",
+        "safety.empty_charge_ratio=0", "safety.low_charge_ratio=0", "mission.speed_mps=0.15",
+    )  # fmt: skip
+    assert ticks[-1].status.stopped.startswith("the motor board holds a stop: its battery is too")
+    assert ticks[-1].batch.wheels[-1].speed_radps == pytest.approx((0.0,) * 4, abs=0.1)
+
+
+@pytest.mark.parametrize("late_s", [0.1, 0.25])
+def test_readings_of_the_imu_that_wait_on_the_line_keep_their_times_and_are_told(
+    late_s: float, tmp_path: Path
+) -> None:
+    ticks, _ = drive(tmp_path / "run", "firmware", 6.0, f"faults=imu.late={late_s}@2")
+    ages_s = [t.batch.t_s - t.batch.imu[-1].t_s for t in ticks if t.batch.imu]
+    assert min(ages_s[:90]) < 0.02
+    assert ages_s[-1] == pytest.approx(late_s, abs=0.02), "also when seconds have passed"
+    assert any(f"IMU samples come {late_s:.2f} s late" in said
+               for _, said in read_faults(tmp_path / "run"))  # fmt: skip
+    assert not ticks[-1].status.stopped
+
+
 def test_noise_on_the_line_costs_frames_and_makes_no_false_number(tmp_path: Path) -> None:
     ticks, _ = drive(tmp_path / "run", "firmware", 5.0, "faults=link.noise=0.05@2")
+    (first, *_) = read_faults(tmp_path / "run")
+    assert 2.0 < first[0] < 4.0 and "the link to the motor board broke 3 messages" in first[1]
     assert not ticks[-1].status.stopped
     samples = [w for t in ticks for w in t.batch.wheels]
     assert 0.85 < len(samples) / (2 * len(ticks)) < 0.99
@@ -168,9 +214,8 @@ def test_noise_on_the_line_of_the_receiver_costs_fixes_moves_none_and_is_told(
         for a, b in itertools.pairwise(fixes)
     ]
     assert max(steps_m) < 0.3, "no false bit becomes a place"
-    events = [json.loads(line) for line in (tmp_path / "run/events.jsonl").read_text().splitlines()]
-    told = [e["reason"] for e in events if e["kind"] == "fault" and e["t_s"] > 2.0]
-    assert any("link to the receiver broke 3 messages" in reason for reason in told)
+    told = [said for t_s, said in read_faults(tmp_path / "run") if t_s > 2.0]
+    assert any("link to the receiver broke 3 messages" in said for said in told)
 
 
 def test_the_first_readings_of_the_compass_are_of_the_world(tmp_path: Path) -> None:

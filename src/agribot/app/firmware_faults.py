@@ -1,11 +1,12 @@
-"""Faults of motors, encoders and line where the motor board is real firmware.
+"""Faults of motors, encoders, battery and lines where the motor board is real firmware.
 
-They act where they would in a machine: at the output stages, at the encoders' pins, and on the
-bytes of the line, whose checksums then have to notice.
+They act where they would in a machine: at the output stages, at the pins of encoders and battery,
+and on the bytes of the line, whose checksums and clocks then have to notice.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -13,12 +14,18 @@ import numpy as np
 
 from agribot.core.messages import WHEEL_NAMES, Four
 from agribot.core.robot import DriveSpec
+from agribot.drivers.board_codec import unstuff
+from agribot.drivers.board_protocol import BoardImu
 
 if TYPE_CHECKING:
     from agribot.sim.faults.schedule import Fault
 
+ROUNDING_S = 1e-9
+
 # What is done to samples on the simulator's own board, and here to what makes them.
-BELOW_THE_SAMPLES = ("wheels.stuck", "wheels.reversed", "board.silent", "link.noise")
+BELOW_THE_SAMPLES = ("wheels.stuck", "wheels.reversed", "board.silent", "link.noise", "imu.late")
+EMPTY = "battery.empty"
+EMPTYING_VPS = 0.03  # an empty pack that still feeds falls on, until the board lets go
 FRAMES = 2  # that the board sends in a hundredth of a second
 
 
@@ -40,11 +47,42 @@ class LineNoise:
         return bytes(spoilt)
 
 
+class LateFrames:
+    """The fault `imu.late` on the board's line: frames of the IMU wait, with their true stamps."""
+
+    def __init__(self, faults: Sequence[Fault]) -> None:
+        self._faults = tuple(fault for fault in faults if fault.name == "imu.late")
+        self._cut = b""  # the begin of a frame
+        self._waiting: deque[tuple[float, bytes]] = deque()  # due at, frame
+
+    def carry(self, data: bytes, t_s: float) -> bytes:
+        """Return what arrives of the board's bytes at a time."""
+        late_s = max((fault.number for fault in self._faults if fault.is_on(t_s)), default=0.0)
+        if not (late_s or self._waiting or self._cut):
+            return data
+        *frames, self._cut = (self._cut + data).split(b"\0")
+        arrived = bytearray()
+        while self._waiting and (self._waiting[0][0] <= t_s + ROUNDING_S or not late_s):
+            arrived += self._waiting.popleft()[1]
+        for frame in frames:
+            if late_s and _is_imu(frame):
+                self._waiting.append((t_s + late_s, frame + b"\0"))
+            else:
+                arrived += frame + b"\0"
+        return bytes(arrived)
+
+
+def _is_imu(frame: bytes) -> bool:
+    body = unstuff(frame)
+    return body is not None and body[:1] == bytes((BoardImu.number,))
+
+
 class BoardFaults:
     """What is on at `t_s`, which whoever owns it sets."""
 
     def __init__(self, faults: Sequence[Fault], drive: DriveSpec, rng: np.random.Generator) -> None:
         self._faults, self._noise = tuple(faults), LineNoise(faults, rng)
+        self._late = LateFrames(faults)
         self._runaway_radps = drive.max_speed_mps / drive.wheel_radius_m
         self.t_s = 0.0
 
@@ -70,8 +108,20 @@ class BoardFaults:
         a, b, c, d = shown
         return a, b, c, d
 
-    def carry(self, data: bytes) -> bytes:
-        """Return what arrives of the board's bytes, or at the board."""
+    def drain(self, voltage_v: float) -> float:
+        """Return the battery's voltage at the board's pin, as that of an empty one falls on."""
+        since_s = [self.t_s - fault.begin_s for fault in self._on() if fault.name == EMPTY]
+        return max(voltage_v - EMPTYING_VPS * max(since_s, default=0.0), 0.0)
+
+    def bring(self, data: bytes) -> bytes:
+        """Return what arrives of the board's bytes."""
+        return self._carry(self._late.carry(data, self.t_s))
+
+    def send(self, data: bytes) -> bytes:
+        """Return what arrives at the board."""
+        return self._carry(data)
+
+    def _carry(self, data: bytes) -> bytes:
         return b"" if self.is_silent else self._noise.carry(data, FRAMES, self.t_s)
 
     def _on(self) -> list[Fault]:

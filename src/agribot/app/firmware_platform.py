@@ -49,7 +49,11 @@ MAG_SETTLES_S = 0.1  # from the world's first field at the chip to the first fra
 COUNTS_PER_TURN = 2048.0
 SUPPLY_V = 24.0
 MOST_SENSED_A = 24.0  # what the board's current sensors tell apart
-OPTIONS = (("counts_per_turn", f"{COUNTS_PER_TURN:g}"), ("full_speed_radps", "80"))
+PACK_FULL_V = 25.2  # of the simulator: six lithium-ion cells
+OPTIONS = (
+    ("counts_per_turn", f"{COUNTS_PER_TURN:g}"), ("full_speed_radps", "80"),
+    ("battery_empty_v", "18"), ("battery_full_v", f"{PACK_FULL_V:g}"),
+)  # fmt: skip
 
 
 class FirmwareMotors:
@@ -102,6 +106,7 @@ class FirmwarePlatform:
         if simulator.faults is not None:
             simulator.faults.leave(BELOW_THE_SAMPLES)
         self._t_s = 0.0
+        self._battery_v = PACK_FULL_V  # until the simulator tells
         self._field_from_s = math.inf  # before, the chip shows a field that is not of the world
         options = UriOptions(SourceUri("firmware", "", "", OPTIONS))
         self._link = BoardLink(make_board(robot, options), robot.drive, lambda: self._t_s)
@@ -125,13 +130,13 @@ class FirmwarePlatform:
             self._feel(batches[-1])
             self._t_s = self._faults.t_s = batches[-1].t_s
             self._receiver.carry(batches[-1])
-            self._link.feed(self._faults.carry(self._bench.receive()), self._t_s)
+            self._link.feed(self._faults.bring(self._bench.receive()), self._t_s)
         events, hand = self.inbox.drain(self._t_s)
         told = self._link.take(self._t_s)
         told["mag"] = tuple(each for each in told["mag"] if each.t_s >= self._field_from_s)
         self._send(self._link.clear(self._t_s, events, told["board"]))
         told |= self._receiver.take(self._t_s)
-        events = (*told.pop("events"), *events)
+        events = (*told.pop("events"), *self._link.watch_line(self._t_s), *events)
         return msgspec.structs.replace(
             _join(batches), t_s=self._t_s, events=events, hand=hand, **told
         )
@@ -149,7 +154,7 @@ class FirmwarePlatform:
         self._bench.close()
 
     def _send(self, data: bytes) -> None:
-        self._bench.send(self._faults.carry(data))
+        self._bench.send(self._faults.send(data))
 
     def _boot(self) -> None:
         """Let the board begin, before the time of the run does."""
@@ -184,7 +189,8 @@ class FirmwarePlatform:
             bench.set_mag(batch.mag[-1].field_t)
             self._field_from_s = min(self._field_from_s, batch.t_s + MAG_SETTLES_S)
         if batch.battery:
-            bench.set_battery(batch.battery[-1].voltage_v)
+            self._battery_v = batch.battery[-1].voltage_v
+        bench.set_battery(self._faults.drain(self._battery_v))
 
 
 def _join(batches: list[SensorBatch]) -> SensorBatch:

@@ -51,10 +51,11 @@ class StampClock:
     def convert_to_robot_s(self, stamp_s: float, arrived_s: float) -> float:
         """Return the capture time, on the robot's clock, of a message that was noted.
 
+        Before the first one was, that of its arrival.
         Of several that come at once, such as after a pause of the network, note all first: the
         last of them was the quickest.
         """
-        if stamp_s == 0.0:
+        if stamp_s == 0.0 or not self._delays:
             return arrived_s
         shortest_s = min(delay_s for _, delay_s in self._delays)
         is_same = not self._is_of_its_own and -_AHEAD_S <= shortest_s <= SAME_CLOCK_S
@@ -123,22 +124,26 @@ class SampleQueue(Generic[Sample]):
         latency_s: float = 0.0,
         is_of_its_own: bool = False,
         longest: int = QUEUE_SAMPLES,
+        clock: StampClock | None = None,
     ) -> None:
         """`is_of_its_own` says that the other clock is never the robot's.
 
-        Of more than `longest` samples that nobody took, the oldest are lost.
+        `clock` is that of another queue, of the same device, which alone notes its messages: those
+        of this one are then late where they come later than the other's. Of more than `longest`
+        samples that nobody took, the oldest are lost.
         """
         self.now_s, self._latency_s = now_s, latency_s
         self._arrived: deque[_Arrival] = deque(maxlen=longest)
         self._ticks = TickClock()
-        self._clock = StampClock(is_of_its_own=is_of_its_own)
+        self.clock = clock or StampClock(is_of_its_own=is_of_its_own)
+        self._notes = clock is None
         self._timed: deque[tuple[float, Sample]] = deque(maxlen=longest)  # by capture time
         self._last_s = -1.0
 
     @property
     def uncertainty_s(self) -> float:
         """How far capture times may be off; see `StampClock.uncertainty_s`."""
-        return self._clock.uncertainty_s
+        return self.clock.uncertainty_s
 
     def put(self, stamp_s: float, arrived_s: float, sample: Sample) -> None:
         """Put a sample in, in any thread; `stamp_s` is of the other clock, 0 without a stamp."""
@@ -148,12 +153,10 @@ class SampleQueue(Generic[Sample]):
         """Take the samples captured until `t_s`; one not newer than its predecessor is dropped."""
         self._ticks.note_tick(t_s, self.now_s())
         arrivals = [self._arrived.popleft() for _ in range(len(self._arrived))]
-        for stamp_s, arrived_s, _ in arrivals:
-            self._clock.note_message(stamp_s, self._ticks.convert_to_robot_s(arrived_s))
+        for stamp_s, arrived_s, _ in arrivals if self._notes else ():
+            self.clock.note_message(stamp_s, self._ticks.convert_to_robot_s(arrived_s))
         for stamp_s, arrived_s, sample in arrivals:
-            at_s = self._clock.convert_to_robot_s(
-                stamp_s, self._ticks.convert_to_robot_s(arrived_s)
-            )
+            at_s = self.clock.convert_to_robot_s(stamp_s, self._ticks.convert_to_robot_s(arrived_s))
             at_s = max(at_s - self._latency_s, 0.0)
             if at_s > self._last_s:
                 self._last_s = at_s

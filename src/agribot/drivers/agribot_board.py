@@ -60,18 +60,22 @@ class AgribotBoard:
     latency_s = 0.003  # the IMU is read meanwhile, then 60 bytes go out at 250,000 baud
 
     def __init__(
-        self, config: BoardConfig, counts_per_turn: float, bumper_x_m: float, axes: Axes
-    ) -> None:
+        self, config: BoardConfig, counts_per_turn: float, bumper_x_m: float, axes: Axes,
+        pack_v: tuple[float, float] = (0.0, 0.0),
+    ) -> None:  # fmt: skip
         """`counts_per_turn` of a wheel; the bumper is `bumper_x_m` ahead of the robot's middle.
 
-        `axes` says which of the IMU's axes point forward, left and up.
+        `axes` says which of the IMU's axes point forward, left and up. `pack_v` are the voltages
+        of the empty and the full battery, from which its charge follows; 0 where nobody knows.
         """
+        self._pack_v = pack_v
         self._config, self._counts_per_rad = config, counts_per_turn / math.tau
         self._bumper_x_m, self._axes = bumper_x_m, axes
         self._mag_count: int | None = None
         self._encoder, self._decoder = BoardEncoder(), BoardDecoder()
         self._is_known, self._is_configured = False, False
         self._polls = 0
+        self._broken_commands, self._bad_frames, self._state_us = 0, 0, 0
         self._clock = MicrosecondClock()
         self.trouble = ""
 
@@ -79,6 +83,11 @@ class AgribotBoard:
     def lost(self) -> int:
         """How many frames of the board were lost since its line was opened."""
         return self._decoder.lost + self._decoder.bad
+
+    @property
+    def broken(self) -> int:
+        """How many frames were broken on their way from the board, or to it."""
+        return self._decoder.bad + self._broken_commands
 
     def open(self) -> bytes:
         self._decoder = BoardDecoder()
@@ -130,11 +139,21 @@ class AgribotBoard:
         else:
             self.trouble, self._is_known = "", True
 
+    def _count_broken(self, state: BoardState) -> None:
+        """Count what the board could not read, unless it began anew since."""
+        is_new = state.t_us < self._state_us
+        more = (state.bad_frames - (0 if is_new else self._bad_frames)) & 0xFF
+        self._broken_commands += more
+        self._bad_frames, self._state_us = state.bad_frames, state.t_us
+
     def _read(self, state: BoardState) -> StampedReport:
+        self._count_broken(state)
         self._is_configured = BoardFlag.NOT_CONFIGURED not in state.flags
         a, b, c, d = (count / self._counts_per_rad for count in state.counts)
         e, f, g, h = (speed / self._counts_per_rad for speed in state.speed_countps)
         has_battery = state.battery_v > USB_V
+        empty_v, full_v = self._pack_v
+        left_ratio = (state.battery_v - empty_v) / (full_v - empty_v) if full_v else math.nan
         report = BoardReport(
             wheels=WheelSample(
                 t_s=0.0, angle_rad=(a, b, c, d), speed_radps=(e, f, g, h),
@@ -143,7 +162,7 @@ class AgribotBoard:
             ),
             battery=BatterySample(
                 t_s=0.0, voltage_v=state.battery_v, current_a=sum(state.current_a),
-                charge_ratio=math.nan,
+                charge_ratio=min(max(left_ratio, 0.0), 1.0) if full_v else math.nan,
             ) if has_battery else None,
             bumper=BumperSample(t_s=0.0, x_body_m=self._bumper_x_m, y_body_m=0.0)
             if BoardFlag.BUMPER_PRESSED in state.flags else None,
@@ -246,4 +265,16 @@ def make_board(robot: RobotSpec, options: UriOptions) -> AgribotBoard:
     nose_m = drive.wheelbase_m / 2.0 + drive.wheel_radius_m
     bumper_x_m = options.pop_number("bumper_x_m", nose_m, -5.0, 5.0)
     axes = read_axes(options.pop_text("axes", "x,y,z"))
-    return AgribotBoard(config, counts, bumper_x_m, axes)
+    return AgribotBoard(config, counts, bumper_x_m, axes, _read_pack(options))
+
+
+def _read_pack(options: UriOptions) -> tuple[float, float]:
+    """Read the voltages of the empty and the full battery; 0 where they are not told."""
+    empty_v = options.pop_number("battery_empty_v", 0.0, 0.0, 65.0)
+    full_v = options.pop_number("battery_full_v", 0.0, 0.0, 65.0)
+    if bool(empty_v) != bool(full_v) or (full_v and full_v <= empty_v):
+        raise ConfigError(
+            f"battery_empty_v={empty_v:g} and battery_full_v={full_v:g}: write both, the full "
+            "one higher, or none"
+        )
+    return empty_v, full_v

@@ -22,7 +22,8 @@ from agribot.core.messages import (
 )
 from agribot.core.robot import DriveSpec
 from agribot.core.stamp_clock import SampleQueue
-from agribot.drivers.motor_board import BoardReport, MotorBoard
+from agribot.drivers.line_watch import LineWatch
+from agribot.drivers.motor_board import BoardReport, CountsBroken, MotorBoard
 
 # A person cleared the stop: the board is told so until it has let go, but no longer.
 CLEARING_S = 2.0
@@ -33,11 +34,15 @@ class BoardLink:
 
     def __init__(self, board: MotorBoard, drive: DriveSpec, now_s: Callable[[], float]) -> None:
         self.board, self._drive = board, drive
-        # The IMU's readings may have the times of the others: each kind has a queue of its own.
-        self._queue, self._imu_queue = (
-            SampleQueue[BoardReport](now_s, latency_s=board.latency_s, is_of_its_own=True)
-            for _ in range(2)
+        # The IMU's readings may have the times of the others: each kind has a queue of its own. But
+        # the board has one clock, and readings that come later than the others are late.
+        self._queue: SampleQueue[BoardReport] = SampleQueue(
+            now_s, latency_s=board.latency_s, is_of_its_own=True
         )
+        self._imu_queue: SampleQueue[BoardReport] = SampleQueue(
+            now_s, latency_s=board.latency_s, clock=self._queue.clock
+        )
+        self._watch = LineWatch("motor board")
         self.has_spoken = False
         self._clearing_until_s = -math.inf
 
@@ -66,6 +71,11 @@ class BoardLink:
             "bumper": tuple(r.bumper for r in reports if r.bumper),
             "board": tuple(r.board for r in reports if r.board),
         }
+
+    def watch_line(self, t_s: float) -> tuple[OperatorEvent, ...]:
+        """Note that the line breaks many messages, or that it does not any more."""
+        board = self.board
+        return self._watch.update(t_s, board.broken if isinstance(board, CountsBroken) else 0)
 
     def clear(
         self, t_s: float, events: tuple[OperatorEvent, ...], told: tuple[BoardSample, ...]

@@ -76,6 +76,7 @@ class HardwarePlatform:
         self._watch_clock()
         events, hand = self.inbox.drain(t_s)
         self._writer.send(self._link.clear(t_s, events, told["board"]))
+        events = (*self._link.watch_line(t_s), *events)
         return SensorBatch(t_s=t_s, events=events, hand=hand, **told)
 
     def write(self, command: RobotCommand) -> None:

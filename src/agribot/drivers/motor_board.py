@@ -6,7 +6,7 @@ anywhere, and never opens a port: `HardwarePlatform` does.
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import msgspec
 
@@ -75,4 +75,14 @@ class MotorBoard(Protocol):
 
     def clear_stop(self) -> bytes:
         """Make what tells the board that a person cleared the stop."""
+        ...
+
+
+@runtime_checkable
+class CountsBroken(Protocol):
+    """A board whose frames have checksums."""
+
+    @property
+    def broken(self) -> int:
+        """How many of its frames, and of those to it where it tells, were broken so far."""
         ...

@@ -137,6 +137,11 @@ class VescBoard:
         self._values: dict[int, VescValues] = {}
         self._counts: dict[int, _Turns] = {}
 
+    @property
+    def broken(self) -> int:
+        """How many packets were broken."""
+        return self._decoder.bad
+
     def open(self) -> bytes:
         self._decoder, self._values = VescDecoder(), {}
         return self.poll()
