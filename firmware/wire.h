@@ -13,7 +13,7 @@
 #endif
 
 #define PROTOCOL 1
-#define LAYOUT 0xF7E4u
+#define LAYOUT 0x153Du
 #define BAUD 250000ul
 #define TELEMETRY_HZ 100
 #define COMMAND_TIMEOUT_MS 300
@@ -39,6 +39,7 @@
 #define STOP_CAUSE_BUMPER 4u
 #define STOP_CAUSE_BATTERY 8u
 #define STOP_CAUSE_MOTOR 16u
+#define STOP_CAUSE_REVERSED 32u
 
 /* AckResult: What became of a message that is answered */
 #define ACK_RESULT_DONE 0u

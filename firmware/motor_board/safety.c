@@ -15,6 +15,16 @@
 #define STALL_FOR_TICKS 50
 #define STALL_DUTY (FULL_DUTY / 2) /* a wheel should turn with so much */
 #define STALL_SHARE 50             /* of full speed, that it turns at least */
+/* A wheel whose encoder or motor is wired the wrong way round is driven off by its own controller:
+ * its speed grows against the duty, by this share of full speed within so many ticks. Who pushes it,
+ * or a slope, works against a motor that brakes, and is slower; a wheel that changes its direction
+ * loses the speed that is against its duty. */
+#define REVERSED_SHARE 16
+#define REVERSED_WITHIN_TICKS 20
+#define REVERSED_FOR_TICKS 6 /* a stone is a jerk, and over sooner */
+#define LEAST_GAIN_COUNTPS 100 /* four steps of a speed that is measured over 0.04 s */
+#define REVERSED_DUTY (FULL_DUTY / 32) /* less moves nothing */
+#define JITTER_SHARE 256               /* of full speed, that a growing speed may lose in a tick */
 #define CHANNELS 5
 
 static volatile uint8_t causes = STOP_CAUSE_BEGAN, is_configured, waits_for_zero = 1;
@@ -24,6 +34,8 @@ static volatile uint16_t adc[CHANNELS];
 static volatile uint8_t channel;
 static uint16_t battery_mv, current_ma[WHEELS];
 static uint8_t low_ticks, over_ticks[WHEELS], stall_ticks[WHEELS], motor_faults;
+static int16_t against[WHEELS][REVERSED_WITHIN_TICKS]; /* how fast, against the duty */
+static uint8_t against_ticks[WHEELS], against_at[WHEELS];
 
 void begin_safety(void) {
   INPUT_PORT |= _BV(ESTOP_BIT) | _BV(BUMPER_BIT); /* pull-ups: an open contact is high */
@@ -85,7 +97,7 @@ uint8_t clear_latch(uint16_t key) {
   if (low_ticks >= LOW_FOR_TICKS) return ACK_RESULT_STILL_LOW;
   waits_for_zero = 1;
   motor_faults = 0;
-  for (uint8_t k = 0; k < WHEELS; k++) over_ticks[k] = stall_ticks[k] = 0;
+  for (uint8_t k = 0; k < WHEELS; k++) over_ticks[k] = stall_ticks[k] = against_ticks[k] = 0;
   causes = 0;
   return ACK_RESULT_DONE;
 }
@@ -96,9 +108,9 @@ static uint16_t read_mv(uint8_t of) {
   return value * ADC_MV / 1024;
 }
 
-static void find_fault(uint8_t bit) {
+static void find_fault(uint8_t bit, uint8_t cause) {
   motor_faults |= bit;
-  latch_stop(STOP_CAUSE_MOTOR);
+  latch_stop(cause);
 }
 
 void watch_power(const board_config_t *config) {
@@ -113,21 +125,40 @@ void watch_power(const board_config_t *config) {
     over_ticks[k] = is_configured && is_over ? over_ticks[k] + 1 : 0;
     if (over_ticks[k] >= OVER_FOR_TICKS) {
       over_ticks[k] = OVER_FOR_TICKS - 1;
-      find_fault(_BV(k));
+      find_fault(_BV(k), STOP_CAUSE_MOTOR);
     }
   }
   ADCSRA |= _BV(ADSC); /* the next round */
 }
 
+/* Whether the speed against the duty has grown so much, without a pause. */
+static uint8_t grows_against(uint8_t wheel, int16_t duty, int16_t speed_countps, uint16_t full) {
+  int16_t *past = against[wheel];
+  uint8_t at = against_at[wheel], ticks = against_ticks[wheel];
+  int32_t last = past[at], most = full / REVERSED_SHARE;
+  uint8_t is_so = abs(duty) >= REVERSED_DUTY && speed_countps > 0;
+  if (ticks && last - speed_countps > full / JITTER_SHARE) is_so = 0;
+  if (!is_so) ticks = 0;
+  else if (ticks < REVERSED_WITHIN_TICKS) ticks++;
+  against_ticks[wheel] = ticks;
+  at = against_at[wheel] = at + 1 == REVERSED_WITHIN_TICKS ? 0 : at + 1;
+  past[at] = speed_countps;
+  if (ticks < REVERSED_FOR_TICKS) return 0;
+  int32_t first = past[(at + REVERSED_WITHIN_TICKS + 1 - ticks) % REVERSED_WITHIN_TICKS];
+  return speed_countps - first >= (most > LEAST_GAIN_COUNTPS ? most : LEAST_GAIN_COUNTPS);
+}
+
 void watch_wheel(uint8_t wheel, int16_t duty, int16_t speed_countps, uint16_t full_speed_countps) {
   int16_t along_countps = duty < 0 ? -speed_countps : speed_countps;
-  uint8_t is_stalled = abs(duty) >= STALL_DUTY && 
+  uint8_t is_stalled = abs(duty) >= STALL_DUTY &&
                        along_countps < (int16_t)(full_speed_countps / STALL_SHARE);
   stall_ticks[wheel] = is_stalled ? stall_ticks[wheel] + 1 : 0;
   if (stall_ticks[wheel] >= STALL_FOR_TICKS) {
     stall_ticks[wheel] = 0;
-    find_fault(_BV(WHEELS + wheel));
+    find_fault(_BV(WHEELS + wheel), STOP_CAUSE_MOTOR);
   }
+  if (grows_against(wheel, duty, -along_countps, full_speed_countps))
+    find_fault(_BV(WHEELS + wheel), STOP_CAUSE_REVERSED);
 }
 
 void tell_safety(board_state_t *state) {

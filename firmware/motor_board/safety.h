@@ -22,7 +22,8 @@ uint8_t clear_latch(uint16_t key);
 /* Whether motors and tool may work now. Call with interrupts off where outputs follow. */
 uint8_t may_work(void);
 
-/* Once a tick: look at battery and currents, and at which wheels should turn but do not. */
+/* Once a tick: look at battery and currents, and at which wheels should turn but do not,
+ * or turn against their motor; a duty of 0 where the motors are off. */
 void watch_power(const board_config_t *config);
 void watch_wheel(uint8_t wheel, int16_t duty, int16_t speed_countps, uint16_t full_speed_countps);
 

@@ -86,11 +86,11 @@ void run_wheels(board_state_t *state) {
     int16_t duty = 0;
     if (is_on) {
       duty = control(k, speed);
-      watch_wheel(k, duty, speed, config.full_speed_countps);
     } else {
       ramp_16[k] = (int32_t)speed * 16; /* from what it rolls at, when it may again */
       integral_256[k] = 0;
     }
+    watch_wheel(k, duty, speed, config.full_speed_countps);
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
       if (!may_work()) duty = 0;
       set_duty(k, config.motor_flips & (1 << k) ? -duty : duty);

@@ -15,6 +15,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import WHEEL_NAMES, ImplementCommand
 from agribot.description.loader import load_robot
 from agribot.drivers import board_kinds, vesc
+from agribot.drivers.board_protocol import StopCause
 from agribot.drivers.motor_board import BoardReport, CountsBroken, MotorBoard, StampedReport
 from tests.drivers.board_emulator import BoardEmulator
 from tests.drivers.esc_fakes import FakeOdrive, FakeVesc
@@ -135,6 +136,16 @@ def test_frames_that_break_on_either_way_are_counted_and_a_board_that_begins_ane
     bench.board.restart()
     bench.run(0.1)
     assert board.broken == 3
+
+
+def test_a_wheel_that_turns_against_its_motor_is_told_with_what_to_look_at() -> None:
+    bench = Bench().arm()
+    bench.board.causes, bench.board.motor_faults = StopCause.REVERSED, 0b1010_0000
+    board = last(bench.run(0.1)).board
+    assert board is not None
+    (fault,) = board.faults
+    assert fault.startswith("left rear and left front wheels turn against the motor")
+    assert "encoder" in fault and "leads swapped" in fault
 
 
 @pytest.mark.parametrize("bits", [0b0010, 0b0010_0000])

@@ -39,6 +39,9 @@ class BoardOnBench:
         self.encoder, self.decoder = BoardEncoder(), BoardDecoder()
         self.speed_radps = np.zeros(4)
         self.is_blocked = np.zeros(4, dtype=bool)
+        self.encoder_sign = np.ones(4)  # -1 where A and B are swapped
+        self.motor_sign = np.ones(4)  # -1 where its leads are
+        self.push_radps2 = 0.0  # of a slope, or of somebody who pushes
         self.history: list[FloatArray] = []  # speeds of the wheels, rad/s
         self.received: list[BoardMessage] = []
 
@@ -64,9 +67,11 @@ class BoardOnBench:
         for k in range(round(duration_s / STEP_S)):
             if speed_radps is not None and k % every == 0:
                 self.send(command(speed_radps, tool))
-            duty = np.array(self.bench.advance(STEP_S, self.speed_radps.tolist()))
+            shown_radps = (self.encoder_sign * self.speed_radps).tolist()
+            duty = self.motor_sign * np.array(self.bench.advance(STEP_S, shown_radps))
             goal = self._gain * FULL_RADPS * duty
             self.speed_radps += (goal - self.speed_radps) * STEP_S / self._lag_s
+            self.speed_radps += self.push_radps2 * STEP_S
             self.speed_radps[self.is_blocked] = 0.0
             self.history.append(self.speed_radps.copy())
         self.received += [frame.message for frame in self.decoder.feed(self.bench.receive())]

@@ -112,7 +112,7 @@ def test_a_board_that_hangs_is_reset_by_its_watchdog_and_the_robot_stands_until_
     ("fault", "words"),
     [
         ("wheels.stuck=left_wheel_F@3", ("left front",)),
-        ("wheels.reversed@3", ("backwards", "motor")),
+        ("wheels.reversed@3", ("turn against the motor",)),
         ("motor.runaway@3", ("turn too fast", "RUNAWAY")),
         ("board.silent@3", ("wheel encoders silent",)),
     ],

@@ -290,11 +290,68 @@ def test_a_wheel_that_does_not_turn_stops_all_and_is_named(board: BoardOnBench) 
     assert board.state.motor_faults == 0b0010_0000
 
 
-def test_a_motor_that_is_wired_the_wrong_way_round_does_not_run_away(board: BoardOnBench) -> None:
-    board.arm(configure(motor_flips=0b0001))
-    board.run(2.0, FORWARD)
-    assert_stopped(board, StopCause.MOTOR)
-    assert board.state.motor_faults == 0b0001_0000
+@pytest.mark.parametrize("part", ["encoder", "motor"])
+@pytest.mark.parametrize("lag_s", [0.02, 0.1, 0.3])  # in the air, and under a heavy robot
+def test_a_wheel_that_is_wired_the_wrong_way_round_is_off_and_named_before_it_runs_away(
+    make_board: MakeBoard, part: str, lag_s: float
+) -> None:
+    board = make_board(lag_s=lag_s)
+    board.arm()
+    sign = board.encoder_sign if part == "encoder" else board.motor_sign
+    sign[2] = -1.0
+    board.run(0.3, FORWARD)
+    assert not board.is_moving
+    assert np.abs(board.history).max() < 1.2 * max(FORWARD)
+    assert_stopped(board, StopCause.REVERSED)
+    assert board.state.motor_faults == 0b0100_0000
+    sign[2] = 1.0
+    assert board.ask(ClearLatch()) is AckResult.DONE
+    board.run(0.05, REST)
+    board.run(0.6, FORWARD)
+    assert board.is_moving and not board.state.motor_faults
+
+
+@pytest.mark.parametrize("speed", [2.0, 4.0, 12.0])
+def test_encoders_that_turn_round_under_way_stop_all_wheels_within_a_fifth_of_a_second(
+    board: BoardOnBench, speed: float
+) -> None:
+    board.arm()
+    board.run(1.5, (speed,) * 4)
+    board.encoder_sign[:] = -1.0
+    board.run(0.2, (speed,) * 4)
+    assert not board.is_moving
+    assert_stopped(board, StopCause.REVERSED)
+
+
+@pytest.mark.parametrize("lag_s", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("speed", [2.0, 8.0, MAX_RADPS])
+def test_a_robot_that_changes_its_direction_at_once_is_no_wheel_the_wrong_way_round(
+    make_board: MakeBoard, lag_s: float, speed: float
+) -> None:
+    board = make_board(lag_s=lag_s)
+    board.arm()
+    for _ in range(3):
+        board.run(0.7, (speed, -speed, speed, -speed))
+        board.run(0.7, (-speed, speed, -speed, speed))
+    assert not board.state.stop_causes and board.is_moving
+
+
+@pytest.mark.parametrize("push_radps2", [-40.0, -20.0, 20.0, 40.0])  # of 0.37 g at most
+def test_neither_slopes_nor_people_who_push_are_a_wheel_the_wrong_way_round(
+    board: BoardOnBench, push_radps2: float
+) -> None:
+    """It rolls off before it drives, starts upwards and downwards, stands, and is shoved."""
+    board.arm()
+    board.push_radps2 = push_radps2
+    board.run(0.6)
+    board.run(0.1, REST)
+    for speeds in ((1.0,) * 4, REST, (-1.0,) * 4, FORWARD):
+        board.run(1.0, speeds)
+    for push in (push_radps2, -push_radps2, 0.0) * 2:
+        board.push_radps2 = push
+        board.run(0.3, REST)
+        board.run(0.3, (2.0,) * 4)
+    assert not board.state.stop_causes
 
 
 def test_an_unplugged_imu_is_told_costs_no_state_and_comes_back(board: BoardOnBench) -> None:

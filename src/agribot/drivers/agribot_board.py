@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from agribot.autonomy.control.wheel_watch import WORDS
 from agribot.core.errors import ConfigError
 from agribot.core.messages import (
     WHEEL_NAMES,
@@ -50,6 +51,7 @@ CAUSES = {
     StopCause.BUMPER: "its bumper was touched",
     StopCause.BATTERY: "its battery is too low",
     StopCause.MOTOR: "a motor was at fault",
+    StopCause.REVERSED: "a wheel turned against its motor",
 }
 
 
@@ -209,7 +211,10 @@ def read_board_imu(
 def _read_board(state: BoardState, *, has_battery: bool) -> BoardSample:
     flags, causes = state.flags, state.stop_causes
     has_begun = StopCause.BEGAN in causes and BoardFlag.STOP_LATCHED in flags
-    hung = ("it hung, and its watchdog reset it",)
+    has_hung = has_begun and BoardFlag.WATCHDOG_RESET in flags
+    found = ["it hung, and its watchdog reset it"] if has_hung else []
+    if StopCause.REVERSED in causes:
+        found.append(_name_reversed(state.motor_faults))
     told = " and ".join(words for cause, words in CAUSES.items() if cause in causes)
     return BoardSample(
         t_s=0.0,
@@ -218,7 +223,16 @@ def _read_board(state: BoardState, *, has_battery: bool) -> BoardSample:
         stopped=(told or "for a reason that it does not tell")
         if BoardFlag.STOP_LATCHED in flags
         else "",
-        faults=hung if has_begun and BoardFlag.WATCHDOG_RESET in flags else (),
+        faults=tuple(found),
+    )
+
+
+def _name_reversed(motor_faults: int) -> str:
+    names = [WORDS[name] for k, name in enumerate(WHEEL_NAMES) if motor_faults & (0x10 << k)]
+    words, is_one = " and ".join(names) or "some", len(names) == 1
+    return (
+        f"{words} wheel{'' if is_one else 's'} turn{'s' if is_one else ''} against the motor, as "
+        "with A and B of the encoder or the motor's leads swapped"
     )
 
 

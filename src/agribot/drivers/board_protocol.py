@@ -68,6 +68,7 @@ class StopCause(IntFlag):
     BUMPER = 1 << 2
     BATTERY = 1 << 3
     MOTOR = 1 << 4
+    REVERSED = 1 << 5  # a wheel turns against its motor; the high bits of motor_faults name it
 
 
 class AckResult(IntEnum):

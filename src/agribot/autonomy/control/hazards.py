@@ -186,7 +186,7 @@ HAZARDS = (
            check="battery", faults=("battery.empty",)),
     Hazard(name="motor board reports a fault, or has started anew", seen_by="motor board",
            limit="any", reaction="latch", for_hand="until cleared", kind="board",
-           find=lambda now: now.inputs.fault, check="motors"),
+           find=lambda now: now.inputs.fault, check="motors", faults=("wheels.reversed",)),
     Hazard(name="motor reports a fault", seen_by="motor board", limit="any flag",
            reaction="latch", for_hand="until cleared", kind="wheel", find=_motor_flags,
            check="motors", faults=("motor.weak",)),
