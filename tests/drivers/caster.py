@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import ssl
 import threading
 from collections.abc import Callable, Sequence
 
@@ -30,8 +31,9 @@ class FakeCaster:
     An answer gets the socket and the request's head, and the line is closed when it returns.
     """
 
-    def __init__(self, *answers: Serve) -> None:
+    def __init__(self, *answers: Serve, tls: ssl.SSLContext | None = None) -> None:
         self._answers: Sequence[Serve] = answers
+        self._tls = tls
         self.requests: list[bytes] = []
         self.heard = bytearray()
         self._server = socket.create_server(("127.0.0.1", 0))
@@ -64,7 +66,12 @@ class FakeCaster:
                 return
             threading.Thread(target=self._serve, args=(peer,), daemon=True).start()
 
-    def _serve(self, peer: socket.socket) -> None:
+    def _serve(self, plain: socket.socket) -> None:
+        try:
+            peer = self._tls.wrap_socket(plain, server_side=True) if self._tls else plain
+        except OSError:  # no handshake, or a rover that does not believe
+            plain.close()
+            return
         with peer:
             head = b""
             while b"\r\n\r\n" not in head:

@@ -10,9 +10,12 @@ import errno
 import socket
 import threading
 from collections.abc import Callable
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from agribot.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    import ssl
 
 READ_BYTES = 4096
 POLL_S = 0.2  # a read returns after so long without a byte
@@ -79,8 +82,15 @@ class SerialStream:
 class TcpStream:
     """A TCP connection. Raises: OSError: nobody answers there."""
 
-    def __init__(self, host: str, port: int) -> None:
+    def __init__(self, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
+        """With `tls` the connection is encrypted, and the other end proves that it is `host`."""
         self._socket = socket.create_connection((host, port), timeout=LONGEST_WAIT_S)
+        if tls is not None:
+            try:
+                self._socket = tls.wrap_socket(self._socket, server_hostname=host)
+            except OSError:
+                self._socket.close()
+                raise
         self._socket.settimeout(POLL_S)
 
     def read(self) -> bytes:

@@ -11,11 +11,15 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from agribot.core.errors import ConfigError
 from agribot.drivers.byte_streams import ByteStream, TcpStream
 from agribot.drivers.ntrip import AnswerDecoder, Caster, CasterLogin, CasterRefusal, write_request
 from agribot.drivers.rtcm import RtcmDecoder
+
+if TYPE_CHECKING:
+    import ssl
 
 _CLOSE_S = 1.0  # a name that nobody resolves holds the thread up for longer; it ends by itself
 
@@ -36,6 +40,23 @@ class CorrectionState(NamedTuple):
     counts: dict[int, int]
 
 
+def make_tls(authority: str = "") -> ssl.SSLContext:
+    """Make what checks a caster's certificate: by those of the system, and by a file beside them.
+
+    Raises: ConfigError: the file holds no certificate.
+    """
+    import ssl
+
+    context = ssl.create_default_context()
+    if authority:
+        try:
+            context.load_verify_locations(authority)
+        except OSError as error:  # ssl.SSLError is one
+            why = "it holds no certificate (PEM)" if isinstance(error, ssl.SSLError) else ""
+            raise ConfigError(f"ntrip_ca={authority}: {why or error.strerror or error}") from error
+    return context
+
+
 class CorrectionLink:
     """Feeds a receiver from a caster until it is closed.
 
@@ -53,7 +74,13 @@ class CorrectionLink:
         tell: Callable[[str, bool], None],
         timing: CorrectionTiming | None = None,
         now_s: Callable[[], float] = time.monotonic,
+        tls: ssl.SSLContext | None = None,
     ) -> None:
+        """`tls` checks the certificate of a caster that is asked over TLS.
+
+        Raises: ConfigError: there is no such check for one.
+        """
+        self._tls = (tls or make_tls()) if caster.is_secure else None
         self._caster, self._login, self._write = caster, login, write
         self._position, self._tell, self._now_s = position, tell, now_s
         self._timing = timing or CorrectionTiming()
@@ -96,9 +123,9 @@ class CorrectionLink:
     def _try(self) -> str:
         """Ask, and pass on until it ends; returns why it did."""
         try:
-            stream = TcpStream(self._caster.host, self._caster.port)
+            stream = TcpStream(self._caster.host, self._caster.port, self._tls)
         except OSError as error:
-            return f"{error.strerror or error}"
+            return _explain_line(error)
         try:
             self._pass_on(stream)
         except CasterRefusal as error:
@@ -106,7 +133,7 @@ class CorrectionLink:
                 self._version = 3 - self._version
             return str(error)
         except OSError as error:
-            return f"{error.strerror or error}"
+            return _explain_line(error)
         finally:
             stream.close()
         return ""
@@ -161,3 +188,24 @@ class CorrectionLink:
         lost = f"corrections from {name} are lost"
         state = lost if self._is_flowing else f"no corrections from {name}"
         self._tell(f"{state}: {why}; trying again", False)
+
+
+def _explain_line(error: OSError) -> str:
+    """Say why a line cannot be opened or broke; of TLS, what to do about it."""
+    import ssl
+
+    if isinstance(error, ssl.SSLCertVerificationError):
+        why = error.verify_message.rstrip(".")
+        return (
+            f"the caster cannot prove who it is: {why}; nothing was sent to it; check the host's "
+            "name and this computer's clock, or name the certificate that signed its own with "
+            "ntrip_ca=FILE"
+        )
+    if isinstance(error, ssl.SSLError):
+        return (
+            f"no TLS with what answers there ({error.reason or error}); check the port, or write "
+            "ntrip:// if the caster has none"
+        )
+    if isinstance(error, TimeoutError):
+        return "no answer in time; check host and port"
+    return f"{error.strerror or error}"

@@ -1,7 +1,7 @@
 """NTRIP, the protocol of correction services: what is asked, and what the answer means.
 
-Sources: RTCM 10410.0 (version 1) and 10410.1 (version 2, over HTTP/1.1 with RFC 9112's chunks).
-No input or output here; `corrections.py` holds the line.
+Sources: RTCM 10410.0 (version 1) and 10410.1 (version 2, over HTTP/1.1 with RFC 9112's chunks),
+the same over TLS. No input or output here; `corrections.py` holds the line.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.suggestions import suggest_name
 from agribot.core.version import __version__
 
-PORT = 2101
+PORT, TLS_PORT = 2101, 443  # the second is that of HTTPS
 LOGIN_VARIABLE = "AGRIBOT_NTRIP_LOGIN"
 LOGIN_HELP = f"'machine HOST login USER password WORD' in ~/.netrc, or {LOGIN_VARIABLE}=USER:WORD"
 _AGENT = f"NTRIP agribot/{__version__}"
@@ -29,11 +29,12 @@ _NO_CASTER = "what answers there is no NTRIP caster; check host and port"
 
 
 class Caster(NamedTuple):
-    """Where corrections come from."""
+    """Where corrections come from; `is_secure` asks for them over TLS."""
 
     host: str
     port: int
     mount: str
+    is_secure: bool = False
 
     @property
     def name(self) -> str:
@@ -62,22 +63,26 @@ class CasterRefusal(Exception):
 
 
 def read_caster(text: str) -> Caster:
-    """Read ntrip://HOST:PORT/MOUNT, or HOST:PORT/MOUNT.
+    """Read ntrip://HOST:PORT/MOUNT, or HOST:PORT/MOUNT; ntrips:// is over TLS.
 
     Raises: ConfigError: it names no mountpoint, or holds a login.
     """
     check_no_login(text)
     try:
         parts = urlsplit(text if "//" in text else f"ntrip://{text}")
-        host, port = parts.hostname or "", PORT if parts.port is None else parts.port
+        is_secure = parts.scheme == "ntrips"
+        usual = TLS_PORT if is_secure else PORT
+        host, port = parts.hostname or "", usual if parts.port is None else parts.port
     except ValueError:
-        host, port, parts = "", 0, urlsplit("")
+        host, port, parts, is_secure = "", 0, urlsplit(""), False
     mount = parts.path.strip("/")
     is_plain = mount.isascii() and mount.isprintable() and not set(mount) & set(" /?#\\")
     is_whole = host and port and mount and is_plain and not (parts.query or parts.fragment)
-    if parts.scheme != "ntrip" or not is_whole:
-        raise ConfigError(f"ntrip={text}: write ntrip://HOST:PORT/MOUNTPOINT")
-    return Caster(host, port, mount)
+    if parts.scheme not in ("ntrip", "ntrips") or not is_whole:
+        raise ConfigError(
+            f"ntrip={text}: write ntrip://HOST:PORT/MOUNTPOINT, or ntrips:// for one over TLS"
+        )
+    return Caster(host, port, mount, is_secure)
 
 
 def check_no_login(text: str) -> None:
@@ -169,7 +174,10 @@ class AnswerDecoder:
             raise CasterRefusal(self._explain_table(bytes(self._waiting)))
         if self.is_open:
             raise CasterRefusal("the caster closed the line")
-        raise CasterRefusal("the caster closed the line without an answer", is_of_version=True)
+        hint = "" if self._caster.is_secure else "; if it speaks TLS, write ntrips://"
+        raise CasterRefusal(
+            f"the caster closed the line without an answer{hint}", is_of_version=True
+        )
 
     def _read_head(self) -> bool:
         """Read the first line and, of HTTP, those up to the empty one; tell whether it is there."""

@@ -9,7 +9,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from agribot.core.geo import yaw_from_compass_deg
 from agribot.core.messages import GnssFix, GnssHeading, GnssStatus
@@ -21,6 +21,9 @@ from agribot.drivers.corrections import CorrectionLink
 from agribot.drivers.line_watch import LineWatch, make_note
 from agribot.drivers.ntrip import Caster, CasterLogin
 from agribot.drivers.sky import Sky
+
+if TYPE_CHECKING:
+    import ssl
 
 ReceiverSample = GnssFix | GnssHeading | GnssStatus
 _MOST_OTHERS = 8  # receivers that are told of
@@ -228,10 +231,12 @@ class ReceiverSource:
             f"gnss from {name}", open_stream, self._link.feed, self._link.now_s, tell, on_open
         )
 
-    def take_corrections(self, caster: Caster, login: CasterLogin | None) -> None:
+    def take_corrections(
+        self, caster: Caster, login: CasterLogin | None, tls: ssl.SSLContext | None = None
+    ) -> None:
         """Feed the receiver with the corrections of a caster from now on."""
         self._corrections = CorrectionLink(
-            caster, login, self._reader.write, self._write_position, self._note
+            caster, login, self._reader.write, self._write_position, self._note, tls=tls
         )
         self._link.decoder.sky.corrections = self._corrections.state
 

@@ -19,6 +19,7 @@ from agribot.drivers.byte_streams import (
     SerialStream,
     TcpStream,
 )
+from agribot.drivers.corrections import make_tls
 from agribot.drivers.imu_devices import ImuSource, make_imu
 from agribot.drivers.receiver import GpsdDecoder, HeadingMount, ReceiverDecoder, ReceiverSource
 from agribot.drivers.schemes import SourceContext, SourceUri
@@ -116,15 +117,18 @@ def _open_receiver(
         options.pop_number("heading_offset_deg", 0.0, -360.0, 360.0),
         options.pop_number("heading_std_deg", HeadingMount().std_deg, 0.01, 45.0),
     )
-    text = options.pop_text("ntrip", "")
+    text, authority = options.pop_text("ntrip", ""), options.pop_text("ntrip_ca", "")
     options.check_empty()
     caster = ntrip.read_caster(text) if text else None
     login = ntrip.find_login(caster.host, os.environ, Path.home()) if caster else None
+    if authority and not (caster and caster.is_secure):
+        raise ConfigError("ntrip_ca=: it checks a caster over TLS; write ntrip=ntrips://...")
+    tls = make_tls(authority) if caster and caster.is_secure else None
     source = ReceiverSource(
         uri.name, stream, ReceiverDecoder(refuse, mount), context.refuse, latency_s
     )
     if caster is not None:
-        source.take_corrections(caster, login)
+        source.take_corrections(caster, login, tls)
     return source
 
 
