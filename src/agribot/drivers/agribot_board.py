@@ -229,7 +229,8 @@ def _read_board(state: BoardState, *, has_battery: bool) -> BoardSample:
 
 def _name_reversed(motor_faults: int) -> str:
     names = [WORDS[name] for k, name in enumerate(WHEEL_NAMES) if motor_faults & (0x10 << k)]
-    words, is_one = " and ".join(names) or "some", len(names) == 1
+    words = "all" if len(names) == len(WHEEL_NAMES) else " and ".join(names)
+    is_one = len(names) == 1
     return (
         f"{words} wheel{'' if is_one else 's'} turn{'s' if is_one else ''} against the motor, as "
         "with A and B of the encoder or the motor's leads swapped"
