@@ -54,7 +54,8 @@ CONTRACT: dict[str, Any] = {
     "perception": ["frames", "fps_cpu", "latency_p95_s", "iou", "miou"],
     "weeds": [
         "truth", "mapped", "matched", "precision", "recall", "f1", "pos_error_median_m", "treated",
-        "treated_true", "crops_hit", "spray_area_ratio",
+        "treated_true", "crops_hit", "spray_area_ratio", "crops_truth", "crops_mapped",
+        "crop_recall", "stem_error_p95_m", "placement_p90_m",
     ],
     "safety": [
         "stops", "noticed", "faults", "outside_m_max", "stop_distance_m_max",
@@ -164,10 +165,14 @@ def test_the_page_escapes_what_it_was_given() -> None:
 
 
 def test_the_page_shows_the_numbers_and_the_settings() -> None:
-    weeds = WeedReport(truth=9, mapped=7, precision=0.875, recall=0.75, treated=5, crops_hit=0)
+    weeds = WeedReport(
+        truth=9, mapped=7, precision=0.875, recall=0.75, treated=5, crops_hit=0, crops_truth=40,
+        crops_mapped=38, crop_recall=0.925, stem_error_p95_m=0.0312,
+    )  # fmt: skip
     page = render_report(_report(weeds=weeds), _data())
     assert "0.88 / 0.75" in page
     assert "of 9 true ones" in page
+    assert "of 40 true ones, recall 0.93; stems, 95 % within 3.1 cm" in page
     assert "row_pitch_m = 1.0" in page
     assert "prefers-color-scheme: dark" in page
 

@@ -259,11 +259,11 @@ def _perception(drive: EndedRun, job: JobSoFar) -> PerceptionReport:
 def _weeds(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
     if not job.frames or not drive.rows:
         return WeedReport()
-    weeds, spec = drive.weed_map.weeds(), drive.robot.implement
+    weeds, crops, spec = drive.weed_map.weeds(), drive.weed_map.crops(), drive.robot.implement
     if drive.judge is None:
         treated = sum(weed.treated_s is not None for weed in weeds)
-        return WeedReport(mapped=len(weeds), treated=treated)
-    score = drive.judge.score_weeds(weeds, kept)
+        return WeedReport(mapped=len(weeds), crops_mapped=len(crops), treated=treated)
+    score = drive.judge.score_weeds(weeds, crops, kept)
     is_wet = spec is not None and spec.wets_ground
     return msgspec.structs.replace(
         _same_fields(score, WeedReport),

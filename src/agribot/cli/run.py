@@ -36,7 +36,7 @@ from agribot.drivers.schemes import read_sources
 if TYPE_CHECKING:
     from agribot.app.run import Run
     from agribot.autonomy.plan.saved_mission import SavedMission
-    from agribot.record.report import Report
+    from agribot.record.report import Report, WeedReport
 
 STARTING = (
     "starting the simulator; the first start on a machine compiles it, which takes about half a "
@@ -271,6 +271,7 @@ def _format_summary(report: Report, out_dir: Path) -> str:
             f"precision {_format_number(weeds.precision)}, recall {_format_number(weeds.recall)}, "
             f"treated {weeds.treated}"
         )
+        lines += _format_crops(weeds)
         verb = report.implement.verb if report.implement else "treated"
         lines.append(
             f"{_format_number(weeds.treated_true)} weeds {verb}, "
@@ -284,6 +285,18 @@ def _format_summary(report: Report, out_dir: Path) -> str:
     if (out_dir / "report.html").exists():
         lines.append(f"{out_dir}/report.html")
     return "\n  ".join(lines) + "\n"
+
+
+def _format_crops(weeds: WeedReport) -> list[str]:
+    if weeds.crops_mapped is None:
+        return []
+    line = f"crops mapped along the rows {weeds.crops_mapped}"
+    if weeds.crops_truth is not None:
+        line += (
+            f" of {weeds.crops_truth}: recall {_format_number(weeds.crop_recall)}, "
+            f"stems p95 {_format_number(weeds.stem_error_p95_m, 100, ' cm')}"
+        )
+    return [line]
 
 
 def _format_number(value: float | None, scale: float = 1.0, unit: str = "") -> str:

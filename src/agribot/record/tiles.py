@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agribot.record.report import Report
+from agribot.record.report import Report, WeedReport
 
 Tile = tuple[str, str, str]  # name, value, note
 
@@ -78,12 +78,24 @@ def _weeds(report: Report) -> list[Tile]:
             f"{format_number(weeds.precision, 2)} / {format_number(weeds.recall, 2)}",
             f"median error {format_number(weeds.pos_error_median_m, 1, ' cm', 100.0)}",
         ),
+        *_crops(weeds),
         (
             "Weeds treated",
             _format_count(weeds.treated),
             f"{_format_count(weeds.crops_hit)} crops hit, {worked}",
         ),
     ]
+
+
+def _crops(weeds: WeedReport) -> list[Tile]:
+    """Make the tile of the mapped crops; none for a report from before they were counted."""
+    if weeds.crops_mapped is None:
+        return []
+    truth = f"of {weeds.crops_truth} true ones" if weeds.crops_truth is not None else ""
+    if weeds.crop_recall is not None:
+        error = format_number(weeds.stem_error_p95_m, 1, " cm", 100.0)
+        truth += f", recall {format_number(weeds.crop_recall, 2)}; stems, 95 % within {error}"
+    return [("Crops mapped along the rows", str(weeds.crops_mapped), truth)]
 
 
 def _implement(report: Report) -> list[Tile]:

@@ -15,6 +15,7 @@ from agribot.core.growing_table import GrowingTable
 from agribot.core.messages import ByteArray, FloatArray, MappedPlant, PlantClass, Row, TickRecord
 from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
+from agribot.sim.plant_judge import find_percentile, match_plants
 from agribot.sim.plant_states import PlantStates
 from agribot.sim.row_judge import FoundRowsScore, find_true_row, score_found_rows
 from agribot.sim.safety_judge import SafetyJudge, SafetyScore
@@ -29,7 +30,6 @@ from agribot.sim.scores import (
 )
 from agribot.sim.truth import Truth
 from agribot.sim.underside import Part
-from agribot.sim.weed_judge import match_weeds
 
 KEPT_ROW_M = 0.25  # farther off than this, the wheels come near the plants: the row was not driven
 SLICE_M = 0.25  # of row length, for the coverage
@@ -251,18 +251,31 @@ class Referee:
         area_m2 = sum(row_length_m(self._rows[index]) * pitch_m for index in rows_done)
         return self.worked_m2 / area_m2 if area_m2 else None
 
-    def score_weeds(self, mapped: Sequence[MappedPlant], rows_done: Sequence[int]) -> WeedScore:
+    def score_weeds(
+        self,
+        weeds: Sequence[MappedPlant],
+        crops: Sequence[MappedPlant],
+        rows_done: Sequence[int],
+    ) -> WeedScore:
+        """Score mapped weeds and crops; a crop that the robot crushed stood there, and counts."""
         strips, pitch_m = [self._rows[index] for index in rows_done], self._measure_row_pitch_m()
-        found = match_weeds(mapped, self._world.plants, strips, pitch_m)
+        plants = self._world.plants
+        weed = match_plants(PlantClass.WEED, weeds, plants, strips, pitch_m)
+        crop = match_plants(PlantClass.CROP, crops, plants, strips, pitch_m)
         return WeedScore(
-            truth=found.truth,
-            mapped=found.mapped,
-            matched=len(found.distances_m),
-            precision=found.precision,
-            recall=found.recall,
-            f1=found.f1,
-            pos_error_median_m=float(np.median(found.distances_m)) if found.distances_m else None,
-            treated=sum(m.treated_s is not None for m in mapped),
+            truth=weed.truth,
+            mapped=weed.mapped,
+            matched=len(weed.distances_m),
+            precision=weed.precision,
+            recall=weed.recall,
+            f1=weed.f1,
+            pos_error_median_m=find_percentile(weed.distances_m, 50.0),
+            placement_p90_m=find_percentile(weed.distances_m, 90.0),
+            crops_truth=crop.truth,
+            crops_mapped=crop.mapped,
+            crop_recall=crop.recall,
+            stem_error_p95_m=find_percentile(weed.distances_m + crop.distances_m, 95.0),
+            treated=sum(m.treated_s is not None for m in weeds),
             treated_true=self._count_treated(PlantClass.WEED),
             crops_hit=self._count_treated(PlantClass.CROP),
             worked_area_ratio=self.compute_worked_area_ratio(rows_done),

@@ -45,7 +45,11 @@ class EstimateScore(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class WeedScore(msgspec.Struct, frozen=True, kw_only=True):
-    """Mapped against true weeds in the strips of the finished rows."""
+    """Mapped against true plants in the strips of the finished rows.
+
+    Without a word of crops or stems a figure is of the weeds; `placement_p90_m` is the distance
+    of matched weeds, `stem_error_p95_m` that of matched plants of both classes.
+    """
 
     truth: int
     mapped: int
@@ -54,6 +58,11 @@ class WeedScore(msgspec.Struct, frozen=True, kw_only=True):
     recall: float | None
     f1: float | None
     pos_error_median_m: float | None
+    placement_p90_m: float | None
+    crops_truth: int
+    crops_mapped: int
+    crop_recall: float | None
+    stem_error_p95_m: float | None
     treated: int
     treated_true: int
     crops_hit: int
