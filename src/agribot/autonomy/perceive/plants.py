@@ -1,4 +1,8 @@
-"""Plants on the ground, from a class map: connected pieces, their borders and their foot."""
+"""Plants on the ground, from a class map.
+
+A network that finds plants tells their stems. Of one that only tells classes, plants are connected
+pieces, with their borders and their foot.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +13,14 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from agribot.autonomy.perceive import foliage
 from agribot.autonomy.perceive.crop_cover import middles_of_squares
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.pieces import find_windows, label_pieces
 from agribot.autonomy.perceive.row_line import find_row_line
 from agribot.autonomy.perceive.segmenter import ClassMap
+from agribot.autonomy.perceive.stem_plants import find_stem_plants
 from agribot.core.config import PerceptionConfig
-from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray, CameraFrame, FloatArray, GroundPlant, PlantClass, Scene
 
 LabelArray = npt.NDArray[np.signedinteger]
@@ -27,10 +32,8 @@ FRINGE_CONTACT_RATIO = 0.4
 FRINGE_AREA_RATIO = 0.5
 # Thin stalks vanish at the network's resolution: leaves up to twice this apart belong together.
 GAP_PX = 3
-# Mean height of the foliage over the diameter of the plant, fitted to 647 plants of seven
-# simulated species seen from 0.6 and 0.9 m: 0.35 (thistle) to 0.65 (amaranth) for weeds, 0.25
-# (lettuce) and 0.3 (sugar beet) for crops, but 0.8 for maize, which is all height.
-HEIGHT_RATIO = {PlantClass.WEED: 0.55, PlantClass.CROP: 0.32}
+# Of the foliage over the diameter of the plant, and 1 sigma of it.
+HEIGHT_RATIO = foliage.HEIGHT_RATIO
 HEIGHT_STD_RATIO = {PlantClass.WEED: 0.2, PlantClass.CROP: 0.12}
 # Plants do not spread evenly about their foot.
 CENTRE_STD_RATIO = 0.06
@@ -55,11 +58,15 @@ def observe(
     counts = np.bincount(class_map.class_id.ravel(), minlength=len(PlantClass))
     ratio = counts / class_map.class_id.size
     pieces = find_pieces(class_map, ground)
+    if class_map.plants is None:
+        plants = plants_of(pieces, class_map, ground, config)
+    else:
+        plants = ground_plants(class_map, ground, config)
     return Scene(
         t_s=frame.t_s,
         ready_s=ready_s,
         frame_index=frame.index,
-        plants=tuple(plants_of(pieces, class_map, ground, config)),
+        plants=tuple(plants),
         view_body_m=ground.view_body_m,
         class_ratio=(float(ratio[0]), float(ratio[1]), float(ratio[2])),
         row_line=find_row_line(class_map, ground, frame.t_s),
@@ -71,25 +78,29 @@ def observe(
 def ground_plants(
     class_map: ClassMap, ground: GroundLookup, config: PerceptionConfig
 ) -> list[GroundPlant]:
-    """Plants within range that the image shows whole, nearest first."""
+    """Plants within range that the image shows whole, nearest first.
+
+    Of a network that finds plants: those whose stem the image shows.
+    """
+    if class_map.plants is not None:
+        return _sort(find_stem_plants(class_map, ground, config))
     return plants_of(find_pieces(class_map, ground), class_map, ground, config)
 
 
 def plants_of(
     pieces: Pieces, class_map: ClassMap, ground: GroundLookup, config: PerceptionConfig
 ) -> list[GroundPlant]:
-    """As `ground_plants`, of the pieces of the class map."""
-    plants = _measure(pieces, class_map.confidence, ground, config)
+    """As `ground_plants` of a network that only tells classes, of the pieces of its map."""
+    return _sort(_measure(pieces, class_map.confidence, ground, config))
+
+
+def _sort(plants: list[GroundPlant]) -> list[GroundPlant]:
     return sorted(plants, key=lambda plant: (plant.x_body_m, plant.y_body_m))
 
 
 def find_pieces(class_map: ClassMap, ground: GroundLookup) -> Pieces:
     """All vegetation on the ground, mislabelled fringes with the plant that they belong to."""
-    if class_map.class_id.shape != ground.map_shape:
-        raise PerceptionError(
-            f"class map is {class_map.class_id.shape}, the ground lookup {ground.map_shape}; "
-            "build the lookup for the segmenter's map_shape"
-        )
+    class_map.check_shape(ground.map_shape)
     class_id = np.where(ground.area_m2 > 0.0, class_map.class_id, np.uint8(PlantClass.SOIL))
     weeds, weed_count = _pieces(class_id == PlantClass.WEED)
     crops, crop_count = _pieces(class_id == PlantClass.CROP)
@@ -200,16 +211,12 @@ def _standing(
     confidence: float,
     ground: GroundLookup,
 ) -> GroundPlant:
-    """Make the plant of a piece, at the place where it leaves the ground.
-
-    Foliage at a height h, seen from a height H, seems to lie H / (H - h) times as far away and
-    to be as much wider. The mean h of a plant is taken in proportion to its diameter.
-    """
+    """Make the plant of a piece, at the place where it leaves the ground."""
     x_camera_m, y_camera_m, camera_height_m = ground.camera_xyz_body_m.tolist()
     areas_m2 = ground.area_m2[window][piece].astype(np.float64)
     area_m2 = float(areas_m2.sum())
     diameter_m = 2.0 * math.sqrt(area_m2 / math.pi)
-    nearer = 1.0 / (1.0 + HEIGHT_RATIO[plant] * diameter_m / camera_height_m)
+    nearer = foliage.find_nearer_ratio(plant, area_m2, camera_height_m)
     x_m = nearer * (
         float(np.average(ground.x_body_m[window][piece], weights=areas_m2)) - x_camera_m
     )

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
+from agribot.autonomy.perceive.stems import CELL_PX, PlantMaps
 from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray
 
+PIXEL_OUTPUTS = ("class_id", "confidence")
+PLANT_OUTPUTS = ("stem_score", "way_px")  # both or none
 CPU = "CPUExecutionProvider"
 # The winner of three classes has at least a third of the probability, 85 of 255; less is NaN.
 LEAST_CONFIDENCE = 80
@@ -22,11 +27,24 @@ class ClassMap(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
     `class_id` (h, w) holds `PlantClass` values and `confidence` (h, w) the probability of that
     class, 255 = certain. `scale_px` is (height, width) of the image over that of the map.
+    `plants` tells the stems, None of a network that only tells the classes of pixels.
     """
 
     class_id: ByteArray
     confidence: ByteArray
     scale_px: tuple[float, float]
+    plants: PlantMaps | None = None
+
+    def check_shape(self, map_shape: tuple[int, int]) -> None:
+        """Refuse a ground lookup of pixels (h, w) that are not those of this map.
+
+        Raises: PerceptionError: it is of another size.
+        """
+        if self.class_id.shape != map_shape:
+            raise PerceptionError(
+                f"class map is {self.class_id.shape}, the ground lookup {map_shape}; "
+                "build the lookup for the segmenter's map_shape"
+            )
 
 
 def model_names() -> list[str]:
@@ -59,7 +77,8 @@ def model_path(model: str | Path) -> Path:
 class Segmenter:
     """Runs a network on the CPU, or on other ONNX Runtime providers where they exist.
 
-    The same image gives the same answer, bit by bit, on one machine and provider.
+    The same image gives the same answer, bit by bit, on one machine and provider. `map_shape` is
+    (height, width) of its class maps; `finds_plants` tells whether they come with stems.
     """
 
     def __init__(
@@ -69,15 +88,19 @@ class Segmenter:
         self._session = _open_session(path, threads, providers)
         try:
             (image,) = self._session.get_inputs()
-            shapes = {output.name: output.shape for output in self._session.get_outputs()}
-            height, width = shapes["class_id"]
-            fits = image.type == "tensor(uint8)" and shapes["confidence"] == [height, width]
+            outputs = {output.name: output for output in self._session.get_outputs()}
+            height, width = outputs["class_id"].shape
+            fits = image.type == "tensor(uint8)" and outputs["confidence"].shape == [height, width]
         except (ValueError, KeyError) as error:
             raise _misfit(path) from error
         if not fits or not isinstance(height, int) or not isinstance(width, int):
             raise _misfit(path)
         self._input_name = image.name
         self.map_shape = (height, width)
+        self.finds_plants = not outputs.keys().isdisjoint(PLANT_OUTPUTS)
+        if self.finds_plants and not _tells_plants(outputs, self.map_shape):
+            raise _misfit(path)
+        self._output_names = PIXEL_OUTPUTS + PLANT_OUTPUTS * self.finds_plants
 
     def segment(self, image_rgb: ByteArray) -> ClassMap:
         """Classify an image of (height, width, 3), of any size."""
@@ -86,24 +109,43 @@ class Segmenter:
                 f"image is {image_rgb.shape} {image_rgb.dtype}; give (height, width, 3) uint8"
             )
         feed = {self._input_name: np.ascontiguousarray(image_rgb)[None]}
-        class_id, confidence = self._session.run(["class_id", "confidence"], feed)
+        class_id, confidence, *maps = self._session.run(self._output_names, feed)
         height, width = self.map_shape
         if confidence.min() < LEAST_CONFIDENCE:
-            raise PerceptionError(
-                f"{self.path} answers with no number: its weights hold NaN or infinity; train or "
-                "export it again"
-            )
+            raise _no_number(self.path)
         return ClassMap(
             class_id=class_id,
             confidence=confidence,
             scale_px=(image_rgb.shape[0] / height, image_rgb.shape[1] / width),
+            plants=self._take_plants(*maps) if maps else None,
         )
+
+    def _take_plants(self, stem_score: ByteArray, way_px: npt.NDArray[np.float32]) -> PlantMaps:
+        if not np.isfinite(way_px).all():
+            raise _no_number(self.path)
+        return PlantMaps(stem_score=stem_score, way_px=way_px)
+
+
+def _tells_plants(outputs: Mapping[str, Any], map_shape: tuple[int, int]) -> bool:
+    """Whether the outputs of an ONNX session hold both plant maps, of whole cells."""
+    height, width = map_shape
+    shape = [2, height // CELL_PX, width // CELL_PX]
+    found = [(outputs[name].type, outputs[name].shape) for name in PLANT_OUTPUTS if name in outputs]
+    is_whole = height % CELL_PX == 0 and width % CELL_PX == 0
+    return is_whole and found == [("tensor(uint8)", shape), ("tensor(float)", shape)]
 
 
 def _misfit(path: Path) -> PerceptionError:
     return PerceptionError(
         f"{path} is no crop/weed network: it needs one uint8 image input and the outputs class_id "
-        "and confidence of one fixed size; export it with agribot train"
+        "and confidence of one fixed size (h, w); one that finds plants has also stem_score uint8 "
+        f"and way_px float32 of (2, h / {CELL_PX}, w / {CELL_PX}); export it with agribot train"
+    )
+
+
+def _no_number(path: Path) -> PerceptionError:
+    return PerceptionError(
+        f"{path} answers with no number: its weights hold NaN or infinity; train or export it again"
     )
 
 

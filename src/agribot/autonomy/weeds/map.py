@@ -18,6 +18,10 @@ GATE_CHI2 = 13.8  # 99.9 % of two degrees of freedom
 REACH_SIGMA = 3.0
 MAX_CLASS_COST = 4.4  # 2 ln(0.9 / 0.1): one plant in ten is called by the other name
 VIEW_INSET_M = 0.05  # between a plant's outline and the edge of the view; nearer, it may be cut
+# A plant under the leaves of another one of its class, within so much of their radius, and seen so
+# many times less often, is that one seen twice.
+DOUBLE_RADIUS_RATIO = 0.75
+DOUBLE_SIGHTINGS_RATIO = 2
 TENTATIVE_S = 20.0  # a plant not confirmed by then is forgotten
 
 
@@ -192,16 +196,22 @@ class WeedMap:
                 self._settle(track)
 
     def _merge_around(self, track: Track, t_s: float) -> None:
-        """Absorb tracks that have drifted onto this one.
+        """Absorb tracks that have drifted onto this one, and forget doubles.
 
         Two plants seen side by side in one frame are two, unless they are almost in one place.
         """
         if track.id not in self._tracks:
             return
-        near = list(self._around(track.x_map_m, track.y_map_m, self._config.merge_radius_m))
+        reach_m = max(self._config.merge_radius_m, DOUBLE_RADIUS_RATIO * track.radius_m)
+        near = list(self._around(track.x_map_m, track.y_map_m, reach_m))
         near.remove(track)
         for other in near:
-            if self._is_same(track, other, t_s):
+            if _is_double(other, track, t_s):
+                self._remove(other)
+            elif _is_double(track, other, t_s):
+                self._remove(track)
+                return
+            elif self._is_same(track, other, t_s):
                 track, gone = (track, other) if track.id < other.id else (other, track)
                 self._remove(gone)
                 track.absorb(gone)
@@ -224,3 +234,19 @@ class WeedMap:
             track = self._tracks.get(id)
             if track is not None and not track.is_confirmed and track.treated_s is None:
                 self._remove(track)
+
+
+def _is_double(track: Track, other: Track, t_s: float) -> bool:
+    """Whether a plant is but a second stem that was seen at times under the leaves of another one.
+
+    What came into view later has been seen less often, too: while both are in view it must be
+    seen less often per second as well. A treated plant is never forgotten.
+    """
+    if track.treated_s is not None or track.plant != other.plant:
+        return False
+    seldom = DOUBLE_SIGHTINGS_RATIO * track.sightings
+    is_seldom = seldom < other.sightings
+    if is_seldom and track.first_seen_s <= other.last_seen_s:
+        known_s, other_known_s = (t_s - track.first_seen_s, other.last_seen_s - other.first_seen_s)
+        is_seldom = seldom * other_known_s < other.sightings * known_s
+    return is_seldom and track.gap_m(other) <= DOUBLE_RADIUS_RATIO * other.radius_m

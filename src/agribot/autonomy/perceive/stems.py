@@ -1,0 +1,167 @@
+"""Stems in the maps of a plant network, and the plant that each pixel of vegetation belongs to.
+
+Stems are peaks of a score, after Zhou et al. 2019, Objects as points. Vegetation points the way to
+its own stem, after Neven et al. 2019, Instance segmentation by jointly optimizing spatial
+embeddings: plants whose leaves touch come apart. Places are pixels of the class map, u right and v
+down from the centre of the top left pixel; the cell in row r and column c has its centre at
+u = 4 c + 1.5, v = 4 r + 1.5.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeVar
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from agribot.core.messages import ByteArray, FloatArray
+
+CELL_PX = 4
+# Two stems nearer than this are one to the network, which does not see finer than its cells.
+LEAST_GAP_PX = 5.0
+# From the centre of a stem's own cell; a longer way there points to another stem.
+OWN_CELL_PX = 1.5 * CELL_PX
+# How far from a stem vegetation may point and still be its: ways err in proportion to themselves.
+REACH_PX = 10.0
+REACH_RATIO = 0.3
+
+Mask = npt.NDArray[np.bool_]
+Owners = npt.NDArray[np.int32]
+Indices = npt.NDArray[np.int64]
+Value = TypeVar("Value", np.bool_, np.float32)
+
+
+class PlantMaps(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """What a plant network says about stems, in cells of `CELL_PX` pixels of the class map.
+
+    `stem_score` (2, h/4, w/4), 255 = certain, says how surely a stem stands in the cell: first of
+    a weed, then of a crop plant, in the order of `PlantClass`. `way_px` (2, h/4, w/4) is the way,
+    right and down, from the centre of a cell of vegetation to the stem of its plant, which may be
+    outside the picture.
+    """
+
+    stem_score: ByteArray
+    way_px: npt.NDArray[np.float32]
+
+
+class Stems(NamedTuple):
+    """Stems of one picture, the surest first.
+
+    `uv_px` (N, 2) are their places, `kind_scores` (N, 2) the scores as weed and as crop plant, 0
+    to 1, and `cells` (N, 2) the rows and columns of their cells.
+    """
+
+    uv_px: FloatArray
+    kind_scores: FloatArray
+    cells: Indices
+
+
+def find_stems(maps: PlantMaps, least_score: float) -> Stems:
+    """Find the stems that score at least `least_score`, 0 to 1, as a weed or as a crop plant.
+
+    The way at a stem's own cell gives its place within the cell.
+    """
+    score = maps.stem_score.max(axis=0)
+    rows, columns = np.nonzero(_find_peaks(score) & (score >= max(1.0, 255.0 * least_score)))
+    surest_first = np.argsort(-score[rows, columns].astype(np.int64), kind="stable")
+    cells = np.column_stack([rows, columns])[surest_first]
+    rows, columns = cells.T
+    way_px: FloatArray = maps.way_px[:, rows, columns].T.astype(np.float64)
+    is_near = np.hypot(way_px[:, 0], way_px[:, 1]) <= OWN_CELL_PX
+    uv_px = _find_centres(cells) + np.where(is_near[:, None], way_px, 0.0)
+    kept = _find_apart(uv_px)
+    kind_scores = maps.stem_score[:, rows, columns].T.astype(np.float64) / 255.0
+    return Stems(uv_px[kept], kind_scores[kept], cells[kept])
+
+
+def find_owners(maps: PlantMaps, stems: Stems, is_plant: Mask) -> Owners:
+    """Find for each pixel (h, w) of vegetation the index of its stem, -1 where there is none.
+
+    Vegetation without an owner is of an unknown plant: one whose stem is outside the picture, or
+    too unlikely a stem. Pixels outside `is_plant` have no owner either.
+    """
+    height, width = is_plant.shape
+    blocks = np.empty((height // CELL_PX, CELL_PX, width // CELL_PX, CELL_PX), dtype=np.int32)
+    blocks[...] = find_cell_owners(maps, stems, sum_cells(is_plant))[:, None, :, None]
+    owners = blocks.reshape(height, width)
+    owners[~is_plant] = -1
+    return owners
+
+
+def find_cell_owners(maps: PlantMaps, stems: Stems, holds_plant: Mask) -> Owners:
+    """As `find_owners`, of the cells (h/4, w/4) that hold vegetation."""
+    owners = np.full(holds_plant.shape, -1, dtype=np.int32)
+    cells = np.argwhere(holds_plant)
+    if not len(stems.uv_px) or not len(cells):
+        return owners
+    way_px = maps.way_px[:, holds_plant].T.astype(np.float64)
+    votes_px = _find_centres(cells) + way_px
+    nearest = _find_nearest(votes_px, stems.uv_px)
+    gap_px = np.hypot(*(votes_px - stems.uv_px[nearest]).T)
+    is_owned = gap_px <= REACH_PX + REACH_RATIO * np.hypot(*way_px.T)
+    owners[holds_plant] = np.where(is_owned, nearest, -1)
+    return owners
+
+
+def sum_cells(values: npt.NDArray[Value]) -> npt.NDArray[Value]:
+    """Sum up values of pixels (h, w) to those of cells (h/4, w/4); a mask: whether any is true."""
+    rows = values[::CELL_PX].copy()
+    for shift in range(1, CELL_PX):
+        rows += values[shift::CELL_PX]
+    cells = rows[:, ::CELL_PX].copy()
+    for shift in range(1, CELL_PX):
+        cells += rows[:, shift::CELL_PX]
+    return cells
+
+
+def _find_centres(cells: Indices) -> FloatArray:
+    """Return the centres (N, 2), u and v in pixels, of cells (N, 2), rows and columns."""
+    return cells[:, ::-1].astype(np.float64) * CELL_PX + (CELL_PX - 1) / 2.0
+
+
+def _find_peaks(score: ByteArray) -> Mask:
+    """Find the cells (H, W) that no neighbour exceeds; of equal neighbours the first one."""
+    height, width = score.shape
+    padded = np.zeros((height + 2, width + 2), dtype=score.dtype)
+    padded[1:-1, 1:-1] = score
+    is_peak = np.ones(score.shape, dtype=bool)
+    for row, column in np.ndindex(3, 3):
+        neighbour = padded[row : row + height, column : column + width]
+        if (row, column) < (1, 1):
+            is_peak &= score > neighbour
+        elif (row, column) > (1, 1):
+            is_peak &= score >= neighbour
+    return is_peak
+
+
+def _find_apart(uv_px: FloatArray) -> Indices:
+    """Choose from places (N, 2), the best first, those with no better one within the least gap."""
+    by_v = np.argsort(uv_px[:, 1], kind="stable")
+    v_px = uv_px[by_v, 1]
+    counts = np.searchsorted(v_px, v_px + LEAST_GAP_PX) - np.arange(len(v_px)) - 1
+    upper = np.repeat(np.arange(len(v_px)), counts)
+    lower = upper + 1 + np.arange(len(upper)) - np.repeat(np.cumsum(counts) - counts, counts)
+    pairs = np.sort(np.column_stack([by_v[upper], by_v[lower]]), axis=1)
+    gap_px = np.hypot(*(uv_px[pairs[:, 0]] - uv_px[pairs[:, 1]]).T)
+    pairs = pairs[gap_px < LEAST_GAP_PX]
+    is_kept = [True] * len(uv_px)
+    for better, worse in pairs[np.argsort(pairs[:, 0], kind="stable")].tolist():
+        if is_kept[better]:
+            is_kept[worse] = False
+    return np.flatnonzero(is_kept)
+
+
+def _find_nearest(votes_px: FloatArray, stems_px: FloatArray) -> Indices:
+    """Find the stem (M, 2) that is nearest to each vote (N, 2): its index, (N,).
+
+    The squared distance is |vote|^2 - 2 vote . stem + |stem|^2, and its first part is the same
+    for all stems.
+    """
+    middle_px = stems_px.mean(axis=0)
+    stems = (stems_px - middle_px).astype(np.float32)
+    votes = (votes_px - middle_px).astype(np.float32)
+    closeness = votes @ stems.T
+    closeness -= 0.5 * (stems**2).sum(axis=1)
+    nearest: Indices = closeness.argmax(axis=1)
+    return nearest
