@@ -38,6 +38,8 @@ def test_networks_are_timed_from_the_command_line(capsys: pytest.CaptureFixture[
         ("closed-loop --heights tall", "tall"),
         ("closed-loop --heights 9", "0.2 to 3"),
         ("closed-loop --seconds 0", "--seconds 0"),
+        ("plants --scenes jungle", "--scenes jungle: not known; there are beet-4-9"),
+        ("plants --preset moon", "unknown preset 'moon'"),
     ],
 )
 def test_what_cannot_be_measured_is_refused_by_name(

@@ -42,6 +42,11 @@ BENCHMARKS = {
         "drive fields and judge what the network sees, by crop, growth and light",
         "agribot bench closed-loop --fields beet,farm --lights noon",
     ),
+    "plants": (
+        "agribot.cli.bench_plants",
+        "find single plants by their stems: rows that close, carpets of weeds, other crops",
+        "agribot bench plants --scenes beet-7-9,weeds-90 --preset kind --json",
+    ),
     "ui": (
         "agribot.cli.bench_ui",
         "serve the page to 0, 1 and 16 clients: server CPU and memory, rates, missed ticks",

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -16,6 +17,8 @@ from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import Plant
 
 MATCH_RADIUS_M = 0.10  # a mapped plant farther from every true one is a false alarm
+FAR = 1e3  # more than all near pairs of a group together
+Pairs = npt.NDArray[np.intp]
 
 
 class Matches(NamedTuple):
@@ -73,34 +76,37 @@ def _is_in_strips(x_m: float, y_m: float, rows: Sequence[Row], pitch_m: float) -
 
 
 def _match(mapped: Sequence[MappedPlant], truth: Sequence[Plant]) -> list[float]:
-    """Return the distances of the one-to-one pairs within MATCH_RADIUS_M (Hungarian method).
-
-    Each group of plants that are linked by such pairs is matched by itself: a whole field of crops
-    has thousands, and one table of all their distances would not fit the memory.
-    """
-    if not mapped or not truth:
-        return []
-    mapped_xy = np.array([(m.x_map_m, m.y_map_m) for m in mapped])
-    truth_xy = np.array([(p.x_map_m, p.y_map_m) for p in truth])
-    near = cKDTree(mapped_xy).query_ball_point(truth_xy, MATCH_RADIUS_M)
-    pairs = [(m, t) for t, found in enumerate(near) for m in found]
-    if not pairs:
-        return []
-    of_mapped, of_truth = np.array(pairs).T
-    size = len(mapped) + len(truth)
-    links = coo_array((np.ones(len(pairs)), (of_mapped, of_truth + len(mapped))), (size, size))
-    group = connected_components(links, directed=False)[1]
-    distances_m: list[float] = []
-    for number in np.unique(group[of_mapped]):
-        one = np.flatnonzero(group[: len(mapped)] == number)
-        other = np.flatnonzero(group[len(mapped) :] == number)
-        distances_m += _match_group(mapped_xy[one], truth_xy[other])
+    """Return the distances of the one-to-one pairs within MATCH_RADIUS_M."""
+    mapped_m = np.array([(m.x_map_m, m.y_map_m) for m in mapped]).reshape(-1, 2)
+    truth_m = np.array([(p.x_map_m, p.y_map_m) for p in truth]).reshape(-1, 2)
+    pairs = find_pairs(mapped_m, truth_m, MATCH_RADIUS_M)
+    distances_m: list[float] = np.hypot(*(mapped_m[pairs[:, 0]] - truth_m[pairs[:, 1]]).T).tolist()
     return distances_m
 
 
-def _match_group(mapped_m: FloatArray, truth_m: FloatArray) -> list[float]:
-    """Match (N, 2) to (M, 2): as many pairs as there can be, and of those the nearest."""
-    distance = np.linalg.norm(mapped_m[:, None] - truth_m[None], axis=2)
-    cost = np.where(distance <= MATCH_RADIUS_M, distance, 1e3)
-    chosen = linear_sum_assignment(cost)
-    return [float(d) for d in distance[chosen] if d <= MATCH_RADIUS_M]
+def find_pairs(places_m: FloatArray, others_m: FloatArray, radius_m: float) -> Pairs:
+    """Pair places (N, 2) with others (M, 2), one to one, none farther apart than `radius_m`.
+
+    There are as many pairs as there can be, and of those the nearest (Hungarian method). Returns
+    the indices of the pairs, (K, 2). Each group of places that are linked by such pairs is matched
+    by itself: a whole field has thousands, and a table of all distances would not fit the memory.
+    """
+    none: Pairs = np.zeros((0, 2), dtype=np.intp)
+    if not len(places_m) or not len(others_m):
+        return none
+    near = cKDTree(places_m).sparse_distance_matrix(cKDTree(others_m), radius_m)
+    ends = np.array(list(near.keys())).reshape(-1, 2) + np.array((0, len(places_m)))
+    if not len(ends):
+        return none
+    size = len(places_m) + len(others_m)
+    graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), (size, size))
+    group = connected_components(graph, directed=False)[1]
+    pairs = []
+    for number in np.unique(group[ends[:, 0]]):
+        one = np.flatnonzero(group[: len(places_m)] == number)
+        other = np.flatnonzero(group[len(places_m) :] == number)
+        distance = np.linalg.norm(places_m[one, None] - others_m[None, other], axis=2)
+        chosen = linear_sum_assignment(np.where(distance <= radius_m, distance, FAR))
+        is_near = distance[chosen] <= radius_m
+        pairs.append(np.column_stack([one[chosen[0]], other[chosen[1]]])[is_near])
+    return np.concatenate(pairs)

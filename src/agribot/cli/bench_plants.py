@@ -1,0 +1,70 @@
+"""`agribot bench plants`: single plants in rows that close and in carpets of weeds, by truth."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from agribot.cli.ranges import seed, whole
+from agribot.cli.word_list import parse_names
+from agribot.core import extras
+from agribot.core.errors import RecordingError
+from agribot.core.whole_file import write_at_once
+from agribot.description.conditions import load_condition_preset
+from agribot.lab.bench.plant_scenes import SCENES
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
+    parser.add_argument(
+        "--preset", default="field", metavar="NAME|FILE",
+        help="of ground, light and sowing: kind, field, hard, or a file (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--scenes", metavar="NAME,NAME", help=f"these alone (default: {', '.join(SCENES)})"
+    )
+    parser.add_argument(
+        "--frames", type=whole(1, 10_000), default=12, metavar="N",
+        help="pictures of each scene (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--seed", type=seed, default=0, metavar="N", help="default: %(default)s")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="write plants.md and plants.json there"
+    )
+    parser.add_argument("--json", action="store_true", help="print the result as the last line")
+
+
+def run(options: argparse.Namespace) -> int:
+    names = parse_names("--scenes", options.scenes, SCENES)
+    extras.require("sim", "agribot bench plants")
+    load_condition_preset(options.preset)
+    from agribot.lab.bench import plants
+
+    scenes = [SCENES[name] for name in names]
+    result = plants.judge_scenes(
+        scenes, options.model, options.preset, options.frames, options.seed, _print_line
+    )
+    if options.out is not None:
+        _write(options.out, "plants.md", plants.format_table(result))
+        _write(options.out, "plants.json", json.dumps(result, indent=1) + "\n")
+    if options.json:
+        sys.stdout.write(json.dumps(result) + "\n")
+    return 0
+
+
+def _write(folder: Path, name: str, text: str) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_at_once(folder / name, text.encode())
+    except OSError as error:
+        raise RecordingError(
+            f"cannot write {folder / name}: {error.strerror or error}; make room and run the same "
+            "command again"
+        ) from error
+
+
+def _print_line(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()
