@@ -61,6 +61,30 @@ def check_recipe_options(args: argparse.Namespace) -> None:
     args.is_imagenet = wanted == IMAGENET
     args.recipe_words = _format_options(args, "" if wanted == usual else Path(wanted).name)
     args.start = None if wanted in {IMAGENET, RANDOM} else model_path(wanted)
+    if find_architecture(args.model).finds_plants:
+        _check_plants(args)
+
+
+def _check_plants(args: argparse.Namespace) -> None:
+    """Refuse what a network that finds plants cannot learn from, begin with or be written as.
+
+    Raises: ConfigError: photographs, no weights for the classes, or 8-bit numbers.
+    """
+    if args.data != "sim":
+        raise ConfigError(
+            f"--model {args.model} learns from drawn images alone: only they say which pixels are "
+            "one plant and where its stem is; give --data sim"
+        )
+    if args.start is None:
+        raise ConfigError(
+            f"--model {args.model} learns to find stems and keeps the classes of the weights it "
+            "begins with; give them, such as --start agribot-sim"
+        )
+    if args.precision != "fp32":
+        raise ConfigError(
+            f"--precision {args.precision}: not for {args.model}; 8-bit ways to a stem were not "
+            "measured; give fp32"
+        )
 
 
 def _format_options(args: argparse.Namespace, start: str) -> str:
@@ -113,10 +137,11 @@ def _describe_start(path: Path) -> str:
 def add_drawn_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--variety",
-        choices=("standard", "wide", "rough"),
+        choices=("standard", "wide", "rough", "dense"),
         default="standard",
         help="wide: all species, and soil with residue, stones and wet patches; rough: all crops, "
-        "half of the fields on the ground and in the light of the presets field and hard",
+        "half of the fields on the ground and in the light of the presets field and hard; dense: "
+        "so too, with rows that close and carpets of weeds",
     )
     group.add_argument("--images", type=int, default=2000, help="to train on")
     group.add_argument(

@@ -51,6 +51,8 @@ class Variety(NamedTuple):
     weed_share: tuple[float, ...] | None = None
     has_litter: bool = False
     rough_share: float = 0.0
+    spacing_m: tuple[float, float] | None = None  # from crop to crop; None: with room between them
+    weeds_per_m2: tuple[float, float] | None = None  # None: up to 20
 
 
 STANDARD = Variety(CROPS, CROP_SHARE, WEEDS)
@@ -62,7 +64,22 @@ ROUGH = Variety(
     weed_share=(0.18, 0.18, 0.18, 0.18, 0.07, 0.07, 0.07, 0.07),
     rough_share=0.5,
 )
-VARIETIES = {"standard": STANDARD, "wide": WIDE, "rough": ROUGH}
+# From the seedling that has just come up to rows that close, and weeds from none to a carpet.
+DENSE = Variety(
+    (
+        ("sugar_beet", 0.03, 0.26),
+        ("lettuce", 0.04, 0.20),
+        ("maize", 0.05, 0.45),
+        ("carrot", 0.03, 0.22),
+        ("onion", 0.05, 0.32),
+    ),
+    crop_share=(0.4, 0.15, 0.15, 0.15, 0.15),
+    weeds=ALL_WEEDS,
+    rough_share=0.6,
+    spacing_m=(0.05, 1.5),
+    weeds_per_m2=(0.5, 80.0),
+)
+VARIETIES = {"standard": STANDARD, "wide": WIDE, "rough": ROUGH, "dense": DENSE}
 
 
 def sample_field(rng: np.random.Generator, variety: Variety = STANDARD) -> WorldSpec:
@@ -135,7 +152,10 @@ def _sample_rows(rng: np.random.Generator, variety: Variety) -> list[Plant]:
     species, least_m, most_m = choose_crop(rng, variety)
     stage_m = rng.uniform(least_m, most_m)
     pitch_m = rng.uniform(0.4, 1.0)
-    spacing_m = math.exp(rng.uniform(math.log(0.15), math.log(2.0))) + stage_m
+    if variety.spacing_m is None:
+        spacing_m = draw_log_uniform(rng, 0.15, 2.0) + stage_m
+    else:
+        spacing_m = draw_log_uniform(rng, *variety.spacing_m)
     gaps, jitter_m = rng.uniform(0.0, 0.3), rng.uniform(0.005, 0.04)
     plants = []
     for y_m in np.arange(-2.5 + rng.uniform(0.0, pitch_m), 2.5, pitch_m):
@@ -145,6 +165,11 @@ def _sample_rows(rng: np.random.Generator, variety: Variety) -> list[Plant]:
                 size_m = float(np.clip(stage_m * rng.normal(1.0, 0.15), least_m, most_m))
                 plants.append(place_plant(rng, species, PlantClass.CROP, place_m, size_m))
     return plants
+
+
+def draw_log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number of which the logarithm is as likely anywhere between the limits."""
+    return math.exp(rng.uniform(math.log(low), math.log(high)))
 
 
 def choose_crop(rng: np.random.Generator, variety: Variety) -> tuple[str, float, float]:
@@ -161,7 +186,7 @@ def choose_weeds(rng: np.random.Generator, variety: Variety) -> tuple[str, ...]:
 
 def _sample_weeds(rng: np.random.Generator, variety: Variety) -> list[Plant]:
     """Sample single weeds and patches of them, of one to four species."""
-    density_per_m2 = math.exp(rng.uniform(math.log(1.0), math.log(20.0)))
+    density_per_m2 = draw_log_uniform(rng, *(variety.weeds_per_m2 or (1.0, 20.0)))
     kinds = choose_weeds(rng, variety)
     count = int(density_per_m2 * 2.0 * FIELD_HALF_M * 5.0)
     patches_m = rng.uniform((-FIELD_HALF_M, -2.5), (FIELD_HALF_M, 2.5), (max(1, count // 25), 2))

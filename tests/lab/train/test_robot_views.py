@@ -17,7 +17,7 @@ from tests.lab.train.command_line import parsed
 
 def test_one_seed_gives_the_same_views_of_the_same_rows() -> None:
     one, other = (list(draw_row_crop(np.random.default_rng(4), 2)) for _ in range(2))
-    for (image, label), (image_again, label_again) in zip(one, other, strict=True):
+    for (image, label, _), (image_again, label_again, _) in zip(one, other, strict=True):
         assert np.array_equal(image, image_again)
         assert np.array_equal(label, label_again)
     assert not np.array_equal(one[0][0], one[1][0])
@@ -26,7 +26,7 @@ def test_one_seed_gives_the_same_views_of_the_same_rows() -> None:
 def test_a_robot_on_a_row_sees_its_crop_in_the_middle_of_the_picture() -> None:
     middles, sides = [], []
     for seed in range(6):
-        for _, label in draw_row_crop(np.random.default_rng([6, seed]), 2):
+        for _, label, _ in draw_row_crop(np.random.default_rng([6, seed]), 2):
             crop = label == PlantClass.CROP
             middles.append(crop[:, 240:400].mean())
             sides.append((crop[:, 80:240].mean() + crop[:, 400:560].mean()) / 2.0)
@@ -47,7 +47,7 @@ def test_robots_that_turn_look_anywhere_with_crop_in_reach() -> None:
 
 def test_one_seed_gives_the_same_views_of_the_same_turn() -> None:
     one, other = (list(draw_turn(np.random.default_rng(4), 2)) for _ in range(2))
-    for (image, label), (image_again, label_again) in zip(one, other, strict=True):
+    for (image, label, _), (image_again, label_again, _) in zip(one, other, strict=True):
         assert np.array_equal(image, image_again)
         assert np.array_equal(label, label_again)
 

@@ -91,7 +91,7 @@ def test_a_variety_without_rough_fields_draws_no_number_more() -> None:
 
 def test_one_seed_gives_the_same_picture_of_the_same_rough_field() -> None:
     one, other = (list(draw_row_crop(np.random.default_rng([55, 5]), 2, ROUGH)) for _ in range(2))
-    for (image, label), (image_again, label_again) in zip(one, other, strict=True):
+    for (image, label, _), (image_again, label_again, _) in zip(one, other, strict=True):
         assert np.array_equal(image, image_again)
         assert np.array_equal(label, label_again)
 
@@ -117,11 +117,11 @@ def test_a_robot_on_a_plane_has_all_wheels_on_it(rise: float, lean: float) -> No
 def test_a_network_of_rough_fields_is_judged_on_the_test_sets_of_all_and_on_rough_ones(
     tmp_path: Path,
 ) -> None:
-    words = ("--variety", "rough", "--images", "2", "--row-images", "1", "--turn-images", "0")
-    args = parsed(*words, "--test-images", "2", "--out", str(tmp_path))
+    words = ("--model", "agribot-sim", "--variety", "rough", "--images", "2", "--row-images", "1")
+    args = parsed(*words, "--turn-images", "0", "--test-images", "2", "--out", str(tmp_path))
     source = make_simulated_source(args, lambda line: None)
     usual = {"random-fields", "farm", "row-crops", "turns"}
     assert set(source.tests) == usual | {"rough-fields", "rough-rows"}
     image_rgb, _ = next(iter(source.tests["random-fields"]()))
-    expected, _ = next(draw_random_field(np.random.default_rng([args.seed, 101, 0]), 1))
+    expected, _, _ = next(draw_random_field(np.random.default_rng([args.seed, 101, 0]), 1))
     assert np.array_equal(image_rgb, expected)

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import hashlib
-import itertools
 from collections.abc import Iterator
 
 import msgspec
@@ -22,10 +21,10 @@ FRESH_STREAM = 77
 
 
 def fresh_views(scenes: int, views: int) -> Iterator[LabelledImage]:
-    return itertools.chain.from_iterable(
-        draw_random_field(np.random.default_rng([0, FRESH_STREAM, scene]), views)
-        for scene in range(scenes)
-    )
+    for scene in range(scenes):
+        rng = np.random.default_rng([0, FRESH_STREAM, scene])
+        for image_rgb, label, _ in draw_random_field(rng, views):
+            yield image_rgb, label
 
 
 @pytest.fixture(scope="module")

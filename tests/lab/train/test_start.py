@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from torch import nn
 
 from agribot.core.errors import ConfigError, PerceptionError
 from agribot.lab.train.architectures import find_architecture
@@ -14,26 +13,13 @@ from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.fit import Trainer, TrainingPlan
 from agribot.lab.train.network import CropWeedNet
 from agribot.lab.train.start import start_from
+from tests.lab.train.changed_norms import change_norms
 from tests.lab.train.drawn_images import batch_of_four
-
-
-def learned() -> CropWeedNet:
-    """A network whose normalisations are not what they were at its start."""
-    torch.manual_seed(3)
-    network = CropWeedNet()
-    for norm in network.modules():
-        if isinstance(norm, nn.BatchNorm2d):
-            nn.init.uniform_(norm.weight, 0.5, 1.5)
-            nn.init.normal_(norm.bias, 0.0, 0.3)
-    with torch.no_grad():
-        for _ in range(5):
-            network.train()(torch.randn(2, 3, 64, 64))
-    return network.eval()
 
 
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> tuple[CropWeedNet, Path]:
-    network, path = learned(), tmp_path_factory.mktemp("start") / "net.onnx"
+    network, path = change_norms(CropWeedNet()), tmp_path_factory.mktemp("start") / "net.onnx"
     export_onnx(network, path, 64, 64)
     return network, path
 

@@ -13,18 +13,21 @@ from agribot.lab.train.efficientnet import STAGES, STAGES_TO_STRIDE_16
 from agribot.lab.train.features import centred_rgb, ten_channels, unit_rgb
 from agribot.lab.train.network import CropWeedNet, LiteNet, PlainBlock, load_encoder
 from agribot.lab.train.originals import OriginalBonnet, OriginalUNet
+from agribot.lab.train.plant_network import PlantNet
 
 
 class Architecture(NamedTuple):
     """`features` turns an image (N, 3, H, W) in 0..255 into the input of what `build` builds.
 
-    `load_imagenet` gives the network what an encoder of its kind learned on ImageNet.
+    `load_imagenet` gives the network what an encoder of its kind learned on ImageNet. One that
+    `finds_plants` answers with stems as well, and learns nothing else.
     """
 
     build: Callable[[], nn.Module]
     features: Callable[[Tensor], Tensor]
     about: str
     load_imagenet: Callable[[nn.Module], None] | None = None
+    finds_plants: bool = False
 
 
 ARCHITECTURES = {
@@ -42,6 +45,12 @@ ARCHITECTURES = {
     ),
     "agribot-sim": Architecture(
         CropWeedNet, centred_rgb, "residual U-Net of the default weights, the smallest"
+    ),
+    "agribot-plants": Architecture(
+        PlantNet,
+        centred_rgb,
+        "agribot-sim with a branch that finds the stems of single plants",
+        finds_plants=True,
     ),
     "original-unet": Architecture(OriginalUNet, unit_rgb, "U-Net of the original robot"),
     "original-bonnet": Architecture(

@@ -14,6 +14,7 @@ import numpy as np
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.errors import ConfigError
 from agribot.core.messages import PlantClass
+from agribot.lab.plant_scores import PlantScores
 from agribot.lab.train.calibration import Calibration
 from agribot.lab.train.efficientnet import PACKAGE, VERSION
 from agribot.lab.train.evaluate import CLASS_NAMES, Scores
@@ -53,6 +54,8 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     cpu_ms_conditions: str
     training_cpu_min: float
     test: dict[str, Scores]
+    plants: dict[str, PlantScores] = {}  # of single plants, by scene of `agribot bench plants`
+    kept_temperature: float | None = None  # with the classes of the weights it began with
     limits: str = SIM_LIMITS
     chosen_blind: bool = True  # no setting, such as the input size, was chosen by the test sets
     precision: str = "fp32"  # of the numbers in the file
@@ -69,6 +72,8 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     def markdown(self) -> str:
         test = self.test if self.held_out is None else self.held_out.test
         tables = "\n\n".join(_format_scores(name, scores) for name, scores in test.items())
+        if self.plants:
+            tables += f"\n\n{_format_plants(self.plants)}"
         return f"""# {self.name}
 
 Crop/weed segmentation: every pixel of a camera image is weed ({int(PlantClass.WEED)}), \
@@ -105,6 +110,11 @@ Limits: {self.limits}
 
     def _sureness(self) -> str:
         found = self.calibration
+        if self.kept_temperature is not None:
+            return (
+                f"softmax of the logits over the temperature {self.kept_temperature:g} of the "
+                "weights it began with, whose classes it keeps"
+            )
         if found is None:
             return "softmax of the logits, no temperature"
         return (
@@ -144,6 +154,28 @@ def _format_scores(name: str, scores: Scores) -> str:
         values = (s[label] for s in (scores.iou, scores.precision, scores.recall, scores.f1))
         cells = ("–" if value is None else f"{value:.3f}" for value in values)
         lines.append(f"| {label} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _format_plants(plants: dict[str, PlantScores]) -> str:
+    lines = [
+        "## Single plants",
+        "",
+        "By `agribot bench plants`, on fields that are drawn for it alone, seen from the robot's "
+        "own camera.",
+        "",
+        "| scene | crop recall | crop precision | weed recall | weed precision | stem error p95 | "
+        "crops called weeds | panoptic quality |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name, one in plants.items():
+        shares = (one.crop_recall, one.crop_precision, one.weed_recall, one.weed_precision)
+        cells = ["–" if share is None else f"{share:.2f}" for share in shares]
+        error_m, quality = one.stem_error_p95_m, one.pq
+        cells.append("–" if error_m is None else f"{100.0 * error_m:.1f} cm")
+        cells.append(f"{one.crops_hit} of {one.crops_truth}")
+        cells.append("–" if quality is None else f"{quality:.2f}")
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 

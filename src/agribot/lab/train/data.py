@@ -13,10 +13,11 @@ from agribot.core.errors import AgribotError
 from agribot.core.messages import ByteArray
 from agribot.core.whole_file import make_at_once
 from agribot.lab.train.fit import Progress
+from agribot.lab.train.plant_truth import DrawnView, load_plants, save_plants
 
 LabelledImage = tuple[ByteArray, ByteArray]
-# Draws one scene and yields `views` (image_rgb (H, W, 3), label (H, W)) pairs of it.
-SceneDrawer = Callable[[np.random.Generator, int], Iterator[LabelledImage]]
+# Draws one scene and yields so many views of it, with plants where the set has them.
+SceneDrawer = Callable[[np.random.Generator, int], Iterator[LabelledImage | DrawnView]]
 
 ABOUT = "data.json"
 
@@ -25,7 +26,8 @@ class DataSet(msgspec.Struct, frozen=True, kw_only=True):
     """Where images lie and what they were drawn from.
 
     Scene k of a seed is always the same, so a bigger set only adds scenes. Training and test
-    images never share a scene: `stream` keeps their random numbers apart.
+    images never share a scene: `stream` keeps their random numbers apart. With `has_plants` the
+    single plants of every image lie beside its classes.
     """
 
     folder: Path
@@ -33,10 +35,12 @@ class DataSet(msgspec.Struct, frozen=True, kw_only=True):
     stream: int
     seed: int
     views_per_scene: int
+    has_plants: bool = False
 
-    def files(self, index: int) -> tuple[Path, Path]:
-        stem = self.folder / self.name
-        return stem / f"{index:06d}.image.png", stem / f"{index:06d}.label.png"
+    def files(self, index: int) -> tuple[Path, ...]:
+        """Return the paths of image, classes and, if there are any, single plants."""
+        kinds = ("image.png", "label.png", "plants.npz")[: 3 if self.has_plants else 2]
+        return tuple(self.folder / self.name / f"{index:06d}.{kind}" for kind in kinds)
 
     def draw(self, count: int, drawer: SceneDrawer, progress: Progress) -> None:
         """Draw what is missing of the first `count` images; safe to kill and to start again."""
@@ -49,9 +53,13 @@ class DataSet(msgspec.Struct, frozen=True, kw_only=True):
             scene = first // self.views_per_scene
             rng = np.random.default_rng([self.seed, self.stream, scene])
             views = drawer(rng, self.views_per_scene)
-            for index, (image_rgb, label) in zip(indices, views, strict=False):
-                for path, pixels in zip(self.files(index), (image_rgb, label), strict=True):
+            for index, view in zip(indices, views, strict=False):
+                paths = self.files(index)
+                for path, pixels in zip(paths[:2], view[:2], strict=True):
                     _write_png(path, pixels)
+                if self.has_plants:
+                    assert isinstance(view, DrawnView)
+                    save_plants(paths[2], view.plants)
             if scene % 10 == 0 or indices[-1] == count - 1:
                 progress(f"{self.name}: {indices[-1] + 1}/{count} images in {self.folder}")
 
@@ -59,9 +67,14 @@ class DataSet(msgspec.Struct, frozen=True, kw_only=True):
         from PIL import Image
 
         for index in range(count):
-            image_path, label_path = self.files(index)
+            image_path, label_path, *_ = self.files(index)
             with Image.open(image_path) as image, Image.open(label_path) as label:
                 yield np.asarray(image.convert("RGB")), np.asarray(label)
+
+    def read_views(self, count: int) -> Iterator[DrawnView]:
+        """Read the first `count` images with their plants; only where there are any."""
+        for index, (image_rgb, label) in enumerate(self.read(count)):
+            yield DrawnView(image_rgb, label, load_plants(self.files(index)[2]))
 
     def _check_origin(self) -> None:
         """Refuse a folder that holds the images of another seed."""

@@ -1,4 +1,4 @@
-"""A trained network as one ONNX file: bytes of an image in, classes and confidence out.
+"""A trained network as one ONNX file: bytes of an image in, classes, confidence, plants out.
 
 Resize, normalisation, softmax and argmax are part of the graph, so that every program that
 runs the file gets the same answer.
@@ -14,9 +14,13 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from agribot.autonomy.perceive.segmenter import PIXEL_OUTPUTS, PLANT_OUTPUTS
 from agribot.core.messages import PlantClass
 from agribot.lab.train.evaluate import CLASS_NAMES
 from agribot.lab.train.features import centred_rgb
+from agribot.lab.train.plant_network import PlantNet
+from agribot.lab.train.plant_targets import WAY_UNIT_PX
+from agribot.lab.train.resizing import name_output_sizes
 
 # Of the network, not of the camera: the graph resizes whatever comes in.
 INPUT_HEIGHT_PX, INPUT_WIDTH_PX = 480, 640
@@ -45,20 +49,31 @@ class DeployedNet(nn.Module):
         self.size_px = (height_px, width_px)
         self.temperature = temperature
 
-    def logits(self, image_rgb: Tensor) -> Tensor:
-        """(1, H, W, 3) uint8 to (1, 3, h, w)."""
+    def resize(self, image_rgb: Tensor) -> Tensor:
+        """(1, H, W, 3) uint8 to the input of the network."""
         x = image_rgb.permute(0, 3, 1, 2).to(torch.float32)
         x = functional.interpolate(x, size=self.size_px, mode="bilinear", align_corners=False)
-        logits: Tensor = self.network(self.features(x))
+        return self.features(x)
+
+    def logits(self, image_rgb: Tensor) -> Tensor:
+        """(1, H, W, 3) uint8 to (1, 3, h, w)."""
+        return self.enlarge(self.network(self.resize(image_rgb)))
+
+    def enlarge(self, logits: Tensor) -> Tensor:
+        """Logits of the network to (1, 3, h, w)."""
         if logits.shape[-1] != self.size_px[1]:
             logits = functional.interpolate(
                 logits, scale_factor=2.0, mode="bilinear", align_corners=False
             )
         return logits
 
-    def forward(self, image_rgb: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, image_rgb: Tensor) -> tuple[Tensor, ...]:
+        return self.classify(self.logits(image_rgb))
+
+    def classify(self, logits: Tensor) -> tuple[Tensor, Tensor]:
+        """Logits (1, 3, h, w) to class and confidence, (h, w) uint8."""
         # Class by class: the operators that reduce over three channels cost 1 ms more in all.
-        weed, crop, soil = torch.split(self.logits(image_rgb)[0], 1)
+        weed, crop, soil = torch.split(logits[0], 1)
         plant = torch.maximum(weed, crop)
         best = torch.maximum(plant, soil)
         shares = [((logit - best) / self.temperature).exp() for logit in (weed, crop, soil)]
@@ -66,6 +81,24 @@ class DeployedNet(nn.Module):
         plant_id = (crop > weed).to(torch.uint8) * int(PlantClass.CROP)  # else 0, a weed
         class_id = plant_id.masked_fill(soil > plant, int(PlantClass.SOIL))
         return class_id[0], confidence[0].round().to(torch.uint8)
+
+
+class DeployedPlantNet(DeployedNet):
+    """As `DeployedNet`, of a network that finds plants, with two more outputs.
+
+    Stem scores of weeds and crops (2, h / CELL_PX, w / CELL_PX) uint8, 255 = certain, and the way
+    from each cell to the stem of its plant (2, h / CELL_PX, w / CELL_PX) float32, right and down,
+    px.
+    """
+
+    def forward(self, image_rgb: Tensor) -> tuple[Tensor, ...]:
+        logits, maps = self.network(self.resize(image_rgb))
+        heat, ways = torch.split(maps[0], 2)
+        score = (255.0 * heat.sigmoid()).round().to(torch.uint8)
+        return (*self.classify(self.enlarge(logits)), score, ways * WAY_UNIT_PX)
+
+    def logits(self, image_rgb: Tensor) -> Tensor:
+        return self.enlarge(self.network(self.resize(image_rgb))[0])
 
 
 def export_onnx(
@@ -82,7 +115,10 @@ def export_onnx(
     `antialias` widens the filter of the input's resize with its reduction: for photographs that
     are much larger than the network's input.
     """
-    deployed = DeployedNet(network, height_px, width_px, features, temperature).eval()
+    finds_plants = isinstance(network, PlantNet)
+    kind = DeployedPlantNet if finds_plants else DeployedNet
+    deployed = kind(network, height_px, width_px, features, temperature).eval()
+    outputs = PIXEL_OUTPUTS + PLANT_OUTPUTS if finds_plants else PIXEL_OUTPUTS
     example = torch.zeros((1, 480, 640, 3), dtype=torch.uint8)
     with warnings.catch_warnings():
         warnings.simplefilter(
@@ -94,7 +130,7 @@ def export_onnx(
             str(path),
             opset_version=OPSET,
             input_names=["image_rgb"],
-            output_names=["class_id", "confidence"],
+            output_names=list(outputs),
             dynamic_axes={"image_rgb": {1: "height_px", 2: "width_px"}},
             dynamo=False,
         )
@@ -106,9 +142,7 @@ def _describe(path: Path, size_px: tuple[int, int], antialias: bool, temperature
     import onnx
 
     model = onnx.load(str(path))
-    for output in model.graph.output:
-        rows, columns = output.type.tensor_type.shape.dim
-        rows.dim_value, columns.dim_value = size_px
+    name_output_sizes(model, *size_px)
     if antialias:  # the exporter knows the operator but not this attribute of it
         resize = next(node for node in model.graph.node if node.op_type == "Resize")
         resize.attribute.append(onnx.helper.make_attribute("antialias", 1))

@@ -24,7 +24,7 @@ from agribot.description.field_settings import (
 )
 from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_world
-from agribot.lab.train.data import LabelledImage
+from agribot.lab.train.plant_truth import DrawnView, find_plants
 from agribot.lab.train.rough_ground import roughen, stand_on
 from agribot.lab.train.simulated import make_label
 from agribot.sim.camera.appearance import Appearance
@@ -36,13 +36,14 @@ from agribot.sim.random_scenes import (
     Variety,
     choose_crop,
     choose_weeds,
+    draw_log_uniform,
     sample_light,
     sample_look,
     sample_soil,
 )
 
 
-def draw_farm(rng: np.random.Generator, views: int) -> Iterator[LabelledImage]:
+def draw_farm(rng: np.random.Generator, views: int) -> Iterator[DrawnView]:
     """Draw views from a robot along the crop rows of one Farm world with its own weeds."""
     world = load_world("Farm", seed=int(rng.integers(2**31)))
     row_yaw_rad = math.radians(load("farm").field.row_yaw_deg)
@@ -51,7 +52,7 @@ def draw_farm(rng: np.random.Generator, views: int) -> Iterator[LabelledImage]:
 
 def draw_row_crop(
     rng: np.random.Generator, views: int, variety: Variety = STANDARD
-) -> Iterator[LabelledImage]:
+) -> Iterator[DrawnView]:
     """Draw views from a robot along the rows of a generated field of any growth and weediness."""
     world, look, row_yaw_rad = _choose_rows(rng, variety)
     return _drive_rows(world, look, row_yaw_rad, rng, views)
@@ -59,7 +60,7 @@ def draw_row_crop(
 
 def draw_turn(
     rng: np.random.Generator, views: int, variety: Variety = STANDARD
-) -> Iterator[LabelledImage]:
+) -> Iterator[DrawnView]:
     """Draw views from a robot that turns beside such rows, or comes to them from any side."""
     world, look, _ = _choose_rows(rng, variety)
     return _drive_rows(world, look, None, rng, views)
@@ -87,7 +88,7 @@ def choose_plan(rng: np.random.Generator, variety: Variety = STANDARD) -> FieldS
         rows=RowsSettings(count=5, length_m=6.0, pitch_m=float(rng.uniform(0.45, 1.1))),
         crop=CropSettings(
             species=species,
-            spacing_m=math.exp(rng.uniform(math.log(0.12), math.log(2.0))),
+            spacing_m=draw_log_uniform(rng, *(variety.spacing_m or (0.12, 2.0))),
             height_m=float(rng.uniform(least_m, most_m)),
             height_spread_ratio=float(rng.uniform(0.05, 0.3)),
             jitter_m=float(rng.uniform(0.0, 0.03)),
@@ -95,7 +96,7 @@ def choose_plan(rng: np.random.Generator, variety: Variety = STANDARD) -> FieldS
             gaps_per_row=0.3,
         ),
         weeds=WeedsSettings(
-            density_per_m2=math.exp(rng.uniform(math.log(0.3), math.log(12.0))),
+            density_per_m2=draw_log_uniform(rng, *(variety.weeds_per_m2 or (0.3, 12.0))),
             species=kinds,
             height_min_m=float(low_m),
             height_max_m=float(high_m),
@@ -111,7 +112,7 @@ def _drive_rows(
     row_yaw_rad: float | None,
     rng: np.random.Generator,
     views: int,
-) -> Iterator[LabelledImage]:
+) -> Iterator[DrawnView]:
     """Draw views along rows of this direction, or of any."""
     robot = load_robot()
     body_from_camera, camera = robot.body_from_camera(), robot.camera
@@ -126,14 +127,16 @@ def _drive_rows(
         )
         if ground.has_detail:
             map_from_body = stand_on(ground, map_from_body, robot.drive)
+        map_from_camera = map_from_body @ body_from_camera
         drawn = renderer.render(
-            map_from_body @ body_from_camera,
+            map_from_camera,
             camera,
             noise_seed=int(rng.integers(2**31)),
             map_from_body=map_from_body,
             wheel_angles_rad=rng.uniform(0.0, math.tau, len(WHEEL_NAMES)).tolist(),
         )
-        yield drawn.image_rgb, make_label(drawn)
+        plants = find_plants(drawn, world, camera, map_from_camera, ground)
+        yield DrawnView(drawn.image_rgb, make_label(drawn), plants)
 
 
 def choose_row_pose(

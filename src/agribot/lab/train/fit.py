@@ -19,10 +19,12 @@ from agribot.core.errors import AgribotError
 from agribot.core.whole_file import make_at_once
 from agribot.lab.train.architectures import find_architecture
 from agribot.lab.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, segmentation_loss
+from agribot.lab.train.plant_loss import plant_loss
 from agribot.lab.train.processes import TrainingGroup
 from agribot.lab.train.start import IMAGENET, load_imagenet, start_from
 
-# Random batch of images (N, 3, S, S) float32 in 0..255 and labels (N, S, S) int64.
+# Random batch of images (N, 3, S, S) float32 in 0..255 and labels (N, S, S) int64, or for a network
+# that finds plants the targets of `plant_targets`.
 BatchSource = Callable[[np.random.Generator], tuple[Tensor, Tensor]]
 Progress = Callable[[str], None]
 
@@ -125,17 +127,11 @@ class Trainer:
         # Whatever torch draws in a step, such as dropout, is the step's own after a restart too.
         rank, device = self._crew.rank, torch.device(self._crew.device)
         torch.manual_seed(self.plan.seed * 1_000_003 + self.step + rank * 1_000_000_007)
-        images, labels = self._batches(np.random.default_rng([self.plan.seed, self.step, rank]))
-        labels = labels.to(device)
+        images, truth = self._batches(np.random.default_rng([self.plan.seed, self.step, rank]))
         x = self._features(images.to(device)).contiguous(memory_format=torch.channels_last)
         with torch.autocast(device.type, torch.bfloat16, enabled=self.plan.bf16):
-            logits = self._together(x)
-        loss = segmentation_loss(
-            logits.float(),
-            labels,
-            self.plan.class_weights,
-            OVERLAP_LOSSES[self.plan.overlap_loss],
-        )
+            answer = self._together(x)
+        loss = self._compute_loss(answer, truth.to(device))
         self._optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_LIMIT)
@@ -143,6 +139,12 @@ class Trainer:
         self.step += 1
         self._update_average()
         return float(loss.item())
+
+    def _compute_loss(self, answer: Tensor | tuple[Tensor, Tensor], truth: Tensor) -> Tensor:
+        if isinstance(answer, tuple):
+            return plant_loss(answer[1].float(), truth)
+        overlap = OVERLAP_LOSSES[self.plan.overlap_loss]
+        return segmentation_loss(answer.float(), truth, self.plan.class_weights, overlap)
 
     def _update_average(self) -> None:
         # A short memory at first, so that the random start is forgotten.

@@ -22,9 +22,10 @@ STRIDE_PX = 32
 Widths = tuple[int, int, int, int, int]
 
 
-def _make_conv(
+def make_conv(
     channels_in: int, channels_out: int, kernel: int = 3, stride: int = 1
 ) -> nn.Sequential:
+    """Make a convolution with its normalisation."""
     return nn.Sequential(
         nn.Conv2d(channels_in, channels_out, kernel, stride, kernel // 2, bias=False),
         nn.BatchNorm2d(channels_out),
@@ -36,8 +37,8 @@ class ResidualBlock(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.first = _make_conv(channels, channels)
-        self.second = _make_conv(channels, channels)
+        self.first = make_conv(channels, channels)
+        self.second = make_conv(channels, channels)
 
     def forward(self, x: Tensor) -> Tensor:
         inner = self.second(functional.relu(self.first(x), inplace=True))
@@ -49,7 +50,7 @@ class PlainBlock(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.only = _make_conv(channels, channels)
+        self.only = make_conv(channels, channels)
 
     def forward(self, x: Tensor) -> Tensor:
         return functional.relu(self.only(x), inplace=True)
@@ -63,7 +64,7 @@ class EncoderStage(nn.Module):
 
     def __init__(self, channels_in: int, channels_out: int, blocks: int) -> None:
         super().__init__()
-        self.down = _make_conv(channels_in, channels_out, stride=2)
+        self.down = make_conv(channels_in, channels_out, stride=2)
         self.blocks = nn.Sequential(*(ResidualBlock(channels_out) for _ in range(blocks)))
 
     def forward(self, x: Tensor) -> Tensor:
@@ -76,8 +77,8 @@ class DecoderStage(nn.Module):
 
     def __init__(self, channels_in: int, skip: int, channels_out: int, block: Block) -> None:
         super().__init__()
-        self.reduce = _make_conv(channels_in, channels_out, kernel=1)
-        self.lateral = _make_conv(skip, channels_out, kernel=1)
+        self.reduce = make_conv(channels_in, channels_out, kernel=1)
+        self.lateral = make_conv(skip, channels_out, kernel=1)
         self.block = block(channels_out)
 
     def forward(self, x: Tensor, skip: Tensor) -> Tensor:
@@ -103,11 +104,17 @@ class Decoder(nn.Module):
         )
         self.head = nn.Conv2d(widths[0], CLASS_COUNT, 1)
 
-    def forward(self, features: list[Tensor]) -> Tensor:
+    def merge(self, features: list[Tensor]) -> list[Tensor]:
+        """Merge the features from the deepest on: what each stage makes, stride 2 last."""
         *skips, x = features
+        merged = []
         for stage in self.stages:
             x = stage(x, skips.pop())
-        logits: Tensor = self.head(x)
+            merged.append(x)
+        return merged
+
+    def forward(self, features: list[Tensor]) -> Tensor:
+        logits: Tensor = self.head(self.merge(features)[-1])
         return logits
 
 
@@ -125,17 +132,21 @@ class CropWeedNet(nn.Module):
         decoder: tuple[int, int, int, int] = (16, 24, 32, 48),
     ) -> None:
         super().__init__()
-        self.stem = _make_conv(3, widths[0], stride=2)
+        self.stem = make_conv(3, widths[0], stride=2)
         self.encoder = nn.ModuleList(
             EncoderStage(widths[i], widths[i + 1], blocks[i]) for i in range(4)
         )
         self.decoder = Decoder(widths, decoder)
 
-    def forward(self, x: Tensor) -> Tensor:
+    def encode(self, x: Tensor) -> list[Tensor]:
+        """Make the features at strides of 2, 4, 8, 16 and 32."""
         features = [functional.relu(self.stem(x), inplace=True)]
         for stage in self.encoder:
             features.append(stage(features[-1]))
-        logits: Tensor = self.decoder(features)
+        return features
+
+    def forward(self, x: Tensor) -> Tensor:
+        logits: Tensor = self.decoder(self.encode(x))
         return logits
 
 

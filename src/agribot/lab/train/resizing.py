@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from agribot.autonomy.perceive.segmenter import PLANT_OUTPUTS
+from agribot.autonomy.perceive.stems import CELL_PX
 from agribot.core.errors import PerceptionError
+
+if TYPE_CHECKING:
+    import onnx
 
 
 def resize_network(path: Path, height_px: int, width_px: int) -> bytes:
@@ -29,9 +35,15 @@ def resize_network(path: Path, height_px: int, width_px: int) -> bytes:
     )
     resize.input[3] = "input_size"
     model.graph.node.insert(0, constant)
-    for output in model.graph.output:
-        rows, columns = output.type.tensor_type.shape.dim
-        rows.dim_value, columns.dim_value = height_px, width_px
+    name_output_sizes(model, height_px, width_px)
     del model.graph.value_info[:]
     data: bytes = model.SerializeToString()
     return data
+
+
+def name_output_sizes(model: onnx.ModelProto, height_px: int, width_px: int) -> None:
+    """Write the sizes of all outputs of a network whose input is resized to these."""
+    for output in model.graph.output:
+        *_, rows, columns = output.type.tensor_type.shape.dim
+        step_px = CELL_PX if output.name in PLANT_OUTPUTS else 1
+        rows.dim_value, columns.dim_value = height_px // step_px, width_px // step_px

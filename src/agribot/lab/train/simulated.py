@@ -10,31 +10,32 @@ from collections.abc import Iterator
 import numpy as np
 
 from agribot.core.messages import ByteArray
-from agribot.lab.train.data import LabelledImage
 from agribot.lab.train.losses import IGNORED
+from agribot.lab.train.plant_truth import LABEL_RANGE_M, DrawnView, find_plants
 from agribot.lab.train.rough_ground import roughen
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
+from agribot.sim.ground_surface import build_ground_surface
 from agribot.sim.random_scenes import STANDARD, Variety, sample_field, sample_look, sample_view
 
 VIEWS_PER_SCENE = 2
 ROUGH_VIEWS_PER_SCENE = 3  # relief is dear to light
-# Beyond it a pixel covers more than a weed; the robot does not look that far either.
-LABEL_RANGE_M = 3.0
 
 
 def draw_random_field(
     rng: np.random.Generator, views: int, variety: Variety = STANDARD
-) -> Iterator[LabelledImage]:
+) -> Iterator[DrawnView]:
     """Draw views of one random field from masts."""
     world = roughen(sample_field(rng, variety), (), variety, rng)
-    renderer = CameraRenderer(world, appearance=sample_look(rng), threads=1)
+    ground = build_ground_surface(world)
+    renderer = CameraRenderer(world, appearance=sample_look(rng), threads=1, ground=ground)
     for _ in range(views):
         camera, map_from_camera = sample_view(rng)
         fine = 2 if rng.random() < 0.25 else 1
         drawn = renderer.render(
             map_from_camera, camera, noise_seed=int(rng.integers(2**31)), supersample=fine
         )
-        yield drawn.image_rgb, make_label(drawn)
+        plants = find_plants(drawn, world, camera, map_from_camera, ground)
+        yield DrawnView(drawn.image_rgb, make_label(drawn), plants)
 
 
 def make_label(drawn: Rendering) -> ByteArray:

@@ -16,6 +16,7 @@ from torch import Tensor
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray
 from agribot.lab.dataset.classes import read_ids
+from agribot.lab.train.architectures import find_architecture
 from agribot.lab.train.augment import augment_batch
 from agribot.lab.train.card import LICENSE, SIM_LIMITS
 from agribot.lab.train.data import DataSet, LabelledImage
@@ -34,6 +35,8 @@ from agribot.lab.train.photographs import (
     split_fold,
     tally_classes,
 )
+from agribot.lab.train.plant_targets import augment_views
+from agribot.lab.train.plant_truth import DrawnView
 from agribot.lab.train.precision import sample_pictures
 from agribot.lab.train.simulated import (
     ROUGH_VIEWS_PER_SCENE,
@@ -44,7 +47,7 @@ from agribot.sim.random_scenes import STANDARD, VARIETIES, Variety
 
 # Order weed, crop, soil; crop is the rarest class of the photographs.
 PHOTO_WEIGHTS = (1.0, 2.0, 0.6)
-VariedDrawer = Callable[..., Iterator[LabelledImage]]  # of a scene; all but one of any variety
+VariedDrawer = Callable[..., Iterator[DrawnView]]  # of a scene; all but one of any variety
 FOLDERS = {one: "" if one is STANDARD else name for name, one in VARIETIES.items()}
 
 
@@ -76,33 +79,48 @@ def make_simulated_source(args: argparse.Namespace, progress: Progress) -> Train
         "train-rows": args.row_images,
         "train-turns": args.turn_images,
     }
-    sets = _draw_sets(args, counts, progress)
-    images, labels = _load(
-        itertools.chain.from_iterable(sets.pop(name).read(count) for name, count in counts.items())
-    )
-    aside = sets.pop("aside-random"), sets.pop("aside-rows")
+    finds_plants = find_architecture(args.model).finds_plants
+    sets = _draw_sets(args, counts, progress, finds_plants)
+    trained = [(sets.pop(name), count) for name, count in counts.items()]
     recipe = TrainingPlan(steps=1, data=f"sim --variety {args.variety}")
+    words = f" --model {args.model}" if finds_plants else ""
+    if finds_plants:
+        views = [view for one, count in trained for view in one.read_views(count)]
+        images = [view.image_rgb for view in views]
+        batches, aside = _make_plant_batches(views, recipe), None
+    else:
+        images, labels = _load(
+            itertools.chain.from_iterable(one.read(count) for one, count in trained)
+        )
+        batches = _make_view_batches(images, labels, recipe)
+        asides = sets.pop("aside-random"), sets.pop("aside-rows")
+        aside = partial(_read_all, asides, args.test_images // 2)
     return TrainingSource(
-        aside=lambda: itertools.chain.from_iterable(s.read(args.test_images // 2) for s in aside),
-        batches=_make_view_batches(images, labels, recipe),
+        aside=aside,
+        batches=batches,
         pictures=images,
         recipe=recipe,
         tests={name: partial(one.read, args.test_images) for name, one in sets.items()},
         train_images=args.images,
         input_size_px=(INPUT_HEIGHT_PX, INPUT_WIDTH_PX),
         antialias=False,
-        about=f"{SIM_TEXT}{ROUGH_TEXT * (args.variety == 'rough')}; no photograph was used",
+        about=f"{SIM_TEXT}{VARIETY_TEXTS.get(args.variety, '')}; no photograph was used",
         license=LICENSE,
         limits=SIM_LIMITS,
-        command=f"agribot train --data sim --variety {args.variety} --images {args.images} "
+        command=f"agribot train --data sim --variety {args.variety}{words} --images {args.images} "
         f"--row-images {args.row_images} --turn-images {args.turn_images} "
         f"--test-images {args.test_images}",
     )
 
 
+def _read_all(sets: Iterable[DataSet], count: int) -> Iterator[LabelledImage]:
+    return itertools.chain.from_iterable(one.read(count) for one in sets)
+
+
 def _draw_sets(
-    args: argparse.Namespace, counts: dict[str, int], progress: Progress
+    args: argparse.Namespace, counts: dict[str, int], progress: Progress, has_plants: bool
 ) -> dict[str, DataSet]:
+    """Draw the sets; with plants those of the variety's own, and none to be set aside."""
     own = VARIETIES[args.variety]
     usual = STANDARD if own.rough_share else own  # a test set that others have too
     wanted: list[tuple[str, int, VariedDrawer, Variety, int]] = [
@@ -113,13 +131,16 @@ def _draw_sets(
         ("farm", 102, draw_farm, usual, args.test_images),
         ("row-crops", 103, draw_row_crop, usual, args.test_images),
         ("turns", 106, draw_turn, usual, args.test_images),
-        ("aside-random", 104, draw_random_field, own, args.test_images // 2),
-        ("aside-rows", 105, draw_row_crop, own, args.test_images // 2),
     ]
+    if not has_plants:
+        wanted += [
+            ("aside-random", 104, draw_random_field, own, args.test_images // 2),
+            ("aside-rows", 105, draw_row_crop, own, args.test_images // 2),
+        ]
     if own.rough_share:
         wanted += [
-            ("rough-fields", 107, draw_random_field, own, args.test_images),
-            ("rough-rows", 108, draw_row_crop, own, args.test_images),
+            (f"{args.variety}-fields", 107, draw_random_field, own, args.test_images),
+            (f"{args.variety}-rows", 108, draw_row_crop, own, args.test_images),
         ]
     sets = {}
     for name, stream, drawer, variety, count in wanted:
@@ -129,6 +150,7 @@ def _draw_sets(
             stream=stream,
             seed=args.seed,
             views_per_scene=ROUGH_VIEWS_PER_SCENE if variety.rough_share else VIEWS_PER_SCENE,
+            has_plants=has_plants and variety is own,
         )
         varied = drawer if drawer is draw_farm else partial(drawer, variety=variety)
         sets[name].draw(count, varied, progress)
@@ -299,12 +321,23 @@ def _make_view_batches(
     return batch
 
 
+def _make_plant_batches(views: list[DrawnView], recipe: TrainingPlan) -> BatchSource:
+    def batch(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+        chosen = rng.integers(len(views), size=recipe.batch_size)
+        return augment_views([views[i] for i in chosen], recipe.crop_px, rng)
+
+    return batch
+
+
 SIM_TEXT = (
     "images of AGRIBOT's own simulator: procedural fields of several crops and weeds in random "
     "soil, light, growth stage and density, some from random camera poses, the others from the "
     "robot's own camera along and beside rows, labelled by the renderer"
 )
-ROUGH_TEXT = (
-    "; five crops from seedlings on, half of the fields with the relief, litter, moisture, light "
-    "and sowing errors of the presets field and hard"
-)
+VARIETY_TEXTS = {
+    "rough": "; five crops from seedlings on, half of the fields with the relief, litter, "
+    "moisture, light and sowing errors of the presets field and hard",
+    "dense": "; five crops from seedlings to rows that close, 5 cm to 1.5 m from plant to plant, "
+    "up to 80 weeds on a square metre, six fields of ten with the relief, litter, moisture, light "
+    "and sowing errors of the presets field and hard",
+}

@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.errors import ConfigError
 from agribot.lab.train.architectures import ARCHITECTURES, find_architecture
+from agribot.lab.train.plant_network import PlantNet
 
 IMAGENET, RANDOM = "imagenet", "random"
 # Top rates of a network that has learned already, and of one whose encoder has.
@@ -35,10 +36,15 @@ def start_from(path: Path, network: nn.Module, x: Tensor) -> None:
     again with the statistics of the batch, so that the network answers as the file does and its
     normalisations are about 0 and 1, as training wants them.
 
+    A network that finds plants may begin with the classes alone.
+
     Raises: PerceptionError: no network that runs. ConfigError: one of another architecture.
     """
     weights = _convolutions(path)
-    layers = [module for module in network.modules() if isinstance(module, nn.Conv2d)]
+    layers = _list_convolutions(network)
+    if isinstance(network, PlantNet) and len(weights) < len(layers):
+        network = network.classes
+        layers = _list_convolutions(network)
     if [tuple(layer.weight.shape) for layer in layers] != [tuple(w.shape) for w, _ in weights]:
         raise ConfigError(
             f"--start {path}: its {len(weights)} convolutions are not the {len(layers)} of this "
@@ -52,6 +58,18 @@ def start_from(path: Path, network: nn.Module, x: Tensor) -> None:
                 layer.bias.copy_(bias)
             biases[layer] = bias
         _unfold(network, biases, x)
+
+
+def read_temperature(path: Path) -> float:
+    """Read by what a file divides the logits of its confidence; 1 where it does not say."""
+    import onnx
+
+    about = {entry.key: entry.value for entry in onnx.load(str(path)).metadata_props}
+    return float(about.get("temperature", 1.0))
+
+
+def _list_convolutions(network: nn.Module) -> list[nn.Conv2d]:
+    return [module for module in network.modules() if isinstance(module, nn.Conv2d)]
 
 
 def _convolutions(path: Path) -> list[tuple[Tensor, Tensor]]:

@@ -1,0 +1,80 @@
+"""The plant network: the classes of a network that has learned them, and a branch for stems."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from agribot.lab.train.network import (
+    CropWeedNet,
+    DecoderStage,
+    EncoderStage,
+    PlainBlock,
+    make_conv,
+)
+
+# Of the branch, at strides of 4, 8, 16 and 32.
+WIDTHS = (32, 48, 80, 112)
+ENCODED_WIDTH, MERGED_WIDTH = 24, 24  # of the classes' features at stride 4, down and up
+BRANCH_MAPS = 4  # heat of weeds and of crops, way right and down
+# Before training nearly every cell holds no stem.
+HEAT_BIAS = -3.0
+
+
+class PlantBranch(nn.Module):
+    """Features at stride 4, (N, C, H, W), to (N, BRANCH_MAPS, H, W).
+
+    It looks anew at the shape of whole plants: the network of classes tells leaves from soil.
+    """
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.enter = make_conv(channels, WIDTHS[0], kernel=1)
+        self.encoder = nn.ModuleList(
+            EncoderStage(WIDTHS[i], WIDTHS[i + 1], blocks=1) for i in range(len(WIDTHS) - 1)
+        )
+        self.decoder = nn.ModuleList(
+            DecoderStage(WIDTHS[i + 1], WIDTHS[i], WIDTHS[i], PlainBlock)
+            for i in reversed(range(len(WIDTHS) - 1))
+        )
+        self.head = nn.Conv2d(WIDTHS[0], BRANCH_MAPS, 1)
+        assert self.head.bias is not None
+        with torch.no_grad():
+            self.head.bias[:2] = HEAT_BIAS
+
+    def forward(self, x: Tensor) -> Tensor:
+        features = [functional.relu(self.enter(x), inplace=True)]
+        for stage in self.encoder:
+            features.append(stage(features[-1]))
+        *skips, x = features
+        for stage in self.decoder:
+            x = stage(x, skips.pop())
+        maps: Tensor = self.head(x)
+        return maps
+
+
+class PlantNet(nn.Module):
+    """Image to class logits, and to heat and ways of the stems at a quarter of the resolution.
+
+    Input as of `CropWeedNet`, (N, 3, H, W). Output its logits (N, 3, H / 2, W / 2) and
+    (N, BRANCH_MAPS, H / 4, W / 4). The part that tells the classes never learns: with any branch
+    its answer is, bit by bit, that of the weights the training began with.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.classes = CropWeedNet()
+        self.classes.requires_grad_(requires_grad=False)
+        self.plants = PlantBranch(ENCODED_WIDTH + MERGED_WIDTH)
+
+    def train(self, mode: bool = True) -> PlantNet:
+        super().train(mode)
+        self.classes.eval()
+        return self
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        features = self.classes.encode(x)
+        merged = self.classes.decoder.merge(features)
+        logits = self.classes.decoder.head(merged[-1])
+        return logits, self.plants(torch.cat([features[1], merged[-2]], dim=1))

@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from agribot.autonomy.perceive.segmenter import Segmenter, model_path
+from agribot.cli.train import run
+from agribot.core.errors import ConfigError
+from agribot.core.messages import ByteArray
+from agribot.lab.bench.plant_scenes import SCENES
+from agribot.lab.train.card import ModelCard
+from agribot.lab.train.export import export_onnx
+from agribot.lab.train.features import centred_rgb
+from agribot.lab.train.fit import Trainer, TrainingPlan
+from agribot.lab.train.network import CropWeedNet
+from agribot.lab.train.plant_network import PlantNet
+from agribot.lab.train.plant_targets import MAPS, WAY_UNIT_PX
+from agribot.lab.train.resizing import resize_network
+from agribot.lab.train.start import read_temperature, start_from
+from tests.lab.train.changed_norms import change_norms
+from tests.lab.train.command_line import parsed
+from tests.lab.train.drawn_images import drawn_image
+
+PLANTS = ("--model", "agribot-plants")
+
+
+def draw_batch(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+    images = [torch.from_numpy(drawn_image(rng)[0]).permute(2, 0, 1) for _ in range(2)]
+    target = torch.from_numpy(rng.random((2, MAPS, 24, 32), dtype=np.float32))
+    return torch.stack(images).float(), target
+
+
+def draw_image() -> ByteArray:
+    return drawn_image(np.random.default_rng(7))[0]
+
+
+@pytest.fixture(scope="module")
+def class_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("classes") / "classes.onnx"
+    export_onnx(change_norms(CropWeedNet()), path, 96, 128, temperature=1.7)
+    return path
+
+
+def test_learning_plants_changes_no_class_of_the_weights_it_began_with(
+    tmp_path: Path, class_file: Path
+) -> None:
+    plan = TrainingPlan(steps=3, crop_px=96, model="agribot-plants", bf16=False)
+    trainer = Trainer(plan, draw_batch, tmp_path, start=class_file)
+    before = {name: value.clone() for name, value in trainer.network.state_dict().items()}
+    network = trainer.run(lambda line: None)
+    changed = {
+        name.split(".")[0]
+        for name, value in network.state_dict().items()
+        if not torch.equal(value, before[name])
+    }
+    assert changed == {"plants"}
+    temperature = read_temperature(class_file)
+    assert temperature == pytest.approx(1.7)
+    export_onnx(network, tmp_path / "plants.onnx", 96, 128, temperature=temperature)
+    one = Segmenter(class_file).segment(draw_image())
+    other = Segmenter(tmp_path / "plants.onnx").segment(draw_image())
+    assert np.array_equal(one.class_id, other.class_id)
+    assert np.abs(one.confidence.astype(int) - other.confidence).max() <= 1
+
+
+def test_the_file_answers_with_the_stems_and_ways_of_the_network(tmp_path: Path) -> None:
+    torch.manual_seed(5)
+    network, image_rgb = PlantNet().eval(), draw_image()
+    with torch.no_grad():
+        network.plants.head.weight.mul_(20.0)
+    export_onnx(network, tmp_path / "net.onnx", 96, 128)
+    segmenter = Segmenter(tmp_path / "net.onnx")
+    assert segmenter.finds_plants
+    found = segmenter.segment(image_rgb).plants
+    with torch.inference_mode():
+        _, maps = network(centred_rgb(torch.from_numpy(image_rgb).permute(2, 0, 1)[None]))
+    assert found is not None and found.stem_score.shape == (2, 24, 32)
+    np.testing.assert_allclose(
+        found.stem_score / 255.0, maps[0, :2].sigmoid().numpy(), atol=1.1 / 255.0
+    )
+    np.testing.assert_allclose(found.way_px, WAY_UNIT_PX * maps[0, 2:].numpy(), atol=0.01)
+
+
+def test_a_file_with_plants_can_be_resized_and_begun_with(tmp_path: Path, class_file: Path) -> None:
+    first = change_norms(PlantNet())
+    start_from(class_file, first, torch.randn(2, 3, 64, 64))
+    path = tmp_path / "net.onnx"
+    export_onnx(first.eval(), path, 96, 128)
+    again = PlantNet()
+    start_from(path, again, torch.randn(4, 3, 96, 128))
+    x = torch.randn(1, 3, 96, 128)
+    with torch.inference_mode():
+        for one, other in zip(first(x), again.eval()(x), strict=True):
+            assert torch.allclose(one, other, atol=2e-3)
+    (tmp_path / "big.onnx").write_bytes(resize_network(path, 128, 160))
+    plants = Segmenter(tmp_path / "big.onnx").segment(draw_image()).plants
+    assert plants is not None and plants.way_px.shape == (2, 32, 40)
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        ((), "--start agribot-sim"),
+        (("--start", "random"), "--start agribot-sim"),
+        (("--start", "agribot-sim", "--precision", "int8"), "--precision int8"),
+    ],
+)
+def test_what_no_plants_can_be_learned_from_is_refused(
+    words: tuple[str, ...], reason: str, tmp_path: Path
+) -> None:
+    few = ("--images", "1", "--row-images", "0", "--turn-images", "0", "--test-images", "1")
+    with pytest.raises(ConfigError, match=reason):
+        run(parsed(*PLANTS, *words, *few, "--steps", "1", "--out", str(tmp_path)))
+
+
+def test_photographs_are_refused_since_they_tell_no_plants(tmp_path: Path) -> None:
+    words = ("--data", "cwfid", "--data-dir", str(tmp_path), "--start", "agribot-sim")
+    with pytest.raises(ConfigError, match="--data sim"):
+        run(parsed(*PLANTS, *words, "--out", str(tmp_path / "out")))
+
+
+@pytest.mark.slow
+def test_one_command_goes_from_classes_to_weights_that_find_plants(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("--variety", "dense", "--start", "agribot-sim", "--images", "2", "--row-images", "1")
+    few = ("--turn-images", "0", "--test-images", "1", "--steps", "2", "--out", str(tmp_path))
+    assert run(parsed(*PLANTS, *words, *few)) == 0
+    weights = tmp_path / "agribot-plants.onnx"
+    card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
+    assert card.test.keys() == {
+        "random-fields", "farm", "row-crops", "turns", "dense-fields", "dense-rows",
+    }  # fmt: skip
+    assert card.plants.keys() == {*SCENES, "all"}
+    assert card.plants["all"].crops_truth > 50 and card.plants["beet-25-25"].crops_truth > 0
+    assert card.calibration is None and card.kept_temperature is not None
+    assert read_temperature(weights) == read_temperature(model_path("agribot-sim"))
+    told = weights.with_suffix(".md").read_text(encoding="utf-8")
+    assert "| beet-25-25 |" in told and f"temperature {card.kept_temperature:g}" in told
+    capsys.readouterr()
