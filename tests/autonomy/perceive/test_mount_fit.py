@@ -38,11 +38,15 @@ def sigmas(fit: MountFit) -> FloatArray:
     return np.array([fit.roll_std_rad, fit.pitch_std_rad, fit.yaw_std_rad, fit.height_std_m])
 
 
-def drawn_looks(real: FloatArray, seed: int, std_m: float = 0.0) -> list[Look]:
-    """Two ways along a row of plants, without pictures: rays to the middle of the leaves."""
+def drawn_looks(
+    real: FloatArray, seed: int, std_m: float = 0.0, shows_stems: bool = False
+) -> list[Look]:
+    """Two ways along a row of plants, without pictures: rays to the leaves' middle, or to stems."""
     rng = np.random.default_rng(seed)
     area_m2, looks = 0.01, []
     leaves_m = HEIGHT_RATIO[PlantClass.CROP] * 2.0 * math.sqrt(area_m2 / math.pi)
+    if shows_stems:
+        leaves_m = 0.0
     places = np.column_stack([rng.uniform(0.0, 8.0, 60), rng.uniform(-0.5, 0.5, 60)])
     for number in range(320):
         way_m = 0.05 * (number % 160) - 1.0
@@ -58,7 +62,7 @@ def drawn_looks(real: FloatArray, seed: int, std_m: float = 0.0) -> list[Look]:
         plants = tuple(
             GroundPlant(
                 x_body_m=x, y_body_m=y, plant=PlantClass.CROP, area_m2=area_m2, confidence=1.0,
-                std_m=0.01,
+                std_m=0.01, seen_height_m=0.0 if shows_stems else None,
             )
             for x, y in seen.tolist()
         )  # fmt: skip
@@ -72,6 +76,12 @@ def test_without_noise_the_mount_is_found_exactly() -> None:
     np.testing.assert_allclose(found(fit), ERROR, atol=2e-4)
     assert fit.scatter_m < 1e-3
     assert fit.scatter_before_m > 0.02
+
+
+def test_of_stems_no_height_is_guessed() -> None:
+    fit = fit_mount(drawn_looks(mounted(ERROR), 1, shows_stems=True), DESCRIBED)
+    assert fit is not None and not fit.complaints()
+    np.testing.assert_allclose(found(fit), ERROR, atol=2e-4)
 
 
 def test_over_seeds_it_errs_no_more_than_it_says() -> None:

@@ -99,8 +99,8 @@ class _Tracks:
         )  # fmt: skip
         poses = np.array([sight.look.pose_map for sight in sights]).reshape(-1, 3)
         self._xy_m, self._cos, self._sin = poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        places = [(s.plant.x_body_m, s.plant.y_body_m, _leaves_m(s.plant)) for s in sights]
-        self._leaves_m = np.array([place[2] for place in places])
+        places = [(s.plant.x_body_m, s.plant.y_body_m, _find_height_m(s.plant)) for s in sights]
+        self._heights_m = np.array([place[2] for place in places])
         self._centre_m = body_from_camera[:3, 3]
         self._rays_body = np.array(places).reshape(-1, 3) - self._centre_m
         std_m = np.array([max(sight.plant.std_m, LEAST_STD_M) for sight in sights])
@@ -110,7 +110,7 @@ class _Tracks:
         """Where the plants stand in the map with a mount (roll, pitch, yaw, height), (N, 2)."""
         rays = self._rays_body @ rotation_from_rpy(*mount[:3].tolist()).T
         height_m = self._centre_m[2] + mount[3]
-        reach = (self._leaves_m - height_m) / np.minimum(rays[:, 2], -1e-3)
+        reach = (self._heights_m - height_m) / np.minimum(rays[:, 2], -1e-3)
         x_m, y_m = (self._centre_m[:2] + reach[:, None] * rays[:, :2]).T
         turned_m = [self._cos * x_m - self._sin * y_m, self._sin * x_m + self._cos * y_m]
         places_m: FloatArray = self._xy_m + np.column_stack(turned_m)
@@ -203,8 +203,10 @@ def _is_long(track: Sequence[_Sight]) -> bool:
     return len(track) >= MIN_LOOKS and math.dist(first[:2], last[:2]) >= MIN_WAY_M
 
 
-def _leaves_m(plant: GroundPlant) -> float:
-    """How high the leaves stand that were seen, as `plants` supposes."""
+def _find_height_m(plant: GroundPlant) -> float:
+    """How high over the ground stands what was seen: of leaves, as `plants` supposes."""
+    if plant.seen_height_m is not None:
+        return plant.seen_height_m
     if plant.plant is PlantClass.SOIL:
         return 0.0
     return HEIGHT_RATIO[plant.plant] * 2.0 * math.sqrt(plant.area_m2 / math.pi)

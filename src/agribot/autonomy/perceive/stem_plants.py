@@ -138,4 +138,5 @@ def _describe(
         area_m2=area_m2 * nearer**2,
         confidence=max(weed, crop) / (weed + crop),
         std_m=math.hypot(STEM_STD_M, float(found.footprints_m[index]) / 2.0, tilt_std_m),
+        seen_height_m=0.0,
     )

@@ -19,7 +19,11 @@ class PlantClass(IntEnum):
 
 
 class GroundPlant(msgspec.Struct, frozen=True, kw_only=True):
-    """One plant seen in one frame, projected on the ground plane of the body frame."""
+    """One plant seen in one frame, projected on the ground plane of the body frame.
+
+    What was seen of it stands `seen_height_m` above the ground: 0 where that is the stem, None
+    where it is leaves, whose height is only guessed from their area.
+    """
 
     x_body_m: float
     y_body_m: float
@@ -27,6 +31,7 @@ class GroundPlant(msgspec.Struct, frozen=True, kw_only=True):
     area_m2: float
     confidence: float
     std_m: float
+    seen_height_m: float | None = None
 
 
 class RowLine(msgspec.Struct, frozen=True, kw_only=True):
