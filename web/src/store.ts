@@ -10,6 +10,7 @@ import type {
   LiveState,
   LogEvent,
   PathPiece,
+  ReceiverState,
   SeatState,
   ServerMessage,
   Snapshot,
@@ -41,6 +42,7 @@ interface Events {
   path: Path | null
   weeds: WeedUpdate
   log: LogEvent[]
+  receiver: ReceiverState | null
   seat: SeatState
   link: boolean
   signals: SignalBuffer
@@ -58,6 +60,7 @@ export class Store extends Emitter<Events> {
   path: Path | null = null
   readonly weeds = new Map<number, Weed>()
   log: LogEvent[] = []
+  receiver: ReceiverState | null = null
   signals = new SignalBuffer([], [])
   seat: SeatState = 'free'
   holder = ''
@@ -108,6 +111,7 @@ export class Store extends Emitter<Events> {
       case 'path':
       case 'weeds':
       case 'events':
+      case 'receiver':
         if (this.belongs(message)) this.acceptGrowth(message)
         break
       case 'snapshot':
@@ -179,7 +183,9 @@ export class Store extends Emitter<Events> {
       this.shownEpoch = epoch
       this.state = null
       this.live = null
+      this.receiver = null
       this.signals.clear()
+      this.emit('receiver', null)
       this.emit('restart', null)
     }
     if (before?.source !== source || before.name !== name) this.emit('channel', this.channel)
@@ -202,6 +208,10 @@ export class Store extends Emitter<Events> {
         this.log.push(...message.events)
         this.log.splice(0, this.log.length - LOG_LENGTH)
         this.emit('log', this.log)
+        break
+      case 'receiver':
+        this.receiver = message
+        this.emit('receiver', message)
         break
     }
   }

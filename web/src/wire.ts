@@ -16,6 +16,8 @@ export type EventLevel = 'info' | 'warn' | 'fault'
 
 export type CheckState = 'ok' | 'warn' | 'fault'
 
+export type CasterState = 'asked' | 'connected' | 'failed'
+
 export type SensorName = 'gnss' | 'compass' | 'gyro' | 'wheels' | 'camera' | 'clock'
 
 export type MissionAction =
@@ -59,7 +61,7 @@ export type PageRequest =
 
 export type PageMessage = PageRequest | Ping | Receipt | DriveByHand
 
-export type Growth = TracePiece | PathPiece | WeedChanges | NewEvents
+export type Growth = TracePiece | PathPiece | WeedChanges | NewEvents | ReceiverState
 
 export type ServerMessage =
   | Growth
@@ -404,6 +406,69 @@ export interface NewEvents {
   kind: 'events'
   epoch: number
   events: LogEvent[]
+}
+
+/** A satellite by system (GP, GL, GA, GB, GQ, SB) and number; `snr_db` is 0 where unheard. */
+export interface SeenSatellite {
+  system: string
+  number: number
+  elevation_deg: number
+  azimuth_deg: number
+  snr_db: number
+  is_used: boolean
+}
+
+export type SeenSatelliteRow = [
+  system: string,
+  number: number,
+  elevation_deg: number,
+  azimuth_deg: number,
+  snr_db: number,
+  is_used: boolean,
+]
+
+export function readSeenSatellite(row: SeenSatelliteRow): SeenSatellite {
+  return {
+    system: row[0],
+    number: row[1],
+    elevation_deg: row[2],
+    azimuth_deg: row[3],
+    snr_db: row[4],
+    is_used: row[5],
+  }
+}
+
+/**
+ * What the GNSS receiver tells, once a second where it is new; null and empty: not told.
+ *
+ * Ages are those when the message was made. `quality` has the numbers of NMEA GGA field 6,
+ * `std_m` is 1 sigma of East and of North. `device` is where it is read from, empty for the
+ * platform's own receiver. The counts are of all satellites, of which `satellites` has the most
+ * important. `correction_hz` counts the messages of `caster` that were passed on. The troubles
+ * are for a person.
+ */
+export interface ReceiverState {
+  kind: 'receiver'
+  epoch: number
+  is_simulated: boolean
+  device: string
+  fix_age_s: number | null
+  quality: number
+  std_m: number | null
+  rate_hz: number | null
+  status_age_s: number | null
+  satellites: SeenSatelliteRow[]
+  used_count: number
+  in_view_count: number
+  hdop: number | null
+  pdop: number | null
+  vdop: number | null
+  correction_age_s: number | null
+  correction_hz: number | null
+  caster: string
+  caster_state: CasterState | null
+  correction_trouble: string
+  line_trouble: string
 }
 
 export interface SignalTable {
@@ -825,6 +890,7 @@ export const SERVER_KINDS: readonly string[] = [
   'path',
   'weeds',
   'events',
+  'receiver',
   'live_state',
   'seat',
   'field_change',

@@ -24,6 +24,7 @@ from agribot.core.messages import (
 )
 from agribot.record.events import Event
 from agribot.ui import wire
+from agribot.ui.receiver_view import ReceiverView
 
 SIGNALS_KEPT = 500  # ten seconds of ticks that nobody has asked for yet
 TRACE_STEP_M = 0.02
@@ -52,6 +53,7 @@ class RunView:
     def __init__(self, config: RunConfig, implement: ImplementSpec | None = None) -> None:
         self._implement = implement
         self._hand_timeout_s = config.safety.hand_timeout_s
+        self.receiver = ReceiverView(config)
         self.record: TickRecord | None = None
         self.ticks = 0
         self.trace_map_m: list[wire.Vec2] = []
@@ -69,6 +71,7 @@ class RunView:
     def __call__(self, record: TickRecord) -> None:
         batch = record.batch
         self._sense(batch)
+        self.receiver(batch)
         if batch.hand and (batch.hand[-1].v_mps or batch.hand[-1].yaw_rate_radps):
             self._hand_s = batch.t_s
         self._watch_gate(batch.t_s, record.status.gate)

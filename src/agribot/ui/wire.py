@@ -53,6 +53,7 @@ Role = Literal["operator", "viewer"]
 SeatState = Literal["you", "free", "other"]
 EventLevel = Literal["info", "warn", "fault"]
 CheckState = Literal["ok", "warn", "fault"]
+CasterState = Literal["asked", "connected", "failed"]
 SensorName = Literal["gnss", "compass", "gyro", "wheels", "camera", "clock"]
 MissionAction = Literal[
     "start", "pause", "resume", "cancel", "skip_row", "return_home", "nudge_left", "nudge_right"
@@ -382,6 +383,49 @@ class NewEvents(Message, frozen=True, kw_only=True, tag="events"):
     events: list[LogEvent] = []
 
 
+class SeenSatellite(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
+    """A satellite by system (GP, GL, GA, GB, GQ, SB) and number; `snr_db` is 0 where unheard."""
+
+    system: str
+    number: int
+    elevation_deg: int
+    azimuth_deg: int
+    snr_db: int
+    is_used: bool
+
+
+class ReceiverState(Message, frozen=True, kw_only=True, tag="receiver"):
+    """What the GNSS receiver tells, once a second where it is new; null and empty: not told.
+
+    Ages are those when the message was made. `quality` has the numbers of NMEA GGA field 6,
+    `std_m` is 1 sigma of East and of North. `device` is where it is read from, empty for the
+    platform's own receiver. The counts are of all satellites, of which `satellites` has the most
+    important. `correction_hz` counts the messages of `caster` that were passed on. The troubles
+    are for a person.
+    """
+
+    epoch: int = 0
+    is_simulated: bool = False
+    device: str = ""
+    fix_age_s: float | None = None
+    quality: int = 0
+    std_m: float | None = None
+    rate_hz: float | None = None
+    status_age_s: int | None = None
+    satellites: list[SeenSatellite] = []
+    used_count: int = 0
+    in_view_count: int = 0
+    hdop: float | None = None
+    pdop: float | None = None
+    vdop: float | None = None
+    correction_age_s: float | None = None
+    correction_hz: float | None = None
+    caster: str = ""
+    caster_state: CasterState | None = None
+    correction_trouble: str = ""
+    line_trouble: str = ""
+
+
 class SignalTable(msgspec.Struct, frozen=True, kw_only=True):
     names: list[str]
     units: list[str]
@@ -404,7 +448,7 @@ class Snapshot(Message, frozen=True, kw_only=True):
     events: NewEvents
 
 
-Growth = TracePiece | PathPiece | WeedChanges | NewEvents
+Growth = TracePiece | PathPiece | WeedChanges | NewEvents | ReceiverState
 
 
 # ---------------------------------------------------------------- the rest, to the page

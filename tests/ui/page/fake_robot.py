@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -18,6 +19,7 @@ ROW_LENGTH_M = 24.0
 ROW_SPACING_M = 1.5
 SPEED_MPS = 0.8
 EPOCH = 1
+SATELLITES = 32
 MISSION_STATES: dict[wire.Mode, MissionState] = {
     "mission": "running",
     "paused": "paused",
@@ -39,6 +41,30 @@ MODES_AFTER: dict[wire.MissionAction, wire.Mode] = {
     "start": "mission",
     "cancel": "done",
 }
+
+
+def make_receiver(**changed: Any) -> wire.ReceiverState:
+    """A receiver with a sky of its own and corrections, on a serial line."""
+    random = np.random.default_rng(11)
+    satellites = [
+        wire.SeenSatellite(
+            system=("GP", "GL", "GA", "GB")[index % 4],
+            number=index + 1,
+            elevation_deg=int(5.0 + 80.0 * random.random() ** 1.5),
+            azimuth_deg=int(random.integers(0, 360)),
+            snr_db=int(random.integers(24, 50)) if index % 9 else 0,
+            is_used=index % 3 > 0 and index % 9 > 0,
+        )
+        for index in range(SATELLITES)
+    ]
+    told: dict[str, Any] = {
+        "epoch": EPOCH, "device": "serial:/dev/ttyACM0", "fix_age_s": 0.1, "quality": 4,
+        "std_m": 0.014, "rate_hz": 10.0, "status_age_s": 1, "satellites": satellites,
+        "used_count": sum(each.is_used for each in satellites), "in_view_count": SATELLITES,
+        "hdop": 0.7, "pdop": 1.3, "vdop": 1.1, "correction_age_s": 0.8, "correction_hz": 5.0,
+        "caster": "ntrip://caster.example:2101/NEAR", "caster_state": "connected",
+    }  # fmt: skip
+    return wire.ReceiverState(**(told | changed))
 
 
 def field() -> wire.Field:
@@ -92,6 +118,7 @@ class FakeRobot:
         self.checks = [wire.StartCheck(name=name) for name in CHECKS]
         self.doubts: list[wire.SensorDoubt] = []
         self.leg = "row 3"
+        self.receiver = make_receiver()
         self.replay: wire.ReplayProgress | None = None
         self.trajectory: list[wire.Vec2] = []
         self.commands: list[wire.PageMessage] = []

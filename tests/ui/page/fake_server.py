@@ -90,6 +90,7 @@ class FakeServer:
         ticking.cancel()
 
     async def _tick(self) -> None:
+        receiver = self.robot.receiver
         while True:
             added = self.robot.step(1 / STATE_HZ)
             if not self.silent:
@@ -97,6 +98,9 @@ class FakeServer:
                 trace = wire.TracePiece(epoch=EPOCH, first=first, points_map_m=added)
                 state = self.robot.state(time.monotonic() * 1000)
                 await self._broadcast([trace, state] if added else [state])
+                if receiver is not self.robot.receiver:
+                    receiver = self.robot.receiver
+                    await self._broadcast([receiver])
             await asyncio.sleep(1 / STATE_HZ)
 
     async def _broadcast(self, messages: Sequence[wire.ServerMessage]) -> None:
@@ -117,6 +121,7 @@ class FakeServer:
         )  # fmt: skip
         await _send(socket, hello)
         await _send(socket, self.robot.snapshot())
+        await _send(socket, self.robot.receiver)
         try:
             while True:
                 message = wire.read_page_message(await socket.receive_text())

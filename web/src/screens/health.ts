@@ -6,6 +6,7 @@ import { el, replace } from '../dom.ts'
 import { bytes, duration, fixed, NONE, words } from '../format.ts'
 import { icon } from '../icons.ts'
 import type { Health, HealthCheck, LogEvent } from '../wire.ts'
+import { GnssCard } from './gnss-card.ts'
 
 const REFRESH_MS = 2000
 const SLOW = 0.8
@@ -17,6 +18,7 @@ export const health: Screen = {
   icon: 'health',
   async mount(host, app) {
     const checks = el('div', { class: 'checks-grid' })
+    const gnss = new GnssCard(app)
     const rates = el('div', { class: 'card table-card' })
     const machine = el('p', { class: 'muted' })
     const log = el('div', { class: 'card log', role: 'log', 'aria-label': 'Log', tabindex: 0 })
@@ -36,6 +38,7 @@ export const health: Screen = {
           ),
         ),
         checks,
+        gnss.node,
         el('div', { class: 'halves' }, rates, log),
       ),
     )
@@ -50,12 +53,13 @@ export const health: Screen = {
     }
     const showLog = (): void => replace(log, el('h2', {}, 'Log'), ...logRows(app))
     showLog()
-    const undo = app.store.on('log', showLog)
+    gnss.update()
+    const undo = [app.store.on('log', showLog), app.store.on('receiver', () => gnss.update())]
     const timer = setInterval(() => void refresh(), REFRESH_MS)
     await refresh()
     return () => {
       clearInterval(timer)
-      undo()
+      for (const work of undo) work()
     }
   },
 }

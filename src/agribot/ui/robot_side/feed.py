@@ -22,6 +22,7 @@ from agribot.ui import wire
 from agribot.ui.view import RunView, shown_event, shown_weed, thin_path
 
 STATE_HZ = 30.0
+RECEIVER_EVERY = 30  # states between two looks at what the GNSS receiver tells
 SLOW_EVERY = 10  # states between two looks at weeds, events and path
 TRACE_CHUNK = 2000
 
@@ -50,6 +51,7 @@ class Feed:
         self._changes = Changes(source)
         self._traced = 0
         self._told = -1
+        self._receiver: wire.ReceiverState | None = None
         self._tick_mono_s = 0.0
         self._pace = Pace()
 
@@ -91,6 +93,8 @@ class Feed:
             for message in self._changes.messages():
                 self._put(message)
             self._put(self._counts())
+        if number % RECEIVER_EVERY == 0 and view.record is not None:
+            self._tell_receiver()
 
     def _complete(self, state: wire.State) -> wire.State:
         """With what a view alone cannot know."""
@@ -118,6 +122,12 @@ class Feed:
             chunk = trace[self._traced : self._traced + TRACE_CHUNK]
             self._put(wire.TracePiece(first=self._traced, points_map_m=chunk))
             self._traced += len(chunk)
+
+    def _tell_receiver(self) -> None:
+        receiver = self._view.receiver.show()
+        if receiver != self._receiver:
+            self._receiver = receiver
+            self._put(receiver)
 
     def _put(self, message: wire.RobotMessage) -> None:
         self._send(wire.encode(message))

@@ -43,6 +43,7 @@ class Channel:
         self.weeds: dict[int, wire.Weed] = {}
         self.path = wire.PathPiece()  # the whole of it
         self.path_revision = 0
+        self.receiver: wire.ReceiverState | None = None  # the newest
         self.events: deque[wire.LogEvent] = deque(maxlen=EVENTS_KEPT)
         self.event_count = 0
 
@@ -63,6 +64,8 @@ class Channel:
             self.path_revision += 1
         elif isinstance(growth, wire.WeedChanges):
             self._keep_weeds(growth)
+        elif isinstance(growth, wire.ReceiverState):
+            self.receiver = msgspec.structs.replace(growth, epoch=self.epoch)
         else:
             self.events.extend(growth.events)
             self.event_count += len(growth.events)
@@ -74,6 +77,7 @@ class Channel:
         self.epoch = make_epoch()
         self.trace_map_m, self.weeds, self.path = [], {}, wire.PathPiece()
         self.state, self.state_text = None, ""
+        self.receiver = None
         self.events.clear()
         self.event_count = 0
         for client in self.clients:

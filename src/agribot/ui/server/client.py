@@ -41,6 +41,7 @@ class Client:
         self._is_opened = False
         self._traced = self._events = self._pathed = 0
         self._path_revision = -1
+        self._receiver: wire.ReceiverState | None = None
         self._weeds = dict.fromkeys(channel.weeds)
         self._is_state_next = False
         self.wake()
@@ -97,11 +98,15 @@ class Client:
         path_points = len(channel.path.points_map_m)
         if self._path_revision != channel.path_revision or self._pathed < path_points:
             return self._path()
+        if self._receiver is not channel.receiver:
+            self._receiver = channel.receiver
+            return self._receiver
+        return self._take_changes()
+
+    def _take_changes(self) -> wire.WeedChanges | wire.NewEvents | None:
         if self._weeds:
             return self._weed_changes()
-        if self._events < channel.event_count:
-            return self._new_events()
-        return None
+        return self._new_events() if self._events < self.channel.event_count else None
 
     def _opening(self) -> wire.Snapshot:
         channel = self.channel

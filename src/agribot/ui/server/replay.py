@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -28,14 +29,16 @@ MIN_SPEED, MAX_SPEED = 0.1, 10.0
 MAX_STATES = 40_000  # some 30 MB
 STATE_EVERY = 2  # ticks; a long recording is thinned further
 STATE_HZ = 30.0
+RECEIVER_S = 1.0  # between two states of the GNSS receiver, of the recording and on the wall
 
 
 class Moment(msgspec.Struct, frozen=True, kw_only=True):
-    """One state of the recording, encoded, and how long the trace was."""
+    """One state of the recording and of its receiver, encoded, and how long the trace was."""
 
     t_s: float
     state: bytes
     traced: int
+    receiver: bytes = b""
 
 
 class Replay(Channel):
@@ -63,7 +66,9 @@ class Replay(Channel):
         self._index = -1
         self._now_s = moments[0].t_s
         self._wall_s: float | None = None
+        self._receiver_told_s = 0.0
         self._shown_weeds: dict[int, wire.Weed] = {}
+        self._shown_receiver = b""
         self._next_event = 0
         self.seek(moments[0].t_s)
 
@@ -111,12 +116,14 @@ class Replay(Channel):
         self._index = max(bisect.bisect_right(self._times, self._now_s) - 1, 0)
         self.restart()
         self._shown_weeds, self._next_event = {}, 0
+        self._shown_receiver = b""
         moment = self._moments[self._index]
         self.trace_map_m = self._whole_trace[: moment.traced]
         self.path = self._whole_path or self.path
         self.path_revision += 1
         self._tell_weeds()
         self._tell_events()
+        self._tell_receiver()
         self._tell_state(_read_state(moment).signals)
 
     def step(self, wall_s: float) -> None:
@@ -136,6 +143,9 @@ class Replay(Channel):
             self.publish_growth(wire.TracePiece(first=before, points_map_m=new))
         self._tell_weeds()
         self._tell_events()
+        if wall_s - self._receiver_told_s >= RECEIVER_S:
+            self._receiver_told_s = wall_s
+            self._tell_receiver()
         self._tell_state([sample for moment in passed for sample in _read_state(moment).signals])
 
     def _tell_state(self, signals: list[wire.Sample]) -> None:
@@ -169,6 +179,12 @@ class Replay(Channel):
         if events:
             self.publish_growth(wire.NewEvents(events=events))
 
+    def _tell_receiver(self) -> None:
+        receiver = self._moments[self._index].receiver
+        if receiver != self._shown_receiver:
+            self._shown_receiver = receiver
+            self.publish_growth(msgspec.json.decode(receiver, type=wire.ReceiverState))
+
 
 def _read_implement(path: Path) -> ImplementSpec | None:
     """Read the recorded robot; None where its description is lost or of an unknown kind."""
@@ -181,21 +197,30 @@ def _read_implement(path: Path) -> ImplementSpec | None:
 def _moments(path: Path, view: RunView, look: Callable[[TickRecord], None]) -> list[Moment]:
     moments: list[Moment] = []
     every = STATE_EVERY
+    receiver, receiver_s = b"", -math.inf
     for number, record in enumerate(read_ticks(path)):
         look(record)
+        if record.batch.t_s - receiver_s >= RECEIVER_S:
+            receiver_s = record.batch.t_s
+            receiver = wire.encode(view.receiver.show())
         if number % every:
             continue
-        moments.append(_moment(view))
+        moments.append(_moment(view, receiver))
         if len(moments) >= MAX_STATES:
             moments, every = moments[::2], every * 2
     return moments
 
 
-def _moment(view: RunView) -> Moment:
+def _moment(view: RunView, receiver: bytes) -> Moment:
     state = view.state()
     assert state is not None  # it has just seen a tick
     shown = msgspec.structs.replace(state, mode="replay")
-    return Moment(t_s=state.t_s, state=wire.encode(shown), traced=len(view.trace_map_m))
+    return Moment(
+        t_s=state.t_s,
+        state=wire.encode(shown),
+        traced=len(view.trace_map_m),
+        receiver=receiver,
+    )
 
 
 def _read_state(moment: Moment) -> wire.State:

@@ -1,0 +1,145 @@
+"""What the page's card of the GNSS receiver shows: its fixes, sky, corrections and line."""
+
+from __future__ import annotations
+
+from urllib.parse import parse_qsl
+
+from agribot.core.config import RunConfig
+from agribot.core.messages import (
+    SENSOR_WATCH,
+    GnssFix,
+    GnssStatus,
+    OperatorEvent,
+    Satellite,
+    SensorBatch,
+)
+from agribot.core.platforms import runs_in_real_time
+from agribot.ui import wire
+
+RATE_OVER_S = 2.0  # of fixes; a longer pause between two of them begins it anew
+STATUS_LATE_S = 5.0  # after which satellites, dilutions and corrections are told no more
+MOST_SHOWN = 64  # satellites; those that are used and strong first
+# How notes on the receiver's line and on its corrections begin, or go on after a "no".
+LINE_NOTE, CORRECTIONS_NOTE = "the link to the receiver", "corrections from "
+
+
+class ReceiverView:
+    """Follows the receiver tick by tick; `show` may be called from another thread.
+
+    What no source tells is None or empty. Ages are those at the time of the tick.
+    """
+
+    def __init__(self, config: RunConfig) -> None:
+        uri = config.sources.gnss
+        self._device, _, options = uri.partition("?")
+        self._caster = dict(parse_qsl(options)).get("ntrip", "")
+        self._caster_state: wire.CasterState | None = "asked" if self._caster else None
+        self._is_simulated = not uri and not runs_in_real_time(config.platform)
+        self._fix: GnssFix | None = None
+        self._status: GnssStatus | None = None
+        self._correction_hz: float | None = None
+        self._correction_trouble = self._line_trouble = ""
+        self._rate = FixRate()
+        self._t_s = 0.0
+
+    def __call__(self, batch: SensorBatch) -> None:
+        self._t_s = batch.t_s
+        for fix in batch.gnss:
+            self._fix = fix
+            self._rate.add(fix.t_s)
+        for status in batch.gnss_status:
+            self._correction_hz = _measure_corrections_hz(self._status, status)
+            self._status = status
+        for event in batch.events:
+            if event.action == "note" and event.source == SENSOR_WATCH:
+                self._hear(event)
+
+    def show(self) -> wire.ReceiverState:
+        """Make the message of what is known by now."""
+        fix, status, t_s = self._fix, self._status, self._t_s
+        status_age_s = None if status is None else max(t_s - status.t_s, 0.0)
+        is_told = status_age_s is not None and status_age_s <= STATUS_LATE_S
+        told = status if status is not None and is_told else GnssStatus(t_s=t_s)
+        age_s = told.correction_age_s
+        return wire.ReceiverState(
+            is_simulated=self._is_simulated,
+            device=self._device,
+            fix_age_s=None if fix is None else round(max(t_s - fix.t_s, 0.0), 1),
+            quality=0 if fix is None else int(fix.quality),
+            std_m=None if fix is None else _shorten(fix.pos_std_m),
+            rate_hz=self._rate.rate_hz,
+            status_age_s=None if status_age_s is None else round(status_age_s),
+            satellites=_choose_shown(told.satellites),
+            used_count=sum(each.is_used for each in told.satellites),
+            in_view_count=len(told.satellites),
+            hdop=_round_dop(told.hdop),
+            pdop=_round_dop(told.pdop),
+            vdop=_round_dop(told.vdop),
+            correction_age_s=None if age_s is None else round(age_s + max(t_s - told.t_s, 0.0), 1),
+            correction_hz=self._correction_hz if is_told else None,
+            caster=self._caster,
+            caster_state=self._caster_state,
+            correction_trouble=self._correction_trouble,
+            line_trouble=self._line_trouble,
+        )
+
+    def _hear(self, note: OperatorEvent) -> None:
+        trouble = note.text if note.value else ""
+        if note.text.removeprefix("no ").startswith(CORRECTIONS_NOTE):
+            self._correction_trouble = trouble
+            self._caster_state = "failed" if trouble else "connected"
+        elif note.text.startswith(LINE_NOTE):
+            self._line_trouble = trouble
+
+
+class FixRate:
+    """Fixes per second of their own time, None before it is known and after a pause."""
+
+    def __init__(self) -> None:
+        self.rate_hz: float | None = None
+        self._begin_s = self._last_s = float("-inf")
+        self._count = 0
+
+    def add(self, t_s: float) -> None:
+        if not 0.0 < t_s - self._last_s <= RATE_OVER_S:
+            self.rate_hz, self._begin_s, self._count = None, t_s, -1
+        self._last_s = t_s
+        self._count += 1
+        passed_s = t_s - self._begin_s
+        if passed_s >= RATE_OVER_S:
+            self.rate_hz = round(self._count / passed_s, 1)
+            self._begin_s, self._count = t_s, 0
+
+
+def _measure_corrections_hz(before: GnssStatus | None, now: GnssStatus) -> float | None:
+    """Count the corrections passed on between two statuses, where somebody counts them."""
+    if before is None or not now.correction_counts or now.t_s <= before.t_s:
+        return None
+    new = sum(n for _, n in now.correction_counts) - sum(n for _, n in before.correction_counts)
+    return round(max(new, 0) / (now.t_s - before.t_s), 1)
+
+
+def _choose_shown(satellites: tuple[Satellite, ...]) -> list[wire.SeenSatellite]:
+    """Take as many as are shown, in the order that they were told."""
+    best = sorted(satellites, key=lambda each: (not each.is_used, -each.snr_db))[:MOST_SHOWN]
+    chosen = {(each.system, each.number) for each in best}
+    return [
+        wire.SeenSatellite(
+            system=each.system,
+            number=each.number,
+            elevation_deg=round(each.elevation_deg),
+            azimuth_deg=round(each.azimuth_deg),
+            snr_db=round(each.snr_db),
+            is_used=each.is_used,
+        )
+        for each in satellites
+        if (each.system, each.number) in chosen
+    ]
+
+
+def _round_dop(value: float | None) -> float | None:
+    return None if value is None else round(value, 1)
+
+
+def _shorten(std_m: float) -> float | None:
+    return round(std_m, 4) if 0.0 <= std_m < float("inf") else None

@@ -1,0 +1,254 @@
+/** The GNSS receiver as a person in the field needs it: fix, sky, corrections and its line. */
+
+import type { App } from '../app.ts'
+import { el, replace, setAttr, setText, svg } from '../dom.ts'
+import { fixed, metres, NONE } from '../format.ts'
+import type { ReceiverState, SeenSatellite, SensorDoubt } from '../wire.ts'
+import { readSeenSatellite } from '../wire.ts'
+import { tellSince } from './gate-card.ts'
+
+type Tone = 'plain' | 'good' | 'warn' | 'bad'
+
+export interface Fact {
+  name: string
+  text: string
+  tone: Tone
+}
+
+const LATE_FIX_S = 2
+const LATE_STATUS_S = 5 // from then on the robot tells nothing of the sky any more
+const OLD_CORRECTION_S = { warn: 10, bad: 60 } // a carrier fix outlives half a minute without them
+const POOR_HDOP = { warn: 2, bad: 5 }
+const STATES: Record<number, [string, Tone]> = {
+  0: ['No fix', 'bad'],
+  1: ['Single fix, no corrections', 'warn'],
+  2: ['DGNSS', 'warn'],
+  4: ['RTK fixed', 'good'],
+  5: ['RTK float', 'warn'],
+}
+const NOT_TOLD = 'not told'
+const LONG_TEXT = 50 // letters, that take a line of their own
+
+/** The receiver's state in words; a fix that is late is none. */
+export function readFix(receiver: ReceiverState | null): { text: string; tone: Tone } {
+  if (!receiver) return { text: 'Nothing heard yet', tone: 'bad' }
+  if (receiver.fix_age_s === null) return { text: 'No fix yet', tone: 'bad' }
+  if (isLate(receiver)) return { text: `No fix since ${fixed(receiver.fix_age_s, 0, 's')}`, tone: 'bad' }
+  const [text, tone] = STATES[receiver.quality] ?? [`Quality ${receiver.quality}`, 'warn']
+  return { text, tone }
+}
+
+/** Line by line what is told, and what is missing as such. */
+export function readFacts(receiver: ReceiverState, doubt: SensorDoubt | undefined, t_s: number): Fact[] {
+  const facts = [lastFix(receiver), accuracy(receiver), satellites(receiver)]
+  if (receiver.satellites.length) facts.push(signal(receiver.satellites.map(readSeenSatellite)))
+  facts.push(dilution(receiver), corrections(receiver))
+  if (receiver.caster) facts.push(caster(receiver))
+  if (receiver.line_trouble) facts.push(fact('Line', receiver.line_trouble, 'bad'))
+  else if (receiver.device) facts.push(fact('Line', 'no broken messages reported'))
+  if (doubt) {
+    const since = [doubt.state, tellSince(t_s, doubt.since_s)].filter(Boolean).join(' ')
+    facts.push(fact('Doubt', doubt.reason ? `${since}: ${doubt.reason}` : since, 'bad'))
+  }
+  return facts
+}
+
+function fact(name: string, text: string, tone: Tone = 'plain'): Fact {
+  return { name, text, tone }
+}
+
+function isLate({ fix_age_s }: ReceiverState): boolean {
+  return fix_age_s === null || fix_age_s > LATE_FIX_S
+}
+
+function lastFix(receiver: ReceiverState): Fact {
+  if (receiver.fix_age_s === null) return fact('Last fix', 'none since the start', 'bad')
+  const age = fixed(receiver.fix_age_s, isLate(receiver) ? 0 : 1, 's')
+  if (isLate(receiver)) return fact('Last fix', `${age} ago`, 'bad')
+  return fact('Last fix', receiver.rate_hz === null ? `${age} ago` : `${age} ago, ${receiver.rate_hz} per second`)
+}
+
+function accuracy(receiver: ReceiverState): Fact {
+  const name = 'Accuracy, 1 σ'
+  if (isLate(receiver) || receiver.std_m === null) return fact(name, 'not known', 'bad')
+  const std = metres(receiver.std_m)
+  return fact(name, keepUnits(`East, North ±${std}; up ${NOT_TOLD}`))
+}
+
+/** What is said where a receiver tells nothing of the sky, or does not any more. */
+function silence({ is_simulated, status_age_s }: ReceiverState): Pick<Fact, 'text' | 'tone'> {
+  if (status_age_s !== null && status_age_s > LATE_STATUS_S) {
+    return { text: `${NOT_TOLD} for ${fixed(status_age_s, 0, 's')}`, tone: 'bad' }
+  }
+  return { text: is_simulated ? `${NOT_TOLD} in the simulation` : NOT_TOLD, tone: is_simulated ? 'plain' : 'warn' }
+}
+
+function satellites(receiver: ReceiverState): Fact {
+  if (!receiver.in_view_count) return { name: 'Satellites', ...silence(receiver) }
+  const text = `${receiver.used_count} used of ${receiver.in_view_count} in view`
+  return fact('Satellites', text, receiver.used_count ? 'plain' : 'bad')
+}
+
+function signal(seen: SeenSatellite[]): Fact {
+  const heard = seen.filter((each) => each.snr_db > 0)
+  const used = heard.filter((each) => each.is_used)
+  const values = (used.length ? used : heard).map((each) => each.snr_db).sort((a, b) => a - b)
+  if (!values.length) return fact('Signal', 'no satellite is heard', 'bad')
+  const middle = values[Math.floor(values.length / 2)]
+  return fact('Signal', `median ${middle}, best ${values[values.length - 1]} dB-Hz`)
+}
+
+function dilution(receiver: ReceiverState): Fact {
+  const named = { HDOP: receiver.hdop, PDOP: receiver.pdop, VDOP: receiver.vdop }
+  const told = Object.entries(named).flatMap(([name, value]) => (value === null ? [] : [`${name} ${fixed(value, 1)}`]))
+  if (!told.length) return { name: 'Dilution', ...silence(receiver) }
+  return fact('Dilution', keepUnits(told.join(', ')), grade(receiver.hdop ?? 0, POOR_HDOP))
+}
+
+function corrections(receiver: ReceiverState): Fact {
+  const age_s = receiver.correction_age_s
+  if (age_s !== null) return fact('Corrections', `${fixed(age_s, 1, 's')} old`, grade(age_s, OLD_CORRECTION_S))
+  if (receiver.caster_state === 'failed') return fact('Corrections', 'none', 'bad')
+  return { name: 'Corrections', ...silence(receiver) }
+}
+
+function caster(receiver: ReceiverState): Fact {
+  const { caster_state, correction_trouble, correction_hz } = receiver
+  if (caster_state === 'failed') return fact('Caster', correction_trouble, 'bad')
+  const at = receiver.caster.replace(/^\w+:\/\//, '')
+  const name = `Caster ${at}`
+  if (caster_state === 'asked') return fact(name, 'asked, nothing came yet', 'warn')
+  const rate = correction_hz === null ? '' : `, ${fixed(correction_hz, 1)} messages per second`
+  return fact(name, `connected${rate}`)
+}
+
+/** No line ends between a number and its name or unit. */
+function keepUnits(text: string): string {
+  return text.replace(/ (?=cm|m\b|\d)/g, '\u00a0')
+}
+
+function grade(value: number, limits: { warn: number; bad: number }): Tone {
+  return value > limits.bad ? 'bad' : value > limits.warn ? 'warn' : 'plain'
+}
+
+/** Built anew only where something else is to be told. */
+export class GnssCard {
+  private readonly state = el('span', { class: 'tag', role: 'status' })
+  private readonly simulated = el('span', { class: 'tag note', hidden: true }, 'Simulated')
+  private readonly device = el('span', { class: 'muted' })
+  private readonly facts = el('dl', { class: 'facts plain' })
+  private readonly sky = new SkyPlot()
+  readonly node = el(
+    'section',
+    { class: 'card gnss-card', 'aria-label': 'GNSS receiver' },
+    el('div', { class: 'gnss-head' }, el('h2', {}, 'GNSS receiver'), this.state, this.simulated, this.device),
+    el('div', { class: 'gnss-body' }, this.facts, this.sky.node),
+  )
+  private shown = ''
+
+  constructor(private readonly app: App) {}
+
+  update(): void {
+    const { receiver, state } = this.app.store
+    this.node.hidden = this.app.session.source === 'description'
+    const { text, tone } = readFix(receiver)
+    setText(this.state, text)
+    setAttr(this.state, 'class', `tag ${tone}`)
+    this.simulated.hidden = !receiver?.is_simulated
+    setText(this.device, receiver?.device ?? '')
+    const doubt = state?.doubts.find(({ sensor }) => sensor === 'gnss')
+    this.showFacts(receiver ? readFacts(receiver, doubt, state?.t_s ?? 0) : [])
+    this.sky.show(receiver?.satellites.map(readSeenSatellite) ?? [])
+  }
+
+  private showFacts(facts: Fact[]): void {
+    const text = JSON.stringify(facts)
+    if (text === this.shown) return
+    this.shown = text
+    replace(
+      this.facts,
+      ...facts.map((each) =>
+        el(
+          'div',
+          { class: each.text.length > LONG_TEXT ? 'long' : null },
+          el('dt', {}, each.name),
+          el('dd', { class: each.tone }, each.text || NONE),
+        ),
+      ),
+    )
+  }
+}
+
+const RADIUS = 88
+const MARGIN = 14
+const CIRCLES_DEG = [0, 30, 60]
+const STRONG_DB = 50
+const DOT = { least: 2.5, most: 6.5 }
+const WINDS: [string, number][] = [
+  ['N', 0],
+  ['E', 90],
+  ['S', 180],
+  ['W', 270],
+]
+
+/** Where the satellites stand: north up, the zenith in the middle; a strong one is large, a used one filled. */
+class SkyPlot {
+  private readonly dots = svg('g', {})
+  private readonly picture = svg(
+    'svg',
+    {
+      viewBox: `${-RADIUS - MARGIN} ${-RADIUS - MARGIN} ${2 * (RADIUS + MARGIN)} ${2 * (RADIUS + MARGIN)}`,
+      role: 'img',
+    },
+    ...CIRCLES_DEG.map((deg) => svg('circle', { class: 'axis', r: radiusOf(deg) })),
+    svg('path', { class: 'axis', d: `M${-RADIUS} 0H${RADIUS}M0 ${-RADIUS}V${RADIUS}` }),
+    ...WINDS.map(([name, azimuth_deg]) => wind(name, azimuth_deg)),
+    this.dots,
+  )
+  readonly node = el(
+    'figure',
+    { class: 'sky', hidden: true },
+    this.picture,
+    el('figcaption', { class: 'muted' }, 'Filled: used. Larger: stronger.'),
+  )
+
+  show(seen: SeenSatellite[]): void {
+    const up = seen.filter(({ elevation_deg, azimuth_deg }) => elevation_deg >= 0 && azimuth_deg >= 0)
+    this.node.hidden = !up.length
+    const used = up.filter((each) => each.is_used).length
+    setAttr(this.picture, 'aria-label', `Sky: ${up.length} satellites, ${used} of them used`)
+    replace(this.dots, ...up.sort((a, b) => Number(a.is_used) - Number(b.is_used)).map(dot))
+  }
+}
+
+function radiusOf(elevation_deg: number): number {
+  return RADIUS * (1 - elevation_deg / 90)
+}
+
+function place(azimuth_deg: number, radius: number): { x: number; y: number } {
+  const angle = (azimuth_deg * Math.PI) / 180
+  return { x: radius * Math.sin(angle), y: -radius * Math.cos(angle) }
+}
+
+function wind(name: string, azimuth_deg: number): SVGTextElement {
+  const { x, y } = place(azimuth_deg, RADIUS + MARGIN / 2)
+  return svg('text', { x, y: y + 4 }, name)
+}
+
+function dot(satellite: SeenSatellite): SVGCircleElement {
+  const { system, number, elevation_deg, azimuth_deg, snr_db, is_used } = satellite
+  const { x, y } = place(azimuth_deg, radiusOf(elevation_deg))
+  const share = Math.min(snr_db / STRONG_DB, 1)
+  const heard = snr_db > 0 ? `${snr_db} dB-Hz` : 'not heard'
+  const text = `${system} ${number}: ${elevation_deg}° high, ${heard}${is_used ? ', used' : ''}`
+  return svg(
+    'circle',
+    {
+      class: is_used ? 'used' : 'seen',
+      cx: x.toFixed(1),
+      cy: y.toFixed(1),
+      r: (DOT.least + share * (DOT.most - DOT.least)).toFixed(1),
+    },
+    svg('title', {}, text),
+  )
+}
