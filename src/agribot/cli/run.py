@@ -293,7 +293,7 @@ def _format_crops(weeds: WeedReport) -> list[str]:
     line = f"crops mapped along the rows {weeds.crops_mapped}"
     if weeds.crops_truth is not None:
         line += (
-            f" of {weeds.crops_truth}: recall {_format_number(weeds.crop_recall)}, "
+            f", true ones {weeds.crops_truth}: recall {_format_number(weeds.crop_recall)}, "
             f"stems p95 {_format_number(weeds.stem_error_p95_m, 100, ' cm')}"
         )
     return [line]
