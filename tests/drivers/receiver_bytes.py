@@ -89,18 +89,29 @@ def make_ubx_relposned(
     return data
 
 
-def make_ubx_sky(at: dt.datetime) -> bytes:
+def make_ubx_searching(at: dt.datetime = EPOCH) -> bytes:
+    """Write NAV-PVT of a receiver that was just switched on, then what it sees already."""
+    message = UBXMessage(
+        "NAV", "NAV-PVT", GET, iTOW=itow_ms(at), year=2015, month=10, day=18, fixType=0,
+        hAcc=2**32 - 1, vAcc=2**32 - 1, sAcc=20000, pDOP=99.99,
+    )  # fmt: skip
+    data: bytes = message.serialize()
+    return data + make_ubx_sky(at, is_searching=True)
+
+
+def make_ubx_sky(at: dt.datetime, *, is_searching: bool = False) -> bytes:
     """Write NAV-SAT with three satellites, of which two are used, and NAV-DOP."""
     seen = {
         "gnssId": (0, 6, 2), "svId": (5, 14, 31), "cno": (44, 38, 0), "elev": (71, 15, -3),
-        "azim": (210, 33, 359), "svUsed": (1, 1, 0),
+        "azim": (210, 33, 359), "svUsed": (0, 0, 0) if is_searching else (1, 1, 0),
     }  # fmt: skip
     numbered = {f"{name}_{k + 1:02d}": seen[name][k] for name in seen for k in range(3)}
     sat = UBXMessage("NAV", "NAV-SAT", GET, iTOW=itow_ms(at), version=1, numSvs=3, **numbered)
-    dop = UBXMessage(
-        "NAV", "NAV-DOP", GET, iTOW=itow_ms(at), gDOP=2.1, pDOP=1.8, tDOP=1.1, vDOP=1.5, hDOP=0.9,
-        nDOP=0.7, eDOP=0.6,
-    )  # fmt: skip
+    dops = {
+        "gDOP": 2.1, "pDOP": 1.8, "tDOP": 1.1, "vDOP": 1.5, "hDOP": 0.9, "nDOP": 0.7, "eDOP": 0.6,
+    }  # fmt: skip
+    told = dict.fromkeys(dops, 99.99) if is_searching else dops
+    dop = UBXMessage("NAV", "NAV-DOP", GET, iTOW=itow_ms(at), **told)
     data: bytes = sat.serialize() + dop.serialize()
     return data
 

@@ -137,6 +137,34 @@ def test_satellites_and_dilutions_come_through(line: Line, opened: Opened, daemo
     assert status.hdop == pytest.approx(0.9)
 
 
+def search_in_nmea(at: dt.datetime) -> bytes:
+    time = at.strftime("%H%M%S.00")
+    told = (
+        f"GPRMC,{time},V,,,,,,,{at:%d%m%y},,,N", f"GPGGA,{time},,,,,0,00,99.99,,,,,,",
+        "GPGSA,A,1,,,,,,,,,,,,,99.99,99.99,99.99", "GPGSV,1,1,02,05,71,210,44,07,15,033,38",
+    )  # fmt: skip
+    return b"".join(write_sentence(body) for body in told)
+
+
+@pytest.mark.parametrize("search", [search_in_nmea, written.make_ubx_searching])
+def test_satellites_come_through_while_the_receiver_searches(
+    search: Speak, line: Line, opened: Opened, daemon: Daemon
+) -> None:
+    daemon.start(line.path)
+    source = opened.open("gnss", f"gpsd://127.0.0.1:{daemon.port}")
+    fixes: list[GnssFix] = []
+    with speaking((line, search)):
+
+        def find() -> GnssStatus | None:
+            states: list[GnssStatus] = opened.take(source, "gnss_status")
+            fixes.extend(opened.take(source))
+            return next((status for status in states if len(status.satellites) > 1), None)
+
+        status = wait_for(find, "satellites")
+    assert fixes == []
+    assert ("GP", 5, False) in [(s.system, s.number, s.is_used) for s in status.satellites]
+
+
 def test_an_unplugged_receiver_comes_back_through_gpsd_under_another_name(
     line: Line, tmp_path: Path, opened: Opened, daemon: Daemon
 ) -> None:

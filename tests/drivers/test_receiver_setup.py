@@ -15,6 +15,7 @@ from agribot.drivers.ubx import UbxDecoder, UbxFrame, make_frame
 from agribot.drivers.ubx_setup import ACK, MON_VER, NAK, ReceiverSetup, SetupPlan, write_setup
 from tests.drivers import receiver_bytes as written
 from tests.drivers.lines import Line
+from tests.drivers.test_real_gpsd import speaking
 
 VERSIONS = {"ZED-F9P": "27.31", "NEO-M8N": "18.00"}
 
@@ -154,3 +155,14 @@ def test_the_command_shows_what_a_receiver_tells(
     assert "heading 0.0 deg" in told.err
     result = json.loads(told.out.splitlines()[-1])
     assert result["fix"]["lat_deg"] == pytest.approx(written.LAT_DEG)
+
+
+def test_the_command_shows_satellites_of_a_receiver_that_searches_and_fails_for_want_of_a_fix(
+    line: Line, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with speaking((line, written.make_ubx_searching)):
+        assert main(["gnss", "show", f"serial:{line.path}", "--for", "2.5", "--json"]) == 1
+    told = capsys.readouterr()
+    assert "no fix yet, 0 of 3 satellites" in told.err
+    result = json.loads(told.out.splitlines()[-1])
+    assert result["fix"] is None and len(result["status"]["satellites"]) == 3

@@ -117,13 +117,13 @@ class _Summary:
             _print_line(note.text)
 
     def describe(self) -> str:
-        if self.fix is None:
-            return "no fix yet"
-        words = [
-            f"{self.fix.lat_deg:.8f}, {self.fix.lon_deg:.8f}, {self.fix.alt_m:.2f} m",
-            f"{_NAMES.get(self.fix.quality, 'none')} +-{self.fix.pos_std_m:.3f} m",
-            f"{self._find_rate_hz():.1f} Hz",
-        ]
+        words = ["no fix yet"]
+        if self.fix is not None:
+            words = [
+                f"{self.fix.lat_deg:.8f}, {self.fix.lon_deg:.8f}, {self.fix.alt_m:.2f} m",
+                f"{_NAMES.get(self.fix.quality, 'none')} +-{self.fix.pos_std_m:.3f} m",
+                f"{self._find_rate_hz():.1f} Hz",
+            ]
         if self.status is not None:
             seen = self.status.satellites
             words += [f"{sum(each.is_used for each in seen)} of {len(seen)} satellites"]

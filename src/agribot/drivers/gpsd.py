@@ -70,6 +70,7 @@ class GpsdFixes:
         self._refuse = refuse
         self._gst: tuple[float, float] | None = None
         self._last_s = -math.inf
+        self.lacks_fix = True  # of the newest TPV
 
     def add(self, report: Mapping[str, Any]) -> StampedFix | None:
         """Add a report; gives the fix that it is, if it is one."""
@@ -85,7 +86,9 @@ class GpsdFixes:
         return None
 
     def _read(self, report: Mapping[str, Any]) -> StampedFix | None:
-        if int(report.get("mode", 0)) < 2 or "lat" not in report or "time" not in report:
+        has_mode = int(report.get("mode", 0)) >= 2
+        self.lacks_fix = not (has_mode and "lat" in report and "time" in report)
+        if self.lacks_fix:
             return None
         stamp_s = _read_time_s(report)
         if stamp_s <= self._last_s:  # a second report of one epoch, as it grows

@@ -176,6 +176,17 @@ def make_fix(parts: dict[str, tuple[str, ...]]) -> GnssFix | None:
     )
 
 
+def lacks_fix(sentence: Sentence) -> bool:
+    """Tell whether a sentence is a GGA of a receiver that has no position yet, or no more.
+
+    Raises: ValueError, IndexError: a quality that is no number, or too few fields.
+    """
+    if sentence.kind != "GGA":
+        return False
+    _, lat, _, lon, _, quality_text, *_ = sentence.fields
+    return int(quality_text or "0") not in QUALITY or not lat or not lon
+
+
 def read_heading_deg(sentence: Sentence) -> float | None:
     """Read HDT: degrees clockwise from true North; None where it tells none.
 

@@ -67,7 +67,8 @@ class ReceiverDecoder:
         """How many messages had a wrong checksum; to a reader of sentences all frames have."""
         return self._frames.bad if self._has_frames else self._sentences.bad
 
-    def feed(self, data: bytes) -> Stamped:
+    def feed(self, data: bytes, arrived_s: float = 0.0) -> Stamped:
+        """Decode what arrived; the stamp of what comes without a fix is 0."""
         found: Stamped = []
         for frame in self._frames.feed(data):
             self._has_frames = True
@@ -78,33 +79,41 @@ class ReceiverDecoder:
                 heading = self._mount.make_heading(baseline.heading_deg, baseline.std_deg)
                 found.append((baseline.stamp_s, heading))
             for fix in self._from_ubx.add(frame):
-                self._add_fix(found, fix)
+                self._add_fix(found, fix, arrived_s)
+            if ubx.lacks_fix(frame):
+                self._add_status(found, 0.0, arrived_s)
         for sentence in self._sentences.feed(data):
-            self._add_sentence(found, sentence)
+            self._add_sentence(found, sentence, arrived_s)
         return found
 
-    def _add_sentence(self, found: Stamped, sentence: nmea.Sentence) -> None:
+    def _add_sentence(self, found: Stamped, sentence: nmea.Sentence, arrived_s: float) -> None:
         fix = self._from_nmea.add(sentence)
         if self._speaks_ubx:
             return
+        heading_deg, lacks_fix = None, False
         try:
             self.sky.add_sentence(sentence)
             heading_deg = nmea.read_heading_deg(sentence)
+            lacks_fix = nmea.lacks_fix(sentence)
         except (ValueError, IndexError) as error:
             self._refuse(f"{sentence.kind} that cannot be read: {error}")
-            heading_deg = None
         if heading_deg is not None:
             heading = self._mount.make_heading(heading_deg, self._mount.std_deg)
             found.append((self._from_nmea.stamp_s, heading))
         if fix is not None:
-            self._add_fix(found, fix)
+            self._add_fix(found, fix, arrived_s)
+        if lacks_fix:
+            self._add_status(found, 0.0, arrived_s)
 
-    def _add_fix(self, found: Stamped, fix: nmea.StampedFix) -> None:
+    def _add_fix(self, found: Stamped, fix: nmea.StampedFix, arrived_s: float) -> None:
         self.last_fix = fix
         found.append((fix.stamp_s, fix.fix))
-        status = self.sky.make_status(fix.stamp_s)
+        self._add_status(found, fix.stamp_s, arrived_s)
+
+    def _add_status(self, found: Stamped, stamp_s: float, arrived_s: float) -> None:
+        status = self.sky.make_status(stamp_s, arrived_s)
         if status is not None:
-            found.append((fix.stamp_s, status))
+            found.append((stamp_s, status))
 
 
 class GpsdDecoder:
@@ -128,7 +137,8 @@ class GpsdDecoder:
         """How many lines were no report."""
         return self._lines.bad
 
-    def feed(self, data: bytes) -> Stamped:
+    def feed(self, data: bytes, arrived_s: float = 0.0) -> Stamped:
+        """Decode what arrived; the stamp of what comes without a fix is 0."""
         found: Stamped = []
         for report in self._lines.feed(data):
             if not self._is_ours(report):
@@ -142,8 +152,11 @@ class GpsdDecoder:
             if fix is not None:
                 self.last_fix = fix
                 found.append((fix.stamp_s, fix.fix))
-                status = self.sky.make_status(fix.stamp_s)
-                found += [(fix.stamp_s, status)] if status else []
+            elif not (self._fixes.lacks_fix and report.get("class") in ("TPV", "SKY")):
+                continue
+            stamp_s = fix.stamp_s if fix is not None else 0.0
+            status = self.sky.make_status(stamp_s, arrived_s)
+            found += [(stamp_s, status)] if status else []
         return found
 
     def _is_ours(self, report: Mapping[str, Any]) -> bool:
@@ -185,7 +198,7 @@ class ReceiverLink:
 
     def feed(self, data: bytes, arrived_s: float) -> None:
         """Take bytes in, in any thread."""
-        for stamp_s, sample in self.decoder.feed(data):
+        for stamp_s, sample in self.decoder.feed(data, arrived_s):
             if isinstance(sample, GnssFix):
                 self._fixes.put(stamp_s, arrived_s, sample)
             elif isinstance(sample, GnssHeading):

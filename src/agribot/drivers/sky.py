@@ -17,6 +17,7 @@ from agribot.drivers.nmea import Sentence
 from agribot.drivers.ubx import NAV_PVT, UbxFrame
 
 PERIOD_S = 1.0  # of a status
+_JITTER_S = 0.2  # of arrivals, which stand for the period where no fix has a stamp
 NAV_DOP, NAV_SAT = (0x01, 0x04), (0x01, 0x35)
 _DOP = struct.Struct("<I7H")
 _SAT_HEAD, _SAT = struct.Struct("<IBB2x"), struct.Struct("<BBBbhhI")
@@ -48,11 +49,15 @@ class Sky:
         self._used: set[Key] = set()
         self._dops: dict[str, float] = {}
         self._age_s: float | None = None
-        self._last_s = -math.inf
+        self._last_s = self._last_arrived_s = -math.inf
 
-    def make_status(self, stamp_s: float) -> GnssStatus | None:
-        """Make the status of an epoch; None before a second has passed, or without anything."""
-        if 0.0 <= stamp_s - self._last_s < PERIOD_S:
+    def make_status(self, stamp_s: float, arrived_s: float) -> GnssStatus | None:
+        """Make the status of an epoch; None before a second has passed, or without anything.
+
+        `stamp_s` is the receiver's time of its fix. It is 0 without a fix: the time of arrival, on
+        a clock of ours, counts then.
+        """
+        if self._is_early(stamp_s, arrived_s):
             return None
         state = self.corrections() if self.corrections else CorrectionState(self._age_s, {})
         satellites = self._join_satellites()
@@ -65,7 +70,7 @@ class Sky:
             correction_counts=tuple(sorted(state.counts.items())),
             **self._dops,
         )
-        self._last_s = stamp_s
+        self._last_s, self._last_arrived_s = stamp_s or self._last_s, arrived_s
         self._used, self._dops, self._age_s = set(), {}, None
         return status
 
@@ -107,6 +112,11 @@ class Sky:
         told = report.get("satellites")
         if told is not None:
             self._seen = {("", ""): [_read_gpsd_satellite(s) for s in told[:_MOST_SATELLITES]]}
+
+    def _is_early(self, stamp_s: float, arrived_s: float) -> bool:
+        if stamp_s:
+            return 0.0 <= stamp_s - self._last_s < PERIOD_S
+        return arrived_s - self._last_arrived_s < PERIOD_S - _JITTER_S
 
     def _note_dop(self, name: str, value: float) -> None:
         if 0.0 < value < _UNKNOWN_DOP:

@@ -206,6 +206,12 @@ def read_pvt(payload: bytes) -> StampedFix | None:
     )  # fmt: skip
 
 
+def lacks_fix(frame: UbxFrame) -> bool:
+    """Tell whether a frame is a NAV-PVT of a receiver that has no position yet, or no more."""
+    is_pvt = frame.kind == NAV_PVT and len(frame.payload) >= PVT.size
+    return is_pvt and read_pvt(frame.payload) is None
+
+
 def read_hpposllh(payload: bytes) -> tuple[int, float, float, float] | None:
     """Read time of week (ms), latitude, longitude (degrees) and height (m); None where invalid."""
     _, flags, i_tow_ms, lon, lat, height_mm, _, lon_hp, lat_hp, height_hp, _, _, _ = (
