@@ -6,11 +6,15 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.autonomy.estimate.verdicts import SILENT_S
 from agribot.core.config import load
 from agribot.core.messages import (
     Check,
     GateStatus,
+    GnssFix,
+    GnssQuality,
     MissionState,
+    SensorBatch,
     SensorState,
     SensorVerdict,
     SensorVerdicts,
@@ -33,6 +37,27 @@ def test_the_page_shows_the_time_left_that_the_mission_tells(
     assert shown is not None
     assert shown.mission is not None
     assert shown.mission.eta_s == shown_s
+
+
+def test_the_last_fix_is_shown_until_the_robot_calls_gnss_silent_and_the_next_one_again() -> None:
+    first = samples.tick(0, np.random.default_rng(0))
+    (fix,) = first.batch.gnss
+    view = RunView(load("farm"))
+
+    def show(t_s: float, *fixes: GnssFix) -> wire.GnssState | None:
+        batch = SensorBatch(t_s=t_s, gnss=fixes)
+        view(msgspec.structs.replace(first, batch=batch))
+        shown = view.state()
+        assert shown is not None
+        return shown.gnss
+
+    assert show(fix.t_s - 0.02) is None
+    known = show(fix.t_s, fix)
+    assert known is not None and known.quality == GnssQuality.RTK_FIXED
+    assert show(fix.t_s + SILENT_S - 0.01) == known
+    assert show(fix.t_s + SILENT_S + 0.01) is None
+    late = msgspec.structs.replace(fix, t_s=fix.t_s + 9.0)
+    assert show(late.t_s + 0.1, late) == known
 
 
 def _gated(index: int, gate: GateStatus, reason: str = "") -> TickRecord:

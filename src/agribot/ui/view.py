@@ -6,6 +6,7 @@ import math
 from collections import deque
 from typing import get_args
 
+from agribot.autonomy.estimate.verdicts import SILENT_S
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig
 from agribot.core.implement.spec import ImplementSpec, describe_command
@@ -100,7 +101,7 @@ class RunView:
             cross_track_m=None if cross_m is None else _shorten(cross_m),
             joints_rad=self._joints,
             tilt_rad=_tilt(self._up_mps2),
-            gnss=_gnss(self._gnss),
+            gnss=_gnss(self._gnss, record.batch.t_s),
             battery=_battery(self._battery),
             mission=_mission(status),
             mode=self._mode(record),
@@ -254,8 +255,9 @@ def _tilt(up_mps2: Vec3 | None) -> wire.Vec2 | None:
     return round(math.atan2(y, z), 5), round(math.atan2(-x, math.hypot(y, z)), 5)
 
 
-def _gnss(fix: GnssFix | None) -> wire.GnssState | None:
-    if fix is None:
+def _gnss(fix: GnssFix | None, t_s: float) -> wire.GnssState | None:
+    """Show the newest fix until GNSS counts as silent: an old one says nothing of now."""
+    if fix is None or not t_s - fix.t_s <= SILENT_S:
         return None
     return wire.GnssState(
         lat_deg=round(fix.lat_deg, 9),

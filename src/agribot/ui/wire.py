@@ -200,7 +200,7 @@ PageMessage = Ping | Receipt | DriveByHand | PageRequest
 
 
 class GnssState(msgspec.Struct, frozen=True, kw_only=True):
-    """The newest fix; `quality` has the numbers of NMEA GGA field 6."""
+    """The newest fix; `quality` has the numbers of NMEA GGA field 6, 0 is none."""
 
     lat_deg: float
     lon_deg: float
@@ -292,9 +292,10 @@ class State(Message, frozen=True, kw_only=True):
     """The robot at one of its ticks, and the samples of its signals since the state before.
 
     `pose` is x, y (m) and yaw (rad) in the map, null while it is not known; `tilt_rad` roll and
-    pitch. `mono_ms` is when the robot was so. `recording` is the folder that is being written,
-    empty while nothing is recorded, null where nothing can be. `checks` is the newest list before
-    a start, `doubts` are the sensors that are not fine.
+    pitch. `mono_ms` is when the robot was so. `gnss` is null before the first fix, and again once
+    the robot calls GNSS silent. `recording` is the folder that is being written, empty while
+    nothing is recorded, null where nothing can be. `checks` is the newest list before a start,
+    `doubts` are the sensors that are not fine.
     """
 
     tick: int

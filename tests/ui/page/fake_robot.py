@@ -14,6 +14,7 @@ from agribot.core.messages import GateState, MissionState, PlantClass
 from agribot.ui import wire
 
 DATUM = wire.DatumPlace(lat_deg=21.1613331649, lon_deg=72.7870533933)
+GNSS = wire.GnssState(lat_deg=DATUM.lat_deg, lon_deg=DATUM.lon_deg, quality=4, std_m=0.014)
 ROWS = 6
 ROW_LENGTH_M = 24.0
 ROW_SPACING_M = 1.5
@@ -119,6 +120,7 @@ class FakeRobot:
         self.doubts: list[wire.SensorDoubt] = []
         self.leg = "row 3"
         self.receiver = make_receiver()
+        self.gnss: wire.GnssState | None = GNSS
         self.replay: wire.ReplayProgress | None = None
         self.trajectory: list[wire.Vec2] = []
         self.commands: list[wire.PageMessage] = []
@@ -204,9 +206,7 @@ class FakeRobot:
             cross_track_m=0.021,
             joints_rad=[self.s_m / 0.15] * 4,
             tilt_rad=(0.02, -0.03),
-            gnss=wire.GnssState(
-                lat_deg=DATUM.lat_deg, lon_deg=DATUM.lon_deg, quality=4, std_m=0.014
-            ),
+            gnss=self.gnss,
             battery=wire.BatteryState(voltage_v=25.1, charge_pct=87.0),
             mission=self._mission(row),
             mode=self.mode,

@@ -6,6 +6,7 @@ import csv
 import io
 import re
 
+import msgspec
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -20,6 +21,7 @@ from tests.ui.page.conftest import (
     take_control,
     until,
 )
+from tests.ui.page.fake_robot import GNSS
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.test_safety import armed, commands
 from tests.waiting import wait_for
@@ -53,6 +55,21 @@ def test_the_status_bar_tells_link_age_position_battery_stop_operator_and_viewer
     wait_for(lambda: chip(page, "Stop") == "Pressed", "the stop")
     take_control(page)
     assert chip(page, "Operator") == "You"
+
+
+def test_the_status_bar_says_in_red_that_there_is_no_fix_any_more_and_the_next_fix_again(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page()
+    gnss = page.locator(".chip", has_text="GNSS")
+    for state in (None, msgspec.structs.replace(GNSS, quality=0)):
+        expect(gnss.locator(".chip-value")).to_have_text("RTK 1.4 cm")
+        expect(gnss).not_to_have_attribute("data-tone", "bad")
+        server.robot.gnss = state
+        expect(gnss.locator(".chip-value")).to_have_text("No fix")
+        expect(gnss).to_have_attribute("data-tone", "bad")
+        server.robot.gnss = GNSS
+    expect(gnss.locator(".chip-value")).to_have_text("RTK 1.4 cm")
 
 
 def not_reached(page: Page) -> list[str] | None:

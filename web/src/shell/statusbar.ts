@@ -88,8 +88,8 @@ export class StatusBar {
 
   private updatePosition(): void {
     const gnss = this.app.store.state?.gnss
-    if (!gnss) {
-      this.gnss.set('No fix', 'warn')
+    if (!gnss?.quality) {
+      this.gnss.set('No fix', 'bad')
       return
     }
     this.gnss.set(`${fixName(gnss.quality)} ${metres(gnss.std_m)}`, (gnss.std_m ?? 0) > 0.5 ? 'warn' : '')

@@ -22,7 +22,7 @@ from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.priors import motion_noise, slow_ageing
 from agribot.autonomy.estimate.row_lines import RowLines
 from agribot.autonomy.estimate.row_sight import RowSight
-from agribot.autonomy.estimate.verdicts import Finding, SensorName, VerdictTable
+from agribot.autonomy.estimate.verdicts import SILENT_S, Finding, SensorName, VerdictTable
 from agribot.core.arithmetic import clamp
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.geo import wrap_rad
@@ -40,8 +40,6 @@ BLIND_YAW_RAD_PER_SQRT_S = 0.05
 # Dead reckoning also counts as lost when it has lost half as much again as was known.
 LOST_RATIO = 1.5
 STANDING_MPS = 0.02
-# GNSS and compass count as silent in the table of verdicts after this time.
-SILENT_S = 3.0
 
 Kind = TypeVar("Kind", bound=Correction[Any])
 

@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 from agribot.core.messages import ALL_FINE, FINE, SensorState, SensorVerdict, SensorVerdicts
 
 SensorName = Literal["gnss", "compass", "gyro", "wheels", "camera", "clock"]
+SILENT_S = 3.0  # after which GNSS and compass count as silent
 
 
 class Finding(NamedTuple):
