@@ -58,8 +58,9 @@ class WeedMap:
         if scene.crop_cover is not None:
             self.crop_ground.add(scene.crop_cover, pose)
         seen = [sighting(p, pose) for p in scene.plants if p.plant != PlantClass.SOIL]
-        touched = self._associate(seen, scene.t_s)
-        self._count_misses(GroundView(scene.view_body_m, pose), scene.t_s)
+        view = GroundView(scene.view_body_m, pose)
+        touched = self._associate(seen, view, scene.t_s)
+        self._count_misses(view, scene.t_s)
         for track in touched:
             self._merge_around(track, scene.t_s)
         self._forget_tentative(scene.t_s)
@@ -121,8 +122,12 @@ class WeedMap:
             t.message() for t in self._tracks.values() if t.is_confirmed and t.plant == plant
         )
 
-    def _associate(self, seen: list[PlantSighting], t_s: float) -> list[Track]:
-        """Give each sighting to a track, best pairs first, or start one; return those tracks."""
+    def _associate(self, seen: list[PlantSighting], view: GroundView, t_s: float) -> list[Track]:
+        """Give each sighting to a track, best pairs first, or start one; return those tracks.
+
+        At the edge of the picture no track starts from a stem: the leaves there may be those of a
+        plant that stands beyond it.
+        """
         pairs = sorted(
             (cost, index, track.id)
             for index, plant in enumerate(seen)
@@ -139,6 +144,8 @@ class WeedMap:
             if index in partner:
                 track = self._tracks[partner[index]]
                 track.update(plant, t_s)
+            elif plant.is_stem and not view.covers(plant.x_map_m, plant.y_map_m, 0.0):
+                continue
             else:
                 track = self._start(plant, t_s)
             self._settle(track)

@@ -34,7 +34,8 @@ MAX_CLASS_LOGIT = 6.0
 class PlantSighting:
     """A plant of one frame, placed in the map.
 
-    `own_var_m2` is per axis; `xx, xy, yy_m2` is the covariance that the whole frame shares.
+    `own_var_m2` is per axis; `xx, xy, yy_m2` is the covariance that the whole frame shares. Where
+    its stem was seen, and not its leaves, `is_stem` is true.
     """
 
     x_map_m: float
@@ -46,6 +47,7 @@ class PlantSighting:
     plant: PlantClass
     weed_logit: float
     area_m2: float
+    is_stem: bool = False
 
 
 @dataclass(slots=True, eq=False)
@@ -203,6 +205,7 @@ def sighting(plant: GroundPlant, pose: PoseAt) -> PlantSighting:
         plant=plant.plant,
         weed_logit=logit if plant.plant == PlantClass.WEED else -logit,
         area_m2=plant.area_m2,
+        is_stem=plant.seen_height_m == 0.0,
     )
 
 
