@@ -64,8 +64,9 @@ def test_learning_plants_changes_no_class_of_the_weights_it_began_with(
     export_onnx(network, tmp_path / "plants.onnx", 96, 128, temperature=temperature)
     one = Segmenter(class_file).segment(draw_image())
     other = Segmenter(tmp_path / "plants.onnx").segment(draw_image())
-    assert np.array_equal(one.class_id, other.class_id)
-    assert np.abs(one.confidence.astype(int) - other.confidence).max() <= 1
+    # Its weights are stored in 16 bits.
+    assert (one.class_id == other.class_id).mean() > 0.999
+    assert np.abs(one.confidence.astype(int) - other.confidence).max() <= 2
 
 
 def test_the_file_answers_with_the_stems_and_ways_of_the_network(tmp_path: Path) -> None:
@@ -81,9 +82,9 @@ def test_the_file_answers_with_the_stems_and_ways_of_the_network(tmp_path: Path)
         _, maps = network(centred_rgb(torch.from_numpy(image_rgb).permute(2, 0, 1)[None]))
     assert found is not None and found.stem_score.shape == (2, 24, 32)
     np.testing.assert_allclose(
-        found.stem_score / 255.0, maps[0, :2].sigmoid().numpy(), atol=1.1 / 255.0
+        found.stem_score / 255.0, maps[0, :2].sigmoid().numpy(), atol=2.1 / 255.0
     )
-    np.testing.assert_allclose(found.way_px, WAY_UNIT_PX * maps[0, 2:].numpy(), atol=0.01)
+    np.testing.assert_allclose(found.way_px, WAY_UNIT_PX * maps[0, 2:].numpy(), atol=0.3)
 
 
 def test_a_file_with_plants_can_be_resized_and_begun_with(tmp_path: Path, class_file: Path) -> None:
@@ -96,7 +97,7 @@ def test_a_file_with_plants_can_be_resized_and_begun_with(tmp_path: Path, class_
     x = torch.randn(1, 3, 96, 128)
     with torch.inference_mode():
         for one, other in zip(first(x), again.eval()(x), strict=True):
-            assert torch.allclose(one, other, atol=2e-3)
+            assert torch.allclose(one, other, rtol=0.01, atol=0.02)
     (tmp_path / "big.onnx").write_bytes(resize_network(path, 128, 160))
     plants = Segmenter(tmp_path / "big.onnx").segment(draw_image()).plants
     assert plants is not None and plants.way_px.shape == (2, 32, 40)

@@ -18,6 +18,7 @@ ORIGINAL = "original-bonnet"
 INT8 = " int8"
 NETWORKS = (
     "agribot-sim",
+    "agribot-plants",
     "agribot-s",
     "agribot-s" + INT8,
     "agribot-m",

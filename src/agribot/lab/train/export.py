@@ -20,6 +20,7 @@ from agribot.lab.train.evaluate import CLASS_NAMES
 from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.plant_network import PlantNet
 from agribot.lab.train.plant_targets import WAY_UNIT_PX
+from agribot.lab.train.precision import store_as_fp16
 from agribot.lab.train.resizing import name_output_sizes
 
 # Of the network, not of the camera: the graph resizes whatever comes in.
@@ -112,6 +113,7 @@ def export_onnx(
 ) -> None:
     """Write the deployable graph; batch norms are folded into the convolutions by the exporter.
 
+    The weights of a network that finds plants are stored in 16 bits.
     `antialias` widens the filter of the input's resize with its reduction: for photographs that
     are much larger than the network's input.
     """
@@ -135,6 +137,8 @@ def export_onnx(
             dynamo=False,
         )
     _describe(path, (height_px, width_px), antialias, temperature)
+    if finds_plants:  # the largest file of the package
+        store_as_fp16(path)
 
 
 def _describe(path: Path, size_px: tuple[int, int], antialias: bool, temperature: float) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -11,6 +12,7 @@ from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.errors import ConfigError
 from agribot.lab.train.architectures import ARCHITECTURES, find_architecture
 from agribot.lab.train.plant_network import PlantNet
+from agribot.lab.train.precision import HALF
 
 IMAGENET, RANDOM = "imagenet", "random"
 # Top rates of a network that has learned already, and of one whose encoder has.
@@ -79,11 +81,14 @@ def _convolutions(path: Path) -> list[tuple[Tensor, Tensor]]:
 
     Segmenter(path)  # names a file that is no network
     graph = onnx.load(str(path)).graph
-    values = {one.name: one for one in graph.initializer}
+    values = {one.name.removesuffix(HALF): one for one in graph.initializer}
     nodes = [node for node in graph.node if node.op_type == "Conv"]
     if not all(len(node.input) == 3 and values.keys() >= set(node.input[1:]) for node in nodes):
         raise ConfigError(f"--start {path}: has no plain weights; give the fp32 file")
-    arrays = [[numpy_helper.to_array(values[name]) for name in node.input[1:]] for node in nodes]
+    arrays = [
+        [numpy_helper.to_array(values[name]).astype(np.float32) for name in node.input[1:]]
+        for node in nodes
+    ]
     return [(torch.from_numpy(w.copy()), torch.from_numpy(b.copy())) for w, b in arrays]
 
 

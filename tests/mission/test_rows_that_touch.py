@@ -1,0 +1,35 @@
+"""Rows whose leaves touch: every crop plant is on the map, and none is sprayed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from agribot.record.report import Report
+from tests.mission.conftest import run_session
+
+FIRST_ROW_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Report:
+    out = tmp_path_factory.mktemp("beet") / "run"
+    settings = ["seed=1", 'sim.sensors="rtk"', f"duration_s={FIRST_ROW_S}"]
+    return run_session("beet", settings, str(Path(out)))
+
+
+def test_beets_of_a_row_that_closes_are_mapped_one_by_one(report: Report) -> None:
+    found = report.weeds
+    assert report.mission.rows_done == 1
+    assert found.crops_truth is not None and found.crops_truth > 35
+    assert found.crop_recall is not None and found.crop_recall > 0.9
+    assert found.crops_mapped is not None and found.crops_mapped <= 1.3 * found.crops_truth
+    assert found.stem_error_p95_m is not None and found.stem_error_p95_m < 0.05
+
+
+def test_weeds_among_them_are_treated_and_no_crop_is(report: Report) -> None:
+    found = report.weeds
+    assert found.treated_true is not None and found.treated_true >= 4
+    assert found.crops_hit == 0
+    assert report.tracking.plants_crushed == 0
