@@ -41,13 +41,14 @@ def run(options: argparse.Namespace) -> int:
     extras.require("sim", "agribot bench plants")
     load_condition_preset(options.preset)
     from agribot.lab.bench import plants
+    from agribot.lab.plant_table import format_table
 
     scenes = [SCENES[name] for name in names]
     result = plants.judge_scenes(
         scenes, options.model, options.preset, options.frames, options.seed, _print_line
     )
     if options.out is not None:
-        _write(options.out, "plants.md", plants.format_table(result))
+        _write(options.out, "plants.md", format_table(plants.list_scores(result)))
         _write(options.out, "plants.json", json.dumps(result, indent=1) + "\n")
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")

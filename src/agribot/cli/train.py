@@ -118,7 +118,7 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
     onnx_path = args.out / f"{args.name}.onnx"
     features = find_architecture(args.model).features
     calibration = _calibrate(network, features, source)
-    temperature = calibration.temperature if calibration else _keep_temperature(args)
+    kept_temperature = _keep_temperature(args)
     height_px, width_px = source.input_size_px
     is_small = args.precision == "int8"
     plain_path = args.out / f"{args.name}-fp32.onnx" if is_small else onnx_path
@@ -129,12 +129,15 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
         width_px,
         antialias=source.antialias,
         features=features,
-        temperature=temperature,
+        temperature=calibration.temperature if calibration else kept_temperature or 1.0,
     )
     if is_small:
         quantise_to_int8(plain_path, onnx_path, sample_pictures(source.pictures))
     card = msgspec.structs.replace(
-        _evaluate(args, trainer, onnx_path, source), held_out=held_out, calibration=calibration
+        _evaluate(args, trainer, onnx_path, source),
+        held_out=held_out,
+        calibration=calibration,
+        kept_temperature=kept_temperature,
     )
     card.write(onnx_path)
     write_curves(args.out / LOG, args.out / "training.png")
@@ -234,12 +237,12 @@ def _calibrate(network: Any, features: Any, source: Any) -> Any:
     return calibrate(deployed.logits, source.aside(), tests)
 
 
-def _keep_temperature(args: argparse.Namespace) -> float:
-    """Return that of the weights whose classes are kept; 1 for a network that learns its own."""
+def _keep_temperature(args: argparse.Namespace) -> float | None:
+    """Return that of the weights whose classes are kept; None for a network that learns its own."""
     from agribot.lab.train.architectures import find_architecture
     from agribot.lab.train.start import read_temperature
 
-    return read_temperature(args.start) if find_architecture(args.model).finds_plants else 1.0
+    return read_temperature(args.start) if find_architecture(args.model).finds_plants else None
 
 
 def _evaluate(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any) -> Any:
@@ -279,21 +282,15 @@ def _evaluate(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: A
         cpu_ms_conditions=card.describe_speed_conditions(threads=1),
         training_cpu_min=round(trainer.cpu_s / 60.0, 1),
         test=tests,
-        plants=_judge_plants(args, onnx_path),
-        kept_temperature=_keep_temperature(args) if segmenter.finds_plants else None,
+        plants=_judge_plants(args, onnx_path) if segmenter.finds_plants else {},
     )
 
 
 def _judge_plants(args: argparse.Namespace, onnx_path: Path) -> Any:
-    """Judge single plants, scene by scene and all together; none where the network finds none."""
-    from agribot.autonomy.perceive.segmenter import Segmenter
+    """Judge single plants, scene by scene and all together."""
     from agribot.lab.bench.plant_scenes import SCENES
-    from agribot.lab.bench.plants import FRAMES, judge_scenes
-    from agribot.lab.plant_scores import PlantScores
+    from agribot.lab.bench.plants import FRAMES, judge_scenes, list_scores
 
-    if not Segmenter(onnx_path).finds_plants:
-        return {}
     frames = min(FRAMES, args.test_images)
-    result = judge_scenes(list(SCENES.values()), str(onnx_path), frames=frames, seed=args.seed)
-    rows = [*result["by"], {**result, "name": "all"}]
-    return {row["name"]: msgspec.convert(row, PlantScores) for row in rows}
+    scenes = list(SCENES.values())
+    return list_scores(judge_scenes(scenes, str(onnx_path), frames=frames, seed=args.seed))

@@ -15,7 +15,7 @@ import pytest
 
 from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.calibration.wizard import Wizard
-from agribot.autonomy.perceive.plants import HEIGHT_RATIO
+from agribot.autonomy.perceive.foliage import HEIGHT_RATIO
 from agribot.core import config
 from agribot.core.messages import FloatArray, GroundPlant, PlantClass, RowLine, Scene, TickRecord
 from agribot.description.loader import load_robot

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
+from agribot.autonomy.perceive.foliage import HEIGHT_RATIO
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.mount_fit import Look, MountFit, fit_mount
-from agribot.autonomy.perceive.plants import HEIGHT_RATIO, observe
+from agribot.autonomy.perceive.plants import observe
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.config import PerceptionConfig
 from agribot.core.geo import rotation_from_rpy, transform

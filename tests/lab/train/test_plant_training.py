@@ -73,7 +73,7 @@ def test_the_file_answers_with_the_stems_and_ways_of_the_network(tmp_path: Path)
     torch.manual_seed(5)
     network, image_rgb = PlantNet().eval(), draw_image()
     with torch.no_grad():
-        network.plants.head.weight.mul_(20.0)
+        network.plants.decoder.head.weight.mul_(20.0)
     export_onnx(network, tmp_path / "net.onnx", 96, 128)
     segmenter = Segmenter(tmp_path / "net.onnx")
     assert segmenter.finds_plants

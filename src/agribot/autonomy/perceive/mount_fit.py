@@ -15,7 +15,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from agribot.autonomy.perceive.plants import HEIGHT_RATIO
+from agribot.autonomy.perceive.foliage import find_height_m
 from agribot.core.geo import rotation_from_rpy
 from agribot.core.messages import FloatArray, GroundPlant, PlantClass
 from agribot.core.pose import Pose2
@@ -99,7 +99,7 @@ class _Tracks:
         )  # fmt: skip
         poses = np.array([sight.look.pose_map for sight in sights]).reshape(-1, 3)
         self._xy_m, self._cos, self._sin = poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        places = [(s.plant.x_body_m, s.plant.y_body_m, _find_height_m(s.plant)) for s in sights]
+        places = [(s.plant.x_body_m, s.plant.y_body_m, _tell_height_m(s.plant)) for s in sights]
         self._heights_m = np.array([place[2] for place in places])
         self._centre_m = body_from_camera[:3, 3]
         self._rays_body = np.array(places).reshape(-1, 3) - self._centre_m
@@ -203,13 +203,13 @@ def _is_long(track: Sequence[_Sight]) -> bool:
     return len(track) >= MIN_LOOKS and math.dist(first[:2], last[:2]) >= MIN_WAY_M
 
 
-def _find_height_m(plant: GroundPlant) -> float:
-    """How high over the ground stands what was seen: of leaves, as `plants` supposes."""
+def _tell_height_m(plant: GroundPlant) -> float:
+    """How high over the ground stands what was seen: of leaves, as `foliage` supposes."""
     if plant.seen_height_m is not None:
         return plant.seen_height_m
     if plant.plant is PlantClass.SOIL:
         return 0.0
-    return HEIGHT_RATIO[plant.plant] * 2.0 * math.sqrt(plant.area_m2 / math.pi)
+    return find_height_m(plant.plant, plant.area_m2)
 
 
 def _slopes(tracks: _Tracks, mount: FloatArray, weights: FloatArray) -> FloatArray:

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from agribot.autonomy.perceive import foliage
 from agribot.autonomy.perceive.crop_cover import middles_of_squares
+from agribot.autonomy.perceive.foliage import find_nearer_ratio
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.pieces import find_windows, label_pieces
 from agribot.autonomy.perceive.row_line import find_row_line
@@ -32,8 +32,7 @@ FRINGE_CONTACT_RATIO = 0.4
 FRINGE_AREA_RATIO = 0.5
 # Thin stalks vanish at the network's resolution: leaves up to twice this apart belong together.
 GAP_PX = 3
-# Of the foliage over the diameter of the plant, and 1 sigma of it.
-HEIGHT_RATIO = foliage.HEIGHT_RATIO
+# 1 sigma of the height of foliage over the diameter of the plant.
 HEIGHT_STD_RATIO = {PlantClass.WEED: 0.2, PlantClass.CROP: 0.12}
 # Plants do not spread evenly about their foot.
 CENTRE_STD_RATIO = 0.06
@@ -58,15 +57,11 @@ def observe(
     counts = np.bincount(class_map.class_id.ravel(), minlength=len(PlantClass))
     ratio = counts / class_map.class_id.size
     pieces = find_pieces(class_map, ground)
-    if class_map.plants is None:
-        plants = plants_of(pieces, class_map, ground, config)
-    else:
-        plants = ground_plants(class_map, ground, config)
     return Scene(
         t_s=frame.t_s,
         ready_s=ready_s,
         frame_index=frame.index,
-        plants=tuple(plants),
+        plants=tuple(ground_plants(class_map, ground, config, pieces)),
         view_body_m=ground.view_body_m,
         class_ratio=(float(ratio[0]), float(ratio[1]), float(ratio[2])),
         row_line=find_row_line(class_map, ground, frame.t_s),
@@ -76,25 +71,21 @@ def observe(
 
 
 def ground_plants(
-    class_map: ClassMap, ground: GroundLookup, config: PerceptionConfig
+    class_map: ClassMap,
+    ground: GroundLookup,
+    config: PerceptionConfig,
+    pieces: Pieces | None = None,
 ) -> list[GroundPlant]:
     """Plants within range that the image shows whole, nearest first.
 
-    Of a network that finds plants: those whose stem the image shows.
+    Of a network that finds plants: those whose stem the image shows. Of one that only tells
+    classes: the `pieces` of its map, which are found here where they are not yet.
     """
     if class_map.plants is not None:
-        return _sort(find_stem_plants(class_map, ground, config))
-    return plants_of(find_pieces(class_map, ground), class_map, ground, config)
-
-
-def plants_of(
-    pieces: Pieces, class_map: ClassMap, ground: GroundLookup, config: PerceptionConfig
-) -> list[GroundPlant]:
-    """As `ground_plants` of a network that only tells classes, of the pieces of its map."""
-    return _sort(_measure(pieces, class_map.confidence, ground, config))
-
-
-def _sort(plants: list[GroundPlant]) -> list[GroundPlant]:
+        plants = find_stem_plants(class_map, ground, config)
+    else:
+        pieces = pieces or find_pieces(class_map, ground)
+        plants = _measure(pieces, class_map.confidence, ground, config)
     return sorted(plants, key=lambda plant: (plant.x_body_m, plant.y_body_m))
 
 
@@ -216,7 +207,7 @@ def _standing(
     areas_m2 = ground.area_m2[window][piece].astype(np.float64)
     area_m2 = float(areas_m2.sum())
     diameter_m = 2.0 * math.sqrt(area_m2 / math.pi)
-    nearer = foliage.find_nearer_ratio(plant, area_m2, camera_height_m)
+    nearer = find_nearer_ratio(plant, area_m2, camera_height_m)
     x_m = nearer * (
         float(np.average(ground.x_body_m[window][piece], weights=areas_m2)) - x_camera_m
     )

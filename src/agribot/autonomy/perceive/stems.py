@@ -69,7 +69,7 @@ def find_stems(maps: PlantMaps, least_score: float) -> Stems:
     rows, columns = cells.T
     way_px: FloatArray = maps.way_px[:, rows, columns].T.astype(np.float64)
     is_near = np.hypot(way_px[:, 0], way_px[:, 1]) <= OWN_CELL_PX
-    uv_px = _find_centres(cells) + np.where(is_near[:, None], way_px, 0.0)
+    uv_px = find_centres(cells) + np.where(is_near[:, None], way_px, 0.0)
     kept = _find_apart(uv_px)
     kind_scores = maps.stem_score[:, rows, columns].T.astype(np.float64) / 255.0
     return Stems(uv_px[kept], kind_scores[kept], cells[kept])
@@ -96,7 +96,7 @@ def find_cell_owners(maps: PlantMaps, stems: Stems, holds_plant: Mask) -> Owners
     if not len(stems.uv_px) or not len(cells):
         return owners
     way_px = maps.way_px[:, holds_plant].T.astype(np.float64)
-    votes_px = _find_centres(cells) + way_px
+    votes_px = find_centres(cells) + way_px
     nearest = _find_nearest(votes_px, stems.uv_px)
     gap_px = np.hypot(*(votes_px - stems.uv_px[nearest]).T)
     is_owned = gap_px <= REACH_PX + REACH_RATIO * np.hypot(*way_px.T)
@@ -115,7 +115,7 @@ def sum_cells(values: npt.NDArray[Value]) -> npt.NDArray[Value]:
     return cells
 
 
-def _find_centres(cells: Indices) -> FloatArray:
+def find_centres(cells: Indices) -> FloatArray:
     """Return the centres (N, 2), u and v in pixels, of cells (N, 2), rows and columns."""
     return cells[:, ::-1].astype(np.float64) * CELL_PX + (CELL_PX - 1) / 2.0
 

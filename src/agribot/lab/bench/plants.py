@@ -22,7 +22,6 @@ from agribot.autonomy.perceive.stem_plants import LEAST_SCORE
 from agribot.autonomy.perceive.stems import find_owners, find_stems
 from agribot.core.config import PerceptionConfig
 from agribot.core.geo import inverse, transform
-from agribot.core.lens import distort
 from agribot.core.messages import WHEEL_NAMES, ByteArray, FloatArray, GroundPlant, PlantClass, Row
 from agribot.core.robot import CameraSpec, RobotSpec
 from agribot.core.row_shape import start_yaw_rad
@@ -30,9 +29,10 @@ from agribot.core.world import WorldSpec
 from agribot.description.loader import load_robot
 from agribot.lab.bench.plant_scenes import PlantScene, draw_field, make_stream
 from agribot.lab.plant_scores import PlacedPlants, PlantScores, PlantSegments, PlantTally
+from agribot.lab.plant_table import format_head, format_line
+from agribot.lab.train.plant_truth import place_stems, project_points
 from agribot.lab.train.rough_ground import stand_on
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
-from agribot.sim.camera.scene import sample_ground_heights
 from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 
 PRESET = "field"
@@ -98,46 +98,10 @@ def judge_scenes(
     }
 
 
-def format_table(result: dict[str, Any]) -> str:
-    """Format a result as a table of Markdown."""
-    names = list(COLUMNS)
-    lines = [f"| scene | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|"]
-    for row in (*result["by"], {**result, "name": "all"}):
-        scores = msgspec.convert(row, PlantScores)
-        lines.append(f"| {row['name']} | {' | '.join(cell(scores) for cell in COLUMNS.values())} |")
-    return "\n".join(lines) + "\n"
-
-
-def format_head() -> str:
-    return f"{'':10}" + "".join(f"{title:>{_find_width(title)}}" for title in COLUMNS)
-
-
-def format_line(name: str, scores: PlantScores) -> str:
-    cells = (f"{cell(scores):>{_find_width(title)}}" for title, cell in COLUMNS.items())
-    return f"{name:10}" + "".join(cells)
-
-
-def _find_width(title: str) -> int:
-    return max(len(title), 4) + 2
-
-
-def _format(value: float | None, decimals: int = 2, unit: str = "", scale: float = 1.0) -> str:
-    return "-" if value is None else f"{value * scale:.{decimals}f}{unit}"
-
-
-# Title of a column -> what it says of the scores.
-COLUMNS: dict[str, Callable[[PlantScores], str]] = {
-    "crops": lambda s: str(s.crops_truth),
-    "recall": lambda s: _format(s.crop_recall),
-    "precision": lambda s: _format(s.crop_precision),
-    "weeds": lambda s: str(s.weeds_truth),
-    "of weeds, recall": lambda s: _format(s.weed_recall),
-    "of weeds, precision": lambda s: _format(s.weed_precision),
-    "stems, median": lambda s: _format(s.stem_error_median_m, 1, " cm", 100.0),
-    "stems, 95 %": lambda s: _format(s.stem_error_p95_m, 1, " cm", 100.0),
-    "crops hit": lambda s: str(s.crops_hit),
-    "PQ": lambda s: _format(s.pq),
-}
+def list_scores(result: dict[str, Any]) -> dict[str, PlantScores]:
+    """List the scores of a result by scene, those of all scenes together last."""
+    rows = [*result["by"], {**result, "name": "all"}]
+    return {row["name"]: msgspec.convert(row, PlantScores) for row in rows}
 
 
 def _judge_scene(
@@ -220,9 +184,7 @@ def find_truth(
     instance = drawn.instance
     seen_px = np.bincount(instance[instance >= 0], minlength=len(world.plants))
     shown = np.flatnonzero(seen_px)
-    plants = [world.plants[index] for index in shown]
-    places_m = np.array([(p.x_map_m, p.y_map_m, 0.0) for p in plants]).reshape(-1, 3)
-    places_m[:, 2] = sample_ground_heights(world, places_m, ground)
+    places_m, kind = place_stems(world, shown, ground)
     body_m = _move(places_m, inverse(map_from_body))
     camera_m = _move(body_m, inverse(body_from_camera))
     range_m = np.hypot(*(body_m[:, :2] - lookup.camera_xyz_body_m[:2]).T)
@@ -231,7 +193,7 @@ def find_truth(
         & (range_m <= lookup.max_range_m)
         & _is_in_view(camera_m, lookup.camera)
     )
-    every = PlacedPlants(body_m[:, :2], np.array([p.plant for p in plants], dtype=np.uint8))
+    every = PlacedPlants(body_m[:, :2], kind)
     number = np.zeros(len(world.plants) + 1, dtype=np.int64)  # of instance -1, the last, none
     number[shown[is_wanted]] = np.arange(1, int(is_wanted.sum()) + 1)
     segments = PlantSegments(number[instance], every.kind[is_wanted])
@@ -252,13 +214,8 @@ def _move(points_m: FloatArray, other_from_own: FloatArray) -> FloatArray:
 
 def _is_in_view(camera_m: FloatArray, camera: CameraSpec) -> Mask:
     """Tell which points (N, 3) of the optical frame the picture shows, were nothing before them."""
-    depth_m = camera_m[:, 2]
-    is_ahead = depth_m > camera.clip_near_m
-    rays = camera_m[:, :2] / np.where(is_ahead, depth_m, 1.0)[:, None]
-    if any(camera.distortion):
-        rays = distort(rays, camera.distortion)
-    matrix = camera.matrix()
-    places_px = rays * np.diag(matrix)[:2] + matrix[:2, 2]
+    is_ahead = camera_m[:, 2] > camera.clip_near_m
+    places_px = project_points(camera_m, camera)
     size_px = np.array([camera.width_px, camera.height_px])
     is_inside = (places_px >= -0.5) & (places_px < size_px - 0.5)
     inside: Mask = is_ahead & is_inside.all(axis=1)

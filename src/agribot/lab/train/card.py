@@ -15,6 +15,7 @@ from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.errors import ConfigError
 from agribot.core.messages import PlantClass
 from agribot.lab.plant_scores import PlantScores
+from agribot.lab.plant_table import format_table
 from agribot.lab.train.calibration import Calibration
 from agribot.lab.train.efficientnet import PACKAGE, VERSION
 from agribot.lab.train.evaluate import CLASS_NAMES, Scores
@@ -158,25 +159,11 @@ def _format_scores(name: str, scores: Scores) -> str:
 
 
 def _format_plants(plants: dict[str, PlantScores]) -> str:
-    lines = [
-        "## Single plants",
-        "",
+    return (
+        "## Single plants\n\n"
         "By `agribot bench plants`, on fields that are drawn for it alone, seen from the robot's "
-        "own camera.",
-        "",
-        "| scene | crop recall | crop precision | weed recall | weed precision | stem error p95 | "
-        "crops called weeds | panoptic quality |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for name, one in plants.items():
-        shares = (one.crop_recall, one.crop_precision, one.weed_recall, one.weed_precision)
-        cells = ["–" if share is None else f"{share:.2f}" for share in shares]
-        error_m, quality = one.stem_error_p95_m, one.pq
-        cells.append("–" if error_m is None else f"{100.0 * error_m:.1f} cm")
-        cells.append(f"{one.crops_hit} of {one.crops_truth}")
-        cells.append("–" if quality is None else f"{quality:.2f}")
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        f"own camera.\n\n{format_table(plants).rstrip()}"
+    )
 
 
 def measure_cpu_ms_per_frame(segmenter: Segmenter, frames: int = 20) -> float:

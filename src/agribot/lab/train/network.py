@@ -88,13 +88,18 @@ class DecoderStage(nn.Module):
 
 
 class Decoder(nn.Module):
-    """Features at strides of 2, 4, 8 and so on, (N, C, H, W) each, to class logits at stride 2.
+    """Features at ever doubled strides, (N, C, H, W) each, to `maps` at the first: class logits.
 
-    `channels` are those of the features, `widths` those of each stage, both from stride 2 on.
+    `channels` are those of the features, `widths` those of each stage, both from the first stride
+    on, which is 2 for the networks of classes.
     """
 
     def __init__(
-        self, channels: Sequence[int], widths: Sequence[int], block: Block = ResidualBlock
+        self,
+        channels: Sequence[int],
+        widths: Sequence[int],
+        block: Block = ResidualBlock,
+        maps: int = CLASS_COUNT,
     ) -> None:
         super().__init__()
         deep = (*widths[1:], channels[-1])
@@ -102,10 +107,10 @@ class Decoder(nn.Module):
             DecoderStage(deep[i], channels[i], widths[i], block)
             for i in reversed(range(len(widths)))
         )
-        self.head = nn.Conv2d(widths[0], CLASS_COUNT, 1)
+        self.head = nn.Conv2d(widths[0], maps, 1)
 
     def merge(self, features: list[Tensor]) -> list[Tensor]:
-        """Merge the features from the deepest on: what each stage makes, stride 2 last."""
+        """Merge the features from the deepest on: what each stage makes, the first stride last."""
         *skips, x = features
         merged = []
         for stage in self.stages:

@@ -8,7 +8,7 @@ from torch.nn import functional
 
 from agribot.lab.train.network import (
     CropWeedNet,
-    DecoderStage,
+    Decoder,
     EncoderStage,
     PlainBlock,
     make_conv,
@@ -34,23 +34,17 @@ class PlantBranch(nn.Module):
         self.encoder = nn.ModuleList(
             EncoderStage(WIDTHS[i], WIDTHS[i + 1], blocks=1) for i in range(len(WIDTHS) - 1)
         )
-        self.decoder = nn.ModuleList(
-            DecoderStage(WIDTHS[i + 1], WIDTHS[i], WIDTHS[i], PlainBlock)
-            for i in reversed(range(len(WIDTHS) - 1))
-        )
-        self.head = nn.Conv2d(WIDTHS[0], BRANCH_MAPS, 1)
-        assert self.head.bias is not None
+        self.decoder = Decoder(WIDTHS, WIDTHS[:-1], PlainBlock, BRANCH_MAPS)
+        bias = self.decoder.head.bias
+        assert bias is not None
         with torch.no_grad():
-            self.head.bias[:2] = HEAT_BIAS
+            bias[:2] = HEAT_BIAS
 
     def forward(self, x: Tensor) -> Tensor:
         features = [functional.relu(self.enter(x), inplace=True)]
         for stage in self.encoder:
             features.append(stage(features[-1]))
-        *skips, x = features
-        for stage in self.decoder:
-            x = stage(x, skips.pop())
-        maps: Tensor = self.head(x)
+        maps: Tensor = self.decoder(features)
         return maps
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from agribot.autonomy.perceive.stems import CELL_PX
+from agribot.autonomy.perceive.stems import CELL_PX, find_centres
 from agribot.core.messages import ByteArray, FloatArray
 from agribot.lab.train.augment import PictureWindow, choose_crop, recolour
 from agribot.lab.train.losses import IGNORED
@@ -110,8 +110,8 @@ def _add_peak(heat: npt.NDArray[np.float32], row: int, column: int, radius_cells
 
 def _find_ways(owner: Numbers, stem_px: FloatArray) -> FloatArray:
     """Find the ways (2, rows, columns), right and down, from cells to the stems of their plants."""
-    rows, columns = np.indices(owner.shape)
-    centre_px = np.stack([columns, rows]) * CELL_PX + (CELL_PX - 1) / 2.0
-    stems = np.concatenate([np.zeros((1, 2)), stem_px])
-    ways: FloatArray = (stems[owner].transpose(2, 0, 1) - centre_px) / WAY_UNIT_PX
-    return np.where(owner > 0, ways, 0.0)
+    ways = np.zeros((2, *owner.shape))
+    is_owned = owner > 0
+    centre_px = find_centres(np.argwhere(is_owned))
+    ways[:, is_owned] = ((stem_px[owner[is_owned] - 1] - centre_px) / WAY_UNIT_PX).T
+    return ways

@@ -58,23 +58,27 @@ def find_plants(
     shown = _list_shown(drawn)
     number = np.zeros(len(world.plants) + 1, dtype=np.uint16)  # of instance -1, the last, none
     number[shown] = np.arange(1, len(shown) + 1)
-    plants = [world.plants[index] for index in shown]
-    places_m = np.array([(p.x_map_m, p.y_map_m, 0.0) for p in plants]).reshape(-1, 3)
-    places_m[:, 2] = sample_ground_heights(world, places_m, ground)
+    places_m, kind = place_stems(world, shown, ground)
+    camera_m = (places_m - map_from_camera[:3, 3]) @ map_from_camera[:3, :3]
     return PlantTruth(
-        number=number[drawn.instance],
-        stem_px=project_points(places_m, camera, map_from_camera),
-        kind=np.array([int(p.plant) for p in plants], dtype=np.uint8),
+        number=number[drawn.instance], stem_px=project_points(camera_m, camera), kind=kind
     )
 
 
-def project_points(
-    places_m: FloatArray, camera: CameraSpec, map_from_camera: FloatArray
-) -> FloatArray:
-    """Project points (N, 3) of the map in front of the camera to its pixels (N, 2), u and v."""
-    away_m = (places_m - map_from_camera[:3, 3]) @ map_from_camera[:3, :3]
-    depth_m = np.maximum(away_m[:, 2], camera.clip_near_m)
-    rays = away_m[:, :2] / depth_m[:, None]
+def place_stems(
+    world: WorldSpec, shown: npt.NDArray[np.intp], ground: GroundSurface | None
+) -> tuple[FloatArray, ByteArray]:
+    """Return where some of the world's plants stand on the ground, (N, 3) of the map, and what."""
+    plants = [world.plants[index] for index in shown]
+    places_m = np.array([(p.x_map_m, p.y_map_m, 0.0) for p in plants]).reshape(-1, 3)
+    places_m[:, 2] = sample_ground_heights(world, places_m, ground)
+    return places_m, np.array([int(p.plant) for p in plants], dtype=np.uint8)
+
+
+def project_points(camera_m: FloatArray, camera: CameraSpec) -> FloatArray:
+    """Project points (N, 3) of the optical frame, ahead of it, to pixels (N, 2), u and v."""
+    depth_m = np.maximum(camera_m[:, 2], camera.clip_near_m)
+    rays = camera_m[:, :2] / depth_m[:, None]
     if any(camera.distortion):
         rays = distort(rays, camera.distortion)
     matrix = camera.matrix()
