@@ -111,7 +111,7 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
     from agribot.lab.train.precision import quantise_to_int8, sample_pictures
 
     held_out = read_held_out(args.scores_from, plan) if args.scores_from else None
-    trainer = Trainer(plan, source.batches, args.out, group, args.start)
+    trainer = Trainer(plan, source.batches, args.out, group, args.start, source.judge)
     network = trainer.run(_print_progress if group.is_leader else lambda text: None).cpu()
     if not group.is_leader:
         return 0
@@ -239,10 +239,9 @@ def _calibrate(network: Any, features: Any, source: Any) -> Any:
 
 def _keep_temperature(args: argparse.Namespace) -> float | None:
     """Return that of the weights whose classes are kept; None for a network that learns its own."""
-    from agribot.lab.train.architectures import find_architecture
     from agribot.lab.train.start import read_temperature
 
-    return read_temperature(args.start) if find_architecture(args.model).finds_plants else None
+    return read_temperature(args.start) if args.keep_classes else None
 
 
 def _evaluate(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any) -> Any:

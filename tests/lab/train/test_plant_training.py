@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from agribot.autonomy.perceive.segmenter import Segmenter, model_path
 from agribot.cli.train import run
@@ -19,7 +19,7 @@ from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.fit import Trainer, TrainingPlan
 from agribot.lab.train.network import CropWeedNet
 from agribot.lab.train.plant_network import PlantNet
-from agribot.lab.train.plant_targets import MAPS, WAY_UNIT_PX
+from agribot.lab.train.plant_targets import LABEL, MAPS, WAY_UNIT_PX
 from agribot.lab.train.resizing import resize_network
 from agribot.lab.train.start import read_temperature, start_from
 from tests.lab.train.changed_norms import change_norms
@@ -32,6 +32,7 @@ PLANTS = ("--model", "agribot-plants")
 def draw_batch(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
     images = [torch.from_numpy(drawn_image(rng)[0]).permute(2, 0, 1) for _ in range(2)]
     target = torch.from_numpy(rng.random((2, MAPS, 24, 32), dtype=np.float32))
+    target[:, LABEL] = torch.from_numpy(rng.integers(3, size=target[:, LABEL].shape)).float()
     return torch.stack(images).float(), target
 
 
@@ -46,11 +47,10 @@ def class_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_learning_plants_changes_no_class_of_the_weights_it_began_with(
-    tmp_path: Path, class_file: Path
-) -> None:
-    plan = TrainingPlan(steps=3, crop_px=96, model="agribot-plants", bf16=False)
-    trainer = Trainer(plan, draw_batch, tmp_path, start=class_file)
+def learn(folder: Path, start: Path, **settings: bool) -> tuple[nn.Module, set[str]]:
+    """Train three steps; which of the two parts of the network changed."""
+    plan = TrainingPlan(steps=3, crop_px=96, model="agribot-plants", bf16=False, **settings)
+    trainer = Trainer(plan, draw_batch, folder, start=start)
     before = {name: value.clone() for name, value in trainer.network.state_dict().items()}
     network = trainer.run(lambda line: None)
     changed = {
@@ -58,6 +58,17 @@ def test_learning_plants_changes_no_class_of_the_weights_it_began_with(
         for name, value in network.state_dict().items()
         if not torch.equal(value, before[name])
     }
+    return network, changed
+
+
+def test_classes_and_stems_learn_together(tmp_path: Path, class_file: Path) -> None:
+    assert learn(tmp_path, class_file)[1] == {"classes", "plants"}
+
+
+def test_stems_alone_learn_where_the_classes_are_to_be_kept(
+    tmp_path: Path, class_file: Path
+) -> None:
+    network, changed = learn(tmp_path, class_file, keeps_classes=True)
     assert changed == {"plants"}
     temperature = read_temperature(class_file)
     assert temperature == pytest.approx(1.7)
@@ -106,8 +117,8 @@ def test_a_file_with_plants_can_be_resized_and_begun_with(tmp_path: Path, class_
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        ((), "--start agribot-sim"),
-        (("--start", "random"), "--start agribot-sim"),
+        (("--keep-classes",), "--start agribot-sim"),
+        (("--keep-classes", "--start", "random"), "--start agribot-sim"),
         (("--start", "agribot-sim", "--precision", "int8"), "--precision int8"),
     ],
 )
@@ -131,7 +142,8 @@ def test_one_command_goes_from_classes_to_weights_that_find_plants(
 ) -> None:
     words = ("--variety", "dense", "--start", "agribot-sim", "--images", "2", "--row-images", "1")
     few = ("--turn-images", "0", "--test-images", "1", "--steps", "2", "--out", str(tmp_path))
-    assert run(parsed(*PLANTS, *words, *few)) == 0
+    seen = ("--validate", "2", "--keep-classes")
+    assert run(parsed(*PLANTS, *words, *few, *seen)) == 0
     weights = tmp_path / "agribot-plants.onnx"
     card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
     assert card.test.keys() == {
@@ -143,4 +155,5 @@ def test_one_command_goes_from_classes_to_weights_that_find_plants(
     assert read_temperature(weights) == read_temperature(model_path("agribot-sim"))
     told = weights.with_suffix(".md").read_text(encoding="utf-8")
     assert "| beet-25-25 |" in told and f"temperature {card.kept_temperature:g}" in told
-    capsys.readouterr()
+    assert "--keep-classes" in card.command and "--validate 2" in card.command
+    assert "valid_stem_f1" in capsys.readouterr().err

@@ -43,11 +43,14 @@ from agribot.lab.train.simulated import (
     VIEWS_PER_SCENE,
     draw_random_field,
 )
+from agribot.lab.train.standing import Judge
+from agribot.lab.train.validation import HeldOutPictures, shrink_pair
 from agribot.sim.random_scenes import STANDARD, VARIETIES, Variety
 
 # Order weed, crop, soil; crop is the rarest class of the photographs.
 PHOTO_WEIGHTS = (1.0, 2.0, 0.6)
 VariedDrawer = Callable[..., Iterator[DrawnView]]  # of a scene; all but one of any variety
+VALIDATION = ("valid-random", "valid-rows")
 FOLDERS = {one: "" if one is STANDARD else name for name, one in VARIETIES.items()}
 
 
@@ -55,12 +58,14 @@ class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
     """The data; `tests` are sets without any training image, `problems` unreadable files.
 
     `aside` are images for nothing but the temperature of the confidence; None: leave it as it is.
+    `judge` looks at pictures that are for nothing but the curve of the training and its best step.
     """
 
     batches: BatchSource
     recipe: TrainingPlan
     tests: dict[str, Callable[[], Iterable[LabelledImage]]]
     aside: Callable[[], Iterable[LabelledImage]] | None = None
+    judge: Judge | None = None
     pictures: Sequence[ByteArray]  # some that were trained on, to calibrate 8-bit numbers
     train_images: int
     input_size_px: tuple[int, int]  # height, width
@@ -80,23 +85,28 @@ def make_simulated_source(args: argparse.Namespace, progress: Progress) -> Train
         "train-turns": args.turn_images,
     }
     finds_plants = find_architecture(args.model).finds_plants
-    sets = _draw_sets(args, counts, progress, finds_plants)
+    learns_classes = not args.keep_classes
+    sets = _draw_sets(args, counts, progress, finds_plants, learns_classes)
     trained = [(sets.pop(name), count) for name, count in counts.items()]
     recipe = TrainingPlan(steps=1, data=f"sim --variety {args.variety}")
     words = f" --model {args.model}" if finds_plants else ""
+    judge = _make_view_judge(args, [sets.pop(name) for name in VALIDATION])
     if finds_plants:
         views = [view for one, count in trained for view in one.read_views(count)]
         images = [view.image_rgb for view in views]
-        batches, aside = _make_plant_batches(views, recipe), None
+        batches = _make_plant_batches(views, recipe)
     else:
         images, labels = _load(
             itertools.chain.from_iterable(one.read(count) for one, count in trained)
         )
         batches = _make_view_batches(images, labels, recipe)
+    aside = None
+    if learns_classes:
         asides = sets.pop("aside-random"), sets.pop("aside-rows")
         aside = partial(_read_all, asides, args.test_images // 2)
     return TrainingSource(
         aside=aside,
+        judge=judge,
         batches=batches,
         pictures=images,
         recipe=recipe,
@@ -113,26 +123,48 @@ def make_simulated_source(args: argparse.Namespace, progress: Progress) -> Train
     )
 
 
+def _make_view_judge(args: argparse.Namespace, sets: list[DataSet]) -> Judge | None:
+    pictures: list[LabelledImage | DrawnView] = []
+    for one, count in zip(sets, _split_validation(args), strict=True):
+        pictures += one.read_views(count) if one.has_plants else one.read(count)
+    if not pictures:
+        return None
+    features = find_architecture(args.model).features
+    return HeldOutPictures(pictures, (INPUT_HEIGHT_PX, INPUT_WIDTH_PX), features)
+
+
+def _split_validation(args: argparse.Namespace) -> tuple[int, int]:
+    """Count the pictures of --validate from random masts, and those along rows."""
+    return args.validate // 2, args.validate - args.validate // 2
+
+
 def _read_all(sets: Iterable[DataSet], count: int) -> Iterator[LabelledImage]:
     return itertools.chain.from_iterable(one.read(count) for one in sets)
 
 
 def _draw_sets(
-    args: argparse.Namespace, counts: dict[str, int], progress: Progress, has_plants: bool
+    args: argparse.Namespace,
+    counts: dict[str, int],
+    progress: Progress,
+    has_plants: bool,
+    sets_aside: bool,
 ) -> dict[str, DataSet]:
-    """Draw the sets; with plants those of the variety's own, and none to be set aside."""
+    """Draw the sets, with plants those of the variety's own, and some to be set aside."""
     own = VARIETIES[args.variety]
+    masts, rows = _split_validation(args)
     usual = STANDARD if own.rough_share else own  # a test set that others have too
     wanted: list[tuple[str, int, VariedDrawer, Variety, int]] = [
         ("train-random", 0, draw_random_field, own, counts["train-random"]),
         ("train-rows", 1, draw_row_crop, own, counts["train-rows"]),
         ("train-turns", 2, draw_turn, own, counts["train-turns"]),
+        ("valid-random", 109, draw_random_field, own, masts),
+        ("valid-rows", 110, draw_row_crop, own, rows),
         ("random-fields", 101, draw_random_field, usual, args.test_images),
         ("farm", 102, draw_farm, usual, args.test_images),
         ("row-crops", 103, draw_row_crop, usual, args.test_images),
         ("turns", 106, draw_turn, usual, args.test_images),
     ]
-    if not has_plants:
+    if sets_aside:
         wanted += [
             ("aside-random", 104, draw_random_field, own, args.test_images // 2),
             ("aside-rows", 105, draw_row_crop, own, args.test_images // 2),
@@ -166,6 +198,7 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
     if args.crop_px % STRIDE_PX:
         raise ConfigError(f"--crop-px {args.crop_px}: must be a multiple of {STRIDE_PX} pixels")
     read, held, problems = _read_photographs(args, progress)
+    read, judge = _set_aside(read, args.validate, (height_px, width_px), args.model)
     options = _format_options(args)
     recipe = TrainingPlan(
         steps=1,
@@ -176,6 +209,7 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
         f"{options.with_sim}",
     )
     return TrainingSource(
+        judge=judge,
         batches=_make_photo_batches(args, read, recipe, progress),
         pictures=_read_sample(args, read.files),
         recipe=recipe,
@@ -240,6 +274,28 @@ def _read_photographs(
         refuse_doubt(tally, pairs, args.data_dir)
     read = _Photographs(PairFiles(good), widths_px)
     return read, partial(read_pairs, held, note) if held else None, problems
+
+
+def _set_aside(
+    read: _Photographs, count: int, size_px: tuple[int, int], model: str
+) -> tuple[_Photographs, Judge | None]:
+    """Keep photographs, evenly over the set, from the training, to judge it as it goes.
+
+    Raises: ConfigError: none would be left to train on.
+    """
+    total = len(read.widths_px)
+    if count >= total:
+        raise ConfigError(
+            f"--validate {count}: the set has {total} pictures; leave some of them to train on"
+        )
+    if not count:
+        return read, None
+    aside = {(2 * k + 1) * total // (2 * count) for k in range(count)}
+    rest = [index for index in range(total) if index not in aside]
+    shrunk = [shrink_pair(*read.files[index], size_px) for index in sorted(aside)]
+    files = PairFiles([read.files.pairs[index] for index in rest])
+    judge = HeldOutPictures(shrunk, size_px, find_architecture(model).features)
+    return _Photographs(files, [read.widths_px[index] for index in rest]), judge
 
 
 def _read_sample(args: argparse.Namespace, files: PairFiles) -> list[ByteArray]:
