@@ -68,7 +68,6 @@ def _add_photographs(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--train-width", type=int, default=512, help="px over which a photograph is trained on"
     )
-    group.add_argument("--crop-px", type=int, default=320, help="width of the crops trained on")
     group.add_argument(
         "--with-sim",
         type=int,
@@ -153,6 +152,8 @@ def _check(args: argparse.Namespace) -> None:
         if getattr(args, option) < 1:
             flag = option.replace("_", "-")
             raise ConfigError(f"--{flag} is {getattr(args, option)}; it must be at least 1")
+    if args.crop_px % STRIDE_PX:
+        raise ConfigError(f"--crop-px {args.crop_px}: must be a multiple of {STRIDE_PX} pixels")
     check_drawn_options(args)
     if args.steps is not None and args.steps < 1:
         raise ConfigError(f"--steps is {args.steps}; it must be at least 1")

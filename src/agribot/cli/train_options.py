@@ -35,6 +35,7 @@ def add_recipe_options(group: argparse._ArgumentGroup) -> None:
         help="at its highest (default: 0.003; 0.0015 with imagenet, 0.001 with another start)",
     )
 
+    group.add_argument("--crop-px", type=int, default=320, help="width of the crops trained on")
     group.add_argument(
         "--validate",
         type=int,

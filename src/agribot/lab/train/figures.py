@@ -150,7 +150,7 @@ def tint(image_rgb: ByteArray, class_id: ByteArray, strength: float = 0.7) -> By
 
 def _draw_judged(axis: Any, rows: list[dict[str, str]]) -> None:
     """Draw what pictures set aside said, on an axis of its own, where there were any."""
-    curves = {name: [row for row in rows if row[name]] for name in FIGURES}
+    curves = {name: [row for row in rows if row.get(name)] for name in FIGURES}
     if not any(curves.values()):
         return
     beside = axis.twinx()

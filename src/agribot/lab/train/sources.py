@@ -50,6 +50,7 @@ from agribot.sim.random_scenes import STANDARD, VARIETIES, Variety
 # Order weed, crop, soil; crop is the rarest class of the photographs.
 PHOTO_WEIGHTS = (1.0, 2.0, 0.6)
 VariedDrawer = Callable[..., Iterator[DrawnView]]  # of a scene; all but one of any variety
+CROP_PX = 320
 VALIDATION = ("valid-random", "valid-rows")
 FOLDERS = {one: "" if one is STANDARD else name for name, one in VARIETIES.items()}
 
@@ -88,8 +89,9 @@ def make_simulated_source(args: argparse.Namespace, progress: Progress) -> Train
     learns_classes = not args.keep_classes
     sets = _draw_sets(args, counts, progress, finds_plants, learns_classes)
     trained = [(sets.pop(name), count) for name, count in counts.items()]
-    recipe = TrainingPlan(steps=1, data=f"sim --variety {args.variety}")
+    recipe = TrainingPlan(steps=1, crop_px=args.crop_px, data=f"sim --variety {args.variety}")
     words = f" --model {args.model}" if finds_plants else ""
+    words += f" --crop-px {args.crop_px}" if args.crop_px != CROP_PX else ""
     judge = _make_view_judge(args, [sets.pop(name) for name in VALIDATION])
     if finds_plants:
         views = [view for one, count in trained for view in one.read_views(count)]
@@ -195,8 +197,6 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
     Raises: ConfigError: no pairs, or an option out of range.
     """
     height_px, width_px = read_size(args.size, STRIDE_PX)
-    if args.crop_px % STRIDE_PX:
-        raise ConfigError(f"--crop-px {args.crop_px}: must be a multiple of {STRIDE_PX} pixels")
     read, held, problems = _read_photographs(args, progress)
     read, judge = _set_aside(read, args.validate, (height_px, width_px), args.model)
     options = _format_options(args)
