@@ -143,7 +143,7 @@ def _evaluate(
     """Return CPU seconds per picture of resize, network and mask, not of reading and enlarging."""
     from agribot.autonomy.perceive.pictures import classify, see_picture
     from agribot.lab.dataset.pictures import PictureError
-    from agribot.lab.picture_truth import read_plants
+    from agribot.lab.labelled_plants import read_plants
     from agribot.lab.train.photographs import read_pair
 
     cpu_s = []

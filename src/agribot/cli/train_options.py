@@ -14,6 +14,7 @@ from agribot.core.messages import PlantClass
 
 HIGHEST_RATE = 1.0
 VALIDATION_VIEWS = 24
+STEM_VIEWS = 150  # drawn, beside photographs
 
 
 def add_recipe_options(group: argparse._ArgumentGroup) -> None:
@@ -97,10 +98,7 @@ def _check_plants(args: argparse.Namespace) -> None:
     Raises: ConfigError: photographs, no weights for the classes, or 8-bit numbers.
     """
     if args.data != "sim":
-        raise ConfigError(
-            f"--model {args.model} learns from drawn images alone: only they say which pixels are "
-            "one plant and where its stem is; give --data sim"
-        )
+        _check_stems(args)
     if args.keep_classes and args.start is None:
         raise ConfigError(
             "--keep-classes keeps those of the weights that the training begins with; give them, "
@@ -111,6 +109,23 @@ def _check_plants(args: argparse.Namespace) -> None:
             f"--precision {args.precision}: not for {args.model}; 8-bit ways to a stem were not "
             "measured; give fp32"
         )
+
+
+def _check_stems(args: argparse.Namespace) -> None:
+    """Let drawn images keep the stems in mind that photographs cannot teach.
+
+    Raises: ConfigError: a start without stems, or classes that are to stay as they are.
+    """
+    from agribot.autonomy.perceive.segmenter import Segmenter
+
+    if args.keep_classes:
+        raise ConfigError("--keep-classes: photographs teach nothing but classes; leave it out")
+    if args.start is None or not Segmenter(args.start).finds_plants:
+        raise ConfigError(
+            f"--model {args.model} learns no stems from photographs: a mask does not say which "
+            "pixels are one plant; begin with weights that find them: --start agribot-plants"
+        )
+    args.with_sim = args.with_sim or STEM_VIEWS
 
 
 def _format_options(args: argparse.Namespace, start: str) -> str:

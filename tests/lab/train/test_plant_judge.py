@@ -13,7 +13,7 @@ from agribot.core.messages import PlantClass
 from agribot.lab.dataset.drawing import draw_field, list_missing_fields
 from agribot.lab.dataset.pictures import PictureError
 from agribot.lab.dataset.records import Recipe, claim
-from agribot.lab.picture_truth import PictureTruth, read_plants
+from agribot.lab.labelled_plants import LabelledPlants, read_plants
 from agribot.lab.plant_scores import PlantSegments
 from agribot.lab.train.plant_judge import PicturePlantJudge, PicturePlantScores
 from agribot.lab.train.plant_targets import HEAT, WAY, WAY_UNIT_PX, make_targets
@@ -50,7 +50,7 @@ def see(label: np.ndarray, plants: PlantTruth, doubt: float = 0.0) -> SeenPictur
 
 def judge(seen: SeenPicture | PictureClasses, truth: PlantTruth) -> PicturePlantScores:
     judge = PicturePlantJudge()
-    judge.add(PictureTruth(PlantSegments(truth.number, truth.kind), truth.stem_px), seen)
+    judge.add(LabelledPlants(PlantSegments(truth.number, truth.kind), truth.stem_px), seen)
     scores = judge.compute_scores()
     assert scores is not None
     return scores

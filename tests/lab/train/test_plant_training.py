@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import msgspec
@@ -10,6 +11,7 @@ from torch import Tensor, nn
 
 from agribot.autonomy.perceive.segmenter import Segmenter, model_path
 from agribot.cli.train import run
+from agribot.cli.train_options import check_recipe_options
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray
 from agribot.lab.bench.plant_scenes import SCENES
@@ -18,13 +20,22 @@ from agribot.lab.train.export import export_onnx
 from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.fit import Trainer, TrainingPlan
 from agribot.lab.train.network import CropWeedNet
+from agribot.lab.train.photo_source import make_photo_source
 from agribot.lab.train.plant_network import PlantNet
-from agribot.lab.train.plant_targets import LABEL, MAPS, WAY_UNIT_PX
+from agribot.lab.train.plant_targets import (
+    HEAT_WEIGHT,
+    LABEL,
+    MAPS,
+    WAY_UNIT_PX,
+    WAY_WEIGHT,
+    join_labels,
+)
 from agribot.lab.train.resizing import resize_network
 from agribot.lab.train.start import read_temperature, start_from
 from tests.lab.train.changed_norms import change_norms
 from tests.lab.train.command_line import parsed
 from tests.lab.train.drawn_images import drawn_image
+from tests.lab.train.photo_folder import photo_folder
 
 PLANTS = ("--model", "agribot-plants")
 
@@ -47,9 +58,11 @@ def class_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def learn(folder: Path, start: Path, **settings: bool) -> tuple[nn.Module, set[str]]:
+def learn(folder: Path, start: Path, *, keeps_classes: bool = False) -> tuple[nn.Module, set[str]]:
     """Train three steps; which of the two parts of the network changed."""
-    plan = TrainingPlan(steps=3, crop_px=96, model="agribot-plants", bf16=False, **settings)
+    plan = TrainingPlan(
+        steps=3, crop_px=96, model="agribot-plants", bf16=False, keeps_classes=keeps_classes
+    )
     trainer = Trainer(plan, draw_batch, folder, start=start)
     before = {name: value.clone() for name, value in trainer.network.state_dict().items()}
     network = trainer.run(lambda line: None)
@@ -130,10 +143,38 @@ def test_what_no_plants_can_be_learned_from_is_refused(
         run(parsed(*PLANTS, *words, *few, "--steps", "1", "--out", str(tmp_path)))
 
 
-def test_photographs_are_refused_since_they_tell_no_plants(tmp_path: Path) -> None:
-    words = ("--data", "cwfid", "--data-dir", str(tmp_path), "--start", "agribot-sim")
-    with pytest.raises(ConfigError, match="--data sim"):
-        run(parsed(*PLANTS, *words, "--out", str(tmp_path / "out")))
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("--start", "agribot-sim"), "--start agribot-plants"),
+        (("--start", "random"), "--start agribot-plants"),
+        (("--start", "agribot-plants", "--keep-classes"), "nothing but classes"),
+    ],
+)
+def test_photographs_teach_no_stems_to_weights_that_find_none(
+    words: tuple[str, ...], reason: str, tmp_path: Path
+) -> None:
+    photos = ("--data", "cwfid", "--data-dir", str(tmp_path))
+    with pytest.raises(ConfigError, match=reason):
+        run(parsed(*PLANTS, *photos, *words, "--out", str(tmp_path / "out")))
+
+
+def test_photographs_teach_classes_and_drawn_fields_keep_the_stems(tmp_path: Path) -> None:
+    folder = photo_folder(tmp_path / "photos", 2)
+    words = ("--data", "cwfid", "--data-dir", str(folder), "--start", "agribot-plants")
+    few = ("--with-sim", "2", "--crop-px", "96", "--train-width", "128", "--out", str(tmp_path))
+    args = parsed(*PLANTS, *words, *few)
+    check_recipe_options(args)
+    source = make_photo_source(args, lambda line: None)
+    images, target = source.batches(np.random.default_rng(2))
+    assert images.shape == (8, 3, 96, 96) and target.shape == (8, MAPS, 24, 24)
+    photos, drawn = target[:6], target[6:]
+    assert not photos[:, WAY_WEIGHT].any() and not photos[:, HEAT_WEIGHT].any()
+    assert drawn[:, WAY_WEIGHT].any() and drawn[:, HEAT_WEIGHT].any()
+    assert set(np.unique(join_labels(photos).numpy())) <= {0, 1, 2}
+    plan = msgspec.structs.replace(source.recipe, steps=1, model="agribot-plants", bf16=False)
+    trainer = Trainer(plan, source.batches, tmp_path, start=args.start)
+    assert math.isfinite(trainer.advance())
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from agribot.cli.train import run
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import PlantClass
 from agribot.lab.train.card import ModelCard
-from agribot.lab.train.sources import make_photo_source
+from agribot.lab.train.photo_source import make_photo_source
 from tests.lab.train.command_line import parsed
 from tests.lab.train.photo_folder import photo_folder, spoil
 

@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from agribot.core.errors import AgribotError
 from agribot.core.whole_file import make_at_once
 from agribot.lab.train.architectures import find_architecture
+from agribot.lab.train.loader import BatchLoader, BatchSource
 from agribot.lab.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, segmentation_loss
 from agribot.lab.train.plant_loss import joint_loss
 from agribot.lab.train.plant_network import PlantNet
@@ -25,9 +26,6 @@ from agribot.lab.train.processes import TrainingGroup
 from agribot.lab.train.standing import FIGURES, BestSoFar, Judge
 from agribot.lab.train.start import IMAGENET, load_imagenet, start_from
 
-# Random batch of images (N, 3, S, S) float32 in 0..255 and labels (N, S, S) int64, or for a network
-# that finds plants the targets of `plant_targets`.
-BatchSource = Callable[[np.random.Generator], tuple[Tensor, Tensor]]
 Progress = Callable[[str], None]
 
 CHECKPOINT = "checkpoint.pt"
@@ -80,13 +78,14 @@ class Trainer:
         group: TrainingGroup | None = None,
         start: Path | None = None,
         judge: Judge | None = None,
+        workers: int = 0,
     ) -> None:
         self.plan = plan
         self._judge = judge
         self._best = BestSoFar()
         self._crew = group or TrainingGroup()
         self.step = 0
-        self._batches = batches
+        self._loader = BatchLoader(batches, plan.seed, self._crew.rank, plan.steps, workers)
         self._folder = folder
         self._rows: list[dict[str, float]] = []
         self.cpu_s = 0.0
@@ -114,6 +113,15 @@ class Trainer:
         """
         self._folder.mkdir(parents=True, exist_ok=True)
         self._resume(progress)
+        try:
+            self._go_on(progress)
+        finally:
+            self._loader.close()
+        self._together = self.network  # lets go of the other processes
+        self._best.give_back(self.average)
+        return self.average
+
+    def _go_on(self, progress: Progress) -> None:
         zero_s = time.process_time() - self.cpu_s
         self._together.train()
         while self.step < self.plan.steps:
@@ -130,9 +138,6 @@ class Trainer:
                     f"step {self.step}/{self.plan.steps}  loss {sum(recent) / len(recent):.4f}  "
                     f"{self.cpu_s / 60.0:.1f} CPU-min"
                 )
-        self._together = self.network  # lets go of the other processes
-        self._best.give_back(self.average)
-        return self.average
 
     def _is_due(self, every: int) -> bool:
         return self.step % every == 0 or self.step == self.plan.steps
@@ -154,7 +159,7 @@ class Trainer:
         # Whatever torch draws in a step, such as dropout, is the step's own after a restart too.
         rank, device = self._crew.rank, torch.device(self._crew.device)
         torch.manual_seed(self.plan.seed * 1_000_003 + self.step + rank * 1_000_000_007)
-        images, truth = self._batches(np.random.default_rng([self.plan.seed, self.step, rank]))
+        images, truth = self._loader.take(self.step)
         x = self._features(images.to(device)).contiguous(memory_format=torch.channels_last)
         with torch.autocast(device.type, torch.bfloat16, enabled=self.plan.bf16):
             answer = self._together(x)

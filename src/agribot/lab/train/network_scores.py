@@ -29,6 +29,7 @@ RELIABILITY_BINS = 15
 THUMB_WIDTH_PX = 432
 
 Curve = npt.NDArray[np.float64]
+Sums = npt.NDArray[np.number]
 
 
 class ImageScore(msgspec.Struct, frozen=True, kw_only=True):
@@ -161,7 +162,7 @@ class NetworkScores:
         del self.worst[self._keep_worst :]
 
 
-def _count_bins(by_confidence: npt.NDArray[np.int64]) -> tuple[Curve, Curve, Curve]:
+def _count_bins(by_confidence: npt.NDArray[np.int64]) -> tuple[Sums, Sums, Sums]:
     """Count, by bin of confidence, pixels and those called right, and sum up the confidence."""
     wrong, right = by_confidence.T
     share = np.arange(256) / 255.0

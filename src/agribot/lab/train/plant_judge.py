@@ -9,7 +9,7 @@ from agribot.autonomy.perceive.picture_stems import name_kind, own_pixels
 from agribot.autonomy.perceive.pictures import PictureClasses, SeenPicture
 from agribot.autonomy.perceive.pieces import label_pieces
 from agribot.core.messages import FloatArray, PlantClass
-from agribot.lab.picture_truth import PictureTruth
+from agribot.lab.labelled_plants import LabelledPlants
 from agribot.lab.plant_scores import PlantSegments, PlantTally
 from agribot.sim.plant_judge import find_percentile
 
@@ -45,7 +45,7 @@ class PicturePlantJudge:
         self._gaps_px: list[float] = []
         self._pictures, self._unknown = 0, 0
 
-    def add(self, truth: PictureTruth, seen: SeenPicture | PictureClasses) -> None:
+    def add(self, truth: LabelledPlants, seen: SeenPicture | PictureClasses) -> None:
         """Judge what a network says of a picture.
 
         With the stems of a network that finds them; else a plant is a connected piece of a class.

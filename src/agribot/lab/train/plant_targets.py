@@ -89,6 +89,16 @@ def make_targets(label: ByteArray, plants: PlantTruth) -> npt.NDArray[np.float32
     return targets
 
 
+def tell_classes_alone(label: Tensor) -> Tensor:
+    """Make targets (N, MAPS, H / CELL_PX, W / CELL_PX) of photographs with these classes (N, H, W).
+
+    Nobody knows their plants: heat and ways count nowhere.
+    """
+    classes = functional.pixel_unshuffle(label[:, None].to(torch.float32), CELL_PX)
+    nothing = torch.zeros((len(label), MAPS - CELL_PX**2, *classes.shape[2:]))
+    return torch.cat([nothing, classes], dim=1)
+
+
 def join_labels(targets: Tensor) -> Tensor:
     """Join the classes in targets (N, MAPS, rows, columns) to int64 (N, H, W)."""
     return functional.pixel_shuffle(targets[:, LABEL], CELL_PX)[:, 0].to(torch.int64)

@@ -32,7 +32,8 @@ def change_sensor(image: Tensor, rng: np.random.Generator) -> Tensor:
     elif rng.random() < MIX_RATIO:
         image = mix_channels(image, np.eye(3) + rng.normal(0.0, MIX_STD, (3, 3)))
     if rng.random() < BALANCE_RATIO:
-        gains = torch.from_numpy(np.exp(rng.uniform(*np.log(BALANCE), (3, 1, 1))))
+        low, high = np.log(BALANCE).tolist()
+        gains = torch.from_numpy(np.exp(rng.uniform(low, high, (3, 1, 1))))
         image = (image * gains.to(image.dtype)).clamp(0.0, 255.0)
     return blur(image, rng.uniform(*BLUR_SIGMA_PX)) if rng.random() < BLUR_RATIO else image
 

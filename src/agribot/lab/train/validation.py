@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from PIL import Image
 from torch import Tensor, nn
 
 from agribot.autonomy.perceive.stems import PlantMaps, find_stems
-from agribot.core.messages import ByteArray, FloatArray
+from agribot.core.messages import ByteArray
 from agribot.lab.train.data import LabelledImage
 from agribot.lab.train.evaluate import compute_scores, count_confusion, resize_nearest
 from agribot.lab.train.export import DeployedNet, make_deployed
@@ -18,6 +19,8 @@ from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.plant_truth import DrawnView, PlantTruth
 from agribot.lab.train.standing import MIOU, STEM_F1, Judgement
 from agribot.sim.plant_judge import find_pairs
+
+Counts = npt.NDArray[np.int64]
 
 LEAST_STEM_SCORE = 0.2
 STEM_RADIUS_PX = 12.0
@@ -68,7 +71,7 @@ def _answer(deployed: DeployedNet, network: nn.Module, image_rgb: np.ndarray) ->
     return [one.cpu().numpy() for one in (class_id, *maps)]
 
 
-def count_stems(maps: PlantMaps, plants: PlantTruth) -> FloatArray:
+def count_stems(maps: PlantMaps, plants: PlantTruth) -> Counts:
     """Count pairs of found and true stems of one class, those found, and those to be found.
 
     A stem that fits a plant of which too little is seen counts as if it had not been found.

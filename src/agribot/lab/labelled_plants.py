@@ -20,7 +20,7 @@ INSTANCE_FOLDERS = ("instances", "plant_instances")
 RECORDS = "records"
 
 
-class PictureTruth(NamedTuple):
+class LabelledPlants(NamedTuple):
     """The plants of a picture, and where their stems are, (N, 2); NaN where nobody says."""
 
     segments: PlantSegments
@@ -36,7 +36,7 @@ def find_instances(mask: Path) -> Path | None:
     return None
 
 
-def read_plants(mask: Path, label: ByteArray) -> PictureTruth | None:
+def read_plants(mask: Path, label: ByteArray) -> LabelledPlants | None:
     """Read the plants of a picture with these classes (H, W); None where only classes are known.
 
     The class of a plant is the commonest of its pixels.
@@ -62,7 +62,7 @@ def read_plants(mask: Path, label: ByteArray) -> PictureTruth | None:
         votes[:, kind] = np.bincount(number[label == kind], minlength=len(own))
     kinds = votes[:, : PlantClass.SOIL].argmax(axis=1).astype(np.uint8)
     stem_px = _find_stems(mask, own[1:])
-    return PictureTruth(PlantSegments(number, kinds[1:]), stem_px)
+    return LabelledPlants(PlantSegments(number, kinds[1:]), stem_px)
 
 
 def _read_values(path: Path) -> npt.NDArray[np.integer]:
