@@ -129,6 +129,9 @@ def test_a_board_that_hangs_is_reset_by_its_watchdog_and_the_robot_stands_until_
         ("wheels.reversed@3", ("turn against the motor",)),
         ("motor.runaway@3", ("turn too fast", "RUNAWAY")),
         ("board.silent@3", ("wheel encoders silent",)),
+        ("button.pressed@3", ("the red button is pressed",)),
+        ("imu.unplugged@3", ("IMU silent",)),
+        ("board.hung@3", ("motor board: it hung, and its watchdog reset it",)),
     ],
 )
 def test_faults_at_and_below_the_board_stop_the_robot_and_are_named(

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 ROUNDING_S = 1e-9
 
 # What is done to samples on the simulator's own board, and here to what makes them.
-BELOW_THE_SAMPLES = ("wheels.stuck", "wheels.reversed", "board.silent", "link.noise", "imu.late")
+BELOW_THE_SAMPLES = ("wheels.stuck", "wheels.reversed", "board.silent", "link.noise", "imu.late",
+                     "imu.unplugged", "button.pressed", "board.hung")  # fmt: skip
 EMPTY = "battery.empty"
 EMPTYING_VPS = 0.03  # an empty pack that still feeds falls on, until the board lets go
 FRAMES = 2  # that the board sends in a hundredth of a second
@@ -90,11 +91,27 @@ class BoardFaults:
         self._most_a = drive.wheel_torque_nm / drive.torque_constant_nmpa
         self._runaway_radps = drive.max_speed_mps / drive.wheel_radius_m
         self.t_s = 0.0
+        self._hung_s: set[float] = set()
 
     @property
     def is_silent(self) -> bool:
         """Whether no byte comes, nor goes."""
         return any(fault.name == "board.silent" for fault in self._on())
+
+    @property
+    def is_button_pressed(self) -> bool:
+        return any(fault.name == "button.pressed" for fault in self._on())
+
+    @property
+    def has_imu(self) -> bool:
+        """Whether the chip has contact."""
+        return not any(fault.name == "imu.unplugged" for fault in self._on())
+
+    def take_hangs(self) -> int:
+        """Return how often the program is to hang since the last call."""
+        begun_s = {fault.begin_s for fault in self._on() if fault.name == "board.hung"}
+        new_s, self._hung_s = begun_s - self._hung_s, begun_s
+        return len(new_s)
 
     @property
     def runaway_radps(self) -> float | None:

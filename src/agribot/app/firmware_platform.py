@@ -110,6 +110,7 @@ class FirmwarePlatform:
         if simulator.faults is not None:
             simulator.faults.leave(BELOW_THE_SAMPLES)
         self._t_s = 0.0
+        self._has_imu = True
         self._battery_v = PACK_FULL_V  # until the simulator tells
         self._field_from_s = math.inf  # before, the chip shows a field that is not of the world
         options = UriOptions(SourceUri("firmware", "", "", OPTIONS))
@@ -187,6 +188,12 @@ class FirmwarePlatform:
         """Let the board's inputs be what the simulator's sensors say."""
         bench = self._bench
         bench.set_bumper(pressed=bool(batch.bumper))
+        bench.set_estop(pressed=self._faults.is_button_pressed)
+        if self._has_imu != self._faults.has_imu:
+            self._has_imu = self._faults.has_imu
+            bench.plug_imu(is_there=self._has_imu)
+        if self._faults.take_hangs():
+            bench.hang()
         if batch.imu:
             bench.set_imu(batch.imu[-1].accel_mps2, batch.imu[-1].gyro_radps)
         if batch.mag:

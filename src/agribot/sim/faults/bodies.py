@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from agribot.core.messages import WHEEL_NAMES, DriveCommand
+from agribot.core.messages import STOP, WHEEL_NAMES, DriveCommand
 from agribot.core.robot import DriveSpec, Origin, Shape
 from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim.faults.motors import draw_weak_wheel, list_torque_shares
@@ -39,6 +39,8 @@ class BodyFaults:
             physics.set_mud(ratio)
         if any(fault.name == "motor.runaway" for fault in on):
             physics.command(DriveCommand(v_mps=self._drive.max_speed_mps))
+        if any(fault.name == "button.pressed" for fault in on):
+            physics.command(STOP)
         found = None
         for number, fault in enumerate(self._faults):
             if not fault.is_on(t_s):
@@ -53,7 +55,7 @@ class BodyFaults:
 
     def hears(self, t_s: float) -> bool:
         """Whether the board hears commands."""
-        deaf = ("board.silent", "motor.runaway")
+        deaf = ("board.silent", "motor.runaway", "button.pressed")
         return not any(fault.name in deaf and fault.is_on(t_s) for fault in self._faults)
 
     def _limit_torques(self, on: Sequence[Fault], physics: Physics) -> None:
