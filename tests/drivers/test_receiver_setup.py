@@ -17,15 +17,6 @@ from tests.drivers import receiver_bytes as written
 from tests.drivers.lines import Line
 from tests.drivers.test_real_gpsd import speaking
 
-VERSIONS = {"ZED-F9P": "27.31", "NEO-M8N": "18.00"}
-
-
-def write_version(model: str) -> bytes:
-    words = [b"EXT CORE 1.00", b"FWVER=HPG 1.32", f"PROTVER={VERSIONS[model]}".encode()]
-    words += [f"MOD={model}".encode()]
-    body = words[0].ljust(30, b"\0") + b"00190000".ljust(10, b"\0")
-    return make_frame(MON_VER, body + b"".join(word.ljust(30, b"\0") for word in words[1:]))
-
 
 def test_the_keys_of_the_ninth_generation_are_those_of_its_maker() -> None:
     plan = SetupPlan(rate_hz=10.0, model="automotive", is_kept=True)
@@ -62,7 +53,7 @@ def test_the_eighth_generation_is_set_up_in_its_own_messages() -> None:
 
 def test_what_a_receiver_does_not_have_is_no_end_of_the_talk() -> None:
     setup = ReceiverSetup(SetupPlan())
-    (frame,) = UbxDecoder().feed(write_version("ZED-F9P"))
+    (frame,) = UbxDecoder().feed(written.make_ubx_version("ZED-F9P"))
     sent = setup.add(frame)
     count = 0
     while sent:
@@ -92,7 +83,7 @@ class Ublox:
             for kind, payload in frames.feed(self._line.hear()):
                 self._line.say(b"$GNGGA,,,,,,0,,,,,,,,*78\r\n" + written.make_ubx_pvt())
                 if kind == MON_VER:
-                    self._line.say(write_version(self._model))
+                    self._line.say(written.make_ubx_version(self._model))
                     continue
                 self.settings.append(UBXReader.parse(make_frame(kind, payload), msgmode=SET))
                 ack = UBXMessage("ACK", "ACK-ACK", GET, clsID=kind[0], msgID=kind[1])
