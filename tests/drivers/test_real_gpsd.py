@@ -39,6 +39,12 @@ class Daemon:
         self.port, self._control = free_port(), folder / "control"
         self._process: subprocess.Popen[bytes] | None = None
 
+    def __enter__(self) -> Daemon:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
     def start(self, *devices: object) -> None:
         gpsd = machine.require("gpsd")
         words = [gpsd, "-N", "-n", "-b", "-S", str(self.port), "-F", str(self._control)]
@@ -61,9 +67,8 @@ class Daemon:
 
 @pytest.fixture
 def daemon(tmp_path: Path) -> Iterator[Daemon]:
-    daemon = Daemon(tmp_path)
-    yield daemon
-    daemon.stop()
+    with Daemon(tmp_path) as daemon:
+        yield daemon
 
 
 @contextmanager

@@ -137,6 +137,11 @@ class GpsdDecoder:
         """How many lines were no report."""
         return self._lines.bad
 
+    @property
+    def is_accuracy_told(self) -> bool:
+        """Whether the accuracy of the newest fix is the receiver's word, not what is usual."""
+        return self._fixes.is_accuracy_told
+
     def feed(self, data: bytes, arrived_s: float = 0.0) -> Stamped:
         """Decode what arrived; the stamp of what comes without a fix is 0."""
         found: Stamped = []
