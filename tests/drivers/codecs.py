@@ -168,6 +168,8 @@ def write_of_receivers(codec: str) -> list[bytes]:
             + written.make_ubx_pvt(at + k * second, carrier=k)
             + written.make_ubx_hpposllh(at + k * second, 52.15, 4.51)
             + written.make_ubx_relposned(at + k * second, 90.0)
+            + written.make_ubx_rtcm(use=k)
+            + written.make_ubx_cor(use=k)
             for k in range(3)
         ]
         return [*epochs, b"".join(epochs)]

@@ -120,6 +120,25 @@ def make_ubx_sky(at: dt.datetime, *, is_searching: bool = False) -> bytes:
     return data
 
 
+def make_ubx_rtcm(use: int, *, is_broken: bool = False) -> bytes:
+    """Write RXM-RTCM about a message that came; `use` is 0 unknown, 1 not used, 2 used."""
+    message = UBXMessage(
+        "RXM", "RXM-RTCM", GET, version=2, crcFailed=int(is_broken), msgUsed=use, msgType=1077
+    )
+    data: bytes = message.serialize()
+    return data
+
+
+def make_ubx_cor(use: int, protocol: int = 1) -> bytes:
+    """Write RXM-COR about a message that came; protocol 1 is RTCM 3."""
+    message = UBXMessage(
+        "RXM", "RXM-COR", GET, version=1, protocol=protocol, msgUsed=use, msgTypeValid=1,
+        msgType=1077,
+    )  # fmt: skip
+    data: bytes = message.serialize()
+    return data
+
+
 def make_ubx_version(model: str) -> bytes:
     """Write MON-VER of one of VERSIONS, whose blocks pyubx2 does not write."""
     words = [b"EXT CORE 1.00", b"FWVER=HPG 1.32", f"PROTVER={VERSIONS[model]}".encode()]

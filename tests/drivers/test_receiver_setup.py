@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import itertools
 import json
+import re
 import threading
 
 import pytest
@@ -33,6 +34,7 @@ def test_the_keys_of_the_ninth_generation_are_those_of_its_maker() -> None:
             ("PVT", 1), ("HPPOSLLH", 1), ("RELPOSNED", 1), ("SAT", 10), ("DOP", 10),
         ):  # fmt: skip
             expected[f"CFG_MSGOUT_UBX_NAV_{name}_{port}"] = every
+        expected[f"CFG_MSGOUT_UBX_RXM_RTCM_{port}"] = expected[f"CFG_MSGOUT_UBX_RXM_COR_{port}"] = 1
         expected[f"CFG_{port}INPROT_RTCM3X"] = 1
     assert meant == expected
 
@@ -130,6 +132,7 @@ def test_the_command_shows_what_a_receiver_tells(
             if ended.wait(0.05):
                 return
             at = written.EPOCH + k * dt.timedelta(seconds=0.2)
+            line.say(written.make_ubx_rtcm(use=2) + written.make_ubx_rtcm(use=1))
             line.say(written.make_ubx_sky(at) + written.make_ubx_relposned(at, 90.0))
             line.say(written.make_ubx_pvt(at, carrier=2, h_acc_m=0.014))
 
@@ -144,7 +147,10 @@ def test_the_command_shows_what_a_receiver_tells(
     told = capsys.readouterr()
     assert "RTK fixed +-0.010 m" in told.err and "2 of 3 satellites, HDOP 0.9" in told.err
     assert "heading 0.0 deg" in told.err
+    assert re.search(r"(\d+) of \d+ corrections used by the receiver", told.err)
     result = json.loads(told.out.splitlines()[-1])
+    used, unused = (result["status"][f"corrections_{what}"] for what in ("used", "unused"))
+    assert used > 0 and used == unused
     assert result["fix"]["lat_deg"] == pytest.approx(written.LAT_DEG)
 
 
