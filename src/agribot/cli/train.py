@@ -122,7 +122,7 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
     onnx_path = args.out / f"{args.name}.onnx"
     features = find_architecture(args.model).features
     calibration = _calibrate(network, features, source)
-    kept_temperature = _keep_temperature(args)
+    kept_temperature = keep_temperature(args)
     height_px, width_px = source.input_size_px
     is_small = args.precision == "int8"
     plain_path = args.out / f"{args.name}-fp32.onnx" if is_small else onnx_path
@@ -245,7 +245,7 @@ def _calibrate(network: Any, features: Any, source: Any) -> Any:
     return calibrate(deployed.logits, source.aside(), tests)
 
 
-def _keep_temperature(args: argparse.Namespace) -> float | None:
+def keep_temperature(args: argparse.Namespace) -> float | None:
     """Return that of the weights whose classes are kept; None for a network that learns its own."""
     from agribot.lab.train.start import read_temperature
 

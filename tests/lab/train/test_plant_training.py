@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from agribot.autonomy.perceive.segmenter import Segmenter, model_path
-from agribot.cli.train import run
+from agribot.cli.train import keep_temperature, run
 from agribot.cli.train_options import check_recipe_options
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray
@@ -177,14 +177,20 @@ def test_photographs_teach_classes_and_drawn_fields_keep_the_stems(tmp_path: Pat
     assert math.isfinite(trainer.advance())
 
 
+def test_classes_that_are_kept_keep_their_temperature(tmp_path: Path) -> None:
+    args = parsed(*PLANTS, "--keep-classes", "--start", "agribot-sim", "--out", str(tmp_path))
+    check_recipe_options(args)
+    assert keep_temperature(args) == read_temperature(model_path("agribot-sim")) != 1.0
+    assert "--keep-classes" in args.recipe_words and args.asked["keeps_classes"]
+
+
 @pytest.mark.slow
 def test_one_command_goes_from_classes_to_weights_that_find_plants(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ("--variety", "dense", "--start", "agribot-sim", "--images", "2", "--row-images", "1")
     few = ("--turn-images", "0", "--test-images", "1", "--steps", "2", "--out", str(tmp_path))
-    seen = ("--validate", "2", "--keep-classes")
-    assert run(parsed(*PLANTS, *words, *few, *seen)) == 0
+    assert run(parsed(*PLANTS, *words, *few, "--validate", "2")) == 0
     weights = tmp_path / "agribot-plants.onnx"
     card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
     assert card.test.keys() == {
@@ -192,9 +198,9 @@ def test_one_command_goes_from_classes_to_weights_that_find_plants(
     }  # fmt: skip
     assert card.plants.keys() == {*SCENES, "all"}
     assert card.plants["all"].crops_truth > 50 and card.plants["beet-25-25"].crops_truth > 0
-    assert card.calibration is None and card.kept_temperature is not None
-    assert read_temperature(weights) == read_temperature(model_path("agribot-sim"))
+    assert card.kept_temperature is None and card.calibration is not None
+    assert read_temperature(weights) == pytest.approx(card.calibration.temperature, rel=1e-4)
     told = weights.with_suffix(".md").read_text(encoding="utf-8")
-    assert "| beet-25-25 |" in told and f"temperature {card.kept_temperature:g}" in told
-    assert "--keep-classes" in card.command and "--validate 2" in card.command
+    assert "| beet-25-25 |" in told and "over the pixels taken for plants" in told
+    assert "--validate 2" in card.command
     assert "valid_stem_f1" in capsys.readouterr().err

@@ -55,7 +55,7 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
     """
     height_px, width_px = read_size(args.size, STRIDE_PX)
     read, held, problems = _read_photographs(args, progress)
-    read, judge = _set_aside(read, args.validate, (height_px, width_px), args.model)
+    read, judge = _set_aside(read, args.validate or 0, (height_px, width_px), args.model)
     options = _format_options(args)
     recipe = TrainingPlan(
         steps=1,

@@ -87,7 +87,7 @@ def make_simulated_source(args: argparse.Namespace, progress: Progress) -> Train
     aside = None
     if learns_classes:
         asides = sets.pop("aside-random"), sets.pop("aside-rows")
-        aside = partial(_read_all, asides, args.test_images // 2)
+        aside = partial(_read_all, asides, _count_aside(args))
     return TrainingSource(
         aside=aside,
         judge=judge,
@@ -119,7 +119,13 @@ def _make_view_judge(args: argparse.Namespace, sets: list[DataSet]) -> Judge | N
 
 def _split_validation(args: argparse.Namespace) -> tuple[int, int]:
     """Count the pictures of --validate from random masts, and those along rows."""
-    return args.validate // 2, args.validate - args.validate // 2
+    count = args.validate or 0
+    return count // 2, count - count // 2
+
+
+def _count_aside(args: argparse.Namespace) -> int:
+    """Count the images of each set that only the temperature comes from."""
+    return max(1, args.test_images // 2)
 
 
 def _read_all(sets: Iterable[DataSet], count: int) -> Iterator[LabelledImage]:
@@ -150,8 +156,8 @@ def _draw_sets(
     ]
     if sets_aside:
         wanted += [
-            ("aside-random", 104, draw_random_field, own, args.test_images // 2),
-            ("aside-rows", 105, draw_row_crop, own, args.test_images // 2),
+            ("aside-random", 104, draw_random_field, own, _count_aside(args)),
+            ("aside-rows", 105, draw_row_crop, own, _count_aside(args)),
         ]
     if own.rough_share:
         wanted += [
