@@ -66,7 +66,7 @@ class SpotSprayer:
         )
 
     def _find_near(self, estimate: Estimate, plants: PlantMap) -> list[Placed]:
-        """Weeds and confirmed crops that the boom can reach within its latency."""
+        """Plants that the boom can reach within its latency; a crop seen once is spared, too."""
         spec, config = self._spec, self._config
         guard_m = 2.0 * (CROP_STEM_M + config.crop_guard_m)
         ahead_m = abs(estimate.v_mps) * spec.latency_s + config.margin_m + guard_m

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from agribot.core.implement.plants import KnownPlant, PlantMap
-from agribot.core.messages import Estimate, PlantClass
+from agribot.core.messages import Estimate
 from agribot.core.pose import Pose2
 
 
@@ -30,7 +30,7 @@ class ToolPose(NamedTuple):
 def find_near(
     estimate: Estimate, plants: PlantMap, tool_x_m: float, ahead_m: float, half_width_m: float
 ) -> list[Placed]:
-    """Weeds, and crops that are confirmed, up to `ahead_m` before and behind the tool point."""
+    """Plants, confirmed or not, up to `ahead_m` before and behind the tool point."""
     body = Pose2(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
     x_map_m, y_map_m = body.transform(tool_x_m, 0.0)
     tool = Pose2(x_map_m, y_map_m, estimate.yaw_map_rad)
@@ -42,9 +42,7 @@ def find_near(
         x_map_m - east_m, y_map_m - north_m, x_map_m + east_m, y_map_m + north_m
     ):
         x_m, y_m = tool.locate(plant.x_map_m, plant.y_map_m)
-        if abs(x_m) > ahead_m:
-            continue
-        if plant.is_confirmed or plant.plant == PlantClass.WEED:
+        if abs(x_m) <= ahead_m:
             near.append(Placed(plant, x_m, y_m))
     return near
 
