@@ -12,8 +12,9 @@ from agribot.autonomy.weeds.crop_ground import CropGround
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import TreatmentConfig, WeedConfig
 from agribot.core.implement.sprayer import SprayerSpec
+from agribot.core.messages import PlantClass
 from tests.autonomy.implements.looks import POSE, closed_row, cover, seen_on_the_way
-from tests.autonomy.implements.spray_ground import Field, drive_over
+from tests.autonomy.implements.spray_ground import Field, drive_over, figure, make_map
 from tests.autonomy.weeds.weed_field import make_estimate, make_plant, make_scene
 
 BOOM = SprayerSpec(
@@ -70,6 +71,31 @@ def test_one_plant_of_a_closed_row_in_the_map_opens_no_nozzle_over_its_neighbour
     assert len(weed_map.crops()) == 1
     drive_over(Treatment(TreatmentConfig(), BOOM), weed_map, truth, way_m=3.5)
     assert not truth.hit
+
+
+def test_a_row_that_looks_like_weeds_stays_dry_where_no_stem_explains_its_leaves() -> None:
+    """Carrots are called weeds, and some of them are found as weeds; the row keeps its leaves."""
+    stems = {f"carrot{i}": (1.0 + 0.05 * i, 0.0) for i in range(30)}
+    beside = {f"weed{i}": (1.2 + 0.3 * i, 0.35) for i in range(4)}
+    truth = Field(sprayer=BOOM, latency_s=BOOM.latency_s, plants=stems | beside)
+    taken_for_weeds = list(stems.values())[::7]
+    weed_map = seen_on_the_way([*taken_for_weeds, *beside.values()], closed_row, unknown=True)
+    assert len(weed_map.weeds()) > len(beside) and not weed_map.crops()
+    drive_over(Treatment(TreatmentConfig(), BOOM), weed_map, truth, way_m=3.5)
+    assert set(truth.hit) == set(beside)
+
+
+def test_a_crop_that_was_seen_but_once_is_spared() -> None:
+    crop, weed = (1.5, 0.01), (1.5, 0.12)
+    weed_map = make_map([weed])
+    weed_map.add(make_scene(3.0, (make_plant(*crop, PlantClass.CROP, std_m=0.01),), view=()), POSE)
+    assert len(weed_map.plants()) == 2 and not weed_map.crops()
+    treatment = Treatment(TreatmentConfig(), BOOM)
+    drive_over(treatment, weed_map, Field(sprayer=BOOM, latency_s=BOOM.latency_s))
+    assert figure(treatment, "sprayed") == 0.0
+    again = Treatment(TreatmentConfig(), BOOM)
+    drive_over(again, make_map([weed]), Field(sprayer=BOOM, latency_s=BOOM.latency_s))
+    assert figure(again, "sprayed") > 0.0
 
 
 def test_no_drop_falls_on_leaves_also_in_a_curve() -> None:
