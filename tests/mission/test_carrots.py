@@ -16,8 +16,8 @@ name = "carrots"
 
 [rows]
 count = 1
-length_m = 4.0
-first_row_start_map_m = [1.0, 1.0]
+length_m = 3.0
+first_row_start_map_m = [-2.0, 1.2]
 yaw_deg = 90.0
 
 [crop]
@@ -36,12 +36,12 @@ def test_no_carrot_of_a_row_is_sprayed(tmp_path: Path) -> None:
     field.write_text(FIELD)
     write_world(generate_field(read_field_settings(field), 1), world)
     settings = [
-        f'world="{world}"', "seed=1", 'sim.sensors="rtk"', "duration_s=30",
-        "field.row_count=1", "field.row_length_m=4.0", "field.plant_spacing_m=0.05",
-        "field.first_row_start_map_m=[1.0, 1.0]", "field.start_map_m=[1.0, -1.0]",
+        f'world="{world}"', "seed=1", 'sim.sensors="rtk"', "duration_s=20",
+        "field.row_count=1", "field.row_length_m=3.0", "field.plant_spacing_m=0.05",
+        "field.first_row_start_map_m=[-2.0, 1.2]",
     ]  # fmt: skip
     report = run_session("beet", settings, str(tmp_path / "run"))
     assert report.mission.rows_done == 1
-    assert report.weeds.crops_truth is not None and report.weeds.crops_truth > 60
+    assert report.weeds.crops_truth is not None and report.weeds.crops_truth > 45
     assert report.weeds.treated_true is not None and report.weeds.treated_true >= 1
     assert report.weeds.crops_hit == 0

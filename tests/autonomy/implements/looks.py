@@ -54,10 +54,12 @@ def seen_on_the_way(
     *,
     unknown: bool = False,
     points: bool = False,
+    stems: list[tuple[float, float]] | None = None,
 ) -> WeedMap:
     """The map after a drive of 2.5 m along x that saw weeds, leaves, and these crop plants.
 
-    The leaves are `unknown` ones that no stem explains, or each `points` to the nearest crop.
+    The leaves are `unknown` ones that no stem explains, or each `points` to the nearest crop, or to
+    the nearest of `stems`.
     """
     weed_map = WeedMap(WeedConfig())
     for step in range(25):
@@ -74,7 +76,7 @@ def seen_on_the_way(
         )
         pose = msgspec.structs.replace(POSE, x_map_m=x_m)
         scene = make_scene(t_s, plants, view=())
-        seen = cover(pose, is_crop, crops if points else None)
+        seen = cover(pose, is_crop, crops if points else stems)
         if unknown:
             seen = msgspec.structs.replace(seen, crop=bytes(len(seen.crop)), unknown=seen.crop)
         weed_map.add(msgspec.structs.replace(scene, crop_cover=seen))

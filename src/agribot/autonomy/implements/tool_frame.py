@@ -10,6 +10,8 @@ from agribot.core.implement.plants import KnownPlant, PlantMap
 from agribot.core.messages import Estimate
 from agribot.core.pose import Pose2
 
+SEEN_AHEAD_M = 1.0  # from where a plant is seen last to the tool
+
 
 class Placed(NamedTuple):
     """A plant at `x_m` ahead of the tool point and `y_m` to the left of it."""
@@ -60,6 +62,16 @@ def move_on(
         Placed(plant, x_m - tool_x_m, y_m)
         for (plant, _, _), (x_m, y_m) in zip(near, moved, strict=True)
     ]
+
+
+def find_spread_m(seen_std_m: float, estimate: Estimate) -> tuple[float, float]:
+    """Find 1 sigma, along and across, of a plant's place against the tool that comes to it.
+
+    `seen_std_m` is that of its place seen from the robot. A heading that was off while the plant
+    was seen ahead puts it beside the way; an error of the position is the same for both.
+    """
+    across_m = SEEN_AHEAD_M * estimate.yaw_std_rad
+    return seen_std_m, math.hypot(seen_std_m, across_m)
 
 
 def predict_tool(estimate: Estimate, tool_x_m: float, delay_s: float) -> ToolPose:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.perceive.foliage import find_nearer_ratio
 from agribot.autonomy.perceive.crop_cover import Mask, StemLeaves
+from agribot.autonomy.perceive.foliage import find_nearer_ratio
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.leaf_owners import OwnedLeaves, find_crop_leaves, own_leaves
 from agribot.autonomy.perceive.segmenter import ClassMap

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.metadata import entry_points
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import msgspec
 
@@ -79,6 +79,21 @@ class ImplementEffect(Protocol):
     @property
     def worked_m2(self) -> float:
         """Ground that it worked; passing twice counts twice."""
+        ...
+
+
+@runtime_checkable
+class WetsLeaves(Protocol):
+    """What an effect that wets plants tells besides."""
+
+    @property
+    def wet_leaves(self) -> dict[int, float]:
+        """Index of a crop plant in the world -> share of its leaf area that got wet, above 0."""
+        ...
+
+    @property
+    def offsets_m(self) -> dict[int, float]:
+        """Index of a weed -> how near the middle of a working section came to it, below 10 cm."""
         ...
 
 

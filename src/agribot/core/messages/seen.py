@@ -114,6 +114,7 @@ class MappedPlant(msgspec.Struct, frozen=True, kw_only=True):
     first_seen_s: float
     last_seen_s: float
     treated_s: float | None = None
+    left: str = ""  # why it was not treated, as far as that is known
 
     @property
     def std_m(self) -> float:
