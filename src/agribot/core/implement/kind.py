@@ -18,6 +18,7 @@ from agribot.core.config import TreatmentConfig
 from agribot.core.errors import DescriptionError
 from agribot.core.implement.hoe import HoeSpec
 from agribot.core.implement.plants import PlantMap
+from agribot.core.implement.point import PointSpec
 from agribot.core.implement.spec import ImplementSpec
 from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import Estimate, FloatArray, ImplementCommand, Vec3
@@ -110,7 +111,9 @@ class ImplementKind(NamedTuple, Generic[Spec]):
 
 GROUP = "agribot.implements"  # of the entry points that installed packages register kinds by
 
-SPECS: dict[str, type[ImplementSpec]] = {spec.kind: spec for spec in (SprayerSpec, HoeSpec)}
+SPECS: dict[str, type[ImplementSpec]] = {
+    spec.kind: spec for spec in (SprayerSpec, HoeSpec, PointSpec)
+}
 _registered: dict[str, ImplementKind[Any]] = {}
 
 

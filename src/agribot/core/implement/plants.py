@@ -10,8 +10,8 @@ from agribot.core.messages import PlantClass
 
 # Why a weed was left, as far as an implement gets on its way to treat it: the last word counts.
 REASONS = (
-    "", "tool off", "seen too late", "outside the tool", "beside a crop", "stem of crop",
-    "leaf of crop", "aimed at and not hit", "outside the prescription",
+    "", "tool off", "seen too late", "outside the tool", "tool busy", "beside a crop",
+    "stem of crop", "leaf of crop", "aimed at and not hit", "outside the prescription",
 )  # fmt: skip
 
 
