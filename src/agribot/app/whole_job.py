@@ -98,8 +98,8 @@ class WholeJob:
     def __call__(self, record: TickRecord) -> None:
         self.believed.add(record, record.batch.t_s - self._run_s)
         self._run_s = record.batch.t_s
-        if record.batch.scenes:
-            self._used_s.add([record.batch.t_s - scene.t_s for scene in record.batch.scenes])
+        if record.scenes:
+            self._used_s.add([record.batch.t_s - scene.t_s for scene in record.scenes])
 
     @property
     def began_s(self) -> float:
