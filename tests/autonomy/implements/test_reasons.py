@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from agribot.autonomy.implements.treatment import Treatment
 from agribot.core.config import TreatmentConfig
 from agribot.core.implement.plants import NOT_TOLD, count_left
+from agribot.description.loader import load_robot
 from tests.autonomy.implements.looks import POSE
 from tests.autonomy.implements.spray_ground import BOOM, Field, drive_over, make_map
-from tests.autonomy.weeds.weed_field import make_plant, make_scene
+from tests.autonomy.weeds.weed_field import make_estimate, make_plant, make_scene
 
 Place = tuple[float, float]
 
@@ -68,3 +71,12 @@ def test_reasons_are_counted_of_weeds_that_were_not_treated() -> None:
     counts = count_left(weed_map.weeds())
     assert counts == {"outside the tool": 2, NOT_TOLD: 1}
     assert list(counts) == ["outside the tool", NOT_TOLD]
+
+
+@pytest.mark.parametrize("robot", ["agribot", "agribot-point"])
+def test_a_robot_that_does_not_know_where_it_is_does_nothing_and_blames_nothing(robot: str) -> None:
+    weed_map = make_map([(1.0, 0.2)])
+    treatment = Treatment(TreatmentConfig(), load_robot(robot).implement)
+    lost = make_estimate(10.0, math.nan, math.nan, math.nan, ok=False)
+    assert not any(treatment.step(lost, weed_map, True).sections_on)
+    assert [weed.left for weed in weed_map.weeds()] == [""]

@@ -56,7 +56,7 @@ class Pointer:
         margin_m = CROP_STEM_M + STEM_MARGIN_M + spec.spot_radius_m
         ahead_m = spec.reach_m + abs(estimate.v_mps) * spec.latency_s + margin_m
         half_m = spec.width_m / 2.0 + margin_m
-        near = find_near(estimate, plants, spec.x_body_m, ahead_m, half_m)
+        near = find_near(estimate, plants, spec.x_body_m, ahead_m, half_m) if estimate.ok else []
         # A command holds for a tick: aimed for the middle of it, the spot errs least.
         then = move_on(near, estimate, spec.x_body_m, spec.latency_s + tick_s / 2.0)
         free = self._find_free(then, estimate, plants, may_work=may_work)

@@ -58,7 +58,8 @@ class SpotSprayer:
         spec = self._spec
         flowing = self._history.at(estimate.t_s - spec.latency_s)
         step_m = self._meter.advance(estimate)
-        near = self._find_near(estimate, plants)
+        is_placed = may_work or estimate.ok or any(flowing)
+        near = self._find_near(estimate, plants) if is_placed else []
         self._credit(near, flowing, step_m, plants, estimate.t_s)
         then = move_on(near, estimate, spec.x_body_m, spec.latency_s)
         targets = self._find_targets(then, estimate, step_m, plants)
