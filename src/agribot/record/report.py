@@ -123,7 +123,7 @@ class WeedReport(msgspec.Struct, frozen=True, kw_only=True):
     crop_recall: float | None = None
     stem_error_p95_m: float | None = None
     placement_p90_m: float | None = None
-    left: dict[str, int] = {}
+    left: dict[str, int] | None = None
     crop_leaves_wet_ratio: float | None = None
     tool_offset_p50_m: float | None = None
     tool_offset_p90_m: float | None = None
