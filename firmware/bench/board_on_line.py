@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import os
+import queue
 import sys
 import tempfile
 import threading
 import time
 import tty
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
@@ -36,6 +38,9 @@ class BoardOnLine:
         os.set_blocking(self._ours, False)
         self.path = os.ttyname(self._theirs)
         self._ended = threading.Event()
+        self._wanted: queue.SimpleQueue[tuple[Callable[[], None], threading.Event]] = (
+            queue.SimpleQueue()
+        )
         self._thread = threading.Thread(target=self._run, name="board on a line", daemon=True)
 
     def __enter__(self) -> BoardOnLine:
@@ -47,6 +52,12 @@ class BoardOnLine:
         trace: TracebackType | None,
     ) -> None:  # fmt: skip
         self.unplug()
+
+    def do(self, act: Callable[[], None]) -> None:
+        """Do something to the bench between two of its steps, and wait for it."""
+        is_done = threading.Event()
+        self._wanted.put((act, is_done))
+        is_done.wait()
 
     def unplug(self) -> None:
         """End the board, and the line with it. Safe to call twice."""
@@ -60,6 +71,10 @@ class BoardOnLine:
         begun_s = time.monotonic() - self.bench.t_s
         while not self._ended.is_set():
             self._exchange()
+            while not self._wanted.empty():
+                act, is_done = self._wanted.get()
+                act()
+                is_done.set()
             duty = self.bench.advance(STEP_S, self.speed_radps)
             share = STEP_S / LAG_S
             self.speed_radps = [
