@@ -76,7 +76,7 @@ class AgribotBoard:
         self._mag_count: int | None = None
         self._encoder, self._decoder = BoardEncoder(), BoardDecoder()
         self._is_known, self._is_configured = False, False
-        self._polls = 0
+        self._polls = self.frames_heard = 0
         self._broken_commands, self._bad_frames, self._state_us = 0, 0, 0
         self._clock = MicrosecondClock()
         self.trouble = ""
@@ -94,17 +94,21 @@ class AgribotBoard:
     def open(self) -> bytes:
         self._decoder = BoardDecoder()
         self._is_known = self._is_configured = False
+        self._polls = self.frames_heard = 0
         self._clock = MicrosecondClock()
-        return b"\0" + self._ask()
+        return b""
 
     def poll(self) -> bytes:
+        """Ask what it is, and configure it, once it has spoken."""
+        if not self.frames_heard or (self._is_known and self._is_configured):
+            return b""
         self._polls += 1
-        is_asked = self._polls % POLLS_PER_QUESTION == 0
-        return self._ask() if is_asked and not (self._is_known and self._is_configured) else b""
+        return self._ask() if self._polls % POLLS_PER_QUESTION == 1 else b""
 
     def feed(self, data: bytes) -> list[StampedReport]:
         found = []
         for frame in self._decoder.feed(data):
+            self.frames_heard += 1
             if isinstance(frame.message, BoardVersion):
                 self._check(frame.message)
             elif isinstance(frame.message, BoardState) and self._is_known:
@@ -124,7 +128,7 @@ class AgribotBoard:
         return self._write(ClearLatch())
 
     def _ask(self) -> bytes:
-        return self._write(AskVersion()) + self._write(self._config)
+        return b"\0" + self._write(AskVersion()) + self._write(self._config)
 
     def _write(self, message: BoardMessage) -> bytes:
         return self._encoder.encode(message)[1]
