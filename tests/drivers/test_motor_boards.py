@@ -7,6 +7,7 @@ import struct
 from binascii import crc_hqx
 from itertools import pairwise
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,8 +16,9 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import WHEEL_NAMES, ImplementCommand
 from agribot.description.loader import load_robot
 from agribot.drivers import board_kinds, vesc
+from agribot.drivers.board_codec import encode
 from agribot.drivers.board_link import BoardLink
-from agribot.drivers.board_protocol import StopCause
+from agribot.drivers.board_protocol import AckResult, BoardAck, BoardConfig, StopCause
 from agribot.drivers.motor_board import BoardReport, CountsBroken, MotorBoard, StampedReport
 from tests.drivers.board_emulator import BoardEmulator
 from tests.drivers.esc_fakes import FakeOdrive, FakeVesc
@@ -198,6 +200,9 @@ def test_an_arduino_is_told_nothing_before_it_has_spoken_since_its_line_was_open
         bench.t_s += 1.0
         link.feed(b"A0B0C16384D0E0F131G\r\n\0\0", bench.t_s)
         assert not link.may_send, "what is no frame may be of the program before"
+        link.feed(board.advance() + board.advance(), bench.t_s)
+        assert not link.may_send, "nor what was still in the line"
+        bench.t_s += 0.06
         link.feed(board.advance(), bench.t_s)
         assert link.may_send and not link.has_spoken
         board.feed(link.board.poll())
@@ -208,6 +213,7 @@ def test_an_arduino_is_told_nothing_before_it_has_spoken_since_its_line_was_open
 
 def test_an_arduino_that_falls_silent_is_told_nothing_until_it_speaks_again() -> None:
     bench, board = Link(), BoardEmulator()
+    bench.link.feed(board.advance(), bench.t_s - 0.05)
     for _ in range(3):
         bench.link.feed(board.advance(), bench.t_s)
         assert bench.link.may_send
@@ -223,6 +229,20 @@ def test_a_controller_that_only_answers_is_asked_at_once_and_again(options: str)
     assert bench.greeting and bench.link.may_send
     bench.t_s = 10.0
     assert bench.link.may_send and bench.link.board.poll()
+
+
+def test_a_board_that_refuses_its_configuration_is_a_fault() -> None:
+    bench = Bench()
+    refused = BoardAck(of_type=BoardConfig.number, of_seq=1, result=AckResult.BAD_VALUE)
+    for answer, count in (
+        (refused, 1),
+        (msgspec.structs.replace(refused, result=AckResult.DONE), 0),
+    ):
+        bench.run(0.1)
+        bench.driver.feed(encode(0, answer))
+        board = last(bench.run(0.1)).board
+        assert board is not None and len(board.faults) == count
+        assert all("refuses its configuration" in fault for fault in board.faults)
 
 
 def test_a_board_of_another_table_is_trouble_that_says_what_to_do() -> None:

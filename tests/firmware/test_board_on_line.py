@@ -59,7 +59,7 @@ STANDS_S = 0.5  # after a stop: a board that was cleared waits for a speed of ze
 
 
 class Mega:
-    """A Mega as it is sold, on a line that keeps its name; whoever opens that resets it."""
+    """A Mega as it is sold, on a line that keeps its name; whoever opens that resets the board."""
 
     def __init__(self, library: ctypes.CDLL, bootloader: Path, folder: Path) -> None:
         self.bench = AvrBench(library, PREBUILT / "motor_board.hex", bootloader=bootloader)
@@ -73,9 +73,7 @@ class Mega:
         return self.line.__enter__()
 
     def open(self) -> ByteStream:
-        stream = SerialStream(str(self._path), BAUD)
-        self.line.do(self.bench.reset)
-        return stream
+        return SerialStream(str(self._path), BAUD)
 
 
 class Driver:

@@ -10,7 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agribot.description.loader import load_robot
+from agribot.drivers.agribot_board import AgribotBoard
 from agribot.drivers.board_codec import FORMATS, stuff
+from agribot.drivers.board_kinds import open_board
 from agribot.drivers.board_protocol import (
     ACCEL_RANGE_G,
     COMMAND_TIMEOUT_S,
@@ -417,14 +420,22 @@ def test_behind_the_bootloader_of_a_mega_it_tells_a_reset_by_its_watchdog_from_o
 ) -> None:
     bench = AvrBench(bench_library, PREBUILT / "motor_board.hex", bootloader=bootloader)
     board = BoardOnBench(bench)
-    for harm, has_hung in (
-        (lambda: None, False), (bench.reset, False), (bench.hang, True), (bench.reset, False),
-    ):  # fmt: skip
+    board.run(1.5)
+    for harm, has_hung in ((bench.reset, False), (bench.hang, True), (bench.reset, False)):
         harm()
         board.received.clear()
         board.run(1.5)
         assert (BoardFlag.WATCHDOG_RESET in board.state.flags) is has_hung
     bench.close()
+
+
+@pytest.mark.parametrize("options", ["", "?full_speed_radps=30", "?kp=2&ti_s=0.02"])
+def test_the_board_takes_what_the_driver_configures_for_the_robot_that_is_described(
+    options: str, board: BoardOnBench
+) -> None:
+    driver = open_board(f"tcp://localhost:1{options}", load_robot()).board
+    assert isinstance(driver, AgribotBoard)
+    board.arm(driver._config)
 
 
 @all_or_first("blocks", range(1000), 60, "kB")

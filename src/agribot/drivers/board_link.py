@@ -30,6 +30,8 @@ CLEARING_S = 2.0
 # A board that speaks first has missed ten of its words: it hung or begins anew, and its bootloader
 # must hear nothing. A watchdog resets it 0.12 s after its last one.
 HUSH_S = 0.1
+# What a board said before its line was opened may come within the first milliseconds after that.
+SURE_S = 0.05
 
 
 class BoardLink:
@@ -47,7 +49,7 @@ class BoardLink:
         )
         self._watch = LineWatch("motor board")
         self.has_spoken = False
-        self._heard_s = -math.inf
+        self._first_s, self._heard_s = math.inf, -math.inf
         self._clearing_until_s = -math.inf
 
     @property
@@ -58,12 +60,13 @@ class BoardLink:
     @property
     def may_send(self) -> bool:
         """Whether the board listens: one that speaks first does while it speaks, others always."""
-        is_heard = self._now_s() - self._heard_s < HUSH_S
+        is_sure = self._heard_s - self._first_s >= SURE_S
+        is_heard = is_sure and self._now_s() - self._heard_s < HUSH_S
         return is_heard or not isinstance(self.board, SpeaksFirst)
 
     def open(self) -> bytes:
         """Begin with a board whose line was just opened; makes what it is told at once."""
-        self.has_spoken, self._heard_s = False, -math.inf
+        self.has_spoken, self._first_s, self._heard_s = False, math.inf, -math.inf
         return self.board.open()
 
     def feed(self, data: bytes, arrived_s: float) -> None:
@@ -71,7 +74,7 @@ class BoardLink:
         heard = self._count_heard()
         reports = self.board.feed(data)
         if self._count_heard() != heard:
-            self._heard_s = arrived_s
+            self._first_s, self._heard_s = min(self._first_s, arrived_s), arrived_s
         for stamped in reports:
             is_imu = stamped.report.imu is not None
             self.has_spoken |= not is_imu
