@@ -18,6 +18,12 @@ class Daemon:
         self.port, self._control = free_port(), folder / "control"
         self._process: subprocess.Popen[bytes] | None = None
 
+    def __enter__(self) -> Daemon:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
     def start(self, *devices: object) -> None:
         gpsd = machine.require("gpsd")
         words = [gpsd, "-N", "-n", "-b", "-S", str(self.port), "-F", str(self._control)]

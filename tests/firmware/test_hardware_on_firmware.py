@@ -101,7 +101,7 @@ def start_as_a_builder(
     """Start the robot of which a builder has plugged in board and receiver; waits for its end."""
     sets = [word for setting in SETTINGS for word in ("--set", setting)]
     words = ["run", "farm", "--platform", "hardware", "--arm",
-             "--source", f"base=serial:{board.path}?full_speed_radps=30",
+             "--source", f"base=serial:{board.path}?full_speed_radps=30&current_limit_a=0",
              "--source", f"gnss=gpsd://127.0.0.1:{port}", *sets, "--headless",
              "--waypoints", str(write_places(out.parent / "places.geojson")),
              "--for", "40", "--out", str(out)]  # fmt: skip
