@@ -6,6 +6,7 @@ import contextlib
 import datetime as dt
 import itertools
 import random
+import socket
 import subprocess
 import tempfile
 import threading
