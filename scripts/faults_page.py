@@ -41,8 +41,15 @@ TAIL = """
 `stop_distance_m_max` and `crushed_after_fault` say what it cost, by the truth. Noticed means: after
 the fault began, a stop, hold, pause or failure that had not been there before, or a fault or a
 limit whose reason names the part. `safety.noticed` are all faults that the robot told of, injected
-or not. Outside is the field's boundary, or without a plan the rectangle around rows and start with
-`mission.headland_m` and 1.5 m.
+or not.
+
+`outside_m_max` is of the robot's whole rectangle, implement included, against the field's boundary
+and holes; without a plan against the rectangle around rows and start with `mission.headland_m` and
+1.5 m. A way into the field is not outside. `stop_allowed_m` is what the drive promises at the speed
+of the longest stop: 0.2 s until the brakes bite, then `max_accel_mps2`; `stops_too_long` counts the
+stops that took more. `crushes` are the crops crushed since the first fault began, each with its
+time, what crushed it, and `when`: `before_detection`, `after_detection` while the robot still
+rolled or drove on, `after_standstill`, or `by_fault`, which lay where hands set the robot down.
 
 ## The campaign
 

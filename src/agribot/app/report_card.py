@@ -8,7 +8,7 @@ from typing import Any, Protocol, TypeVar
 import msgspec
 
 from agribot.app.beliefs import ReportParts, compare, compute_worked_ratio
-from agribot.app.fault_verdict import judge_faults
+from agribot.app.fault_verdict import judge_crushes, judge_faults
 from agribot.app.judge import Judge
 from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.plan.row_log import RowResult
@@ -286,16 +286,20 @@ def _implement(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> Impleme
 
 
 def _safety(drive: EndedRun, events: Sequence[Event]) -> SafetyReport:
-    safety = SafetyReport()
+    faults = judge_faults(drive.config.faults, events)
+    safety, crushes = SafetyReport(), ()
     if drive.judge is not None:
-        safety = _same_fields(drive.judge.score_safety(), SafetyReport)
+        score = drive.judge.score_safety()
+        crushes = judge_crushes(drive.config.faults, faults, score.crushes, score.stood_s)
+        safety = _same_fields(msgspec.structs.replace(score, crushes=()), SafetyReport)
     return msgspec.structs.replace(
         safety,
         stops=_select_events(events, "stop"),
         noticed=_select_events(events, "fault"),
-        faults=judge_faults(drive.config.faults, events),
+        faults=faults,
         gate=_select_events(events, "gate"),
         checks=_select_events(events, "check"),
+        crushes=crushes,
     )
 
 

@@ -129,9 +129,10 @@ FAULTS = (
               value=Span(unit="deg", low=0.01, high=180.0, is_signed=True),
               is_momentary=True, at_start=True,
               about="the robot stands turned by so much at its start, counter-clockwise"),
-    FaultKind(name="carried", part="robot", words=("carried", "jumped", "gnss"), typical="0.5",
+    FaultKind(name="carried", part="robot", words=("carried",), typical="0.5",
               value=Span(unit="m", low=1e-3, high=100.0, is_signed=True), is_momentary=True,
-              about="the robot is moved so far to its left, within a second"),
+              about="the robot is lifted, moved so far to its left and set down: in a second, or "
+                    "2 s for each metre"),
 )  # fmt: skip
 _BY_NAME = {kind.name: kind for kind in FAULTS}
 
