@@ -9,6 +9,7 @@ import msgspec
 
 from agribot.app.beliefs import ReportParts, compare, compute_worked_ratio
 from agribot.app.fault_verdict import judge_crushes, judge_faults
+from agribot.app.interventions import compute_km_per_intervention, list_interventions
 from agribot.app.judge import Judge
 from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.plan.row_log import RowResult
@@ -106,7 +107,9 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         perception=_perception(drive, job),
         weeds=_weeds(drive, job, kept),
         implement=_implement(drive, job, kept),
-        safety=_safety(drive, events),
+        safety=_safety(
+            drive, events, job.believed.distance_m if judge is None else mission.distance_m
+        ),
         marks=_select_events(events, "mark"),
         job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
         preset=config.sim.preset if find_platform(config.platform).is_simulated else None,
@@ -285,7 +288,8 @@ def _implement(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> Impleme
     )
 
 
-def _safety(drive: EndedRun, events: Sequence[Event]) -> SafetyReport:
+def _safety(drive: EndedRun, events: Sequence[Event], distance_m: float | None) -> SafetyReport:
+    interventions = list_interventions(events)
     faults = judge_faults(drive.config.faults, events)
     safety, crushes = SafetyReport(), ()
     if drive.judge is not None:
@@ -300,6 +304,8 @@ def _safety(drive: EndedRun, events: Sequence[Event]) -> SafetyReport:
         gate=_select_events(events, "gate"),
         checks=_select_events(events, "check"),
         crushes=crushes,
+        interventions=interventions,
+        km_per_intervention=compute_km_per_intervention(distance_m, len(interventions)),
     )
 
 

@@ -183,6 +183,10 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     supervisor, `stop_allowed_m` what its drive promises at the speed of that stop, and
     `stops_too_long` how many stops took more than that; `person_distance_min_m` is how near its
     outline came to a person's.
+
+    `interventions` are the stops, pauses and questions that only a person could end;
+    `km_per_intervention` is null where there were none. The way is the true one, or on a real
+    robot the way that it believes to have driven.
     """
 
     stops: tuple[SafetyEvent, ...] = ()
@@ -197,6 +201,8 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     stop_allowed_m: float | None = None
     stops_too_long: int | None = None
     crushes: tuple[CrushReport, ...] = ()
+    interventions: tuple[SafetyEvent, ...] = ()
+    km_per_intervention: float | None = None
 
 
 class BeliefReport(msgspec.Struct, frozen=True, kw_only=True):
