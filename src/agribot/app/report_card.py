@@ -22,6 +22,7 @@ from agribot.core.version import __version__
 from agribot.record.events import Event, EventKind, EventLog
 from agribot.record.report import (
     BeliefReport,
+    CrushReport,
     EstimateReport,
     FoundRowsReport,
     ImplementReport,
@@ -107,9 +108,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         perception=_perception(drive, job),
         weeds=_weeds(drive, job, kept),
         implement=_implement(drive, job, kept),
-        safety=_safety(
-            drive, events, job.believed.distance_m if judge is None else mission.distance_m
-        ),
+        safety=_safety(drive, job, mission, events),
         marks=_select_events(events, "mark"),
         job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
         preset=config.sim.preset if find_platform(config.platform).is_simulated else None,
@@ -288,10 +287,13 @@ def _implement(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> Impleme
     )
 
 
-def _safety(drive: EndedRun, events: Sequence[Event], distance_m: float | None) -> SafetyReport:
+def _safety(
+    drive: EndedRun, job: JobSoFar, mission: MissionReport, events: Sequence[Event]
+) -> SafetyReport:
+    distance_m = job.believed.distance_m if drive.judge is None else mission.distance_m
     interventions = list_interventions(events)
     faults = judge_faults(drive.config.faults, events)
-    safety, crushes = SafetyReport(), ()
+    safety, crushes = SafetyReport(), tuple[CrushReport, ...]()
     if drive.judge is not None:
         score = drive.judge.score_safety()
         crushes = judge_crushes(drive.config.faults, faults, score.crushes, score.stood_s)

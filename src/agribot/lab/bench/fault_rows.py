@@ -65,7 +65,7 @@ class FaultRow(msgspec.Struct, frozen=True, kw_only=True):
     distance_m: float = 0.0
 
 
-class Spread(NamedTuple):
+class UsualDrive(NamedTuple):
     """What the same drives do without a fault: the most that is usual across a row, and outside."""
 
     across_m: float
@@ -173,19 +173,19 @@ def _add_verdicts(row: FaultRow, faults: Sequence[FaultReport]) -> FaultRow:
     )
 
 
-def _measure_spread(usual: Sequence[Report]) -> Spread | None:
+def _measure_spread(usual: Sequence[Report]) -> UsualDrive | None:
     """Measure what drives without a fault do; None where none drove in a row."""
     p95_m = [r.tracking.xte_p95_m for r in usual if r.tracking.xte_p95_m is not None]
     most_m = [r.tracking.xte_max_m for r in usual if r.tracking.xte_max_m is not None]
     if not p95_m or not most_m:
         return None
-    return Spread(
+    return UsualDrive(
         max(HARMLESS_RATIO * max(p95_m), *most_m),
         max(report.safety.outside_m_max or 0.0 for report in usual),
     )
 
 
-def _is_usual(report: Report, spread: Spread | None) -> bool:
+def _is_usual(report: Report, spread: UsualDrive | None) -> bool:
     """Whether the truth of a drive is what it may be without a fault."""
     across_m, outside_m = report.tracking.xte_max_m, report.safety.outside_m_max
     if spread is None or across_m is None or outside_m is None:

@@ -55,9 +55,8 @@ def list_jobs(
 
     Raises: ConfigError: the speed is none that a mission can have.
     """
-    fixed = (*FIXED, f"plan={plan}")
-    if speed_mps is not None:
-        fixed = (*fixed, f"mission.speed_mps={speed_mps:g}")
+    speed = () if speed_mps is None else (f"mission.speed_mps={speed_mps:g}",)
+    fixed = (*FIXED, f"plan={plan}", *speed)
     jobs = tuple(
         SweepJob(name=f"{km:g}km-seed-{seed}", profile=PROFILE, seed=seed, fixed=fixed,
                  settings=())

@@ -16,7 +16,7 @@ LIFT_M = 0.1
 UP, DOWN = 0.3, 0.7
 
 
-class Motion(NamedTuple):
+class LineMotion(NamedTuple):
     """A place along a line, its speed and its acceleration, 0 at both ends."""
 
     way: float
@@ -62,12 +62,12 @@ class Carrying:
         return place + way, speed / self._duration_s, acceleration / self._duration_s**2
 
 
-def _move(share: float, first: float, last: float) -> Motion:
+def _move(share: float, first: float, last: float) -> LineMotion:
     """Go from 0 to 1 between two shares of the time, along a cycloid."""
     span = last - first
     u = min(max((share - first) / span, 0.0), 1.0)
     turn = 2.0 * math.pi * u
-    return Motion(
+    return LineMotion(
         u - math.sin(turn) / (2.0 * math.pi),
         (1.0 - math.cos(turn)) / span,
         2.0 * math.pi * math.sin(turn) / span**2,
