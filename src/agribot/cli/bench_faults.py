@@ -43,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--out", type=Path, metavar="DIR",
-        help="what is finished there is not driven again (default: runs/faults, runs/faults-free "
-        "or runs/faults-special)",
+        help="what is finished there is not driven again (default: runs/faults with what is "
+        "chosen, such as runs/faults-special-no-camera)",
     )  # fmt: skip
     parser.add_argument(
         "--camera", action=argparse.BooleanOptionalAction,
@@ -120,13 +120,19 @@ def _name(options: argparse.Namespace) -> str:
         return str(options.platform)
     if options.special:
         return "special cases"
+    if options.camera is None:
+        raise ConfigError("--markdown: give --camera or --no-camera; each has a table of its own")
     return "camera" if options.camera else "no camera"
 
 
 def _find_ending(options: argparse.Namespace) -> str:
-    if options.fault_free is not None:
-        return "-free"
-    return "-special" if options.special else ""
+    """Tell campaigns apart in the names of their folders."""
+    is_free = options.fault_free is not None
+    words = ["free"] if is_free else ["special"] if options.special else []
+    words += [options.platform] if options.platform != "sim" else []
+    if options.camera is not None:
+        words.append("camera" if options.camera else "no-camera")
+    return "".join(f"-{word}" for word in words)
 
 
 def _tell_command(options: argparse.Namespace) -> str:

@@ -278,7 +278,8 @@ def test_wrong_names_seeds_and_workers_are_refused(capsys: pytest.CaptureFixture
         (["--faults", "clock.step", "--camera"], "no scenario with a camera"),
         (["--fault-free", "0"], "--fault-free 0"),
         (["--fault-free", "9", "--special"], "leave out --faults, --special"),
-        (["--markdown", "no/page.md"], "--markdown no/page.md"),
+        (["--markdown", "no/page.md", "--no-camera"], "--markdown no/page.md"),
+        (["--markdown", "no/page.md"], "give --camera or --no-camera"),
     ):
         assert main(["bench", "faults", *words]) == 2
         assert said in capsys.readouterr().err
