@@ -44,9 +44,10 @@ limit whose reason names the part. `safety.noticed` are all faults that the robo
 or not.
 
 `outside_m_max` is of the robot's whole rectangle, implement included, against the field's boundary
-and holes; without a plan against the rectangle around rows and start with `mission.headland_m` and
-1.5 m. A way into the field is not outside. `stop_allowed_m` is what the drive promises at the speed
-of the longest stop: 0.2 s until the brakes bite, then `max_accel_mps2`; `stops_too_long` counts the
+and holes; without a plan against the rectangle around rows and start with `mission.headland_m`,
+1.5 m and the circle on which the robot turns. A way into the field is not outside.
+`stop_allowed_m` is what the drive promises at the speed of the longest stop: 0.2 s until the
+brakes bite, then `max_accel_mps2`; `stops_too_long` counts the
 stops that took more. `crushes` are the crops crushed since the first fault began, each with its
 time, what crushed it, and `when`: `before_detection`, `after_detection` while the robot still
 rolled or drove on, `after_standstill`, or `by_fault`, which lay where hands set the robot down.

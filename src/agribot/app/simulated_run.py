@@ -152,18 +152,18 @@ def _open_simulator(
 def _find_bounds(task: Task, setup: RunSetup) -> FieldBounds | None:
     """Return the field and the robot's rectangle.
 
-    Without a plan the field is the ground that rows and their headland take.
+    Without a plan the field is the ground that rows, their headland and a turning robot take.
     """
     from agribot.sim.safety_judge import find_boundary
 
     if task.bounds is not None:
         return task.bounds
-    field, mission = setup.config.field, setup.config.mission
-    ring = find_boundary(task.rows, field.start_map_m, mission.headland_m)
+    field, mission, implement = setup.config.field, setup.config.mission, setup.robot.implement
+    shape = measure_footprint(setup.robot, 0.0 if implement is None else implement.width_m)
+    room_m = mission.headland_m + shape.turn_radius_m
+    ring = find_boundary(task.rows, field.start_map_m, room_m)
     if ring is None:
         return None
-    implement = setup.robot.implement
-    shape = measure_footprint(setup.robot, 0.0 if implement is None else implement.width_m)
     return FieldBounds(
         rings_map_m=(ring,), front_m=shape.front_m, rear_m=shape.rear_m,
         half_width_m=shape.half_width_m,

@@ -15,7 +15,7 @@ from agribot.core.row_shape import project_on_row
 from agribot.sim.field_edge import FieldEdge
 from agribot.sim.truth import Truth
 
-MARGIN_M = 1.5  # of the headland around rows and start: what turns need, and the robot itself
+MARGIN_M = 1.5  # around rows, start and headland: what turns need
 LOOK_S = 0.1
 STANDING_MPS = 0.02
 MOST_STANDS = 1000
