@@ -51,11 +51,12 @@ CONTRACT: dict[str, Any] = {
         "plants_crushed_by", "plants_brushed",
     ],
     "estimate": ["pos_rms_m", "yaw_rms_rad", "nees_mean"],
-    "perception": ["frames", "fps_cpu", "latency_p95_s", "iou", "miou"],
+    "perception": ["frames", "fps_cpu", "latency_p95_s", "to_tool_p95_s", "iou", "miou"],
     "weeds": [
         "truth", "mapped", "matched", "precision", "recall", "f1", "pos_error_median_m", "treated",
         "treated_true", "crops_hit", "spray_area_ratio", "crops_truth", "crops_mapped",
-        "crop_recall", "stem_error_p95_m", "placement_p90_m",
+        "crop_recall", "stem_error_p95_m", "placement_p90_m", "left",
+        "crop_leaves_wet_ratio", "tool_offset_p50_m", "tool_offset_p90_m",
     ],
     "safety": [
         "stops", "noticed", "faults", "outside_m_max", "stop_distance_m_max",

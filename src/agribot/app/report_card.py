@@ -15,6 +15,7 @@ from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
+from agribot.core.implement.plants import count_left
 from agribot.core.messages import MissionStatus, Row, TickRecord
 from agribot.core.platforms import find_platform
 from agribot.core.robot import RobotSpec
@@ -253,9 +254,16 @@ def _perception(drive: EndedRun, job: JobSoFar) -> PerceptionReport:
         frames=job.frames,
         fps_cpu=job.frames / job.frames_cpu_s if job.frames_cpu_s else None,
         latency_p95_s=job.latency_s.percentile(95.0),
+        to_tool_p95_s=_find_to_tool_s(drive, job),
         iou=iou,
         miou=sum(known) / len(known) if known else None,
     )
+
+
+def _find_to_tool_s(drive: EndedRun, job: JobSoFar) -> float | None:
+    """Return how long a picture takes to move the tool; None without one, or without pictures."""
+    used_s, spec = job.used_s.percentile(95.0), drive.robot.implement
+    return None if used_s is None or spec is None else used_s + spec.latency_s
 
 
 def _weeds(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
@@ -264,7 +272,9 @@ def _weeds(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
     weeds, crops, spec = drive.weed_map.weeds(), drive.weed_map.crops(), drive.robot.implement
     if drive.judge is None:
         treated = sum(weed.treated_s is not None for weed in weeds)
-        return WeedReport(mapped=len(weeds), crops_mapped=len(crops), treated=treated)
+        return WeedReport(
+            mapped=len(weeds), crops_mapped=len(crops), treated=treated, left=count_left(weeds)
+        )
     score = drive.judge.score_weeds(weeds, crops, kept)
     is_wet = spec is not None and spec.wets_ground
     return msgspec.structs.replace(

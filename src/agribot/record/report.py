@@ -88,9 +88,12 @@ class IouReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PerceptionReport(msgspec.Struct, frozen=True, kw_only=True):
+    """`to_tool_p95_s` is from the capture of a picture until the tool can move for it."""
+
     frames: int | None = None
     fps_cpu: float | None = None
     latency_p95_s: float | None = None
+    to_tool_p95_s: float | None = None
     iou: IouReport = IouReport()
     miou: float | None = None
 
@@ -99,7 +102,9 @@ class WeedReport(msgspec.Struct, frozen=True, kw_only=True):
     """Plants along the finished rows; without a word of crops or stems a figure is of the weeds.
 
     `stem_error_p95_m` is the distance of matched plants of both classes from their true stems,
-    `placement_p90_m` that of matched weeds.
+    `placement_p90_m` that of matched weeds. `left` counts the mapped weeds that were not treated by
+    the reason, `crop_leaves_wet_ratio` is the share of the crops' leaf area that got wet, and
+    `tool_offset_p50_m` how near the middle of an open nozzle came to the weeds within 10 cm of it.
     """
 
     truth: int | None = None
@@ -118,6 +123,10 @@ class WeedReport(msgspec.Struct, frozen=True, kw_only=True):
     crop_recall: float | None = None
     stem_error_p95_m: float | None = None
     placement_p90_m: float | None = None
+    left: dict[str, int] | None = None
+    crop_leaves_wet_ratio: float | None = None
+    tool_offset_p50_m: float | None = None
+    tool_offset_p90_m: float | None = None
 
 
 class ImplementReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -87,7 +87,16 @@ def _weeds(report: Report) -> list[Tile]:
             _format_count(weeds.treated),
             f"{_format_count(weeds.crops_hit)} crops hit, {worked}",
         ),
+        *_left(weeds),
     ]
+
+
+def _left(weeds: WeedReport) -> list[Tile]:
+    """Make the tile of the weeds that were left, and why; none where all were treated."""
+    if not weeds.left:
+        return []
+    reasons = ", ".join(f"{count} {reason}" for reason, count in weeds.left.items())
+    return [("Mapped weeds left", str(sum(weeds.left.values())), reasons)]
 
 
 def _crops(weeds: WeedReport) -> list[Tile]:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
+from agribot.core.implement.kind import WetsLeaves
 from agribot.core.messages import (
     STOP,
     BumperSample,
@@ -244,6 +245,16 @@ class SimPlatform:
     def treated(self) -> dict[int, float]:
         """Plants that the implement worked on: index -> time of the first touch, s."""
         return self._implement.treated
+
+    @property
+    def wet_leaves(self) -> dict[int, float]:
+        """Crop plants with wet leaves: index -> share of their leaf area."""
+        return self._implement.wet_leaves if isinstance(self._implement, WetsLeaves) else {}
+
+    @property
+    def offsets_m(self) -> dict[int, float]:
+        """Weeds that the tool worked near: index -> distance from the middle of a section."""
+        return self._implement.offsets_m if isinstance(self._implement, WetsLeaves) else {}
 
     @property
     def worked_m2(self) -> float:
