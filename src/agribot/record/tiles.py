@@ -35,6 +35,9 @@ def _mission(report: Report) -> list[Tile]:
         result.append(("Waypoints reached", reached, ""))
     rate = format_number(mission.h_per_ha, 1, " h/ha")
     result.append(("Driven", format_number(mission.distance_m, 1, " m"), rate))
+    each = format_number(report.safety.km_per_intervention, 2, " km each")
+    count = len(report.safety.interventions)
+    result.append(("Needed a person", f"{count} times", each if count else ""))
     return result
 
 

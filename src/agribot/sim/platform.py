@@ -275,7 +275,8 @@ class SimPlatform:
         before, after = self._physics.history[0], self._physics.history[-1]
         if start_s > self._silent_after_s:
             self._implement.command(start_s, ImplementCommand())
-        self._damage.update(end_s, before, after)
+        if not self._physics.is_held:
+            self._damage.update(end_s, before, after)
         self._implement.update(end_s, before, after, end_s - start_s)
         self._physics.pull(self._implement.pull())
         if self._persons.has_persons:

@@ -10,16 +10,18 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import wrap_rad
 from agribot.core.growing_table import GrowingTable
 from agribot.core.implement.plants import count_left
-from agribot.core.messages import ByteArray, FloatArray, MappedPlant, PlantClass, Row, TickRecord
+from agribot.core.messages import ByteArray, MappedPlant, PlantClass, Row, TickRecord
+from agribot.core.robot import DriveSpec
 from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
 from agribot.sim.plant_judge import find_percentile, is_in_strips, match_plants
 from agribot.sim.plant_states import PlantStates
 from agribot.sim.row_judge import FoundRowsScore, find_true_row, score_found_rows
-from agribot.sim.safety_judge import SafetyJudge, SafetyScore
+from agribot.sim.safety_judge import Crush, SafetyJudge, SafetyScore
 from agribot.sim.scores import (
     CrushedCount,
     ErrorSums,
@@ -70,17 +72,19 @@ class Referee:
         world: WorldSpec,
         rows: Sequence[Row],
         goals_map_m: Sequence[tuple[float, float]] = (),
-        boundary_map_m: FloatArray | None = None,
+        bounds: FieldBounds | None = None,
         find_true_row: Callable[[Row], Row] = lambda row: row,
+        drive: DriveSpec | None = None,
     ) -> None:
         """`rows` are those of the map; the judgement is by the line of their plants.
 
-        `boundary_map_m` (N, 2) is what the robot must not leave; None: nobody knows.
+        `bounds` is what the robot must not leave; None: nobody knows. `drive` is what promises
+        how soon it stands.
         """
         self._source = source
         self._find_true_row = find_true_row
         self._world = world
-        self._safety = SafetyJudge(boundary_map_m)
+        self._safety = SafetyJudge(bounds, drive)
         self._row_errors = GrowingTable(2)  # across_m, heading_rad; those not in the sums yet
         self._estimate_errors = GrowingTable(3)  # x_m, y_m, yaw_rad; likewise
         self._pose_covs = GrowingTable(9)
@@ -167,7 +171,7 @@ class Referee:
             self._safety.crushed_before = frozenset(self._crushed_by)
 
     def score_safety(self) -> SafetyScore:
-        score = self._safety.score(self.crushed)
+        score = self._safety.score(self.crushed, self._list_crushes())
         return msgspec.structs.replace(score, person_distance_min_m=self._find_person_distance_m())
 
     def __call__(self, record: TickRecord) -> None:
@@ -343,6 +347,16 @@ class Referee:
             return now
         wheel = (Part.WHEEL,) * len(before.crushed)
         return now | dict(zip(before.crushed, map(Part, before.crushed_by or wheel), strict=True))
+
+    def _list_crushes(self) -> list[tuple[int, Crush]]:
+        """List the crops that this run crushed, when and by what."""
+        states = self._source.plants
+        times = [(index, float(states.crushed_s[index])) for index in self._source.crushed]
+        return [
+            (index, Crush(t_s=t_s, by=Part(states.crushed_by[index]).name.lower()))
+            for index, t_s in times
+            if t_s > 0.0  # those of earlier runs lie from the beginning
+        ]
 
     @property
     def _brushed(self) -> set[int]:
