@@ -85,7 +85,7 @@ def page() -> str:
 def read_campaign(text: str) -> dict[str, list[dict[str, str]]]:
     """Read the measured lines of each fault, by its name: a text for each head of the table.
 
-    What was measured again further down counts instead.
+    What was measured twice counts by the more runs, or as it stands further down.
     """
     found: dict[str, dict[tuple[str, str], dict[str, str]]] = {}
     heads: list[str] = []
@@ -96,7 +96,9 @@ def read_campaign(text: str) -> dict[str, list[dict[str, str]]]:
         if line.startswith("| `"):
             row = dict(zip(heads, cells, strict=False))
             name = re.split(r"[=+`]", row["fault"].strip("`"))[0]
-            found.setdefault(name, {})[row["fault"], row["drive"]] = row
+            rows, place = found.setdefault(name, {}), (row["fault"], row["drive"])
+            if place not in rows or int(row["runs"]) >= int(rows[place]["runs"]):
+                rows[place] = row
     return {name: list(rows.values()) for name, rows in found.items()}
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from agribot.app.fault_verdict import judge_faults
+from agribot.app.fault_verdict import judge_crushes, judge_faults
 from agribot.record.events import Event, EventKind
 from agribot.record.report import FaultReport
+from agribot.sim.safety_judge import Crush
 
 JUMP = "gnss.jump=2@30"
 
@@ -94,3 +95,25 @@ def test_of_a_stepped_clock_the_time_that_passed_counts() -> None:
 
 def test_a_fault_that_the_run_ended_before_is_not_judged() -> None:
     assert judge_faults((JUMP,), [event(20.0, "stop", "GNSS silent")]) == ()
+
+
+CRUSHES = [Crush(t_s=t_s, by="wheel") for t_s in (31.0, 33.0, 40.0)]
+
+
+def whens(text: str, *found: FaultReport) -> list[str]:
+    return [c.when for c in judge_crushes((text,), found, CRUSHES, (29.0, 35.0, 41.0))]
+
+
+def test_a_crush_counts_by_when_the_robot_noticed_and_when_it_stood() -> None:
+    seen = FaultReport(name="gnss.jump", t_s=30.0, detected_s=32.0, reaction="stopped")
+    assert whens(JUMP, seen) == ["before_detection", "after_detection", "after_standstill"]
+    missed = FaultReport(name="gnss.jump", t_s=30.0)
+    assert whens(JUMP, missed) == ["before_detection"] * 3
+
+
+def test_what_lies_where_hands_set_the_robot_down_is_their_doing() -> None:
+    seen = FaultReport(name="carried", t_s=30.0, detected_s=30.7, reaction="stopped")
+    assert whens("carried=0.5@30", seen) == ["by_fault", "after_detection", "after_standstill"]
+    assert whens("carried=-2@30", seen) == ["by_fault", "by_fault", "after_standstill"]
+    at_start = judge_crushes(("start.aside=1@0",), (), [Crush(t_s=0.02, by="wheel")], ())
+    assert [crush.when for crush in at_start] == ["by_fault"]

@@ -57,6 +57,23 @@ def test_the_same_seed_draws_the_same_world_and_another_seed_another_one() -> No
     assert not set(_crops(first)[:, 0]) & set(_crops(other)[:, 0])
 
 
+@pytest.mark.parametrize("preset", ["kind", "field"])
+def test_a_gap_leaves_so_many_metres_of_every_row_bare_and_all_else_as_it_was(preset: str) -> None:
+    words = ["seed=3", f"sim.preset={preset}"]
+    whole = make_run_world(load("rows-10x12", words)).world
+    config = load("rows-10x12", [*words, 'faults=["crop.gap=5@0"]'])
+    gapped = make_run_world(config).world
+    assert set(gapped.plants) < set(whole.plants)
+    lost = set(whole.plants) - set(gapped.plants)
+    assert {plant.plant for plant in lost} == {PlantClass.CROP}
+    for row in ROWS:
+        mine = [p for p in lost if abs(project_on_row(row, p.x_map_m, p.y_map_m).left_m) < 0.3]
+        along_m = [float(project_on_row(row, p.x_map_m, p.y_map_m).along_m) for p in mine]
+        assert 3.5 < max(along_m) - min(along_m) < 5.1
+        assert min(along_m) > 0.5 and max(along_m) < row_length_m(row) - 0.5
+    assert make_run_world(config).world.plants == gapped.plants
+
+
 def test_over_many_seeds_what_is_drawn_spreads_as_the_preset_says() -> None:
     preset = load_condition_preset("field")
     drawn = [draw_conditions(preset, seed, ROWS) for seed in range(400)]

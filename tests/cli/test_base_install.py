@@ -65,6 +65,7 @@ COMMANDS = {
     "sweep": ("--seeds 1 --out {out}/sweep", "sim"),
     "bench sim": ("--only physics_rtf", "sim"),
     "bench missions": ("--profiles farm --seeds 1 --out {out}/missions", "sim"),
+    "bench long": ("--km 0.05 --out {out}/long", "sim"),
     "bench ground": ("--soil firm", "sim"),
     "bench faults": ("--seeds 1 --out {out}/faults", "sim"),
     "bench perception": ("--frames 1", "train"),

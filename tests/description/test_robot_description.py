@@ -204,8 +204,10 @@ def test_sprayer_reaches_from_wheel_to_wheel(robot: RobotSpec) -> None:
     sprayer = robot.implement
     assert sprayer is not None
     nozzles = sprayer.section_y_body_m()
-    assert len(nozzles) == 9 and nozzles[0] == pytest.approx(0.4)
-    assert 2 * nozzles[0] + sprayer.section_width_m > robot.drive.track_m
+    assert len(nozzles) == 27 and nozzles[0] == pytest.approx(0.52)
+    assert 2 * nozzles[0] + sprayer.section_width_m == pytest.approx(sprayer.width_m)
+    assert sprayer.width_m == pytest.approx(1.08)
+    assert sprayer.width_m > robot.drive.track_m
     assert sprayer.x_body_m == -0.35
 
 

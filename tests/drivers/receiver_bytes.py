@@ -33,6 +33,7 @@ def make_ubx_pvt(
         hMSL=round(ALT_M * 1e3), hAcc=round(h_acc_m * 1e3), vAcc=2000,
         velN=round(north * 1e3), velE=round(east * 1e3), velD=round(-up * 1e3),
         gSpeed=round(math.hypot(east, north) * 1e3), sAcc=80,
+        headMot=math.degrees(math.atan2(east, north)) % 360.0,
     )  # fmt: skip
     data: bytes = message.serialize()
     return data

@@ -51,15 +51,18 @@ CONTRACT: dict[str, Any] = {
         "plants_crushed_by", "plants_brushed",
     ],
     "estimate": ["pos_rms_m", "yaw_rms_rad", "nees_mean"],
-    "perception": ["frames", "fps_cpu", "latency_p95_s", "iou", "miou"],
+    "perception": ["frames", "fps_cpu", "latency_p95_s", "to_tool_p95_s", "iou", "miou"],
     "weeds": [
         "truth", "mapped", "matched", "precision", "recall", "f1", "pos_error_median_m", "treated",
         "treated_true", "crops_hit", "spray_area_ratio", "crops_truth", "crops_mapped",
-        "crop_recall", "stem_error_p95_m", "placement_p90_m",
+        "crop_recall", "stem_error_p95_m", "placement_p90_m", "left",
+        "crop_leaves_wet_ratio", "tool_offset_p50_m", "tool_offset_p90_m",
     ],
     "safety": [
         "stops", "noticed", "faults", "outside_m_max", "stop_distance_m_max",
         "crushed_after_fault", "person_distance_min_m", "gate", "checks",
+        "stop_allowed_m", "stops_too_long", "crushes",
+        "interventions", "km_per_intervention",
     ],
     "marks": None,
     "job": None,
@@ -127,6 +130,8 @@ def test_what_nobody_measured_is_null() -> None:
         "stops": [], "noticed": [], "faults": [], "outside_m_max": None,
         "stop_distance_m_max": None, "crushed_after_fault": None,
         "person_distance_min_m": None, "gate": [], "checks": [],
+        "stop_allowed_m": None, "stops_too_long": None, "crushes": [],
+        "interventions": [], "km_per_intervention": None,
     }  # fmt: skip
 
 

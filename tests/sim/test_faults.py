@@ -20,12 +20,13 @@ from agribot.core.messages import (
     DriveCommand,
     GnssQuality,
     OperatorEvent,
+    PlantClass,
     RobotCommand,
     Scene,
     SensorBatch,
 )
 from agribot.core.robot import RobotSpec
-from agribot.core.world import WorldSpec
+from agribot.core.world import Plant, WorldSpec
 from agribot.sim.faults.links import flip_bit
 from agribot.sim.faults.motions import MOTOR_T_PER_NM
 from agribot.sim.faults.pictures import HungNetwork
@@ -358,11 +359,10 @@ def test_in_mud_the_wheels_spin_and_the_robot_hardly_gains_speed(
     assert mud < 0.03 * 9.8 * 0.9 * 1.1 < 0.4 * firm
 
 
-def test_a_robot_is_carried_to_its_left_within_a_second(
+def test_a_robot_is_lifted_carried_to_its_left_and_set_down(
     rover: RobotSpec, meadow: WorldSpec
 ) -> None:
-    parked = DriveCommand()
-    moved = Drive(rover, meadow, "carried=-0.6@2", drive=parked)
+    moved = Drive(rover, meadow, "carried=-0.6@2", drive=DriveCommand())
     yaw_rad = moved.truth[0].yaw_map_rad
     left = np.array([-math.sin(yaw_rad), math.cos(yaw_rad)])
 
@@ -371,8 +371,39 @@ def test_a_robot_is_carried_to_its_left_within_a_second(
         return np.array([truth.x_map_m, truth.y_map_m])
 
     assert place(2.0) == pytest.approx(place(0.0), abs=1e-3)
-    assert place(2.5) - place(2.0) == pytest.approx(-0.3 * left, abs=0.02)
+    assert place(2.6) - place(2.0) == pytest.approx(-0.3 * left, abs=0.02)  # half of 1.2 s
     assert place(5.0) - place(2.0) == pytest.approx(-0.6 * left, abs=1e-2)
+    up_mps2 = [sample.accel_mps2[2] for sample in moved.list("imu", 2.0, 3.2)]
+    assert max(up_mps2) > 11.0  # it feels the lift, and never falls
+    assert 3.0 < min(up_mps2) < 8.0
+    assert np.mean(up_mps2) == pytest.approx(9.81, abs=0.3)
+    turns = np.array([sample.gyro_radps for sample in moved.list("imu", 2.0, 3.2)])
+    assert np.abs(turns).max() < 0.2
+    assert moved.truth[-1].roll_rad == pytest.approx(moved.truth[0].roll_rad, abs=0.01)
+
+
+def test_hands_carry_a_robot_over_the_crop_and_crush_only_where_they_set_it_down(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    start = np.array(meadow.spawn_xy_map_m)
+    yaw_rad = meadow.spawn_yaw_map_rad
+    ahead = np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
+    left = np.array([-ahead[1], ahead[0]])
+    wheel_m = rover.wheel_xy_body_m()[3]  # front left
+    aside_m = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+    plants = tuple(
+        Plant(species="sugar_beet", plant=PlantClass.CROP, x_map_m=x_m, y_map_m=y_m, yaw_rad=0.0,
+              size_m=0.02, seed=1, stem_radius_m=0.005)
+        for x_m, y_m in (
+            (start + wheel_m[0] * ahead + (wheel_m[1] + off_m) * left).tolist()
+            for off_m in aside_m
+        )
+    )  # fmt: skip
+    field = msgspec.structs.replace(meadow, plants=plants)
+    moved = Drive(rover, field, "carried=0.6@2", drive=DriveCommand())
+    assert moved.platform.crushed == {5}
+    moved = Drive(rover, field, "carried=0.8@2", drive=DriveCommand())
+    assert moved.platform.crushed == set()
 
 
 def test_a_robot_is_put_down_beside_its_start_and_turned(
@@ -467,7 +498,7 @@ def test_a_run_that_goes_on_has_its_faults_on_its_own_clock() -> None:
 
 
 def test_every_fault_says_what_it_is_and_its_typical_value_can_be_given() -> None:
-    assert len({kind.name for kind in FAULTS}) == len(FAULTS) == 36
+    assert len({kind.name for kind in FAULTS}) == len(FAULTS) == 37
     for kind in FAULTS:
         assert kind.about and kind.words
         value = f"={kind.typical}" if kind.value is not None else ""

@@ -13,11 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agribot.core.errors import PlatformError
-from agribot.core.implement.kind import ImplementEffect
+from agribot.core.implement.kind import ImplementEffect, WetsLeaves
 from agribot.core.messages import FloatArray, ImplementCommand, PlantClass
 from agribot.core.robot import RobotSpec
 from agribot.core.world import Plant, WorldSpec
 from agribot.sim.field_effects import PlantDamage
+from agribot.sim.flora.crown import find_crown_radius_m
 from agribot.sim.footprints import Footprints, build_plant_grid, mark_swept
 from agribot.sim.implements.kinds import fit_effect
 from agribot.sim.state import HISTORY_COLUMNS
@@ -166,3 +167,53 @@ def test_an_empty_command_closes_all_nozzles(rover: RobotSpec, meadow: WorldSpec
 def test_wrong_number_of_nozzles_is_refused(rover: RobotSpec, meadow: WorldSpec) -> None:
     with pytest.raises(PlatformError, match="3 nozzles; the robot has 8"):
         _fit(rover, meadow).command(0.0, ImplementCommand(sections_on=(True, True, False)))
+
+
+def test_a_crop_is_hit_on_its_heart_and_a_weed_on_its_middle(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    """The third nozzle wets y from 0.10 to 0.20 m; a heart is a disc of 2 cm."""
+    crops = [_plant(0.0, y, PlantClass.CROP) for y in (0.075, 0.085, 0.215, 0.225)]
+    weeds = [_plant(0.3, y, PlantClass.WEED) for y in (0.085, 0.215)]
+    sprayer = _fit(rover, _world(meadow, [*crops, *weeds]))
+    _spray(sprayer, rover, {0: tuple(k == 2 for k in range(8))}, 100)
+    assert set(sprayer.treated) == {1, 2}
+
+
+def test_the_share_of_wet_leaves_is_that_of_the_crown_under_the_spray(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    under, half, beside = (_plant(0.0, y, PlantClass.CROP) for y in (0.15, 0.1, 0.6))
+    radius_m = find_crown_radius_m(under.species, under.size_m)
+    sprayer = _fit(rover, _world(meadow, [under, half, beside]))
+    assert isinstance(sprayer, WetsLeaves)
+    _spray(sprayer, rover, {0: tuple(k in (2, 3) for k in range(8))}, 100)  # y from 0.0 to 0.2 m
+    wet = sprayer.wet_leaves
+    assert set(wet) == {0, 1} and radius_m > 0.1
+    # Leaf area is spread evenly over the radius: so much of it lies within 10 cm of the stem.
+    assert 0.1 / radius_m <= wet[1] < 1.0
+    _spray(sprayer, rover, {0: (True,) * 8}, 100)
+    assert sprayer.wet_leaves[0] > 0.9
+    assert 0.0 < sprayer.wet_leaves[2] < 0.5
+
+
+def test_the_offset_of_a_weed_is_its_distance_from_the_middle_of_the_nozzle(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    places = [(0.0, 0.15), (0.1, 0.18), (0.2, 0.22), (0.3, 0.26)]
+    sprayer = _fit(rover, _world(meadow, [_plant(x, y, PlantClass.WEED) for x, y in places]))
+    assert isinstance(sprayer, WetsLeaves)
+    _spray(sprayer, rover, {0: tuple(k == 2 for k in range(8))}, 100)
+    assert sprayer.offsets_m == {
+        0: pytest.approx(0.0, abs=1e-6), 1: pytest.approx(0.03), 2: pytest.approx(0.07),
+    }  # fmt: skip
+
+
+def test_an_offset_along_the_way_counts_from_where_the_nozzle_opened(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    sprayer = _fit(rover, _world(meadow, [_plant(-0.36, 0.15, PlantClass.WEED)]))
+    assert isinstance(sprayer, WetsLeaves)
+    # Opens 0.1 s after tick 5, 10 cm on; the boom is 0.4 m behind.
+    _spray(sprayer, rover, {5: tuple(k == 2 for k in range(8))}, 40)
+    assert sprayer.offsets_m == {0: pytest.approx(0.06, abs=0.001)}

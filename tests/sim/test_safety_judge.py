@@ -8,8 +8,11 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import DriveCommand, Row, TickRecord
-from agribot.sim.safety_judge import MARGIN_M, SafetyJudge, find_boundary, measure_outside_m
+from agribot.description.loader import load_robot
+from agribot.sim.field_edge import FieldEdge
+from agribot.sim.safety_judge import MARGIN_M, Crush, SafetyJudge, find_boundary
 from agribot.sim.truth import Truth
 from tests.record import record_samples as samples
 
@@ -31,20 +34,56 @@ def tick(v_mps: float, reason: str = "") -> TickRecord:
     return msgspec.structs.replace(record, command=command, reason=reason)
 
 
+def bounds(*rings: np.ndarray, half_m: float = 0.0) -> FieldBounds:
+    return FieldBounds(rings_map_m=rings, front_m=half_m, rear_m=half_m, half_width_m=half_m)
+
+
+def outside_m(ring: np.ndarray, x_m: float, y_m: float) -> float:
+    return FieldEdge(bounds(ring)).measure_outside_m(x_m, y_m, 0.0)
+
+
 @pytest.mark.parametrize(
-    ("x_m", "y_m", "outside_m"),
+    ("x_m", "y_m", "expected_m"),
     [(5.0, 5.0, 0.0), (12.0, 5.0, 2.0), (5.0, -1.0, 1.0), (13.0, 14.0, 5.0), (-0.5, 10.0, 0.5)],
 )
 def test_outside_is_the_distance_to_the_nearest_edge(
-    x_m: float, y_m: float, outside_m: float
+    x_m: float, y_m: float, expected_m: float
 ) -> None:
-    assert measure_outside_m(SQUARE, x_m, y_m) == pytest.approx(outside_m)
+    assert outside_m(SQUARE, x_m, y_m) == pytest.approx(expected_m)
 
 
 def test_of_a_field_with_a_bay_the_bay_is_outside() -> None:
     bay = np.array([[0, 0], [10, 0], [10, 10], [5, 2], [0, 10]], dtype=float)
-    assert measure_outside_m(bay, 5.0, 1.0) == 0.0
-    assert measure_outside_m(bay, 5.0, 3.0) == pytest.approx(5.0 / math.hypot(5, 8), abs=1e-9)
+    assert outside_m(bay, 5.0, 1.0) == 0.0
+    assert outside_m(bay, 5.0, 3.0) == pytest.approx(5.0 / math.hypot(5, 8), abs=1e-9)
+
+
+def test_the_corners_of_the_robot_count_and_how_it_is_turned() -> None:
+    edge = FieldEdge(bounds(SQUARE, half_m=0.5))
+    assert edge.measure_outside_m(9.5, 5.0, 0.0) == pytest.approx(0.0, abs=1e-9)
+    assert edge.measure_outside_m(9.5, 5.0, math.pi / 4) == pytest.approx(0.5 * math.sqrt(2) - 0.5)
+    assert edge.measure_outside_m(9.8, 5.0, 0.0) == pytest.approx(0.3)
+
+
+def test_a_hole_is_outside_and_so_is_a_post_below_the_middle_of_the_robot() -> None:
+    pond = np.array([[4.0, 4.0], [6.0, 4.0], [6.0, 6.0], [4.0, 6.0]])
+    edge = FieldEdge(bounds(SQUARE, pond, half_m=0.5))
+    assert edge.measure_outside_m(3.4, 5.0, 0.0) == 0.0
+    assert edge.measure_outside_m(3.7, 5.0, 0.0) == pytest.approx(0.2)
+    assert edge.measure_outside_m(5.0, 3.6, 0.0) == pytest.approx(0.1)
+    post = np.array([[5.0, 5.0], [5.02, 5.0], [5.02, 5.02]])
+    edge = FieldEdge(bounds(SQUARE, post, half_m=0.5))
+    assert edge.measure_outside_m(5.0, 5.2, 0.3) > 0.2
+    assert edge.measure_outside_m(5.0, 5.6, 0.0) == 0.0
+
+
+def test_far_from_the_edge_nothing_is_measured_anew_and_nothing_is_missed() -> None:
+    edge, rng = FieldEdge(bounds(SQUARE, half_m=0.5)), np.random.default_rng(3)
+    x_m, y_m = 5.0, 5.0
+    for _ in range(2000):
+        x_m, y_m = x_m + rng.normal(0.0, 0.3), y_m + rng.normal(0.0, 0.3)
+        fresh = FieldEdge(bounds(SQUARE, half_m=0.5))
+        assert edge.measure_outside_m(x_m, y_m, 0.4) == fresh.measure_outside_m(x_m, y_m, 0.4)
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.7])
@@ -65,14 +104,14 @@ def test_rows_and_start_have_headland_and_margin_around_them(yaw_rad: float) -> 
     boundary = find_boundary(rows, turned(-2.0, 0.0), 1.0)
     assert boundary is not None
     room_m = 1.0 + MARGIN_M
-    for place, outside_m in (
+    for place, expected_m in (
         ((-2.0, 0.0), 0.0),
         ((0.0, 12.0 + room_m - 0.01), 0.0),
         ((0.0, 12.0 + room_m + 1.0), 1.0),
         ((2.0 + room_m + 0.5, 5.0), 0.5),
         ((-2.0 - room_m - 0.5, 5.0), 0.5),
     ):
-        assert measure_outside_m(boundary, *turned(*place)) == pytest.approx(outside_m, abs=1e-9)
+        assert outside_m(boundary, *turned(*place)) == pytest.approx(expected_m, abs=1e-9)
     assert find_boundary((), None, 1.0) is None
 
 
@@ -86,14 +125,43 @@ def test_a_bent_row_is_inside_where_it_bends() -> None:
     assert reach_m == pytest.approx(bulge_m + MARGIN_M, abs=1e-6)
 
 
-def test_the_way_of_a_stop_counts_from_the_command_until_it_stands() -> None:
-    judge, x_m = SafetyJudge(SQUARE), 0.0
-    for k, v_mps in enumerate([0.4] * 5 + [0.4, 0.3, 0.2, 0.1, 0.0, 0.0]):
+DRIVE = load_robot("agribot").drive
+
+
+def stop_from(judge: SafetyJudge, speeds_mps: list[float]) -> float:
+    """Let a robot at 0.4 m/s be stopped, with these speeds since; return how far it rolls."""
+    x_m = 0.0
+    for k, v_mps in enumerate([0.4] * 5 + speeds_mps + [0.0, 0.0]):
         x_m += 0.02 * v_mps
         is_stopped = k >= 5
         record = tick(0.0 if is_stopped else 0.4, "bumper" if is_stopped else "")
         judge.look(record, truth(0.02 * k, x_m, v_mps))
-    assert judge.score(set()).stop_distance_m_max == pytest.approx(0.02 * (0.4 + 0.3 + 0.2 + 0.1))
+    return 0.02 * sum(speeds_mps)
+
+
+def test_the_way_of_a_stop_counts_from_the_command_until_it_stands() -> None:
+    judge = SafetyJudge(bounds(SQUARE), DRIVE)
+    rolled_m = stop_from(judge, [0.4, 0.3, 0.2, 0.1])
+    score = judge.score(set())
+    assert score.stop_distance_m_max == pytest.approx(rolled_m)
+    promised_m = 0.4 * 0.2 + 0.4**2 / (2.0 * DRIVE.max_accel_mps2)
+    assert score.stop_allowed_m == pytest.approx(promised_m)
+    assert rolled_m < promised_m
+    assert score.stops_too_long == 0
+
+
+def test_a_robot_that_rolls_on_has_not_kept_what_its_drive_promises() -> None:
+    judge = SafetyJudge(None, DRIVE)
+    rolled_m = stop_from(judge, [0.4] * 100)
+    score = judge.score(set())
+    assert score.stop_distance_m_max == pytest.approx(rolled_m)
+    assert score.stops_too_long == 1
+    then = SafetyJudge(None, DRIVE)
+    then.restore(judge.export_state())
+    stop_from(then, [0.1])
+    kept = then.score(set())
+    assert kept.stop_distance_m_max == pytest.approx(rolled_m)
+    assert kept.stops_too_long == 1
 
 
 def test_a_stop_at_the_end_of_a_mission_is_no_stop_of_the_supervisor() -> None:
@@ -104,12 +172,35 @@ def test_a_stop_at_the_end_of_a_mission_is_no_stop_of_the_supervisor() -> None:
     assert (score.stop_distance_m_max, score.crushed_after_fault) == (0.0, None)
 
 
+def test_crushes_after_a_fault_have_their_times_and_so_has_coming_to_rest() -> None:
+    judge = SafetyJudge(None)
+    crushes = [(index, Crush(t_s=t_s, by="wheel")) for index, t_s in ((4, 0.5), (7, 3.0), (9, 2.0))]
+    stop_from(judge, [0.2])
+    assert judge.score({4}, crushes[:1]).crushes == ()
+    judge.crushed_before = frozenset({4})
+    stop_from(judge, [0.2])
+    score = judge.score({4, 7, 9}, crushes)
+    assert [crush.t_s for crush in score.crushes] == [2.0, 3.0]
+    assert score.stood_s == pytest.approx((0.12,))
+
+
+def test_a_way_into_the_field_is_not_outside_and_a_way_out_is() -> None:
+    judge = SafetyJudge(bounds(SQUARE, half_m=0.5))
+    for k, x_m in enumerate((-3.0, -1.0, 2.0)):
+        judge.look(tick(0.4), truth(1.0 * k, x_m, 0.4))
+    assert judge.score(set()).outside_m_max == 0.0
+    judge.look(tick(0.4), truth(5.0, 9.7, 0.4))
+    assert judge.score(set()).outside_m_max == pytest.approx(0.2)
+
+
 def test_the_worst_of_a_job_outlives_its_runs() -> None:
-    first = SafetyJudge(SQUARE)
-    first.look(tick(0.4), truth(0.0, 13.0, 0.4))
+    first = SafetyJudge(bounds(SQUARE))
+    first.look(tick(0.4), truth(0.0, 5.0, 0.4))
+    first.look(tick(0.4), truth(1.0, 13.0, 0.4))
     first.crushed_before = frozenset({4})
-    then = SafetyJudge(SQUARE)
+    then = SafetyJudge(bounds(SQUARE))
     then.restore(first.export_state())
-    then.look(tick(0.4), truth(0.0, 11.0, 0.4))
+    then.look(tick(0.4), truth(0.0, 5.0, 0.4))
+    then.look(tick(0.4), truth(1.0, 11.0, 0.4))
     score = then.score({4, 7, 9})
     assert (score.outside_m_max, score.crushed_after_fault) == (3.0, 2)

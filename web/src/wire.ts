@@ -335,6 +335,7 @@ export interface Weed {
   first_seen_s: number
   last_seen_s: number
   treated_s: number | null
+  left: string
 }
 
 export type WeedRow = [
@@ -349,6 +350,7 @@ export type WeedRow = [
   first_seen_s: number,
   last_seen_s: number,
   treated_s: number | null,
+  left: string,
 ]
 
 export function readWeed(row: WeedRow): Weed {
@@ -364,6 +366,7 @@ export function readWeed(row: WeedRow): Weed {
     first_seen_s: row[8],
     last_seen_s: row[9],
     treated_s: row[10],
+    left: row[11],
   }
 }
 

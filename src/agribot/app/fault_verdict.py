@@ -8,16 +8,19 @@ is that one's. What stands after a semicolon is advice and names nothing.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 
 from agribot.record.events import Event
-from agribot.record.report import FaultReport, Reaction
+from agribot.record.report import CrushedWhen, CrushReport, FaultReport, Reaction
 from agribot.sim.faults.schedule import Fault, parse_fault
+from agribot.sim.safety_judge import Crush
 
 # Strongest first; what is said of a part alone comes last.
 _STRENGTH: tuple[Reaction, ...] = ("stopped", "held", "slowed", "named")
 _STOPPING = ("paused", "failed")
+SETTLE_S = 0.5  # a robot that was set down stands still after so long
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
 
 
@@ -33,6 +36,34 @@ def judge_faults(texts: Sequence[str], events: Sequence[Event]) -> tuple[FaultRe
                 found.append(_judge(fault, others, event, events[:index], events[index + 1 :]))
                 break
     return tuple(found)
+
+
+def judge_crushes(
+    texts: Sequence[str],
+    found: Sequence[FaultReport],
+    crushes: Sequence[Crush],
+    stood_s: Sequence[float],
+) -> tuple[CrushReport, ...]:
+    """Judge when each crop was crushed: `found` are the verdicts on the faults `texts`.
+
+    `stood_s` are the times at which the robot came to rest, those of a true clock, as of crushes.
+    """
+    handled = [
+        (fault.begin_s, fault.handled_until_s + SETTLE_S)
+        for fault in map(parse_fault, texts)
+        if fault.handled_until_s is not None
+    ]
+    noticed_s = min((f.detected_s for f in found if f.detected_s is not None), default=math.inf)
+    rested_s = min((t_s for t_s in stood_s if t_s >= noticed_s), default=math.inf)
+
+    def find_when(t_s: float) -> CrushedWhen:
+        if any(begin_s <= t_s <= end_s for begin_s, end_s in handled):
+            return "by_fault"
+        if t_s < noticed_s:
+            return "before_detection"
+        return "after_detection" if t_s < rested_s else "after_standstill"
+
+    return tuple(CrushReport(t_s=c.t_s, by=c.by, when=find_when(c.t_s)) for c in crushes)
 
 
 def _judge(

@@ -8,12 +8,14 @@ from typing import Any, Protocol, TypeVar
 import msgspec
 
 from agribot.app.beliefs import ReportParts, compare, compute_worked_ratio
-from agribot.app.fault_verdict import judge_faults
+from agribot.app.fault_verdict import judge_crushes, judge_faults
+from agribot.app.interventions import compute_km_per_intervention, list_interventions
 from agribot.app.judge import Judge
 from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
+from agribot.core.implement.plants import count_left
 from agribot.core.messages import MissionStatus, Row, TickRecord
 from agribot.core.platforms import find_platform
 from agribot.core.robot import RobotSpec
@@ -21,6 +23,7 @@ from agribot.core.version import __version__
 from agribot.record.events import Event, EventKind, EventLog
 from agribot.record.report import (
     BeliefReport,
+    CrushReport,
     EstimateReport,
     FoundRowsReport,
     ImplementReport,
@@ -106,7 +109,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
         perception=_perception(drive, job),
         weeds=_weeds(drive, job, kept),
         implement=_implement(drive, job, kept),
-        safety=_safety(drive, events),
+        safety=_safety(drive, job, mission, events),
         marks=_select_events(events, "mark"),
         job=JobReport(runs=job.runs, lacks=job.lacks) if len(job.runs) > 1 or job.lacks else None,
         preset=config.sim.preset if find_platform(config.platform).is_simulated else None,
@@ -251,9 +254,16 @@ def _perception(drive: EndedRun, job: JobSoFar) -> PerceptionReport:
         frames=job.frames,
         fps_cpu=job.frames / job.frames_cpu_s if job.frames_cpu_s else None,
         latency_p95_s=job.latency_s.percentile(95.0),
+        to_tool_p95_s=_find_to_tool_s(drive, job),
         iou=iou,
         miou=sum(known) / len(known) if known else None,
     )
+
+
+def _find_to_tool_s(drive: EndedRun, job: JobSoFar) -> float | None:
+    """Return how long a picture takes to move the tool; None without one, or without pictures."""
+    used_s, spec = job.used_s.percentile(95.0), drive.robot.implement
+    return None if used_s is None or spec is None else used_s + spec.latency_s
 
 
 def _weeds(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
@@ -262,7 +272,9 @@ def _weeds(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
     weeds, crops, spec = drive.weed_map.weeds(), drive.weed_map.crops(), drive.robot.implement
     if drive.judge is None:
         treated = sum(weed.treated_s is not None for weed in weeds)
-        return WeedReport(mapped=len(weeds), crops_mapped=len(crops), treated=treated)
+        return WeedReport(
+            mapped=len(weeds), crops_mapped=len(crops), treated=treated, left=count_left(weeds)
+        )
     score = drive.judge.score_weeds(weeds, crops, kept)
     is_wet = spec is not None and spec.wets_ground
     return msgspec.structs.replace(
@@ -285,17 +297,27 @@ def _implement(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> Impleme
     )
 
 
-def _safety(drive: EndedRun, events: Sequence[Event]) -> SafetyReport:
-    safety = SafetyReport()
+def _safety(
+    drive: EndedRun, job: JobSoFar, mission: MissionReport, events: Sequence[Event]
+) -> SafetyReport:
+    distance_m = job.believed.distance_m if drive.judge is None else mission.distance_m
+    interventions = list_interventions(events)
+    faults = judge_faults(drive.config.faults, events)
+    safety, crushes = SafetyReport(), tuple[CrushReport, ...]()
     if drive.judge is not None:
-        safety = _same_fields(drive.judge.score_safety(), SafetyReport)
+        score = drive.judge.score_safety()
+        crushes = judge_crushes(drive.config.faults, faults, score.crushes, score.stood_s)
+        safety = _same_fields(msgspec.structs.replace(score, crushes=()), SafetyReport)
     return msgspec.structs.replace(
         safety,
         stops=_select_events(events, "stop"),
         noticed=_select_events(events, "fault"),
-        faults=judge_faults(drive.config.faults, events),
+        faults=faults,
         gate=_select_events(events, "gate"),
         checks=_select_events(events, "check"),
+        crushes=crushes,
+        interventions=interventions,
+        km_per_intervention=compute_km_per_intervention(distance_m, len(interventions)),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -16,7 +17,10 @@ from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.description.altered_world import alter_world
 from agribot.description.conditions import Conditions, draw_conditions, load_condition_preset
+from agribot.description.sowing import leave_out_crop
 from agribot.description.worlds_sdf import load_run_world
+from agribot.sim.faults.schedule import parse_fault
+from agribot.sim.random_streams import make_stream
 
 
 class RunWorld(NamedTuple):
@@ -41,12 +45,26 @@ def make_run_world(config: RunConfig) -> RunWorld:
     """
     preset = load_condition_preset(config.sim.preset)
     world = load_run_world(config)
-    if preset.is_exact:
+    if preset.is_exact and not config.faults:
         return RunWorld(world, None)
     has_crops = any(plant.plant == PlantClass.CROP for plant in world.plants)
     rows = lay_rows(config.field) if has_crops else ()
+    if preset.is_exact:
+        return RunWorld(_leave_out_crop(world, rows, config), None)
     drawn = draw_conditions(preset, config.seed, rows)
-    return RunWorld(alter_world(world, rows, preset, drawn, config.seed), drawn)
+    sown = alter_world(world, rows, preset, drawn, config.seed)
+    true_rows = [drawn.find_true_row(row) for row in rows]
+    return RunWorld(_leave_out_crop(sown, true_rows, config), drawn)
+
+
+def _leave_out_crop(world: WorldSpec, rows: Sequence[Row], config: RunConfig) -> WorldSpec:
+    """Leave out the crop that the faults of the settings take from the beginning."""
+    for fault in map(parse_fault, config.faults):
+        if fault.name == "crop.gap":
+            rng = make_stream(config.seed, f"fault {fault.name}")
+            kept = leave_out_crop(world.plants, rows, fault.number, rng)
+            world = msgspec.structs.replace(world, plants=tuple(kept))
+    return world
 
 
 def _alter_robot(robot: RobotSpec, drawn: Conditions) -> RobotSpec:

@@ -15,11 +15,13 @@ from agribot.app.run_world import make_run_world
 from agribot.app.truth_log import TruthLog
 from agribot.app.whole_job import JobSoFar
 from agribot.autonomy.perception_host import PerceptionHost
+from agribot.autonomy.plan.coverage.area import measure_footprint
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import RunConfig
-from agribot.core.messages import FloatArray, TickRecord
+from agribot.core.field_bounds import FieldBounds
+from agribot.core.messages import TickRecord
 from agribot.core.platform import Platform, TrueState
 from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
@@ -59,8 +61,9 @@ class SimulatedRun(Run):
             self.world,
             tuple(task.rows),
             tuple(task.waypoints),
-            _find_boundary(task, setup.config),
+            _find_bounds(task, setup),
             made.find_true_row,
+            setup.robot.drive,
         )
         if task.explorer is not None:
             self.referee.take_true_rows(lay_rows(setup.config.field))
@@ -146,13 +149,25 @@ def _open_simulator(
     return simulator, simulator
 
 
-def _find_boundary(task: Task, config: RunConfig) -> FloatArray | None:
-    """Return the edge of the field, or of the ground that its rows and their headland take."""
+def _find_bounds(task: Task, setup: RunSetup) -> FieldBounds | None:
+    """Return the field and the robot's rectangle.
+
+    Without a plan the field is the ground that rows, their headland and a turning robot take.
+    """
     from agribot.sim.safety_judge import find_boundary
 
     if task.bounds is not None:
-        return task.bounds.rings_map_m[0]
-    return find_boundary(task.rows, config.field.start_map_m, config.mission.headland_m)
+        return task.bounds
+    field, mission, implement = setup.config.field, setup.config.mission, setup.robot.implement
+    shape = measure_footprint(setup.robot, 0.0 if implement is None else implement.width_m)
+    room_m = mission.headland_m + shape.turn_radius_m
+    ring = find_boundary(task.rows, field.start_map_m, room_m)
+    if ring is None:
+        return None
+    return FieldBounds(
+        rings_map_m=(ring,), front_m=shape.front_m, rear_m=shape.rear_m,
+        half_width_m=shape.half_width_m,
+    )  # fmt: skip
 
 
 def _place_robot(world: WorldSpec, setup: RunSetup) -> WorldSpec:

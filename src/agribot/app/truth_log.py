@@ -1,12 +1,14 @@
-"""What only the simulator knows, as events: crops that were crushed, things and persons touched."""
+"""What only the simulator knows, as events: crops crushed or sprayed, what was touched."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from agribot.core.messages import PlantClass, TickRecord
-from agribot.core.world import WorldSpec, is_person
+from agribot.core.world import Plant, WorldSpec, is_person
 from agribot.record.events import Event
 
 if TYPE_CHECKING:
@@ -16,7 +18,7 @@ LET_GO_S = 2.0  # without contact, before the same thing counts as touched anew
 
 
 class TruthLog:
-    """A tap that says once of each crop what crushed it, and of each thing that it was touched."""
+    """A tap that says once of each crop what hurt it, and of each thing that it was touched."""
 
     def __init__(
         self, simulator: SimPlatform, world: WorldSpec, add: Callable[[Event], None]
@@ -26,9 +28,12 @@ class TruthLog:
         self._kinds |= {walker.name: walker.kind for walker in world.walkers}
         self._fallen_told = 0
         self._touched_s: dict[str, float] = {}
+        self._is_crop = np.array([p.plant == PlantClass.CROP for p in world.plants], dtype=bool)
+        self._is_sprayed_told = np.zeros(len(world.plants), dtype=bool)
 
     def __call__(self, record: TickRecord) -> None:
         self._tell_crushed(record.batch.t_s)
+        self._tell_sprayed(record.batch.t_s)
         if record.batch.bumper:
             self._tell_touched(record.batch.t_s)
 
@@ -42,8 +47,15 @@ class TruthLog:
             plant, what = self._world.plants[index], PART_WORDS.get(int(states.crushed_by[index]))
             is_news = states.crushed_s[index] > 0.0  # not of an earlier run of the job
             if what and is_news and plant.plant == PlantClass.CROP:
-                place = f"{plant.x_map_m:.2f} m east, {plant.y_map_m:.2f} m north"
-                self._tell(t_s, f"crop plant crushed by {what}: {place}")
+                self._tell(t_s, f"crop plant crushed by {what}: {_name_place(plant)}")
+
+    def _tell_sprayed(self, t_s: float) -> None:
+        sprayed_s = self._simulator.plants.sprayed_s
+        is_news = self._is_crop & (sprayed_s > 0.0) & ~self._is_sprayed_told
+        for index in np.flatnonzero(is_news).tolist():
+            plant = self._world.plants[index]
+            self._tell(t_s, f"crop plant sprayed on its heart: {_name_place(plant)}")
+        self._is_sprayed_told |= is_news
 
     def _tell_touched(self, t_s: float) -> None:
         name = self._simulator.find_touched()
@@ -56,3 +68,7 @@ class TruthLog:
 
     def _tell(self, t_s: float, reason: str) -> None:
         self._add(Event(t_s=t_s, kind="truth", reason=reason))
+
+
+def _name_place(plant: Plant) -> str:
+    return f"{plant.x_map_m:.2f} m east, {plant.y_map_m:.2f} m north"

@@ -33,8 +33,9 @@ LATENCY_BIN_S = 0.001
 class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
     """What the runs of a job did so far, the last of `runs` being the one that wrote this.
 
-    `lacks` says in words what of the earlier ones is lost. Times of `plants` are those of the last
-    run's clock.
+    `lacks` says in words what of the earlier ones is lost. `latency_s` is what the network took for
+    a picture, `used_s` the time from its capture to the tick that used it. Times of `plants` are
+    those of the last run's clock.
     """
 
     runs: tuple[RunOfJob, ...]
@@ -44,6 +45,7 @@ class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
     frames: int = 0
     frames_cpu_s: float = 0.0
     latency_s: Histogram = msgspec.field(default_factory=lambda: Histogram(width=LATENCY_BIN_S))
+    used_s: Histogram = msgspec.field(default_factory=lambda: Histogram(width=LATENCY_BIN_S))
     judged: RefereeState | None = None
     plants: tuple[Track, ...] = ()
     implement: tuple[ReportLine, ...] = ()
@@ -83,6 +85,7 @@ class WholeJob:
         self._run, self._earlier = run, earlier
         counts = dict(earlier.latency_s.counts)
         self._latency_s, self._looked = Histogram(width=LATENCY_BIN_S, counts=counts), 0
+        self._used_s = Histogram(width=LATENCY_BIN_S, counts=dict(earlier.used_s.counts))
         self._run_s = 0.0
         self.believed = msgspec.structs.replace(earlier.believed)
         self.lacks = list(earlier.lacks)
@@ -95,6 +98,8 @@ class WholeJob:
     def __call__(self, record: TickRecord) -> None:
         self.believed.add(record, record.batch.t_s - self._run_s)
         self._run_s = record.batch.t_s
+        if record.scenes:
+            self._used_s.add([record.batch.t_s - scene.t_s for scene in record.scenes])
 
     @property
     def began_s(self) -> float:
@@ -120,6 +125,7 @@ class WholeJob:
             frames=earlier.frames + (meter.frames if meter else 0),
             frames_cpu_s=earlier.frames_cpu_s + (meter.cpu_s if meter else 0.0),
             latency_s=self._latency_s,
+            used_s=self._used_s,
             judged=None if self._run.judge is None else self._run.judge.export_state(),
             plants=self._run.weed_map.tracks,
             implement=add_lines(earlier.implement, self._run.implement_lines),

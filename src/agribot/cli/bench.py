@@ -22,6 +22,11 @@ BENCHMARKS = {
         "whole missions in the full simulator: profiles, receivers, seeds, with pixels and network",
         "agribot bench missions --profiles farm --seeds 1-2 --out runs/missions",
     ),
+    "long": (
+        "agribot.cli.bench_long",
+        "one mission of many kilometres with RTK: kilometres for each time that it needs a person",
+        "agribot bench long --km 0.5 --json",
+    ),
     "ground": (
         "agribot.cli.bench_ground",
         "drive slopes of soil: power, slip, side slip, turning, shaking",

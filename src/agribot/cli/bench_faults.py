@@ -6,7 +6,6 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 from agribot.app.workers import usable_cpus
 from agribot.cli.sweep import drive_all
@@ -15,6 +14,12 @@ from agribot.core import extras
 from agribot.core.errors import ConfigError, RecordingError
 from agribot.core.whole_file import write_at_once
 from agribot.lab.bench import faults
+from agribot.lab.bench.fault_rows import make_rows, summarise_rows
+from agribot.lab.bench.fault_tables import describe_result, format_table, rewrite_block
+from agribot.lab.bench.faults import FaultScenario
+from agribot.lab.sweep.plan import SweepJob
+
+MOST_DRIVES = 100_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,11 +30,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seeds", default=faults.DEFAULT_SEEDS, metavar="LIST", help="default: %(default)s"
     )
     parser.add_argument(
+        "--special", action="store_true",
+        help="only the cases that are looked at one by one, and two sensors that lie at once",
+    )  # fmt: skip
+    parser.add_argument(
+        "--fault-free", type=int, metavar="N",
+        help="N drives in which nothing goes wrong, in turns of the campaign's drives: false "
+        "alarms and kilometres; without a camera unless --camera is given",
+    )  # fmt: skip
+    parser.add_argument(
         "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
     )
     parser.add_argument(
-        "--out", type=Path, default=Path("runs/faults"), metavar="DIR",
-        help="what is finished there is not driven again (default: %(default)s)",
+        "--out", type=Path, metavar="DIR",
+        help="what is finished there is not driven again (default: runs/faults with what is "
+        "chosen, such as runs/faults-special-no-camera)",
     )  # fmt: skip
     parser.add_argument(
         "--camera", action=argparse.BooleanOptionalAction,
@@ -40,6 +55,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="firmware: on the motor board's real program, and only what goes wrong at the board "
         "or below it (default: %(default)s)",
     )  # fmt: skip
+    parser.add_argument(
+        "--markdown", type=Path, metavar="PAGE",
+        help="put the finished table into its place on a page such as docs/fault-campaign.md",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
@@ -47,20 +66,19 @@ def run(options: argparse.Namespace) -> int:
     """Return 130 where the campaign was interrupted, else 0: its table is the result."""
     from agribot.lab.sweep.tables import SweepFolder
 
-    names = parse_names("--faults", options.faults, faults.list_fault_names(options.platform))
-    if not 1 <= options.workers <= 1024:
-        raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
+    scenarios, jobs = _choose(options)
     extras.require("sim", "agribot bench faults")
-    scenarios = faults.choose_scenarios(names, options.camera, options.platform)
-    jobs = faults.list_jobs(scenarios, options.seeds)
-    folder = SweepFolder(options.out.resolve(), jobs)
+    page = None if options.markdown is None else _read_page(options.markdown, _name(options))
+    path = options.out or Path("runs") / f"faults{_find_ending(options)}"
+    folder = SweepFolder(path.resolve(), jobs)
     errors = drive_all(folder, faults.FaultExecutor(options.workers))
     reports = folder.read_finished()
-    rows = faults.make_rows(scenarios, jobs, reports)
-    result = faults.summarise_rows(rows, jobs, reports)
-    table = faults.format_table(rows)
-    _write(folder.path, result, table)
-    sys.stdout.write(table)
+    rows = make_rows(scenarios, jobs, reports)
+    result = summarise_rows(rows, jobs, reports)
+    table = format_table(rows)
+    _write(folder.path / "faults.md", table)
+    _write(folder.path / "faults.json", json.dumps(result, indent=1) + "\n")
+    sys.stdout.write(f"{table}\n{describe_result(result)}")
     for outcome in errors:
         sys.stderr.write(f"agribot bench faults: {outcome.job.name}: {outcome.error}\n")
     if options.json:
@@ -69,15 +87,82 @@ def run(options: argparse.Namespace) -> int:
         sys.stderr.write("agribot: interrupted; finished runs are kept, the same command runs the "
                          "rest\n")  # fmt: skip
         return 130
+    if page is not None:
+        block = f"`{_tell_command(options)}`: {describe_result(result)}\n{table}"
+        _write(options.markdown, rewrite_block(page, _name(options), block))
     return int(bool(errors))
 
 
-def _write(path: Path, result: dict[str, Any], table: str) -> None:
+def _choose(options: argparse.Namespace) -> tuple[tuple[FaultScenario, ...], tuple[SweepJob, ...]]:
+    """Choose what is driven, each scenario and each run of it."""
+    names = parse_names("--faults", options.faults, faults.list_fault_names(options.platform))
+    if not 1 <= options.workers <= 1024:
+        raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
+    count = options.fault_free
+    if count is None:
+        scenarios = faults.choose_scenarios(
+            names, options.camera, options.platform, is_special=options.special
+        )
+        return scenarios, faults.list_jobs(scenarios, options.seeds)
+    if not 1 <= count <= MOST_DRIVES:
+        raise ConfigError(f"--fault-free {count}: must be from 1 to {MOST_DRIVES}")
+    if options.faults or options.special:
+        raise ConfigError("--fault-free: nothing goes wrong there; leave out --faults, --special")
+    return faults.list_drives(count, options.camera, options.platform)
+
+
+def _name(options: argparse.Namespace) -> str:
+    """Name the block of the page that a campaign fills."""
+    camera = " with camera" if options.camera else ""
+    if options.fault_free is not None:
+        return f"drives without a fault{camera}"
+    if options.platform != "sim":
+        return str(options.platform)
+    if options.special:
+        return "special cases"
+    if options.camera is None:
+        raise ConfigError("--markdown: give --camera or --no-camera; each has a table of its own")
+    return "camera" if options.camera else "no camera"
+
+
+def _find_ending(options: argparse.Namespace) -> str:
+    """Tell campaigns apart in the names of their folders."""
+    is_free = options.fault_free is not None
+    words = ["free"] if is_free else ["special"] if options.special else []
+    words += [options.platform] if options.platform != "sim" else []
+    if options.camera is not None:
+        words.append("camera" if options.camera else "no-camera")
+    return "".join(f"-{word}" for word in words)
+
+
+def _tell_command(options: argparse.Namespace) -> str:
+    """Tell the command that repeats a campaign."""
+    words = ["agribot bench faults"]
+    words += [f"--platform {options.platform}"] if options.platform != "sim" else []
+    words += ["--special"] if options.special else []
+    words += [f"--faults {options.faults}"] if options.faults else []
+    is_free = options.fault_free is not None
+    words += [f"--fault-free {options.fault_free}" if is_free else f"--seeds {options.seeds}"]
+    if options.camera is not None:
+        words += ["--camera" if options.camera else "--no-camera"]
+    return " ".join(words)
+
+
+def _read_page(path: Path, name: str) -> str:
+    """Read a page, and check before anything is driven that the table has its place there."""
     try:
-        write_at_once(path / "faults.md", table.encode())
-        write_at_once(path / "faults.json", json.dumps(result, indent=1).encode() + b"\n")
+        page = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"--markdown {path}: cannot be read: {error}") from error
+    rewrite_block(page, name, "")
+    return page
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        write_at_once(path, text.encode())
     except OSError as error:
         raise RecordingError(
-            f"cannot write into {path}: {error.strerror or error}; make room and run the same "
-            "command again"
+            f"cannot write into {path.parent}: {error.strerror or error}; make room and run the "
+            "same command again"
         ) from error

@@ -277,6 +277,9 @@ def _format_summary(report: Report, out_dir: Path) -> str:
             f"{_format_number(weeds.treated_true)} weeds {verb}, "
             f"{_format_number(weeds.crops_hit)} crops hit"
         )
+        if weeds.left:
+            reasons = ", ".join(f"{count} {reason}" for reason, count in weeds.left.items())
+            lines.append(f"mapped weeds left {sum(weeds.left.values())}: {reasons}")
     lines.append(
         f"{_format_number(spent.sim_s, unit=' s')} of the robot's time in "
         f"{_format_number(spent.wall_s, unit=' s')}, "

@@ -82,6 +82,9 @@ class TyreSpec(msgspec.Struct, frozen=True, kw_only=True):
     rolling_resistance_ratio: float = 0.03
 
 
+REACTION_S = 0.2  # until the brakes bite: a tick, the network of the motor board, its lag
+
+
 class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Skid-steer drive.
 
@@ -124,6 +127,10 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     no_load_a: float = 0.137
     controller_efficiency_ratio: float = 0.95
     regeneration_ratio: float = 0.0  # of the power of braking that goes back into the battery
+
+    def promise_stop_m(self, v_mps: float) -> float:
+        """Return the way on which a robot at this speed stands after it was told to stop."""
+        return abs(v_mps) * REACTION_S + v_mps**2 / (2.0 * self.max_accel_mps2)
 
     @property
     def wheel_torque_nm(self) -> float:

@@ -21,7 +21,7 @@ FOLDER = ROOT / "meshes"
 WHEEL_RADIUS_M, WHEEL_WIDTH_M = 0.09, 0.05
 HALF_WHEELBASE_M, HALF_TRACK_M, AXLE_DROP_M = 0.2519, 0.3908, 0.1908
 LEG_Y_M = HALF_TRACK_M - 0.07
-BOOM_X_M, NOZZLES, NOZZLE_SPACING_M = -0.35, 9, 0.1
+BOOM_X_M, NOZZLES, NOZZLE_SPACING_M = -0.35, 27, 0.04
 
 WHEEL_SEGMENTS = 36
 LUG_DEPTH_M = 0.005
@@ -106,7 +106,7 @@ def make_frame() -> FloatArray:
 
 def make_chassis() -> FloatArray:
     """Make the frame with the spray boom and its nozzles, triangles (N, 3, 3)."""
-    parts = [make_frame(), make_box((BOOM_X_M, 0.0, 0.035), (0.02, 0.84, 0.02))]
+    parts = [make_frame(), make_box((BOOM_X_M, 0.0, 0.035), (0.02, 1.08, 0.02))]
     parts += [make_box((-0.32, y_m, 0.035), (0.08, 0.02, 0.02)) for y_m in (-0.25, 0.25)]
     for nozzle in range(NOZZLES):
         y_m = ((NOZZLES - 1) / 2.0 - nozzle) * NOZZLE_SPACING_M

@@ -21,6 +21,7 @@ def list_robot_files() -> dict[str, Path]:
     return {
         "agribot": ROOT / "urdf" / "agribot_sensors.urdf.xacro",
         "agribot-hoe": ROOT / "urdf" / "agribot_hoe.urdf.xacro",
+        "agribot-point": ROOT / "urdf" / "agribot_point.urdf.xacro",
     }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.core.messages import FloatArray, PlantClass, Row
-from agribot.core.row_shape import project_on_row
+from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import Plant
 from agribot.description.conditions import Conditions, Preset, make_condition_stream
 
@@ -106,6 +106,30 @@ def _find_gaps(
             length_m = rng.uniform(*preset.gap_length_m)
             is_gap |= mine & (along_m >= start_m) & (along_m <= start_m + length_m)
     return is_gap
+
+
+def leave_out_crop(
+    plants: Sequence[Plant], rows: Sequence[Row], length_m: float, rng: np.random.Generator
+) -> list[Plant]:
+    """Leave out so many metres of crop in every row, from a place inside of it on.
+
+    A row that is too short for that keeps its first and its last quarter.
+    """
+    gaps = []
+    for row in rows:
+        whole_m = row_length_m(row)
+        gap_m = min(length_m, whole_m / 2.0)
+        start_m = float(rng.uniform(0.1 * whole_m, 0.9 * whole_m - gap_m))
+        gaps.append((start_m, start_m + gap_m))
+
+    def is_kept(plant: Plant) -> bool:
+        if plant.plant != PlantClass.CROP or not rows:
+            return True
+        hill = _find_hill(plant, rows)
+        first_m, last_m = gaps[hill.row]
+        return not first_m <= hill.along_m <= last_m
+
+    return [plant for plant in plants if is_kept(plant)]
 
 
 def _scatter(

@@ -37,7 +37,7 @@ class HardwarePlatform:
     """`read` waits for the next tick of `tick_hz`; ticks that were missed are left out.
 
     Every command goes to the board at once and none is sent again: a board that hears none for its
-    timeout stops by itself.
+    timeout stops by itself. One that speaks first is told nothing until it does.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class HardwarePlatform:
         self._reader = StreamReader(
             self._name, open_stream, self._link.feed, now_s, self._note, self._greet
         )
-        self._writer = StreamWriter(self._name, self._reader.write, now_s)
+        self._writer = StreamWriter(self._name, self._write, now_s)
         try:
             self._await_board()
         except BaseException:
@@ -119,7 +119,10 @@ class HardwarePlatform:
         return t_s
 
     def _greet(self, stream: ByteStream) -> None:
-        stream.write(self._link.board.open())
+        stream.write(self._link.open())
+
+    def _write(self, data: bytes) -> bool:
+        return self._link.may_send and self._reader.write(data)
 
     def _note(self, text: str, *, is_fault: bool = True) -> None:
         self.inbox.post(

@@ -88,9 +88,12 @@ class IouReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PerceptionReport(msgspec.Struct, frozen=True, kw_only=True):
+    """`to_tool_p95_s` is from the capture of a picture until the tool can move for it."""
+
     frames: int | None = None
     fps_cpu: float | None = None
     latency_p95_s: float | None = None
+    to_tool_p95_s: float | None = None
     iou: IouReport = IouReport()
     miou: float | None = None
 
@@ -99,7 +102,9 @@ class WeedReport(msgspec.Struct, frozen=True, kw_only=True):
     """Plants along the finished rows; without a word of crops or stems a figure is of the weeds.
 
     `stem_error_p95_m` is the distance of matched plants of both classes from their true stems,
-    `placement_p90_m` that of matched weeds.
+    `placement_p90_m` that of matched weeds. `left` counts the mapped weeds that were not treated by
+    the reason, `crop_leaves_wet_ratio` is the share of the crops' leaf area that got wet, and
+    `tool_offset_p50_m` how near the middle of an open nozzle came to the weeds within 10 cm of it.
     """
 
     truth: int | None = None
@@ -118,6 +123,10 @@ class WeedReport(msgspec.Struct, frozen=True, kw_only=True):
     crop_recall: float | None = None
     stem_error_p95_m: float | None = None
     placement_p90_m: float | None = None
+    left: dict[str, int] | None = None
+    crop_leaves_wet_ratio: float | None = None
+    tool_offset_p50_m: float | None = None
+    tool_offset_p90_m: float | None = None
 
 
 class ImplementReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -159,13 +168,34 @@ class FaultReport(msgspec.Struct, frozen=True, kw_only=True):
     is_named: bool = False
 
 
+CrushedWhen = Literal["before_detection", "after_detection", "after_standstill", "by_fault"]
+
+
+class CrushReport(msgspec.Struct, frozen=True, kw_only=True):
+    """A crop that was crushed after the first fault began, by wheel, belly or implement.
+
+    `when` counts from the first sign of a fault, and from when the robot came to rest after it;
+    `by_fault` is crushed where hands set the robot down.
+    """
+
+    t_s: float
+    by: str
+    when: CrushedWhen
+
+
 class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     """`noticed` are the faults that the robot told of, `faults` those that were injected.
 
     `gate` are the changes of the supervisor's state, `checks` what the list before a start found.
-    By the truth of a simulator: `outside_m_max` is how far the robot's middle got out of the
-    field, `stop_distance_m_max` how far it rolled after a stop of the supervisor,
-    `person_distance_min_m` how near its outline came to a person's.
+    By the truth of a simulator: `outside_m_max` is how far any place of the robot, implement
+    included, got out of the field, `stop_distance_m_max` how far it rolled after a stop of the
+    supervisor, `stop_allowed_m` what its drive promises at the speed of that stop, and
+    `stops_too_long` how many stops took more than that; `person_distance_min_m` is how near its
+    outline came to a person's.
+
+    `interventions` are the stops, pauses and questions that only a person could end;
+    `km_per_intervention` is null where there were none. The way is the true one, or on a real
+    robot the way that it believes to have driven.
     """
 
     stops: tuple[SafetyEvent, ...] = ()
@@ -177,6 +207,11 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
     person_distance_min_m: float | None = None
     gate: tuple[SafetyEvent, ...] = ()
     checks: tuple[SafetyEvent, ...] = ()
+    stop_allowed_m: float | None = None
+    stops_too_long: int | None = None
+    crushes: tuple[CrushReport, ...] = ()
+    interventions: tuple[SafetyEvent, ...] = ()
+    km_per_intervention: float | None = None
 
 
 class BeliefReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -35,6 +35,9 @@ def _mission(report: Report) -> list[Tile]:
         result.append(("Waypoints reached", reached, ""))
     rate = format_number(mission.h_per_ha, 1, " h/ha")
     result.append(("Driven", format_number(mission.distance_m, 1, " m"), rate))
+    each = format_number(report.safety.km_per_intervention, 2, " km each")
+    count = len(report.safety.interventions)
+    result.append(("Needed a person", f"{count} times", each if count else ""))
     return result
 
 
@@ -84,7 +87,16 @@ def _weeds(report: Report) -> list[Tile]:
             _format_count(weeds.treated),
             f"{_format_count(weeds.crops_hit)} crops hit, {worked}",
         ),
+        *_left(weeds),
     ]
+
+
+def _left(weeds: WeedReport) -> list[Tile]:
+    """Make the tile of the weeds that were left, and why; none where all were treated."""
+    if not weeds.left:
+        return []
+    reasons = ", ".join(f"{count} {reason}" for reason, count in weeds.left.items())
+    return [("Mapped weeds left", str(sum(weeds.left.values())), reasons)]
 
 
 def _crops(weeds: WeedReport) -> list[Tile]:

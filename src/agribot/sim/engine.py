@@ -61,6 +61,7 @@ class Engine:
         self._checked_at_m, self._check_after_m = (0.0, 0.0), -1.0
         self._is_obstacle_near = False
         self.wheel_mass_kg = float(self._open.model.body_mass[2])
+        self.mass_kg = float(self._open.model.body_subtreemass[BASE_BODY])
 
     @property
     def library(self) -> Library:
@@ -85,6 +86,15 @@ class Engine:
         arm_m = np.array(pull.place_map_m) - views.xipos[BASE_BODY]
         views.xfrc_applied[BASE_BODY, :3] = pull.force_map_n
         views.xfrc_applied[BASE_BODY, 3:] = np.cross(arm_m, pull.force_map_n)
+
+    def hold_base(self, force_map_n: FloatArray | None) -> None:
+        """Let a force (3,) act at the robot's centre of mass until the next call; None is none."""
+        views = self._used.views
+        views.xfrc_applied[BASE_BODY] = 0.0
+        if force_map_n is not None:
+            arm_m = views.subtree_com[BASE_BODY] - views.xipos[BASE_BODY]
+            views.xfrc_applied[BASE_BODY, :3] = force_map_n
+            views.xfrc_applied[BASE_BODY, 3:] = np.cross(arm_m, force_map_n)
 
     def add_obstacle(self, obstacle: Obstacle) -> None:
         """Put up an obstacle; the model with obstacles is built anew when one is near."""

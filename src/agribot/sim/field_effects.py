@@ -94,7 +94,7 @@ class PlantDamage:
         self._passed: FloatArray | None = None  # where the leaves were looked at last
         self._passed_pose: list[float] = []
         self._way_rad = 0.0
-        self._left_x_m = math.nan
+        self._left_m: list[float] = []
 
     def update(self, t_s: float, before: FloatArray, after: FloatArray) -> None:
         """Mark the plants under the robot between two rows of the physics history."""
@@ -102,9 +102,9 @@ class PlantDamage:
             return
         mark_swept(before, after, self._feet, self._active, self._grid, self._hit_s, t_s)
         pose = after[:7].tolist()
-        if before[0] != self._left_x_m:  # lifted and put down elsewhere
+        if before[:2].tolist() != self._left_m:  # lifted and put down elsewhere
             self._passed = None
-        self._left_x_m = pose[0]
+        self._left_m = pose[:2]
         if self._passed is None or self._has_moved(pose):
             start = before if self._passed is None else self._passed
             self._way_rad = _find_way_rad(start, after)

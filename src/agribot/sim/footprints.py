@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from agribot.core.messages import FloatArray
-from agribot.core.world import Plant
 from agribot.sim.jit import compile_exact
 
 CELL_M = 0.5
@@ -45,7 +44,16 @@ class Footprints(NamedTuple):
     base_height_m: float
 
 
-def build_plant_grid(plants: Sequence[Plant], radius_m: FloatArray) -> PlantGrid:
+class Place(Protocol):
+    """Where something stands in the map."""
+
+    @property
+    def x_map_m(self) -> float: ...
+    @property
+    def y_map_m(self) -> float: ...
+
+
+def build_plant_grid(plants: Sequence[Place], radius_m: FloatArray) -> PlantGrid:
     """Sort plants into cells; `radius_m` (N,) are the radii of their stems."""
     x = np.array([plant.x_map_m for plant in plants], dtype=np.float64)
     y = np.array([plant.y_map_m for plant in plants], dtype=np.float64)

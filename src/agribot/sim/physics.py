@@ -20,7 +20,15 @@ from agribot.sim.engine import Engine
 from agribot.sim.grip import build_friction_grid
 from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 from agribot.sim.soil import SoilLaw, make_soil_law
-from agribot.sim.state import HISTORY_COLUMNS, POSITION, Board, Inertial, Motor
+from agribot.sim.state import (
+    ANGULAR,
+    HISTORY_COLUMNS,
+    POSITION,
+    VELOCITY,
+    Board,
+    Inertial,
+    Motor,
+)
 from agribot.sim.tyre import POINT_CONTACT, make_envelope, make_tyre_law
 from agribot.sim.walkers import place_walkers
 
@@ -41,7 +49,7 @@ class Physics:
     `history` (steps + 1, HISTORY_COLUMNS) holds the states of the last advance. `board` is the
     drive that the motor board assumes, by default the true one. Its wheel speeds go to ideal
     servos, or with `is_effort` through a PID per wheel to torques. `ground` is that of the world,
-    for whoever looks at it as well.
+    for whoever looks at it as well. `is_held` while hands have it in the air.
     """
 
     def __init__(
@@ -72,7 +80,7 @@ class Physics:
         self._terrain = self.ground.make_grid()
         self._world, self._dry_friction = world, self._tyre.ground_friction.values.copy()
         self._soil = self._make_soil_law(1.0)
-        self._is_pulled = False
+        self._is_pulled = self.is_held = False
         self._bristle_m = np.zeros((4, 2))
         self._soil_state = np.zeros((4, kernel.SOIL_STATES))
         self._motor = _make_motor(robot.drive)
@@ -97,6 +105,8 @@ class Physics:
         """Let the soil pull at the body from now on; None lets go."""
         if pull is None and not self._is_pulled:
             return
+        if self.is_held:
+            return
         self._is_pulled = pull is not None
         self._engine.pull_base(pull)
 
@@ -118,15 +128,37 @@ class Physics:
         tyre.ground_friction.values[:] = friction
         self._soil = self._make_soil_law(ratio)
 
-    def carry(self, aside_m: float) -> None:
-        """Move the robot to its left at once, at its height over the ground."""
-        qpos = self._engine.views.qpos
-        before_m = self._sample_ground_m(*qpos[:2].tolist())
-        left = read_rotation(self.history[-1])[:2, 1]
-        qpos[:2] += aside_m * left / np.linalg.norm(left)
-        qpos[2] += self._sample_ground_m(*qpos[:2].tolist()) - before_m
-        self.history[-1, :3] = qpos[:3]
+    def find_place_and_left(self) -> FloatArray:
+        """Return base_link's position in the map and the level unit vector to its left, (2, 3)."""
+        row = self.history[-1]
+        left = read_rotation(row)[:, 1] * (1.0, 1.0, 0.0)
+        return np.stack([row[POSITION], left / np.linalg.norm(left)])
+
+    def find_rise_m(self, here: FloatArray, there: FloatArray) -> float:
+        """Return how much higher the ground is at another place of the map."""
+        from_m, to_m = (self._sample_ground_m(*p[:2].tolist()) for p in (here, there))
+        return to_m - from_m
+
+    def hold(
+        self, place_m: FloatArray, velocity_mps: FloatArray, acceleration_mps2: FloatArray
+    ) -> None:
+        """Hold base_link in the air like this, (3,) each in the map, until it is let go.
+
+        It does not turn. What holds it carries its weight, which the accelerometer feels.
+        """
+        views = self._engine.views
+        views.qpos[:3], views.qvel[:3], views.qvel[3:6] = place_m, velocity_mps, 0.0
+        row = self.history[-1]
+        row[POSITION], row[VELOCITY], row[ANGULAR] = place_m, velocity_mps, 0.0
+        felt_mps2 = acceleration_mps2 + np.array([0.0, 0.0, self._inertial.gravity_mps2])
+        self._engine.hold_base(felt_mps2 * self._engine.mass_kg)
         self._bristle_m[:] = 0.0
+        self.is_held = True
+
+    def let_go(self) -> None:
+        """Let the robot stand on its own wheels again."""
+        self._engine.hold_base(None)
+        self.is_held = False
 
     def find_place_map_m(self, ahead_m: float) -> tuple[float, float, float]:
         """Return the place on the ground so far ahead of the robot's middle: East, North, up."""

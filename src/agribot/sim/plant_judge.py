@@ -50,8 +50,8 @@ def match_plants(
     `mapped` are those that the map calls `kind`; `plants` are all true ones, of any class.
     """
     alike = [p for p in plants if p.plant == kind]
-    truth = [p for p in alike if _is_in_strips(p.x_map_m, p.y_map_m, rows, pitch_m)]
-    inside = [m for m in mapped if _is_in_strips(m.x_map_m, m.y_map_m, rows, pitch_m)]
+    truth = [p for p in alike if is_in_strips(p.x_map_m, p.y_map_m, rows, pitch_m)]
+    inside = [m for m in mapped if is_in_strips(m.x_map_m, m.y_map_m, rows, pitch_m)]
     distances_m = _match(inside, alike)
     return Matches(
         truth=len(truth),
@@ -67,7 +67,8 @@ def find_percentile(values: Sequence[float], percent: float) -> float | None:
     return float(np.percentile(values, percent)) if len(values) else None
 
 
-def _is_in_strips(x_m: float, y_m: float, rows: Sequence[Row], pitch_m: float) -> bool:
+def is_in_strips(x_m: float, y_m: float, rows: Sequence[Row], pitch_m: float) -> bool:
+    """Tell whether a place lies in one of the strips of width `pitch_m` along rows."""
     for row in rows:
         along_m, across_m, _ = project_on_row(row, x_m, y_m)
         if 0.0 <= along_m <= row_length_m(row) and abs(across_m) <= pitch_m / 2:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
+from agribot.core.implement.kind import WetsLeaves
 from agribot.core.messages import (
     STOP,
     BumperSample,
@@ -246,6 +247,16 @@ class SimPlatform:
         return self._implement.treated
 
     @property
+    def wet_leaves(self) -> dict[int, float]:
+        """Crop plants with wet leaves: index -> share of their leaf area."""
+        return self._implement.wet_leaves if isinstance(self._implement, WetsLeaves) else {}
+
+    @property
+    def offsets_m(self) -> dict[int, float]:
+        """Weeds that the tool worked near: index -> distance from the middle of a section."""
+        return self._implement.offsets_m if isinstance(self._implement, WetsLeaves) else {}
+
+    @property
     def worked_m2(self) -> float:
         """Ground that the implement worked; passing twice counts twice."""
         return self._implement.worked_m2
@@ -264,7 +275,8 @@ class SimPlatform:
         before, after = self._physics.history[0], self._physics.history[-1]
         if start_s > self._silent_after_s:
             self._implement.command(start_s, ImplementCommand())
-        self._damage.update(end_s, before, after)
+        if not self._physics.is_held:
+            self._damage.update(end_s, before, after)
         self._implement.update(end_s, before, after, end_s - start_s)
         self._physics.pull(self._implement.pull())
         if self._persons.has_persons:

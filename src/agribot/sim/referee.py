@@ -10,15 +10,18 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import wrap_rad
 from agribot.core.growing_table import GrowingTable
-from agribot.core.messages import ByteArray, FloatArray, MappedPlant, PlantClass, Row, TickRecord
+from agribot.core.implement.plants import count_left
+from agribot.core.messages import ByteArray, MappedPlant, PlantClass, Row, TickRecord
+from agribot.core.robot import DriveSpec
 from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
-from agribot.sim.plant_judge import find_percentile, match_plants
+from agribot.sim.plant_judge import find_percentile, is_in_strips, match_plants
 from agribot.sim.plant_states import PlantStates
 from agribot.sim.row_judge import FoundRowsScore, find_true_row, score_found_rows
-from agribot.sim.safety_judge import SafetyJudge, SafetyScore
+from agribot.sim.safety_judge import Crush, SafetyJudge, SafetyScore
 from agribot.sim.scores import (
     CrushedCount,
     ErrorSums,
@@ -52,6 +55,10 @@ class TruthSource(Protocol):
     def treated(self) -> dict[int, float]: ...
     @property
     def worked_m2(self) -> float: ...
+    @property
+    def wet_leaves(self) -> dict[int, float]: ...
+    @property
+    def offsets_m(self) -> dict[int, float]: ...
     def truth(self) -> Truth: ...
     def truth_mask(self, frame_index: int) -> ByteArray | None: ...
 
@@ -65,17 +72,19 @@ class Referee:
         world: WorldSpec,
         rows: Sequence[Row],
         goals_map_m: Sequence[tuple[float, float]] = (),
-        boundary_map_m: FloatArray | None = None,
+        bounds: FieldBounds | None = None,
         find_true_row: Callable[[Row], Row] = lambda row: row,
+        drive: DriveSpec | None = None,
     ) -> None:
         """`rows` are those of the map; the judgement is by the line of their plants.
 
-        `boundary_map_m` (N, 2) is what the robot must not leave; None: nobody knows.
+        `bounds` is what the robot must not leave; None: nobody knows. `drive` is what promises
+        how soon it stands.
         """
         self._source = source
         self._find_true_row = find_true_row
         self._world = world
-        self._safety = SafetyJudge(boundary_map_m)
+        self._safety = SafetyJudge(bounds, drive)
         self._row_errors = GrowingTable(2)  # across_m, heading_rad; those not in the sums yet
         self._estimate_errors = GrowingTable(3)  # x_m, y_m, yaw_rad; likewise
         self._pose_covs = GrowingTable(9)
@@ -150,6 +159,8 @@ class Referee:
             person_distance_min_m=self._find_person_distance_m(),
             treated=tuple(sorted(self._treated_plants)),
             worked_m2=self.worked_m2,
+            wet_leaves=self._wet_leaves,
+            offsets_m=self._offsets_m,
             plants_total=len(self._world.plants),
             safety=self._safety.export_state(),
         )
@@ -160,7 +171,7 @@ class Referee:
             self._safety.crushed_before = frozenset(self._crushed_by)
 
     def score_safety(self) -> SafetyScore:
-        score = self._safety.score(self.crushed)
+        score = self._safety.score(self.crushed, self._list_crushes())
         return msgspec.structs.replace(score, person_distance_min_m=self._find_person_distance_m())
 
     def __call__(self, record: TickRecord) -> None:
@@ -257,11 +268,16 @@ class Referee:
         crops: Sequence[MappedPlant],
         rows_done: Sequence[int],
     ) -> WeedScore:
-        """Score mapped weeds and crops; a crop that the robot crushed stood there, and counts."""
+        """Score plants along finished rows; a crop that the robot crushed stood there, and counts.
+
+        Crops hit are those of the whole world.
+        """
         strips, pitch_m = [self._rows[index] for index in rows_done], self._measure_row_pitch_m()
         plants = self._world.plants
         weed = match_plants(PlantClass.WEED, weeds, plants, strips, pitch_m)
         crop = match_plants(PlantClass.CROP, crops, plants, strips, pitch_m)
+        along = [m for m in weeds if is_in_strips(m.x_map_m, m.y_map_m, strips, pitch_m)]
+        offsets_m = [*self._offsets_m.values()]
         return WeedScore(
             truth=weed.truth,
             mapped=weed.mapped,
@@ -275,11 +291,40 @@ class Referee:
             crops_mapped=crop.mapped,
             crop_recall=crop.recall,
             stem_error_p95_m=find_percentile(weed.distances_m + crop.distances_m, 95.0),
-            treated=sum(m.treated_s is not None for m in weeds),
-            treated_true=self._count_treated(PlantClass.WEED),
+            treated=sum(m.treated_s is not None for m in along),
+            treated_true=self._count_treated(PlantClass.WEED, strips, pitch_m),
             crops_hit=self._count_treated(PlantClass.CROP),
             worked_area_ratio=self.compute_worked_area_ratio(rows_done),
+            left=count_left(along),
+            crop_leaves_wet_ratio=self._compute_wet_ratio(strips, pitch_m),
+            tool_offset_p50_m=find_percentile(offsets_m, 50.0),
+            tool_offset_p90_m=find_percentile(offsets_m, 90.0),
         )
+
+    def _compute_wet_ratio(self, strips: Sequence[Row], pitch_m: float) -> float | None:
+        """Return the mean share of leaf area of the crops along rows that got wet."""
+        wet, plants = self._wet_leaves, self._world.plants
+        shares = [
+            wet.get(index, 0.0)
+            for index, plant in enumerate(plants)
+            if plant.plant == PlantClass.CROP
+            and is_in_strips(plant.x_map_m, plant.y_map_m, strips, pitch_m)
+        ]
+        return sum(shares) / len(shares) if shares else None
+
+    @property
+    def _wet_leaves(self) -> dict[int, float]:
+        """Return the wet shares of leaf area; those of an earlier run count where they are more."""
+        before = self._before.wet_leaves if self._before else {}
+        now = self._source.wet_leaves
+        return {i: max(before.get(i, 0.0), now.get(i, 0.0)) for i in sorted({*before, *now})}
+
+    @property
+    def _offsets_m(self) -> dict[int, float]:
+        before = self._before.offsets_m if self._before else {}
+        now = self._source.offsets_m
+        far = math.inf
+        return {i: min(before.get(i, far), now.get(i, far)) for i in sorted({*before, *now})}
 
     def _find_person_distance_m(self) -> float | None:
         """Return how near the robot came to a person, in the runs before this one as well."""
@@ -302,6 +347,16 @@ class Referee:
             return now
         wheel = (Part.WHEEL,) * len(before.crushed)
         return now | dict(zip(before.crushed, map(Part, before.crushed_by or wheel), strict=True))
+
+    def _list_crushes(self) -> list[tuple[int, Crush]]:
+        """List the crops that this run crushed, when and by what."""
+        states = self._source.plants
+        times = [(index, float(states.crushed_s[index])) for index in self._source.crushed]
+        return [
+            (index, Crush(t_s=t_s, by=Part(states.crushed_by[index]).name.lower()))
+            for index, t_s in times
+            if t_s > 0.0  # those of earlier runs lie from the beginning
+        ]
 
     @property
     def _brushed(self) -> set[int]:
@@ -367,8 +422,16 @@ class Referee:
             return 1.0
         return abs(float(project_on_row(rows[0], *rows[1].start_map_m).left_m))
 
-    def _count_treated(self, plant: PlantClass) -> int:
-        return sum(self._world.plants[index].plant == plant for index in self._treated_plants)
+    def _count_treated(
+        self, kind: PlantClass, strips: Sequence[Row] | None = None, pitch_m: float = 0.0
+    ) -> int:
+        """Count the plants that the implement worked on, of those in strips where they are told."""
+        treated = [self._world.plants[index] for index in self._treated_plants]
+        return sum(
+            p.plant == kind
+            and (strips is None or is_in_strips(p.x_map_m, p.y_map_m, strips, pitch_m))
+            for p in treated
+        )
 
 
 def _is_near(

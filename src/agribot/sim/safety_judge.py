@@ -8,25 +8,43 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import STOP, FloatArray, MapPoint, Row, TickRecord
+from agribot.core.robot import DriveSpec
 from agribot.core.row_shape import project_on_row
+from agribot.sim.field_edge import FieldEdge
 from agribot.sim.truth import Truth
 
-MARGIN_M = 1.5  # of the headland around rows and start: what turns need, and the robot itself
+MARGIN_M = 1.5  # around rows, start and headland: what turns need
 LOOK_S = 0.1
 STANDING_MPS = 0.02
+MOST_STANDS = 1000
+
+
+class Crush(msgspec.Struct, frozen=True, kw_only=True):
+    """A crop that the robot crushed, and with which part of it: wheel, belly or implement."""
+
+    t_s: float
+    by: str
 
 
 class SafetyScore(msgspec.Struct, frozen=True, kw_only=True):
     """The worst of a job so far; `crushed_after_fault` is None where no fault was injected.
 
-    The robot's middle counts: how far it got outside the field, and how far it rolled after the
-    supervisor had stopped it.
+    `outside_m_max` is how far any place of the robot got outside the field, implement included.
+    `stop_distance_m_max` is how far its middle rolled after the supervisor had stopped it,
+    `stop_allowed_m` what the drive promises at the speed of that stop, and `stops_too_long`
+    counts the stops that took more than was promised. `crushes` are those after the first fault,
+    `stood_s` when the robot came to rest since; both of this run alone.
     """
 
     outside_m_max: float = 0.0
     stop_distance_m_max: float = 0.0
+    stop_allowed_m: float | None = None
+    stops_too_long: int = 0
     crushed_after_fault: int | None = None
+    crushes: tuple[Crush, ...] = ()
+    stood_s: tuple[float, ...] = ()
     person_distance_min_m: float | None = None  # between outlines; None where there is nobody
 
 
@@ -35,47 +53,85 @@ class SafetyState(msgspec.Struct, frozen=True, kw_only=True):
 
     outside_m_max: float = 0.0
     stop_distance_m_max: float = 0.0
+    stop_allowed_m: float | None = None
+    stops_too_long: int = 0
     crushed_before: tuple[int, ...] | None = None
+
+
+class StopWatch:
+    """Adds up the way of a robot that the supervisor stopped, until it stands."""
+
+    def __init__(self, drive: DriveSpec | None) -> None:
+        self._drive = drive
+        self.longest_m, self.allowed_m = 0.0, None if drive is None else 0.0
+        self.too_long = 0
+        self._way_m: float | None = None
+        self._promised_m = math.inf
+        self._was_moving = False
+        self._last_xy: MapPoint | None = None
+
+    def look(self, xy_m: MapPoint, v_mps: float, *, is_stopped: bool) -> None:
+        """Look at the middle and the speed; `is_stopped` where the supervisor wants a stop."""
+        is_moving = abs(v_mps) > STANDING_MPS
+        if is_stopped and self._way_m is None and self._was_moving:
+            self._way_m = 0.0
+            self._promised_m = (
+                math.inf if self._drive is None else self._drive.promise_stop_m(v_mps)
+            )
+        elif not is_stopped or not is_moving:
+            self._way_m = None
+        if self._way_m is not None and self._last_xy is not None:
+            self._go_on(self._way_m, self._way_m + math.dist(xy_m, self._last_xy))
+        self._last_xy, self._was_moving = xy_m, is_moving and not is_stopped
+
+    def restore(self, before: SafetyState) -> None:
+        self.too_long += before.stops_too_long
+        if before.stop_distance_m_max > self.longest_m:
+            self.longest_m, self.allowed_m = before.stop_distance_m_max, before.stop_allowed_m
+
+    def _go_on(self, before_m: float, way_m: float) -> None:
+        self._way_m = way_m
+        self.too_long += before_m <= self._promised_m < way_m
+        if way_m > self.longest_m:
+            self.longest_m = way_m
+            self.allowed_m = self._promised_m if math.isfinite(self._promised_m) else None
 
 
 class SafetyJudge:
     """Call `look` with every tick and the truth of it."""
 
-    def __init__(self, boundary_map_m: FloatArray | None) -> None:
-        """`boundary_map_m` (N, 2) is what must not be left; None: nobody knows."""
-        self.boundary_map_m = boundary_map_m
-        self._outside_m = self._stop_m = 0.0
+    def __init__(self, bounds: FieldBounds | None, drive: DriveSpec | None = None) -> None:
+        """`bounds` is what must not be left, and the robot's rectangle; None: nobody knows.
+
+        It counts from when the robot was inside: a plan may lead into its field. `drive` is what
+        promises how soon the robot stands.
+        """
+        self._edge = None if bounds is None else FieldEdge(bounds)
+        self._was_inside = False
+        self._outside_m = 0.0
         self._next_look_s = -math.inf
-        self._stopping_m: float | None = None
-        self._was_moving = False
-        self._last_xy: tuple[float, float] | None = None
+        self._stop = StopWatch(drive)
+        self._is_moving = False
+        self._stood_s: list[float] = []
         self.crushed_before: frozenset[int] | None = None
 
     def look(self, record: TickRecord, truth: Truth) -> None:
         xy_m = truth.x_map_m, truth.y_map_m
-        if truth.t_s >= self._next_look_s and self.boundary_map_m is not None:
+        if truth.t_s >= self._next_look_s and self._edge is not None:
             self._next_look_s = truth.t_s + LOOK_S
-            outside_m = measure_outside_m(self.boundary_map_m, *xy_m)
-            self._outside_m = max(self._outside_m, outside_m)
-        self._follow_stop(record, xy_m, is_moving=abs(truth.v_mps) > STANDING_MPS)
-
-    def _follow_stop(
-        self, record: TickRecord, xy_m: tuple[float, float], *, is_moving: bool
-    ) -> None:
-        """Add up the way of a robot that the supervisor stopped, until it stands."""
+            outside_m = self._edge.measure_outside_m(*xy_m, truth.yaw_map_rad)
+            self._was_inside = self._was_inside or not outside_m
+            self._outside_m = max(self._outside_m, outside_m if self._was_inside else 0.0)
         is_stopped = record.command.drive == STOP and bool(record.reason)
-        if is_stopped and self._stopping_m is None and self._was_moving:
-            self._stopping_m = 0.0
-        elif not is_stopped or not is_moving:
-            self._stopping_m = None
-        if self._stopping_m is not None and self._last_xy is not None:
-            self._stopping_m += math.dist(xy_m, self._last_xy)
-            self._stop_m = max(self._stop_m, self._stopping_m)
-        self._last_xy, self._was_moving = xy_m, is_moving and not is_stopped
+        self._stop.look(xy_m, truth.v_mps, is_stopped=is_stopped)
+        was_moving, self._is_moving = self._is_moving, abs(truth.v_mps) > STANDING_MPS
+        came_to_rest = was_moving and not self._is_moving and self.crushed_before is not None
+        if came_to_rest and len(self._stood_s) < MOST_STANDS:
+            self._stood_s.append(truth.t_s)
 
     def restore(self, before: SafetyState) -> None:
         self._outside_m = max(self._outside_m, before.outside_m_max)
-        self._stop_m = max(self._stop_m, before.stop_distance_m_max)
+        self._stop.restore(before)
         if before.crushed_before is not None:
             self.crushed_before = frozenset(before.crushed_before)
 
@@ -83,17 +139,27 @@ class SafetyJudge:
         before = self.crushed_before
         return SafetyState(
             outside_m_max=self._outside_m,
-            stop_distance_m_max=self._stop_m,
+            stop_distance_m_max=self._stop.longest_m,
+            stop_allowed_m=self._stop.allowed_m,
+            stops_too_long=self._stop.too_long,
             crushed_before=None if before is None else tuple(sorted(before)),
         )
 
-    def score(self, crushed: set[int]) -> SafetyScore:
-        """Score what was seen so far; `crushed` are all crops that lie flat now."""
+    def score(self, crushed: set[int], crushes: Sequence[tuple[int, Crush]] = ()) -> SafetyScore:
+        """Score what was seen so far.
+
+        `crushed` are all crops that lie flat now, `crushes` those of this run, with their index.
+        """
         before = self.crushed_before
+        late = [] if before is None else [crush for index, crush in crushes if index not in before]
         return SafetyScore(
             outside_m_max=self._outside_m,
-            stop_distance_m_max=self._stop_m,
+            stop_distance_m_max=self._stop.longest_m,
+            stop_allowed_m=self._stop.allowed_m,
+            stops_too_long=self._stop.too_long,
             crushed_after_fault=None if before is None else len(crushed - before),
+            crushes=tuple(sorted(late, key=lambda crush: crush.t_s)),
+            stood_s=tuple(self._stood_s),
         )
 
 
@@ -128,15 +194,3 @@ def _find_middle(row: Row) -> MapPoint:
     dx_m, dy_m = np.subtract(row.end_map_m, row.start_map_m)
     length_m = math.hypot(dx_m, dy_m) or 1.0
     return float(x_m + left_m * dy_m / length_m), float(y_m - left_m * dx_m / length_m)
-
-
-def measure_outside_m(boundary_map_m: FloatArray, x_m: float, y_m: float) -> float:
-    """Measure how far a point lies outside a ring (N, 2); 0 inside."""
-    a, b = boundary_map_m, np.roll(boundary_map_m, -1, axis=0)
-    edge, away = b - a, np.array([x_m, y_m]) - a
-    crosses = (a[:, 1] > y_m) != (b[:, 1] > y_m)
-    rise = np.where(crosses, edge[:, 1], 1.0)
-    if np.count_nonzero(crosses & (away[:, 0] < away[:, 1] * edge[:, 0] / rise)) % 2:
-        return 0.0
-    share = np.clip((away * edge).sum(1) / (edge * edge).sum(1), 0.0, 1.0)
-    return float(np.hypot(*(away - share[:, None] * edge).T).min())

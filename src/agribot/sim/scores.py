@@ -67,6 +67,10 @@ class WeedScore(msgspec.Struct, frozen=True, kw_only=True):
     treated_true: int
     crops_hit: int
     worked_area_ratio: float | None
+    left: dict[str, int]
+    crop_leaves_wet_ratio: float | None
+    tool_offset_p50_m: float | None
+    tool_offset_p90_m: float | None
 
 
 class ErrorSums(msgspec.Struct, kw_only=True):
@@ -134,6 +138,8 @@ class RefereeState(msgspec.Struct, frozen=True, kw_only=True):
     person_distance_min_m: float | None = None
     treated: tuple[int, ...] = msgspec.field(name="sprayed")
     worked_m2: float = msgspec.field(name="sprayed_area_m2")
+    wet_leaves: dict[int, float] = {}
+    offsets_m: dict[int, float] = {}
     plants_total: int
     safety: SafetyState = SafetyState()
 

@@ -9,6 +9,7 @@ from typing import get_args
 from agribot.autonomy.estimate.verdicts import SILENT_S
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig
+from agribot.core.implement.plants import REASONS
 from agribot.core.implement.spec import ImplementSpec, describe_command
 from agribot.core.messages import (
     BatterySample,
@@ -204,6 +205,7 @@ def shown_weed(track: Track) -> wire.Weed:
         first_seen_s=round(track.first_seen_s, 2),
         last_seen_s=round(track.last_seen_s, 2),
         treated_s=None if track.treated_s is None else round(track.treated_s, 2),
+        left=REASONS[track.left] if track.treated_s is None else "",
     )
 
 

@@ -342,6 +342,7 @@ class Weed(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     first_seen_s: float
     last_seen_s: float
     treated_s: float | None = None
+    left: str = ""
 
 
 class LogEvent(msgspec.Struct, frozen=True, kw_only=True):

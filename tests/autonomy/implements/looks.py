@@ -25,16 +25,23 @@ def closed_row(x_m: float, y_m: float) -> bool:
     return abs(y_m) <= 0.12
 
 
-def cover(pose: PoseAt, is_crop: IsCrop) -> CropCover:
-    """What a camera over the pose sees of crop that stands in the map."""
+def cover(
+    pose: PoseAt, is_crop: IsCrop, stems: list[tuple[float, float]] | None = None
+) -> CropCover:
+    """What a camera over the pose sees of crop; each leaf points to the nearest of `stems`."""
     cos, sin = math.cos(pose.yaw_map_rad), math.sin(pose.yaw_map_rad)
     crop = np.zeros((ROWS, COLUMNS), dtype=bool)
+    owners: list[int] = []
     for row, column in np.ndindex(ROWS, COLUMNS):
         x_m, y_m = CORNER_M[0] + (row + 0.5) * CELL_M, CORNER_M[1] + (column + 0.5) * CELL_M
-        crop[row, column] = is_crop(
-            pose.x_map_m + cos * x_m - sin * y_m, pose.y_map_m + sin * x_m + cos * y_m
-        )
+        place_m = pose.x_map_m + cos * x_m - sin * y_m, pose.y_map_m + sin * x_m + cos * y_m
+        crop[row, column] = is_crop(*place_m)
+        if crop[row, column] and stems:
+            gaps_m = [math.dist(place_m, stem_m) for stem_m in stems]
+            owners += [1 + gaps_m.index(min(gaps_m))] * 2
     return CropCover(
+        stems_body_m=tuple(pose.map_from_body.locate(*stem_m) for stem_m in stems or ()),
+        owners=bytes(owners),
         x_body_m=CORNER_M[0], y_body_m=CORNER_M[1], cell_m=CELL_M, rows=ROWS, columns=COLUMNS,
         crop=np.packbits(crop).tobytes(), seen=np.packbits(np.ones_like(crop)).tobytes(),
     )  # fmt: skip
@@ -44,8 +51,16 @@ def seen_on_the_way(
     weeds: list[tuple[float, float]],
     is_crop: IsCrop,
     crops: list[tuple[float, float]] | None = None,
+    *,
+    unknown: bool = False,
+    points: bool = False,
+    stems: list[tuple[float, float]] | None = None,
 ) -> WeedMap:
-    """The map after a drive of 2.5 m along x that saw weeds, leaves, and these crop plants."""
+    """The map after a drive of 2.5 m along x that saw weeds, leaves, and these crop plants.
+
+    The leaves are `unknown` ones that no stem explains, or each `points` to the nearest crop, or to
+    the nearest of `stems`.
+    """
     weed_map = WeedMap(WeedConfig())
     for step in range(25):
         t_s, x_m = 0.25 * step, 0.1 * step
@@ -61,5 +76,8 @@ def seen_on_the_way(
         )
         pose = msgspec.structs.replace(POSE, x_map_m=x_m)
         scene = make_scene(t_s, plants, view=())
-        weed_map.add(msgspec.structs.replace(scene, crop_cover=cover(pose, is_crop)))
+        seen = cover(pose, is_crop, crops if points else stems)
+        if unknown:
+            seen = msgspec.structs.replace(seen, crop=bytes(len(seen.crop)), unknown=seen.crop)
+        weed_map.add(msgspec.structs.replace(scene, crop_cover=seen))
     return weed_map

@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
+from agribot.autonomy.perceive.crop_cover import StemLeaves
 from agribot.autonomy.perceive.plants import observe
+from agribot.core.errors import PerceptionError
 from agribot.core.messages import CameraFrame, CropCover, PlantClass, Scene
-from tests.autonomy.perceive.drawn_field import CONFIG, GROUND, draw
+from tests.autonomy.perceive.drawn_field import CONFIG, GROUND, Disc, draw
+from tests.autonomy.perceive.drawn_plants import draw_plants
 
 PICTURE = np.zeros((480, 640, 3), dtype=np.uint8)
 
@@ -71,3 +75,82 @@ def test_a_patch_of_crop_is_where_it_stands_and_nothing_is_told_beyond_the_range
     camera_m = GROUND.camera_xyz_body_m[:2]
     assert all(math.dist(cell, camera_m) < CONFIG.max_range_m for cell in cells(cover, cover.seen))
     assert len(cover.crop) < 2000  # ten of them a second are recorded
+
+
+CROP, WEED = PlantClass.CROP, PlantClass.WEED
+
+
+def cover_of_stems(*discs: Disc, called: PlantClass | None = None, seen: float = 0.9) -> CropCover:
+    """The cover of plants whose stems a network finds, whose pixels are all `called` one class."""
+    class_map = draw_plants(*discs, score=seen)
+    if called is not None:
+        class_map.class_id[class_map.class_id != PlantClass.SOIL] = called
+    frame = CameraFrame(t_s=1.0, index=0, image_rgb=PICTURE)
+    cover = observe(frame, class_map, GROUND, CONFIG, 1.2).crop_cover
+    assert cover is not None
+    return cover
+
+
+def covers_place(cover: CropCover, bits: bytes, x_m: float, y_m: float) -> bool:
+    return any(math.dist(cell, (x_m, y_m)) < 0.02 for cell in cells(cover, bits))
+
+
+def test_leaves_that_are_called_weed_but_point_to_a_stem_of_crop_are_crop() -> None:
+    """Carrots and onions look like weeds, pixel by pixel."""
+    carrots = [(0.7 + 0.1 * i, 0.0, 0.05, CROP) for i in range(6)]
+    cover = cover_of_stems(*carrots, (0.9, 0.3, 0.05, WEED), called=WEED)
+    assert all(covers_place(cover, cover.crop, x_m, 0.0) for x_m, *_ in carrots)
+    assert not covers_place(cover, cover.crop, 0.9, 0.3)
+    assert not covers_place(cover, cover.unknown, 0.9, 0.3)
+
+
+def test_a_thin_leaf_of_crop_covers_its_cells() -> None:
+    class_map = draw_plants((0.9, 0.0, 0.05, CROP))
+    is_leaf = class_map.class_id == CROP
+    is_leaf[:, 1::2] = False  # nowhere three pixels thick
+    class_map.class_id[~is_leaf] = PlantClass.SOIL
+    frame = CameraFrame(t_s=1.0, index=0, image_rgb=PICTURE)
+    cover = observe(frame, class_map, GROUND, CONFIG, 1.2).crop_cover
+    assert cover is not None and covers_place(cover, cover.crop, 0.9, 0.0)
+
+
+def test_vegetation_that_no_stem_explains_is_unknown() -> None:
+    cover = cover_of_stems((0.9, 0.0, 0.05, WEED), seen=0.1)
+    assert covers_place(cover, cover.unknown, 0.9, 0.0)
+    assert not any(cover.crop)
+
+
+def test_leaves_of_a_plant_beyond_the_edge_tell_nothing() -> None:
+    edge_x_m = float(GROUND.x_body_m[-1, 256])
+    cover = cover_of_stems((edge_x_m - 0.02, 0.0, 0.08, WEED))
+    assert not any(cover.unknown)
+    assert not covers_place(cover, cover.seen, edge_x_m + 0.03, 0.0)
+    assert covers_place(cover, cover.seen, edge_x_m + 0.15, 0.0)
+
+
+def test_each_cell_of_crop_tells_the_stems_that_its_leaves_point_to() -> None:
+    plants = [(0.9, 0.0, 0.08, CROP), (0.9, 0.15, 0.08, CROP)]
+    cover = cover_of_stems(*plants)
+    stems = sorted(cover.stems_body_m, key=lambda stem_m: stem_m[1])
+    assert stems == [pytest.approx(plant[:2], abs=0.005) for plant in plants]
+    crop = sorted(cells(cover, cover.crop))
+    assert len(cover.owners) == 2 * len(crop)
+    owners = np.frombuffer(cover.owners, dtype=np.uint8).reshape(-1, 2)
+    assert owners.min() >= 1
+    for cell, own in zip(crop, owners, strict=True):
+        for number in own:
+            x_m, y_m = cover.stems_body_m[number - 1]
+            assert math.dist(cell, (x_m, y_m)) < 0.08 + 0.04
+
+
+def test_leaves_of_crop_that_point_to_a_weed_are_explained_by_no_stem() -> None:
+    cover = cover_of_stems((0.9, 0.0, 0.06, WEED), called=CROP)
+    assert covers_place(cover, cover.crop, 0.9, 0.0)
+    assert not any(cover.owners)
+    assert cover.stems_body_m == ()
+
+
+def test_a_map_of_leaves_of_another_size_is_refused() -> None:
+    leaves = StemLeaves(np.zeros((2, 2), dtype=np.int32), np.zeros((0, 2)))
+    with pytest.raises(PerceptionError, match=r"\(2, 2\)"):
+        GROUND.cover_grid.cover(np.zeros((384, 512), dtype=bool), leaves)

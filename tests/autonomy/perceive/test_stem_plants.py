@@ -210,7 +210,10 @@ def test_a_scene_takes_its_plants_from_stems_and_the_rest_from_classes() -> None
     plain = observe(frame, classes, GROUND, CONFIG, ready_s=3.2)
     assert (len(scene.plants), len(plain.plants)) == (2, 1)
     assert scene.plants == tuple(ground_plants(class_map, GROUND, CONFIG))
-    assert msgspec.structs.replace(scene, plants=plain.plants) == plain
+    assert scene.crop_cover is not None and plain.crop_cover is not None
+    assert len(scene.crop_cover.stems_body_m) == 2
+    rest = msgspec.structs.replace(scene, plants=plain.plants, crop_cover=plain.crop_cover)
+    assert rest == plain
 
 
 def test_class_maps_of_another_size_or_without_stems_are_refused() -> None:

@@ -15,7 +15,7 @@ SHORT = ("duration_s=2", "record.enabled=false", "perception.enabled=false")
 
 def test_every_profile_meets_its_receivers_and_the_first_seeds_come_first() -> None:
     jobs = missions.list_jobs(["farm", "rows-10x12", "hills", "beet"], None)
-    assert len({job.name for job in jobs}) == len(jobs) == 20 + 3 * 10 + 20 + 2 * 10 + 5
+    assert len({job.name for job in jobs}) == len(jobs) == 20 + 3 * 10 + 20 + 2 * 10 + 5 + 10
     seeds = [job.seed for job in jobs]
     assert seeds == sorted(seeds)
     farm = {job.config().sim.sensors for job in jobs if job.profile == "farm" and job.seed == 10}
@@ -55,6 +55,32 @@ def test_a_cross_track_error_above_the_limit_is_named() -> None:
         "rows-10x12 sim.sensors=m8n: cross-track RMS 5.0 cm > 2.5 cm"
     ]
     assert missions.find_shortfalls([{**entry, "profile": "farm"}]) == []
+
+
+def test_weeding_below_the_limits_is_named_part_by_part() -> None:
+    good = {
+        "weeds.crop_recall": 0.9, "weeds.truth": 90.0, "weeds.treated_true": 60.0,
+        "weeds.spray_area_ratio": 0.05,
+    }  # fmt: skip
+    entry = {
+        "profile": "beet", "settings": {"sim.sensors": "m8n"}, "mean": good, "std": {}, "count": {},
+        "max": {"weeds.crops_hit": 0.0},
+    }  # fmt: skip
+    assert missions.find_shortfalls([entry]) == []
+    assert missions.find_shortfalls([{**entry, "mean": {}, "max": {}}]) == []  # nothing was judged
+    bad = {
+        "weeds.crop_recall": 0.5, "weeds.truth": 90.0, "weeds.treated_true": 9.0,
+        "weeds.spray_area_ratio": 0.25,
+    }  # fmt: skip
+    short = missions.find_shortfalls([{**entry, "mean": bad, "max": {"weeds.crops_hit": 2.0}}])
+    assert short == [
+        "beet sim.sensors=m8n: 0.50 of the crops mapped < 0.75",
+        "beet sim.sensors=m8n: 0.10 of the weeds treated < 0.5",
+        "beet sim.sensors=m8n: 2 crops hit in one mission > 0",
+        "beet sim.sensors=m8n: 0.25 of the ground sprayed > 0.1",
+    ]
+    rtk = {**entry, "settings": {"sim.sensors": "rtk"}, "mean": bad}
+    assert missions.find_shortfalls([rtk]) == []
 
 
 def test_an_unknown_profile_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

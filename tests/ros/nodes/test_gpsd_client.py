@@ -21,8 +21,9 @@ from agribot.ros.nodes.gpsd_client import ClientSettings, GpsdClient, GpsdReport
 from agribot.ros.nodes.stage import EndlessStage
 from tests import machine
 from tests.drivers import receiver_bytes as written
+from tests.drivers.gpsd_daemon import Daemon
 from tests.drivers.lines import Line, free_port
-from tests.drivers.test_real_gpsd import Daemon, speak_nmea, speaking
+from tests.drivers.test_real_gpsd import speak_nmea, speaking
 from tests.waiting import wait_for
 
 AT_S, NOW_S = 1_777_887_015.25, 1_777_887_100.5

@@ -226,6 +226,7 @@ function showWeed(node: HTMLElement, weed: Weed, app: App): void {
     ['First seen', duration(weed.first_seen_s)],
     ['Last seen', duration(weed.last_seen_s)],
     ['Treated', weed.treated_s === null ? NONE : duration(weed.treated_s)],
+    ...(weed.left ? [['Left', weed.left] as [string, string]] : []),
     ['East, north', `${fixed(x, 2)}, ${fixed(y, 2)} m`],
   ]
   replace(

@@ -18,8 +18,8 @@ from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import std_along_m
 from agribot.core.messages import DriveCommand, Estimate, GnssQuality, Goal, Path
 from agribot.core.pose import Pose2
+from agribot.core.robot import REACTION_S
 
-REACTION_S = 0.2  # until the brakes bite: a tick, the network of the motor board, its lag
 RECHECK_M = 0.25  # nearer than half the robot, so that it cannot get past an edge unseen
 # A way in or out of the field leaves it; so far around such a stretch only the box counts.
 AWAY_M, AWAY_STEP_M = 2.0, 0.2

@@ -16,10 +16,10 @@ import numpy as np
 
 from agribot.autonomy.control import law
 from agribot.autonomy.control.yaw_gain import YawGain
-from agribot.core.arithmetic import FLOATS, clamp
+from agribot.core.arithmetic import FLOATS, clamp, view_floats
 from agribot.core.config import ControlConfig
 from agribot.core.geo import is_backwards, wrap_rad
-from agribot.core.messages import STOP, DriveCommand, Estimate, FloatArray, Goal, Path, Tracking
+from agribot.core.messages import STOP, DriveCommand, Estimate, Goal, Path, Tracking
 from agribot.core.robot import RobotSpec
 
 PIVOT_ENTER_RAD = math.radians(50.0)
@@ -48,18 +48,15 @@ class _Errors(NamedTuple):
 
 
 class _Line:
-    """A path as plain floats: indexing an array costs more than the control law.
-
-    A view gives them one by one; lists of a long path would take longer to make than a tick.
-    """
+    """A path as plain floats: indexing an array costs more than the control law."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._x = _floats(path.xy_map_m[:, 0])
-        self._y = _floats(path.xy_map_m[:, 1])
-        self._yaw = _floats(path.yaw_map_rad)
-        self._curvature = _floats(path.curvature_radpm)
-        self._s = _floats(path.s_m)
+        self._x = view_floats(path.xy_map_m[:, 0])
+        self._y = view_floats(path.xy_map_m[:, 1])
+        self._yaw = view_floats(path.yaw_map_rad)
+        self._curvature = view_floats(path.curvature_radpm)
+        self._s = view_floats(path.s_m)
         backwards = is_backwards(path.xy_map_m, path.yaw_map_rad)
         self._is_backwards = cast(Sequence[bool], backwards.data)
         stands = np.diff(path.s_m) <= 0.0
@@ -97,10 +94,6 @@ class _Line:
         dx, dy = x_m - self._x[index], y_m - self._y[index]
         along_m, left_m = law.offset(FLOATS, dx, dy, self._yaw[index])
         return (-along_m, -left_m) if self._is_backwards[index] else (along_m, left_m)
-
-
-def _floats(values: FloatArray) -> Sequence[float]:
-    return cast(Sequence[float], values.data)
 
 
 def _arc_m(along_m: float, left_m: float, curvature_radpm: float) -> float:

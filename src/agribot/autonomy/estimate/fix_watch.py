@@ -47,7 +47,8 @@ class JumpWatch:
 
     Wheels and gyro are good to centimetres over the seconds of a run of rejected fixes. If they
     agreed with the fixes before, and drove on meanwhile, it is the fixes that jumped; whether they
-    are right now, a person has to say.
+    are right now, a person has to say: wheels of a lifted robot turn on in the air, which looks
+    the same.
     """
 
     def __init__(self) -> None:
@@ -82,8 +83,8 @@ class JumpWatch:
             )
         if self.off_m:
             return (
-                f"GNSS jumped by {self.off_m:.2f} m against wheels and gyro; look where the robot "
-                "stands, then resume to believe GNSS"
+                f"GNSS jumped by {self.off_m:.2f} m against wheels and gyro, or the robot was "
+                "carried; look where it stands, then resume to believe GNSS"
             )
         return ""
 

@@ -1,4 +1,7 @@
-"""Whether the heading was put right by more at once than a robot that knew it can have been off."""
+"""Whether the heading was put right by more at once than a robot that knew it can have been off.
+
+The course of a robot that is carried aside looks to GNSS as if it had turned.
+"""
 
 from __future__ import annotations
 
@@ -42,5 +45,6 @@ class HeadingWatch:
             return ""
         return (
             f"the heading jumped by {math.degrees(self._jump_rad):+.0f} deg though the gyro knows "
-            "of no turn; look how the robot stands, then resume to believe the new heading"
+            "of no turn, or the robot was carried; look how it stands, then resume to believe the "
+            "new heading"
         )

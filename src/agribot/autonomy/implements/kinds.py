@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from agribot.autonomy.implements.hoe import Hoe
+from agribot.autonomy.implements.point import Pointer
 from agribot.autonomy.implements.sprayer import SpotSprayer
 from agribot.core.config import TreatmentConfig
 from agribot.core.errors import DescriptionError
@@ -15,6 +16,7 @@ from agribot.core.implement.spec import ImplementSpec
 KINDS: dict[str, Callable[[Any, TreatmentConfig], Implement]] = {
     "sprayer": SpotSprayer,
     "hoe": Hoe,
+    "point": Pointer,
 }
 
 

@@ -1,16 +1,19 @@
-"""Sections over leaves of crop: off, but for those over a plant that stands by itself."""
+"""Sections over leaves of crop: off, but for those of plants whose stems are spared anyway."""
 
 from __future__ import annotations
 
 import math
 
 from agribot.autonomy.implements.tool_frame import ToolPose
+from agribot.core.config import LeafRule
 from agribot.core.implement.plants import Disc, KnownPlant, PlantMap
 from agribot.core.messages import PlantClass
 from agribot.core.pose import Pose2
 
 # Leaf tips of a plant reach so much farther than a disc of its area.
 LEAVES_RATIO, MAX_LEAVES_M = 2.0, 0.45
+# A leaf that points so near to a stem of the map is one of that plant.
+STEM_VOTE_M = 0.07
 
 
 def spare_leaves(
@@ -20,12 +23,14 @@ def spare_leaves(
     half_x_m: float,
     half_y_m: float,
     plants: PlantMap,
+    leaves: LeafRule = "alone",
 ) -> tuple[bool, ...]:
     """Switch off every section whose box on the ground has leaves of crop in it.
 
     Boxes reach `half_x_m` along and `half_y_m` across around the middle of a section, `section_y_m`
-    to the left of the tool point. Leaves of a plant that stands alone in the map do not count: its
-    stem is spared by its place.
+    to the left of the tool point. By the rule `alone`, leaves of a plant that stands alone in the
+    map do not count: its stem is spared by its place. By `mapped`, those of every plant to whose
+    stem in the map they point do not count either; by `never`, all leaves do.
     """
     if not any(is_on):
         return is_on
@@ -38,11 +43,12 @@ def spare_leaves(
         for plant in plants.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
         if plant.is_confirmed and plant.plant == PlantClass.CROP
     ]
-    known = [crop for crop in crops if ground.is_alone(crop)]
+    known = [] if leaves == "never" else [crop for crop in crops if ground.is_alone(crop)]
+    stems = [crop._replace(radius_m=STEM_VOTE_M) for crop in crops] if leaves == "mapped" else []
     return tuple(
         works
         and not ground.covers(
-            *map_from_tool.transform(0.0, left_m), yaw_rad, half_x_m, half_y_m, known
+            *map_from_tool.transform(0.0, left_m), yaw_rad, half_x_m, half_y_m, known, stems
         )
         for works, left_m in zip(is_on, section_y_m, strict=True)
     )

@@ -1,8 +1,8 @@
 """Spot spraying: which nozzles are open now, so that the mapped weeds get hit and no crop does.
 
-Crop is spared twice: around the stems in the map, and wherever the last frames showed its leaves,
-so that a closed row, whose plants cannot be told apart, is spared as well. Only leaves of a plant
-that stands alone in the map may be sprayed, up to its stem: weeds grow at their tips.
+Crop is spared twice: around the stems in the map, also those seen but once, and wherever the last
+frames showed its leaves, so that a row whose plants nobody can tell apart is spared as well. By
+`treatment.leaves`, leaves may be sprayed of plants whose stem is on the map.
 
 A nozzle answers `latency_s` after its command, so a command is about where the boom will be
 then. What really flowed is the command of `latency_s` ago: a weed counts as treated only when
@@ -12,10 +12,18 @@ that nozzle passed over it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from agribot.autonomy.implements.delay import SectionHistory, StepMeter
 from agribot.autonomy.implements.leaves import spare_leaves
-from agribot.autonomy.implements.tool_frame import Placed, find_near, move_on, predict_tool
+from agribot.autonomy.implements.tool_frame import (
+    Placed,
+    find_near,
+    find_spread_m,
+    move_on,
+    predict_tool,
+)
+from agribot.core.arithmetic import clamp
 from agribot.core.config import TreatmentConfig
 from agribot.core.implement.kind import ReportLine
 from agribot.core.implement.plants import KnownPlant, PlantMap
@@ -23,10 +31,13 @@ from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import Estimate, ImplementCommand, PlantClass
 
 CROP_STEM_M = 0.02  # radius of a young stem
-STEM_MARGIN_M = 0.03  # half the spray's length on the ground, and how well a crop is placed
+STEM_MARGIN_M = 0.03  # the spray's edge keeps off a stem by this, if its place is well known
+FAN_M = 0.04  # length of the spray on the ground along the way
 # Off leaves it is half that length and a cell of the ground under crop.
 LEAF_MARGIN_M = 0.03
+LEAST_POSE_M = 0.01  # by which the place of leaves is always uncertain
 HIT_M = 0.015  # a flat fan wets a line a few centimetres long: so near to its middle is a hit
+SURE_SIGMA = 2.0
 
 
 class SpotSprayer:
@@ -47,14 +58,18 @@ class SpotSprayer:
         spec = self._spec
         flowing = self._history.at(estimate.t_s - spec.latency_s)
         step_m = self._meter.advance(estimate)
+        is_placed = may_work or estimate.ok or any(flowing)
+        near = self._find_near(estimate, plants) if is_placed else []
+        self._credit(near, flowing, step_m, plants, estimate.t_s)
+        then = move_on(near, estimate, spec.x_body_m, spec.latency_s)
+        targets = self._find_targets(then, estimate, step_m, plants)
         opened = self._closed
-        if may_work or any(flowing):
-            near = self._find_near(estimate, plants)
-            self._credit(near, flowing, step_m, plants, estimate.t_s)
-            if may_work:
-                self.passed_m2 += step_m * spec.section_width_m * spec.section_count
-                then = move_on(near, estimate, spec.x_body_m, spec.latency_s)
-                opened = self._spare_leaves(self._choose(then, step_m), estimate, step_m, plants)
+        if may_work:
+            self.passed_m2 += step_m * spec.section_width_m * spec.section_count
+            opened = self._open(targets, then, estimate, step_m, plants)
+        else:
+            for weed in targets:
+                plants.note_left(weed.plant.id, "tool off")
         self._history.add(estimate.t_s, opened)
         return ImplementCommand(sections_on=opened)
 
@@ -66,10 +81,10 @@ class SpotSprayer:
         )
 
     def _find_near(self, estimate: Estimate, plants: PlantMap) -> list[Placed]:
-        """Weeds and confirmed crops that the boom can reach within its latency."""
+        """Plants that the boom can reach within its latency; a crop seen once is spared, too."""
         spec, config = self._spec, self._config
         guard_m = 2.0 * (CROP_STEM_M + config.crop_guard_m)
-        ahead_m = abs(estimate.v_mps) * spec.latency_s + config.margin_m + guard_m
+        ahead_m = abs(estimate.v_mps) * spec.latency_s + config.margin_m + FAN_M + guard_m
         half_m = self._y_body_m[0] + spec.section_width_m / 2.0 + guard_m
         return find_near(estimate, plants, spec.x_body_m, ahead_m, half_m)
 
@@ -97,34 +112,92 @@ class SpotSprayer:
                     self._finishing.add(plant.id)
                 plants.mark_treated(plant.id, t_s)
 
-    def _choose(self, near: list[Placed], step_m: float) -> tuple[bool, ...]:
-        """Find the nozzles whose footprint covers a weed to treat and keeps off every crop."""
-        half_m = self._spec.section_width_m / 2.0
-        window_m = self._config.margin_m + step_m
-        targets = [p for p in near if abs(p.x_m) <= window_m and self._is_target(p.plant)]
+    def _find_targets(
+        self, near: list[Placed], estimate: Estimate, step_m: float, plants: PlantMap
+    ) -> list[Placed]:
+        """Find the weeds to treat that the boom will be over."""
+        at_boom = [
+            p
+            for p in near
+            if p.plant.plant == PlantClass.WEED
+            and abs(p.x_m) <= self._find_aim_m(p.plant, estimate)[0] + step_m / 2.0
+        ]
+        for weed in at_boom:
+            if not weed.plant.is_confirmed:
+                plants.note_left(weed.plant.id, "seen too late")
+        targets = [weed for weed in at_boom if self._is_target(weed.plant)]
         self._finishing.intersection_update({target.plant.id for target in targets})
+        return targets
+
+    def _open(
+        self,
+        targets: list[Placed],
+        near: list[Placed],
+        estimate: Estimate,
+        step_m: float,
+        plants: PlantMap,
+    ) -> tuple[bool, ...]:
+        """Open the nozzles that cover a weed and keep off every crop; note why others stay shut."""
         if not targets:
             return self._closed
-        crops = [(x, y) for plant, x, y in near if plant.plant == PlantClass.CROP]
-        is_open = list(self._closed)
-        for weed, x_m, y_m in targets:
-            spare_m = self._spare_m(x_m, y_m, crops)
-            if spare_m is None:
-                continue
-            reach_m = half_m + min(self._config.margin_m, weed.std_m)
-            for index, nozzle_m in enumerate(self._y_body_m):
-                if abs(y_m - nozzle_m) <= reach_m and not any(
-                    math.hypot(cx, max(abs(cy - nozzle_m) - half_m, 0.0)) < spare_m
-                    for cx, cy in crops
-                ):
-                    is_open[index] = True
-        return tuple(is_open)
+        crops = [
+            (p.x_m, p.y_m, self._find_keep_off_m(p.plant, estimate))
+            for p in near
+            if p.plant.plant == PlantClass.CROP
+        ]
+        wanted = [self._choose(weed, crops, estimate, step_m) for weed in targets]
+        asked = {index for indices, _ in wanted for index in indices}
+        is_asked = tuple(index in asked for index in range(len(self._y_body_m)))
+        is_allowed = self._spare_leaves(is_asked, estimate, step_m, plants)
+        opened: set[int] = set()
+        for weed, (indices, reason) in zip(targets, wanted, strict=True):
+            is_free = any(is_allowed[index] and self._is_over(weed, index) for index in indices)
+            if is_free:
+                opened.update(index for index in indices if is_allowed[index])
+            aimed = "aimed at and not hit" if is_free else "leaf of crop"
+            plants.note_left(weed.plant.id, reason or aimed)
+        return tuple(index in opened for index in range(len(self._y_body_m)))
+
+    def _is_over(self, weed: Placed, index: int) -> bool:
+        """Whether the place of a weed lies in the strip of a nozzle."""
+        return abs(weed.y_m - self._y_body_m[index]) <= self._spec.section_width_m / 2.0
+
+    def _choose(
+        self,
+        weed: Placed,
+        crops: Sequence[tuple[float, float, float]],
+        estimate: Estimate,
+        step_m: float,
+    ) -> tuple[list[int], str]:
+        """Find the nozzles for a weed that no stem of crop forbids, or say why there are none."""
+        half_m = self._spec.section_width_m / 2.0
+        if abs(weed.y_m) > self._y_body_m[0] + half_m:
+            return [], "outside the tool"
+        guard_m = CROP_STEM_M + self._config.crop_guard_m
+        gap_m = min((math.hypot(x - weed.x_m, y - weed.y_m) for x, y, _ in crops), default=math.inf)
+        if gap_m < guard_m:
+            return [], "beside a crop"
+        least_m = guard_m if gap_m < 2.0 * guard_m else 0.0
+        reach_m = half_m + self._find_aim_m(weed.plant, estimate)[1]
+        half_x_m = (FAN_M + step_m) / 2.0
+        chosen = [
+            index
+            for index, nozzle_m in enumerate(self._y_body_m)
+            if abs(weed.y_m - nozzle_m) <= reach_m
+            and not any(
+                math.hypot(max(abs(x) - half_x_m, 0.0), max(abs(y - nozzle_m) - half_m, 0.0))
+                < max(least_m, keep_off_m)
+                for x, y, keep_off_m in crops
+            )
+        ]
+        is_met = any(self._is_over(weed, index) for index in chosen)
+        return (chosen, "") if is_met else ([], "stem of crop")
 
     def _spare_leaves(
         self, is_open: tuple[bool, ...], estimate: Estimate, step_m: float, plants: PlantMap
     ) -> tuple[bool, ...]:
         spec = self._spec
-        pose_m = min(estimate.pos_std_m, self._config.margin_m)
+        pose_m = clamp(find_spread_m(0.0, estimate)[1], LEAST_POSE_M, self._config.margin_m)
         return spare_leaves(
             is_open,
             self._y_body_m,
@@ -132,23 +205,20 @@ class SpotSprayer:
             LEAF_MARGIN_M + step_m + pose_m,
             spec.section_width_m / 2.0 + pose_m,
             plants,
+            self._config.leaves,
         )
 
     def _is_target(self, plant: KnownPlant) -> bool:
-        return (
-            plant.is_confirmed
-            and plant.plant == PlantClass.WEED
-            and (plant.treated_s is None or plant.id in self._finishing)
-        )
+        return plant.is_confirmed and (plant.treated_s is None or plant.id in self._finishing)
 
-    def _spare_m(self, x_m: float, y_m: float, crops: list[tuple[float, float]]) -> float | None:
-        """How far the spray for a weed here must stay from crops; None: leave the weed alone.
+    def _find_aim_m(self, weed: KnownPlant, estimate: Estimate) -> tuple[float, float]:
+        """How far before and beside a weed's place the spray has to reach to meet it for sure."""
+        along_m, across_m = find_spread_m(weed.seen_std_m, estimate)
+        most_m = self._config.margin_m
+        return min(SURE_SIGMA * along_m, most_m), min(SURE_SIGMA * across_m, most_m)
 
-        A weed inside the guard ring of a crop may be one of its leaves. One clearly outside it,
-        at twice the distance, may be sprayed up to the stem.
-        """
-        guard_m = CROP_STEM_M + self._config.crop_guard_m
-        gap_m = min((math.hypot(cx - x_m, cy - y_m) for cx, cy in crops), default=math.inf)
-        if gap_m < guard_m:
-            return None
-        return guard_m if gap_m < 2.0 * guard_m else CROP_STEM_M + STEM_MARGIN_M
+    def _find_keep_off_m(self, crop: KnownPlant, estimate: Estimate) -> float:
+        """How far from a crop's place the spray's edge stays: by 5 cm, or where it is less sure."""
+        unsure_m = SURE_SIGMA * max(find_spread_m(crop.seen_std_m, estimate))
+        most_m = max(self._config.crop_guard_m, STEM_MARGIN_M)
+        return CROP_STEM_M + clamp(unsure_m, STEM_MARGIN_M, most_m)

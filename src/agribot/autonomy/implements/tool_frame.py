@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from agribot.core.implement.plants import KnownPlant, PlantMap
-from agribot.core.messages import Estimate, PlantClass
+from agribot.core.messages import Estimate
 from agribot.core.pose import Pose2
+
+SEEN_AHEAD_M = 1.0  # from where a plant is seen last to the tool
 
 
 class Placed(NamedTuple):
@@ -30,7 +32,7 @@ class ToolPose(NamedTuple):
 def find_near(
     estimate: Estimate, plants: PlantMap, tool_x_m: float, ahead_m: float, half_width_m: float
 ) -> list[Placed]:
-    """Weeds, and crops that are confirmed, up to `ahead_m` before and behind the tool point."""
+    """Plants, confirmed or not, up to `ahead_m` before and behind the tool point."""
     body = Pose2(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
     x_map_m, y_map_m = body.transform(tool_x_m, 0.0)
     tool = Pose2(x_map_m, y_map_m, estimate.yaw_map_rad)
@@ -42,9 +44,7 @@ def find_near(
         x_map_m - east_m, y_map_m - north_m, x_map_m + east_m, y_map_m + north_m
     ):
         x_m, y_m = tool.locate(plant.x_map_m, plant.y_map_m)
-        if abs(x_m) > ahead_m:
-            continue
-        if plant.is_confirmed or plant.plant == PlantClass.WEED:
+        if abs(x_m) <= ahead_m:
             near.append(Placed(plant, x_m, y_m))
     return near
 
@@ -62,6 +62,16 @@ def move_on(
         Placed(plant, x_m - tool_x_m, y_m)
         for (plant, _, _), (x_m, y_m) in zip(near, moved, strict=True)
     ]
+
+
+def find_spread_m(seen_std_m: float, estimate: Estimate) -> tuple[float, float]:
+    """Find 1 sigma, along and across, of a plant's place against the tool that comes to it.
+
+    `seen_std_m` is that of its place seen from the robot. A heading that was off while the plant
+    was seen ahead puts it beside the way; an error of the position is the same for both.
+    """
+    across_m = SEEN_AHEAD_M * estimate.yaw_std_rad
+    return seen_std_m, math.hypot(seen_std_m, across_m)
 
 
 def predict_tool(estimate: Estimate, tool_x_m: float, delay_s: float) -> ToolPose:

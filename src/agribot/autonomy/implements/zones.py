@@ -65,6 +65,9 @@ class ZonedPlants:
     def mark_treated(self, id: int, t_s: float) -> None:
         self._plants.mark_treated(id, t_s)
 
+    def note_left(self, id: int, reason: str) -> None:
+        self._plants.note_left(id, reason)
+
 
 class _ZonedGround:
     def __init__(self, ground: CropCells, zones: ZoneMap) -> None:
@@ -78,9 +81,10 @@ class _ZonedGround:
         half_x_m: float,
         half_y_m: float,
         known: Sequence[Disc] = (),
+        stems: Sequence[Disc] = (),
     ) -> bool:
         box = (x_map_m, y_map_m, yaw_map_rad, half_x_m, half_y_m)
-        return self._zones.spares(*box) or self._ground.covers(*box, known)
+        return self._zones.spares(*box) or self._ground.covers(*box, known, stems)
 
     def is_seen(
         self, x_map_m: float, y_map_m: float, yaw_map_rad: float, half_x_m: float, half_y_m: float

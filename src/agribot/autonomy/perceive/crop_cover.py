@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
+from agribot.core.errors import PerceptionError
 from agribot.core.messages import CropCover, FloatArray
 
 CELL_M = 0.025
@@ -12,7 +15,32 @@ CELL_M = 0.025
 # of young crop are 2 to 16 cm high; where they pass out of view, that is 4 cm either way.
 FOLIAGE_M = 0.08
 
+# Of a pixel without a stem of crop: no leaf of crop, a leaf that no stem explains, and one whose
+# stem is outside the picture.
+NO_LEAF, NO_STEM, OUTSIDE = -1, -2, -3
+MOST_STEMS = 255
+
 Mask = npt.NDArray[np.bool_]
+Owners = npt.NDArray[np.int32]
+
+
+class StemLeaves(NamedTuple):
+    """What a plant network says about the leaves of one picture.
+
+    `owner` (h, w) is the index of the stem of crop that a pixel points to, or one of the three
+    words above; `places_m` (N, 2) is where the stems stand in the body frame, NaN where unknown.
+    """
+
+    owner: Owners
+    places_m: FloatArray
+
+    def check_shape(self, shape: tuple[int, ...]) -> None:
+        """Refuse leaves of a picture of another size.
+
+        Raises: PerceptionError: its pixels are not those of (h, w).
+        """
+        if self.owner.shape != shape:
+            raise PerceptionError(f"leaves of {self.owner.shape} pixels over a map of {shape}")
 
 
 class CoverGrid:
@@ -38,10 +66,58 @@ class CoverGrid:
         self._cell[in_range] = cell.astype(np.int64)
         self._corner_m = (first_row * CELL_M, first_column * CELL_M)
         self._seen = self._bits(in_range)
+        self._seen_cells = np.zeros(self._rows * self._columns, dtype=bool)
+        self._seen_cells[self._cell[in_range]] = True
 
-    def cover(self, is_crop: Mask) -> CropCover:
-        """Of the crop pixels (h, w). Seams of the ground are lines: leaves are broader."""
+    def cover(self, is_crop: Mask, leaves: StemLeaves | None = None) -> CropCover:
+        """Of the crop pixels (h, w), and of what the stems say of leaves, where a network tells.
+
+        Seams of the ground are lines of crop pixels: leaves are broader. What points to a stem of
+        crop is crop as well, whatever its pixels look like and however thin it is.
+        """
         crop = middles_of_squares(is_crop) & (self._cell >= 0)
+        if leaves is None:
+            return self._make(crop, self._seen)
+        leaves.check_shape(is_crop.shape)
+        owner = np.where(self._cell >= 0, leaves.owner, NO_LEAF)
+        unknown = (owner == NO_STEM) & ~is_crop
+        crop |= owner >= 0
+        is_cut = np.zeros(self._rows * self._columns, dtype=bool)
+        is_cut[self._cell[(owner == OUTSIDE) & ~is_crop]] = True
+        is_cut[self._cell[crop | unknown]] = False
+        seen = np.packbits(self._seen_cells & ~is_cut).tobytes()
+        stems_body_m, owners = self._own(crop, owner, leaves.places_m)
+        return self._make(crop, seen, self._bits(unknown), stems_body_m, owners)
+
+    def _own(
+        self, crop: Mask, owner: Owners, places_m: FloatArray
+    ) -> tuple[tuple[tuple[float, float], ...], bytes]:
+        """Find the stems that leaves of crop point to, and for each cell of crop its two."""
+        cell, owner = self._cell[crop], owner[crop]
+        is_owner = np.zeros(len(places_m), dtype=bool)
+        is_owner[owner[owner >= 0]] = True
+        is_owner &= np.isfinite(places_m).all(axis=1)
+        stems = np.flatnonzero(is_owner)[:MOST_STEMS]
+        number = np.zeros(len(places_m) + 1, dtype=np.uint8)
+        number[stems] = np.arange(1, len(stems) + 1)
+        told = number[np.where(owner >= 0, owner, len(places_m))]
+        first = np.full(self._rows * self._columns, 255, dtype=np.uint8)
+        last = np.zeros_like(first)
+        np.minimum.at(first, cell, told)
+        np.maximum.at(last, cell, told)
+        holds = np.unique(cell)
+        pairs = np.column_stack([first[holds], last[holds]])
+        pairs[pairs[:, 0] == 0] = 0
+        return tuple((x, y) for x, y in places_m[stems].tolist()), pairs.tobytes()
+
+    def _make(
+        self,
+        crop: Mask,
+        seen: bytes,
+        unknown: bytes = b"",
+        stems_body_m: tuple[tuple[float, float], ...] = (),
+        owners: bytes = b"",
+    ) -> CropCover:
         return CropCover(
             x_body_m=self._corner_m[0],
             y_body_m=self._corner_m[1],
@@ -49,7 +125,10 @@ class CoverGrid:
             rows=self._rows,
             columns=self._columns,
             crop=self._bits(crop),
-            seen=self._seen,
+            seen=seen,
+            unknown=unknown,
+            stems_body_m=stems_body_m,
+            owners=owners,
         )
 
     def _bits(self, pixels: Mask) -> bytes:

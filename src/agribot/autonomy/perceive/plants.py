@@ -19,7 +19,12 @@ from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.pieces import find_windows, label_pieces
 from agribot.autonomy.perceive.row_line import find_row_line
 from agribot.autonomy.perceive.segmenter import ClassMap
-from agribot.autonomy.perceive.stem_plants import find_stem_plants
+from agribot.autonomy.perceive.stem_plants import (
+    SeenStems,
+    find_leaves,
+    find_stem_plants,
+    see_stems,
+)
 from agribot.core.config import PerceptionConfig
 from agribot.core.messages import ByteArray, CameraFrame, FloatArray, GroundPlant, PlantClass, Scene
 
@@ -57,15 +62,17 @@ def observe(
     counts = np.bincount(class_map.class_id.ravel(), minlength=len(PlantClass))
     ratio = counts / class_map.class_id.size
     pieces = find_pieces(class_map, ground)
+    stems = None if class_map.plants is None else see_stems(class_map, ground)
+    leaves = None if stems is None else find_leaves(stems, ground)
     return Scene(
         t_s=frame.t_s,
         ready_s=ready_s,
         frame_index=frame.index,
-        plants=tuple(ground_plants(class_map, ground, config, pieces)),
+        plants=tuple(ground_plants(class_map, ground, config, pieces, stems)),
         view_body_m=ground.view_body_m,
         class_ratio=(float(ratio[0]), float(ratio[1]), float(ratio[2])),
         row_line=find_row_line(class_map, ground, frame.t_s),
-        crop_cover=ground.cover_grid.cover(pieces.labels > pieces.weeds),
+        crop_cover=ground.cover_grid.cover(pieces.labels > pieces.weeds, leaves),
         picture_crc32=zlib.crc32(np.ascontiguousarray(frame.image_rgb).data),
     )
 
@@ -75,14 +82,15 @@ def ground_plants(
     ground: GroundLookup,
     config: PerceptionConfig,
     pieces: Pieces | None = None,
+    stems: SeenStems | None = None,
 ) -> list[GroundPlant]:
     """Plants within range that the image shows whole, nearest first.
 
     Of a network that finds plants: those whose stem the image shows. Of one that only tells
-    classes: the `pieces` of its map, which are found here where they are not yet.
+    classes: the `pieces` of its map. What is not given is found here.
     """
     if class_map.plants is not None:
-        plants = find_stem_plants(class_map, ground, config)
+        plants = find_stem_plants(class_map, ground, config, stems)
     else:
         pieces = pieces or find_pieces(class_map, ground)
         plants = _measure(pieces, class_map.confidence, ground, config)

@@ -7,16 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agribot.autonomy.perceive.crop_cover import Mask, StemLeaves
 from agribot.autonomy.perceive.foliage import find_nearer_ratio
 from agribot.autonomy.perceive.ground import GroundLookup
+from agribot.autonomy.perceive.leaf_owners import OwnedLeaves, find_crop_leaves, own_leaves
 from agribot.autonomy.perceive.segmenter import ClassMap
-from agribot.autonomy.perceive.stems import (
-    Stems,
-    find_cell_owners,
-    find_stems,
-    share_kinds,
-    sum_cells,
-)
+from agribot.autonomy.perceive.stems import PlantMaps, Stems, find_stems, share_kinds, sum_cells
 from agribot.core.config import PerceptionConfig
 from agribot.core.errors import PerceptionError
 from agribot.core.messages import FloatArray, GroundPlant, PlantClass
@@ -42,8 +38,42 @@ class _Candidates(NamedTuple):
     footprints_m: FloatArray
 
 
+class SeenStems(NamedTuple):
+    """The stems of a picture with their leaves; `is_plant` (h, w) are the pixels of vegetation."""
+
+    maps: PlantMaps
+    owned: OwnedLeaves
+    is_plant: Mask
+
+
+def see_stems(class_map: ClassMap, ground: GroundLookup) -> SeenStems:
+    """Find the stems of a class map and the vegetation that points to each.
+
+    Raises: PerceptionError: the map tells no stems, or is not of the size of the ground lookup.
+    """
+    if class_map.plants is None:
+        raise PerceptionError("the network of this class map finds no plants; give one that does")
+    class_map.check_shape(ground.map_shape)
+    is_plant = (class_map.class_id != PlantClass.SOIL) & (ground.area_m2 > 0.0)
+    stems = find_stems(class_map.plants, LEAST_SCORE)
+    return SeenStems(class_map.plants, own_leaves(class_map.plants, stems, is_plant), is_plant)
+
+
+def find_leaves(seen: SeenStems, ground: GroundLookup) -> StemLeaves:
+    """Tell which vegetation points to which stem of crop on the ground."""
+    uv_px = seen.owned.stems.uv_px
+    height, width = ground.map_shape
+    places_m = _interpolate(uv_px, ground)
+    is_outside = (uv_px < -0.5) | (uv_px > np.array([width - 0.5, height - 0.5]))
+    places_m[is_outside.any(axis=1)] = np.nan
+    return find_crop_leaves(seen.maps, seen.owned, seen.is_plant, places_m)
+
+
 def find_stem_plants(
-    class_map: ClassMap, ground: GroundLookup, config: PerceptionConfig
+    class_map: ClassMap,
+    ground: GroundLookup,
+    config: PerceptionConfig,
+    seen: SeenStems | None = None,
 ) -> list[GroundPlant]:
     """Find the plants within range whose stem the image shows, the surest stem first.
 
@@ -54,12 +84,7 @@ def find_stem_plants(
 
     Raises: PerceptionError: the map tells no stems, or is not of the size of the ground lookup.
     """
-    if class_map.plants is None:
-        raise PerceptionError("the network of this class map finds no plants; give one that does")
-    class_map.check_shape(ground.map_shape)
-    stems = find_stems(class_map.plants, LEAST_SCORE)
-    is_plant = (class_map.class_id != PlantClass.SOIL) & (ground.area_m2 > 0.0)
-    owners = find_cell_owners(class_map.plants, stems, sum_cells(is_plant))
+    _, (stems, owners), is_plant = seen or see_stems(class_map, ground)
     cells_m2 = sum_cells(np.where(is_plant, ground.area_m2, np.float32(0.0)))
     is_owned = owners >= 0
     areas_m2 = np.bincount(owners[is_owned], cells_m2[is_owned], len(stems.uv_px))

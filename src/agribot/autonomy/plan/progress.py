@@ -8,6 +8,7 @@ from bisect import bisect_left, bisect_right
 import numpy as np
 
 from agribot.autonomy.plan.speed import find_pivots
+from agribot.core.arithmetic import view_floats
 from agribot.core.geo import is_backwards
 from agribot.core.messages import Path
 
@@ -24,12 +25,12 @@ class PathProgress:
     """
 
     def __init__(self, path: Path) -> None:
-        self._x: list[float] = path.xy_map_m[:, 0].tolist()
-        self._y: list[float] = path.xy_map_m[:, 1].tolist()
+        self._x = view_floats(path.xy_map_m[:, 0])
+        self._y = view_floats(path.xy_map_m[:, 1])
         course_rad = path.yaw_map_rad + np.pi * is_backwards(path.xy_map_m, path.yaw_map_rad)
-        self._cos: list[float] = [math.cos(yaw) for yaw in course_rad]
-        self._sin: list[float] = [math.sin(yaw) for yaw in course_rad]
-        self._s: list[float] = path.s_m.tolist()
+        self._cos = view_floats(np.fromiter(map(math.cos, course_rad), float, len(course_rad)))
+        self._sin = view_floats(np.fromiter(map(math.sin, course_rad), float, len(course_rad)))
+        self._s = view_floats(path.s_m)
         self.length_m = self._s[-1]
         self._pivots = find_pivots(path)
         self.index = 0

@@ -10,6 +10,7 @@ import numpy as np
 from agribot.autonomy.plan.progress import PathProgress
 from agribot.autonomy.plan.speed import plan_speed_mps, time_left_s
 from agribot.autonomy.plan.visits import Visits
+from agribot.core.arithmetic import view_floats
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray, Path
@@ -58,7 +59,7 @@ class Route:
         self.visits = Visits(path, waypoints, config.waypoint_radius_m)
         self.progress = PathProgress(path)
         self.change_speed(config)
-        self._yaw_map_rad: list[float] = path.yaw_map_rad.tolist()
+        self._yaw_map_rad = view_floats(path.yaw_map_rad)
         self._next_row = _find_next_rows(self.row)
         self._bound_for = _find_row_ends(self.row)
         self._beside = _find_near_rows(path, tool.reach_m, 0.0)
@@ -181,8 +182,10 @@ def _find_near_rows(path: Path, reach_m: float, ahead_m: float) -> list[int]:
         if row < 0:
             continue
         first_m, last_m = path.s_m[run[[0, -1]]] - ahead_m
-        within = (path.s_m >= first_m - reach_m) & (path.s_m <= last_m + reach_m)
-        near[within & (near < 0)] = row
+        first = np.searchsorted(path.s_m, first_m - reach_m)
+        last = np.searchsorted(path.s_m, last_m + reach_m, side="right")
+        within = near[first:last]
+        within[within < 0] = row
     near[(path.row < 0) & (path.curvature_radpm != 0.0)] = -1
     found: list[int] = near.tolist()
     return found

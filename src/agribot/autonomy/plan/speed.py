@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from agribot.core.arithmetic import view_floats
 from agribot.core.config import MissionConfig
 from agribot.core.geo import is_backwards
 from agribot.core.messages import Path
@@ -15,14 +18,13 @@ MAX_ROW_CURVATURE_RADPM = 0.25  # what bends more is a turn
 _SETTLED_BEFORE_M = 0.1  # the drive lags: be slow already where the turn begins
 
 
-def time_left_s(path: Path, speed_mps: list[float]) -> list[float]:
+def time_left_s(path: Path, speed_mps: Sequence[float]) -> Sequence[float]:
     """Count the time from each point to the end at the planned speeds, turns in place included."""
     step_m = np.diff(path.s_m)
     turned_rad = np.abs(np.angle(np.exp(1j * np.diff(path.yaw_map_rad))))
     mean_mps = (np.array(speed_mps)[1:] + np.array(speed_mps)[:-1]) / 2.0
     step_s = np.where(step_m > 0.0, step_m / mean_mps, turned_rad / TURN_YAW_RATE_RADPS)
-    left_s: list[float] = np.concatenate([np.cumsum(step_s[::-1])[::-1], [0.0]]).tolist()
-    return left_s
+    return view_floats(np.concatenate([np.cumsum(step_s[::-1])[::-1], [0.0]]))
 
 
 def find_pivots(path: Path) -> list[int]:
@@ -31,7 +33,7 @@ def find_pivots(path: Path) -> list[int]:
     return stands
 
 
-def plan_speed_mps(path: Path, config: MissionConfig) -> list[float]:
+def plan_speed_mps(path: Path, config: MissionConfig) -> Sequence[float]:
     """Plan the speed limit at each point: slower in turns and backwards, ramped to the end."""
     curvature = np.abs(path.curvature_radpm)
     ahead = np.searchsorted(path.s_m, path.s_m + _SETTLED_BEFORE_M)
@@ -47,5 +49,4 @@ def plan_speed_mps(path: Path, config: MissionConfig) -> list[float]:
     square = cap**2 + gained
     square = np.minimum.accumulate(square[::-1])[::-1] - 2.0 * gained
     square = np.minimum.accumulate(square) + gained
-    limits: list[float] = np.where(square < cap**2 - 1e-9, np.sqrt(square), cap).tolist()
-    return limits
+    return view_floats(np.where(square < cap**2 - 1e-9, np.sqrt(square), cap))

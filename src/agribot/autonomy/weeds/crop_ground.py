@@ -35,15 +35,21 @@ class CropGround:
     """
 
     def __init__(self) -> None:
-        self._evidence = np.zeros((SIDE_CELLS, SIDE_CELLS), dtype=np.float32)
-        self._is_closed = np.zeros((SIDE_CELLS, SIDE_CELLS), dtype=bool)
-        self._was_bare = np.zeros((SIDE_CELLS, SIDE_CELLS), dtype=bool)  # in the last look
-        self._owner = np.full((2, SIDE_CELLS, SIDE_CELLS), np.iinfo(np.int64).min)
+        shape = (SIDE_CELLS, SIDE_CELLS)
+        self._evidence = np.zeros(shape, dtype=np.float32)
+        self._is_closed = np.zeros(shape, dtype=bool)
+        self._was_bare = np.zeros(shape, dtype=bool)  # in the last look
+        self._owner = np.full((2, *shape), np.iinfo(np.int64).min)
+        self._explained = np.zeros(shape, dtype=np.float32)
+        self._stems_m = np.full((4, *shape), np.nan)  # x, y of two; of the last look that told them
 
     def add(self, cover: CropCover, pose: PoseAt) -> None:
         """Take in what one frame shows; cells that it does not show keep what is known of them."""
         rows, columns = cover.rows, cover.columns
         seen, crop = _grid(cover.seen, rows, columns), _grid(cover.crop, rows, columns)
+        stems_m = _place_owners(cover, crop, pose)
+        if cover.unknown:
+            crop = crop | _grid(cover.unknown, rows, columns)
         map_from_body = pose.map_from_body
         corners = [
             (cover.x_body_m + at_row * cover.cell_m, cover.y_body_m + at_column * cover.cell_m)
@@ -61,10 +67,10 @@ class CropGround:
         column = np.floor((y_m - cover.y_body_m) / cover.cell_m).astype(np.int64)
         shown = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         shown[shown] = seen[row[shown], column[shown]]
-        i, j = i[shown], j[shown]
-        self._note(i, j, crop[row[shown], column[shown]])
+        row, column = row[shown], column[shown]
+        self._note(i[shown], j[shown], crop[row, column], stems_m[:, row, column])
 
-    def _note(self, i: IndexArray, j: IndexArray, is_crop: Mask) -> None:
+    def _note(self, i: IndexArray, j: IndexArray, is_crop: Mask, stems_m: FloatArray) -> None:
         at = (i % SIDE_CELLS, j % SIDE_CELLS)
         is_known = (self._owner[0][at] == i) & (self._owner[1][at] == j)
         before = np.where(is_known, self._evidence[at], 0.0)
@@ -73,6 +79,11 @@ class CropGround:
         self._is_closed[at] = is_still_closed | (now >= CLOSED)
         self._was_bare[at] = ~is_crop
         self._owner[0][at], self._owner[1][at] = i, j
+        is_told = np.isfinite(stems_m[0])
+        before = np.where(is_known, self._explained[at], 0.0)
+        self._explained[at] = np.where(is_crop, before + NEWS_RATIO * (is_told - before), before)
+        told = (at[0][is_told], at[1][is_told])
+        self._stems_m[:, told[0], told[1]] = stems_m[:, is_told]
 
     def covers(
         self,
@@ -82,10 +93,12 @@ class CropGround:
         half_x_m: float,
         half_y_m: float,
         known: Sequence[Disc] = (),
+        stems: Sequence[Disc] = (),
     ) -> bool:
         """Whether crop covers any of a box on the ground, its half sides along and across a yaw.
 
-        Leaves inside the discs `known` do not count: of those plants only the stems are spared.
+        Leaves inside the discs `known` do not count, nor do those that two looks in a row saw
+        point into the discs `stems` and nowhere else: of those plants only the stems are spared.
         """
         along_m, across_m = _steps(half_x_m)[:, None], _steps(half_y_m)[None, :]
         i, j = self._crop(*Pose2(x_map_m, y_map_m, yaw_map_rad).transform(along_m, across_m))
@@ -93,7 +106,17 @@ class CropGround:
         for disc in known:
             dx_m, dy_m = (i + 0.5) * CELL_M - disc.x_map_m, (j + 0.5) * CELL_M - disc.y_map_m
             is_unknown &= np.hypot(dx_m, dy_m) > disc.radius_m
+        if stems and is_unknown.any():
+            is_unknown &= ~self._is_explained(i % SIDE_CELLS, j % SIDE_CELLS, stems)
         return bool(is_unknown.any())
+
+    def _is_explained(self, i: IndexArray, j: IndexArray, stems: Sequence[Disc]) -> Mask:
+        """Whether all leaves of cells (N,) point to stems in the discs."""
+        x_m, y_m, radius_m = np.array(stems).T[:, :, None]
+        is_explained: Mask = self._explained[i, j] >= CLOSED
+        for at_x_m, at_y_m in (self._stems_m[:2, i, j], self._stems_m[2:, i, j]):
+            is_explained &= (np.hypot(at_x_m - x_m, at_y_m - y_m) <= radius_m).any(axis=0)
+        return is_explained
 
     def is_seen(
         self, x_map_m: float, y_map_m: float, yaw_map_rad: float, half_x_m: float, half_y_m: float
@@ -129,6 +152,21 @@ def _grid(bits: bytes, rows: int, columns: int) -> Mask:
     cells = np.unpackbits(np.frombuffer(bits, dtype=np.uint8), count=rows * columns)
     grid: Mask = cells.reshape(rows, columns).astype(bool)
     return grid
+
+
+def _place_owners(cover: CropCover, crop: Mask, pose: PoseAt) -> FloatArray:
+    """Place the two stems of each cell of crop in the map: (4, rows, columns), NaN where unknown.
+
+    A cell whose leaves do not all point to a stem has none.
+    """
+    stems_m = np.full((4, *crop.shape), np.nan)
+    if not cover.owners:
+        return stems_m
+    x_m, y_m = pose.map_from_body.transform(*np.array(cover.stems_body_m).reshape(-1, 2).T)
+    x_m, y_m = np.append(np.nan, x_m), np.append(np.nan, y_m)
+    first, last = np.frombuffer(cover.owners, dtype=np.uint8).reshape(-1, 2).T
+    stems_m[:, crop] = x_m[first], y_m[first], x_m[last], y_m[last]
+    return stems_m
 
 
 def _steps(half_m: float) -> FloatArray:

@@ -12,6 +12,7 @@ from agribot.autonomy.weeds.plant_table import (
     PlantTable,
     is_crop,
 )
+from agribot.core.implement.plants import REASONS
 
 LATER_LOOK_S = 30.0  # a weed seen so long after its treatment was seen on another pass
 _TREAT, _SPARE = DECISIONS.index("treat"), DECISIONS.index("spare")
@@ -29,8 +30,8 @@ def judge_plants(
 
     Crop is spared, and so is a weed whose middle is within `guard_m` of a crop's, which the
     implement leaves alone, and one that `is_off` (N,), where a prescription allows no treatment;
-    all other weeds are to be treated. Where the implement was off
-    (`is_treating`), nothing was decided about weeds that were not treated all the same.
+    all other weeds are to be treated. Weeds that were left keep their reasons. Where the implement
+    was off (`is_treating`), nothing was decided about weeds that were not treated all the same.
     """
     rows = table.rows.copy()
     crop = is_crop(rows)
@@ -40,6 +41,9 @@ def judge_plants(
         is_spared |= is_off
     rows["decision"] = np.where(is_spared, _SPARE, _TREAT if is_treating else 0)
     rows["decision"][was_treated] = _TREAT
+    if is_off is not None:
+        rows["reason"][is_off] = REASONS.index("outside the prescription")
+    rows["reason"][crop | was_treated] = 0
     rows["outcome"] = np.where(rows["decision"] == _TREAT, _MISSED, 0)
     rows["outcome"][was_treated] = _TREATED
     with np.errstate(invalid="ignore"):

@@ -12,6 +12,7 @@ from agribot.autonomy.weeds.poses import PoseAt, PoseHistory
 from agribot.autonomy.weeds.track import GONE_LOGIT, PlantSighting, Track, new_track, sighting
 from agribot.autonomy.weeds.view import GroundView
 from agribot.core.config import WeedConfig
+from agribot.core.implement.plants import REASONS
 from agribot.core.messages import Estimate, MappedPlant, PlantClass, Scene
 
 GATE_CHI2 = 13.8  # 99.9 % of two degrees of freedom
@@ -116,6 +117,12 @@ class WeedMap:
         track = self._tracks.get(id)
         if track is not None and track.treated_s is None:
             track.treated_s = t_s
+
+    def note_left(self, id: int, reason: str) -> None:
+        """Note why a weed is not treated now; of several reasons the last of `REASONS` counts."""
+        track = self._tracks.get(id)
+        if track is not None:
+            track.left = max(track.left, REASONS.index(reason))
 
     def _list_confirmed(self, plant: PlantClass) -> tuple[MappedPlant, ...]:
         return tuple(

@@ -241,8 +241,8 @@ def _fuse_rows(rows: Rows, begin: IndexArray) -> Rows:
 
 
 _FUSED = (
-    "plant", "decision", "outcome", "sightings", "x_map_m", "y_map_m", "xx_m2", "xy_m2", "yy_m2",
-    "area_m2", "confidence",
+    "plant", "decision", "outcome", "reason", "sightings", "x_map_m", "y_map_m", "xx_m2",
+    "xy_m2", "yy_m2", "area_m2", "confidence",
 )  # fmt: skip
 
 
@@ -257,3 +257,5 @@ def _fuse_work(rows: Rows, begin: IndexArray, joint: Rows) -> None:
     joint["decision"] = np.where(was_treated, DECISIONS.index("treat"), decision)
     is_open = joint["decision"] == DECISIONS.index("treat")
     joint["outcome"] = np.where(is_open, outcome, 0)
+    reason = np.maximum.reduceat(rows["reason"], begin)
+    joint["reason"] = np.where(was_treated | is_crop_now, 0, reason)

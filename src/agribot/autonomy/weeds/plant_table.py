@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.core.geo import Datum, MapFrame
+from agribot.core.implement.plants import REASONS
 from agribot.core.messages import FloatArray, MappedPlant, PlantClass
 
 Rows = npt.NDArray[Any]
@@ -20,12 +21,12 @@ IndexArray = npt.NDArray[np.int64]
 
 DECISIONS = ("", "treat", "spare")
 OUTCOMES = ("", "treated", "missed", "seen again")
-# `map` is an index into the table's names; NaN stands for what nobody knows.
+# `map` is an index into the table's names, `reason` one into `REASONS`; NaN: nobody knows.
 ROW = np.dtype(
     [
         ("map", "i4"), ("id", "i8"), ("group", "i8"), ("plant", "u1"), ("decision", "u1"),
-        ("outcome", "u1"), ("sightings", "i4"), ("x_map_m", "f8"), ("y_map_m", "f8"),
-        ("xx_m2", "f8"), ("xy_m2", "f8"), ("yy_m2", "f8"), ("area_m2", "f8"),
+        ("outcome", "u1"), ("reason", "u1"), ("sightings", "i4"), ("x_map_m", "f8"),
+        ("y_map_m", "f8"), ("xx_m2", "f8"), ("xy_m2", "f8"), ("yy_m2", "f8"), ("area_m2", "f8"),
         ("confidence", "f8"), ("first_seen_s", "f8"), ("last_seen_s", "f8"), ("treated_s", "f8"),
     ]
 )  # fmt: skip
@@ -62,8 +63,9 @@ def tabulate_plants(plants: Iterable[MappedPlant], datum: Datum, name: str) -> P
     """Make the table of one run's weed map; nothing is decided yet."""
     values = [
         (
-            0, plant.id, number, int(plant.plant), 0, 0, plant.sightings, plant.x_map_m,
-            plant.y_map_m, plant.cov_m2[0], (plant.cov_m2[1] + plant.cov_m2[2]) / 2.0,
+            0, plant.id, number, int(plant.plant), 0, 0, REASONS.index(plant.left),
+            plant.sightings, plant.x_map_m, plant.y_map_m, plant.cov_m2[0],
+            (plant.cov_m2[1] + plant.cov_m2[2]) / 2.0,
             plant.cov_m2[3], plant.area_m2, plant.confidence, plant.first_seen_s,
             plant.last_seen_s, np.nan if plant.treated_s is None else plant.treated_s,
         )

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 from agribot.autonomy.weeds.poses import PoseAt
 from agribot.core.arithmetic import clamp
+from agribot.core.implement.plants import REASONS
 from agribot.core.messages import GroundPlant, MappedPlant, PlantClass
 
 SHARED_STD_M = 0.01  # camera mount and flat-ground error that no sighting averages out
@@ -69,6 +70,7 @@ class Track:
     last_seen_s: float
     treated_s: float | None = None
     is_confirmed: bool = False
+    left: int = 0  # index into REASONS
 
     @property
     def plant(self) -> PlantClass:
@@ -83,6 +85,11 @@ class Track:
     def std_m(self) -> float:
         """1 sigma of the position, of the two axes taken together."""
         return math.sqrt(self.own_var_m2 + (self.xx_m2 + self.yy_m2) / 2.0)
+
+    @property
+    def seen_std_m(self) -> float:
+        """1 sigma per axis of the place as seen from the robot, whose own error is not in it."""
+        return math.hypot(math.sqrt(self.own_var_m2), SHARED_STD_M)
 
     @property
     def radius_m(self) -> float:
@@ -136,6 +143,7 @@ class Track:
         self.last_seen_s = max(self.last_seen_s, other.last_seen_s)
         if self.treated_s is None:
             self.treated_s = other.treated_s
+        self.left = max(self.left, other.left)
 
     def earlier(self, by_s: float) -> Track:
         """Move its times to a clock that began so much later."""
@@ -163,6 +171,7 @@ class Track:
             first_seen_s=self.first_seen_s,
             last_seen_s=self.last_seen_s,
             treated_s=self.treated_s,
+            left=REASONS[self.left] if self.treated_s is None else "",
         )
 
     def _fuse(self, other: PlantSighting | Track) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib.metadata import entry_points
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import msgspec
 
@@ -18,6 +18,7 @@ from agribot.core.config import TreatmentConfig
 from agribot.core.errors import DescriptionError
 from agribot.core.implement.hoe import HoeSpec
 from agribot.core.implement.plants import PlantMap
+from agribot.core.implement.point import PointSpec
 from agribot.core.implement.spec import ImplementSpec
 from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import Estimate, FloatArray, ImplementCommand, Vec3
@@ -82,6 +83,21 @@ class ImplementEffect(Protocol):
         ...
 
 
+@runtime_checkable
+class WetsLeaves(Protocol):
+    """What an effect that wets plants tells besides."""
+
+    @property
+    def wet_leaves(self) -> dict[int, float]:
+        """Index of a crop plant in the world -> share of its leaf area that got wet, above 0."""
+        ...
+
+    @property
+    def offsets_m(self) -> dict[int, float]:
+        """Index of a weed -> how near the middle of a working section came to it, below 10 cm."""
+        ...
+
+
 class ImplementKind(NamedTuple, Generic[Spec]):
     """All that a new kind of implement brings along; the robot's description has its numbers.
 
@@ -95,7 +111,9 @@ class ImplementKind(NamedTuple, Generic[Spec]):
 
 GROUP = "agribot.implements"  # of the entry points that installed packages register kinds by
 
-SPECS: dict[str, type[ImplementSpec]] = {spec.kind: spec for spec in (SprayerSpec, HoeSpec)}
+SPECS: dict[str, type[ImplementSpec]] = {
+    spec.kind: spec for spec in (SprayerSpec, HoeSpec, PointSpec)
+}
 _registered: dict[str, ImplementKind[Any]] = {}
 
 

@@ -2,10 +2,35 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol
 
 from agribot.core.messages import PlantClass
+
+# Why a weed was left, as far as an implement gets on its way to treat it: the last word counts.
+REASONS = (
+    "", "tool off", "seen too late", "outside the tool", "tool busy", "beside a crop",
+    "stem of crop", "leaf of crop", "aimed at and not hit", "outside the prescription",
+)  # fmt: skip
+
+
+NOT_TOLD = "not told"  # of a weed that no implement came near, or one that tells no reasons
+
+
+class Left(Protocol):
+    """A weed of the map at the end: when it was treated, or why not."""
+
+    @property
+    def treated_s(self) -> float | None: ...
+    @property
+    def left(self) -> str: ...
+
+
+def count_left(weeds: Iterable[Left]) -> dict[str, int]:
+    """Count the weeds that were not treated, by the reason why, the most frequent first."""
+    counts = Counter(weed.left or NOT_TOLD for weed in weeds if weed.treated_s is None)
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
 
 class Disc(NamedTuple):
@@ -17,7 +42,11 @@ class Disc(NamedTuple):
 
 
 class KnownPlant(Protocol):
-    """A plant as far as it is known; `std_m` is 1 sigma of its place, `area_m2` of its leaves."""
+    """A plant as far as it is known; `std_m` is 1 sigma of its place, `area_m2` of its leaves.
+
+    `seen_std_m` is 1 sigma of its place seen from the robot: without what the pose was off by, the
+    same for the plant and for the tool that comes to it.
+    """
 
     @property
     def id(self) -> int: ...
@@ -29,6 +58,8 @@ class KnownPlant(Protocol):
     def y_map_m(self) -> float: ...
     @property
     def std_m(self) -> float: ...
+    @property
+    def seen_std_m(self) -> float: ...
     @property
     def area_m2(self) -> float: ...
     @property
@@ -48,8 +79,12 @@ class CropCells(Protocol):
         half_x_m: float,
         half_y_m: float,
         known: Sequence[Disc] = (),
+        stems: Sequence[Disc] = (),
     ) -> bool:
-        """Whether crop covers any of a box on the ground, but for what lies in the discs."""
+        """Whether crop covers any of a box on the ground.
+
+        Leaves that lie in the discs `known`, or point to stems in the discs `stems`, do not count.
+        """
         ...
 
     def is_seen(
@@ -77,4 +112,8 @@ class PlantMap(Protocol):
 
     def mark_treated(self, id: int, t_s: float) -> None:
         """Note the first treatment of a plant."""
+        ...
+
+    def note_left(self, id: int, reason: str) -> None:
+        """Note why a weed is not treated now, one of `REASONS`; the last of them counts."""
         ...

@@ -62,6 +62,12 @@ class CropCover(msgspec.Struct, frozen=True, kw_only=True):
     Square cells of the body frame, row by row from the corner at (`x_body_m`, `y_body_m`): columns
     run to the left (y), rows forwards (x). `crop` and `seen` hold a bit for each cell, the highest
     bit of a byte first, whether it shows crop, and whether the picture shows it at all.
+
+    A network that finds plants tells more. `unknown` has the bits of vegetation that no stem
+    explains, empty where nobody tells. `stems_body_m` are the stems of crop that leaves point to,
+    and `owners` has two bytes for each set bit of `crop`, in their order: the first and the last
+    stem that leaves in the cell point to, counted from 1, twice the same where there is but one;
+    0 where some leaf points to no stem of crop.
     """
 
     x_body_m: float
@@ -71,6 +77,9 @@ class CropCover(msgspec.Struct, frozen=True, kw_only=True):
     columns: int
     crop: bytes
     seen: bytes
+    unknown: bytes = b""
+    stems_body_m: tuple[tuple[float, float], ...] = ()
+    owners: bytes = b""
 
 
 class Scene(msgspec.Struct, frozen=True, kw_only=True):
@@ -105,6 +114,7 @@ class MappedPlant(msgspec.Struct, frozen=True, kw_only=True):
     first_seen_s: float
     last_seen_s: float
     treated_s: float | None = None
+    left: str = ""  # why it was not treated, as far as that is known
 
     @property
     def std_m(self) -> float:

@@ -20,6 +20,7 @@ from agribot.gis.weeds.records import (
     DEFAULT_STD_M,
     MAX_PLANTS,
     OUTCOME_CODES,
+    REASON_CODES,
     Found,
 )
 
@@ -102,9 +103,10 @@ class _Collector:
             (
                 self._maps.setdefault(str(name), len(self._maps)), int(id), self._group,
                 self._read_class(take("class")), DECISION_CODES[take("decision") or ""],
-                OUTCOME_CODES[take("outcome") or ""], int(take("sightings") or 0), lon_deg, lat_deg,
-                xx_m2, xy_m2 or 0.0, yy_m2, _read(take("area_m2")), _read(take("confidence")),
-                _read(take("first_seen_s")), _read(take("last_seen_s")), _read(take("treated_s")),
+                OUTCOME_CODES[take("outcome") or ""], REASON_CODES[take("reason") or ""],
+                int(take("sightings") or 0), lon_deg, lat_deg, xx_m2, xy_m2 or 0.0, yy_m2,
+                _read(take("area_m2")), _read(take("confidence")), _read(take("first_seen_s")),
+                _read(take("last_seen_s")), _read(take("treated_s")),
             )
         )  # fmt: skip
         self._xy.append((_read(take("x_map_m")), _read(take("y_map_m"))))

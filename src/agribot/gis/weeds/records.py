@@ -21,13 +21,15 @@ from agribot.autonomy.weeds.plant_table import (
     compute_std_m,
 )
 from agribot.core.geo import Datum
+from agribot.core.implement.plants import REASONS
 from agribot.core.messages import PlantClass
 
 # Name -> SQLite's type, in the order of the files.
 COLUMNS = {
     "id": "INTEGER", "class": "TEXT", "confidence": "REAL", "decision": "TEXT", "outcome": "TEXT",
-    "std_m": "REAL", "xx_m2": "REAL", "xy_m2": "REAL", "yy_m2": "REAL", "area_m2": "REAL",
-    "sightings": "INTEGER", "first_seen_s": "REAL", "last_seen_s": "REAL", "treated_s": "REAL",
+    "reason": "TEXT", "std_m": "REAL", "xx_m2": "REAL", "xy_m2": "REAL", "yy_m2": "REAL",
+    "area_m2": "REAL", "sightings": "INTEGER", "first_seen_s": "REAL", "last_seen_s": "REAL",
+    "treated_s": "REAL",
     "x_map_m": "REAL", "y_map_m": "REAL", "map": "TEXT", "map_id": "INTEGER", "maps": "INTEGER",
     "evidence": "TEXT",
 }  # fmt: skip
@@ -37,6 +39,7 @@ DEFAULT_STD_M = 0.1  # of a foreign map that does not say how well it knows its 
 CLASSES = {PlantClass.WEED: "weed", PlantClass.CROP: "crop"}
 _DECIMALS = {**ROW_DECIMALS, "x_map_m": 4, "y_map_m": 4, "std_m": 5}
 DECISION_CODES = {name: code for code, name in enumerate(DECISIONS)}
+REASON_CODES = {name: code for code, name in enumerate(REASONS)}
 OUTCOME_CODES = {name: code for code, name in enumerate(OUTCOMES)}
 Value = str | int | float | None
 Found = Iterable[tuple[float, float, Mapping[str, Any]]]  # longitude, latitude, degrees; columns
@@ -73,6 +76,7 @@ def _make_records(table: PlantTable, rows: Rows, evidence: _Evidence) -> list[Re
         "class": [CLASSES[PlantClass(code)] for code in rows["plant"].tolist()],
         "decision": [DECISIONS[code] or None for code in rows["decision"].tolist()],
         "outcome": [OUTCOMES[code] or None for code in rows["outcome"].tolist()],
+        "reason": [REASONS[code] or None for code in rows["reason"].tolist()],
         "std_m": np.round(compute_std_m(rows), _DECIMALS["std_m"]).tolist(),
         "map": [table.maps[code] for code in rows["map"].tolist()],
         "map_id": rows["id"].tolist(),

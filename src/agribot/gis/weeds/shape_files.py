@@ -22,8 +22,8 @@ _CUT = {name[:10]: name for name in COLUMNS if len(name) > 10}
 _LONG = _CUT | {short: name for name, short in _SHORT.items()}
 _NAMES = tuple(name for name in COLUMNS if name != "evidence")
 _WIDTHS = {
-    "id": 10, "class": 4, "confidence": 8, "decision": 5, "outcome": 10, "std_m": 9, "xx_m2": 13,
-    "xy_m2": 13, "yy_m2": 13, "area_m2": 11, "sightings": 6, "first_seen_s": 14,
+    "id": 10, "class": 4, "confidence": 8, "decision": 5, "outcome": 10, "reason": 24, "std_m": 9,
+    "xx_m2": 13, "xy_m2": 13, "yy_m2": 13, "area_m2": 11, "sightings": 6, "first_seen_s": 14,
     "last_seen_s": 14, "treated_s": 14, "x_map_m": 11, "y_map_m": 11, "map": 40, "map_id": 10,
     "maps": 4,
 }  # fmt: skip

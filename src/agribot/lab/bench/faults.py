@@ -8,19 +8,14 @@ stops the robot there is a false alarm.
 from __future__ import annotations
 
 import re
-import statistics
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
-
-import msgspec
 
 from agribot.app.run_folder import clear_run
 from agribot.app.workers import Stop, results
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.lab.sweep.execution import Assignment, RunOutcome
 from agribot.lab.sweep.plan import SweepJob, read_seeds
-from agribot.record.report import FaultReport, Report
 from agribot.sim.faults.schedule import parse_fault, read_faults
 from agribot.sim.faults.table import FAULTS
 
@@ -34,7 +29,12 @@ DEFAULT_SEEDS = "1-5"
 BELOW_THE_STACK = ("imu", "mag", "wheels", "motor", "bumper", "button", "battery", "board", "link")
 PLATFORMS = ("sim", "firmware")
 ENDED = "ended by an error: "
-_NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
+# What on board needs so long to hold evidence of a fault; a crop crushed later need not have been.
+DETECTABLE_S = {"gnss.drift": 10.0, "battery.empty": 5.0, "obstacle.unmapped": 5.0}
+DETECTABLE_IN_S = 3.0  # of all others
+# With two sensors that lie at once, the cases that are looked at one by one.
+SPECIAL = ("gnss.wrong_fix=0.2", "gnss.wrong_fix=0.4", "gnss.wrong_fix=1", "gnss.frozen",
+           "gnss.drift=0.05", "start.aside=1", "start.turned=30", "crop.gap=5")  # fmt: skip
 
 
 class FaultScenario(NamedTuple):
@@ -64,7 +64,18 @@ class FaultScenario(NamedTuple):
 
     @property
     def drive(self) -> str:
-        return _name_drive(self)
+        return name_drive(self.profile, self.sensors, self.platform, has_camera=self.has_camera)
+
+    @property
+    def is_special(self) -> bool:
+        """Whether it is one of the cases that are looked at one by one."""
+        return bool(self.also) or self.fault in SPECIAL
+
+    @property
+    def detectable_in_s(self) -> float:
+        """How soon after its begin the sensors on board hold evidence of the fault."""
+        names = [fault.partition("=")[0] for fault in self.faults]
+        return max((DETECTABLE_S.get(name, DETECTABLE_IN_S) for name in names), default=0.0)
 
     def list_settings(self) -> tuple[str, ...]:
         """List the settings that make this drive."""
@@ -86,10 +97,9 @@ class FaultScenario(NamedTuple):
         )
 
 
-def _name_drive(of: FaultScenario | FaultRow) -> str:
-    camera = " camera" if of.has_camera else ""
-    platform = "" if of.platform == "sim" else f" {of.platform}"
-    return f"{of.profile} {of.sensors}{camera}{platform}"
+def name_drive(profile: str, sensors: str, platform: str, *, has_camera: bool) -> str:
+    camera = " camera" if has_camera else ""
+    return f"{profile} {sensors}{camera}{'' if platform == 'sim' else f' {platform}'}"
 
 
 def _all(faults: str, **drive: Any) -> tuple[FaultScenario, ...]:
@@ -114,7 +124,7 @@ SCENARIOS = (
     *_all("button.pressed imu.unplugged board.hung"),
     *_all("clock.step=0.2 clock.step=2 clock.step=-2 link.noise=0.01 link.noise=0.2"),
     *_all("board.silent disk.full start.aside=0.3 start.aside=1 start.turned=20"),
-    *_all("start.turned=30 start.turned=90 carried=0.3 carried=1"),
+    *_all("start.turned=30 start.turned=90 carried=0.3 carried=1 crop.gap=5"),
     FaultScenario("gnss.drift=0.05", also="imu.bias=0.05"),
     FaultScenario("gnss.frozen", also="mag.offset=30"),
     FaultScenario("gnss.wrong_fix=0.4", also="imu.bias=0.05"),
@@ -122,48 +132,27 @@ SCENARIOS = (
     *_all("gnss.outage gnss.drift=0.05 obstacle.unmapped carried=0.3", profile="farm"),
     *_all("motor.dead=left_wheel_F soil.mud=0.1 imu.bias=0.05", profile="hills"),
     *_all("camera.black camera.frozen camera.flipped camera.late=0.5 camera.late=2 camera.off "
-          "network.hung gnss.outage gnss.wrong_fix=2 gnss.frozen mag.offset=30", sensors="m8n",
-          has_camera=True),
+          "network.hung gnss.outage gnss.wrong_fix=2 gnss.frozen mag.offset=30 crop.gap=5",
+          sensors="m8n", has_camera=True),
     *_all("start.aside=1", sensors="m8n", has_camera=True),
     FaultScenario("camera.frozen", sensors="m8n", has_camera=True, also="gnss.wrong_fix=2"),
     *_all("gnss.wrong_fix=0.4 gnss.drift=0.01 camera.flipped obstacle.unmapped", has_camera=True),
+    *_all("gnss.wrong_fix=0.2 gnss.wrong_fix=1 gnss.frozen gnss.drift=0.05 start.aside=1 "
+          "start.turned=30 crop.gap=5", has_camera=True),
     FaultScenario("camera.frozen", has_camera=True, also="gnss.wrong_fix=0.4"),
 )  # fmt: skip
 
 
-class FaultRow(msgspec.Struct, frozen=True, kw_only=True):
-    """One scenario over its seeds; what was never measured is None.
-
-    `reaction` and `reason` are the most frequent ones; `ended_badly` counts the runs that a
-    program error, an overturned robot or a diverging simulation ended.
-    """
-
-    fault: str
-    profile: str
-    sensors: str
-    has_camera: bool
-    is_detectable: bool
-    runs: int
-    detected_ratio: float | None = None
-    time_to_detect_s: float | None = None
-    reaction: str = ""
-    named_ratio: float | None = None
-    crushed_after: int | None = None
-    plants: int = 0
-    outside_m_max: float | None = None
-    stop_distance_m_max: float | None = None
-    reason: str = ""
-    ended_badly: int = 0
-    why_ended: str = ""
-    platform: str = "sim"
-
-
 def choose_scenarios(
-    faults: Sequence[str], has_camera: bool | None, platform: str = "sim"
+    faults: Sequence[str],
+    has_camera: bool | None,
+    platform: str = "sim",
+    *,
+    is_special: bool = False,
 ) -> tuple[FaultScenario, ...]:
     """Choose the scenarios of these faults, and the drives without a fault beside them.
 
-    `has_camera` None takes both kinds.
+    `has_camera` None takes both kinds; `is_special` only what is looked at one by one.
 
     Raises: ConfigError: none is left.
     """
@@ -172,15 +161,17 @@ def choose_scenarios(
         for scenario in SCENARIOS
         if any(parse_fault(f"{fault}@0").name in faults for fault in scenario.faults)
         and has_camera in (None, scenario.has_camera)
+        and (scenario.is_special or not is_special)
     ]
     if not chosen:
         kind = "with a camera" if has_camera else "without a camera"
         raise ConfigError(f"no scenario {kind} has one of these faults: {', '.join(faults)}")
-    drives = dict.fromkeys(_leave_out_fault(scenario) for scenario in chosen)
+    drives = dict.fromkeys(leave_out_fault(scenario) for scenario in chosen)
     return (*drives, *chosen)
 
 
-def _leave_out_fault(scenario: FaultScenario) -> FaultScenario:
+def leave_out_fault(scenario: FaultScenario) -> FaultScenario:
+    """Return the same drive without a fault."""
     return scenario._replace(fault="", also="", lasts_s=None, is_detectable=True)
 
 
@@ -206,6 +197,15 @@ def list_jobs(scenarios: Sequence[FaultScenario], seeds: str) -> tuple[SweepJob,
             read_faults(job.config())
             jobs.append(job)
     return tuple(jobs)
+
+
+def list_drives(
+    count: int, has_camera: bool | None, platform: str = "sim"
+) -> tuple[tuple[FaultScenario, ...], tuple[SweepJob, ...]]:
+    """List so many drives without a fault, in turns of the campaign's drives, and their kinds."""
+    every = choose_scenarios(list_fault_names(platform), bool(has_camera), platform)
+    drives = tuple(scenario for scenario in every if not scenario.fault)
+    return drives, list_jobs(drives, f"1-{-(-count // len(drives))}")[:count]
 
 
 class FaultExecutor:
@@ -253,180 +253,3 @@ def drive_scenario(assignment: Assignment, stop: Stop) -> RunOutcome | None:
         report = report_card(session, f"{ENDED}{why}" if why else "")
     clear_run(assignment.out_dir)
     return RunOutcome(job=job, report=report)
-
-
-def make_rows(
-    scenarios: Sequence[FaultScenario], jobs: Sequence[SweepJob], reports: Mapping[str, Report]
-) -> list[FaultRow]:
-    """Make one row for each scenario that has a run, in their order.
-
-    What the same drive of the same seed tells without a fault, too, is no sign of one.
-    """
-    rows = []
-    for scenario in scenarios:
-        found = _find_reports(scenario, jobs, reports)
-        usual = _find_reports(_leave_out_fault(scenario), jobs, reports)
-        if found:
-            rows.append(_make_row(scenario, found, usual))
-    return rows
-
-
-def _find_reports(
-    scenario: FaultScenario, jobs: Sequence[SweepJob], reports: Mapping[str, Report]
-) -> dict[int, Report]:
-    """Find the reports of a scenario by their seeds."""
-    mine = (scenario.profile, scenario.list_settings())
-    return {
-        job.seed: reports[job.name]
-        for job in jobs
-        if job.name in reports and (job.profile, job.settings) == mine
-    }
-
-
-def _make_row(
-    scenario: FaultScenario, found: Mapping[int, Report], usual: Mapping[int, Report]
-) -> FaultRow:
-    reports = tuple(found.values())
-    ends = [r.reason.removeprefix(ENDED) for r in reports if r.reason.startswith(ENDED)]
-    row = FaultRow(
-        fault=scenario.name,
-        profile=scenario.profile,
-        sensors=scenario.sensors,
-        has_camera=scenario.has_camera,
-        is_detectable=scenario.is_detectable,
-        platform=scenario.platform,
-        runs=len(reports),
-        outside_m_max=max(r.safety.outside_m_max or 0.0 for r in reports),
-        stop_distance_m_max=max(r.safety.stop_distance_m_max or 0.0 for r in reports),
-        plants=sum(r.tracking.plants_total or 0 for r in reports),
-        ended_badly=len(ends),
-        why_ended=_find_typical(ends),
-    )
-    if not scenario.fault:
-        stops = [reason for report in reports for reason in list_false_stops(report)]
-        return msgspec.structs.replace(
-            row,
-            reaction=f"{len(stops)} false stops",
-            reason=_find_typical(stops),
-            crushed_after=sum(r.tracking.plants_crushed or 0 for r in reports),
-        )
-    faults = [
-        _leave_out_usual(fault, usual.get(seed))
-        for seed, report in found.items()
-        for fault in report.safety.faults
-    ]
-    if not faults:
-        return msgspec.structs.replace(row, reaction="never began")
-    return _add_verdicts(row, faults, reports)
-
-
-def _leave_out_usual(fault: FaultReport, usual: Report | None) -> FaultReport:
-    """Return a fault as not noticed where all that was told is told without it, too."""
-    if usual is None:
-        return fault
-    told = {_mask(told.reason) for told in (*usual.safety.stops, *usual.safety.noticed)}
-    if _mask(fault.reason) not in told:
-        return fault
-    return FaultReport(name=fault.name, t_s=fault.t_s, fault=fault.fault)
-
-
-def _add_verdicts(
-    row: FaultRow, faults: Sequence[FaultReport], reports: Sequence[Report]
-) -> FaultRow:
-    delays_s = [f.detected_s - f.t_s for f in faults if f.detected_s is not None]
-    return msgspec.structs.replace(
-        row,
-        detected_ratio=len(delays_s) / len(faults),
-        time_to_detect_s=statistics.median(delays_s) if delays_s else None,
-        reaction=_find_typical([f.reaction for f in faults]),
-        named_ratio=sum(f.is_named for f in faults) / len(faults),
-        crushed_after=sum(r.safety.crushed_after_fault or 0 for r in reports),
-        reason=_find_typical([f.reason for f in faults if f.reason]),
-    )
-
-
-def list_false_stops(report: Report) -> list[str]:
-    """List the stops of a run without a fault, and how it failed."""
-    reasons = [stop.reason for stop in report.safety.stops]
-    is_failed = report.reason.startswith(("mission failed", ENDED))
-    return [*reasons, report.reason] if is_failed else reasons
-
-
-def _find_typical(texts: Iterable[str]) -> str:
-    """Return the first of those that differ in numbers only and are the most."""
-    first: dict[str, str] = {}
-    counts: Counter[str] = Counter()
-    for text in texts:
-        masked = _mask(text)
-        first.setdefault(masked, text)
-        counts[masked] += 1
-    return first[counts.most_common(1)[0][0]] if counts else ""
-
-
-def _mask(text: str) -> str:
-    return _NUMBER.sub("#", text)
-
-
-def summarise_rows(
-    rows: Sequence[FaultRow], jobs: Sequence[SweepJob], reports: Mapping[str, Report]
-) -> dict[str, Any]:
-    """Sum up the campaign in the keys of `--json`.
-
-    Ratios count every run the same; `crushed_ratio` is the share of all crop plants of the runs
-    with a fault that were crushed after it.
-    """
-    bad = [row for row in rows if row.fault != "no fault"]
-    judged = [row for row in bad if row.detected_ratio is not None]
-    count = sum(row.runs for row in judged)
-    plants = sum(row.plants for row in bad)
-    crushed = sum(row.crushed_after or 0 for row in bad)
-    without = [job for job in jobs if "faults=[]" in job.settings and job.name in reports]
-    return {
-        "preset": PRESET,
-        "faults": len(bad),
-        "seeds": len({job.seed for job in jobs}),
-        "detected_ratio": _average([(r.detected_ratio, r.runs) for r in judged], count),
-        "named_ratio": _average([(r.named_ratio, r.runs) for r in judged], count),
-        "crushed_after_detectable": sum(r.crushed_after or 0 for r in bad if r.is_detectable),
-        "crushed_ratio": crushed / plants if plants else None,
-        "outside_m_max": max((row.outside_m_max or 0.0 for row in bad), default=None),
-        "false_stops": sum(len(list_false_stops(reports[job.name])) for job in without),
-        "missions_without_fault": len(without),
-        "ended_badly": sum(row.ended_badly for row in rows),
-        "rows": msgspec.to_builtins(rows),
-    }
-
-
-def _average(values: Sequence[tuple[float | None, int]], count: int) -> float | None:
-    return sum((value or 0.0) * runs for value, runs in values) / count if count else None
-
-
-def format_table(rows: Sequence[FaultRow]) -> str:
-    """Format one line for each scenario; "-" where nothing was measured."""
-    lines = [
-        "| fault | drive | runs | detected | after | reaction | rolled | named | crushed | outside | it said |",  # noqa: E501
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for row in rows:
-        said = row.reason or "-"
-        if row.ended_badly:
-            said = f"{said}; {row.ended_badly} ended by: {row.why_ended}"
-        cells = (
-            f"`{row.fault}`" if row.fault != "no fault" else row.fault,
-            _name_drive(row),
-            str(row.runs),
-            _format(row.detected_ratio, 100.0, " %", 0),
-            _format(row.time_to_detect_s, 1.0, " s", 2),
-            row.reaction,
-            _format(row.stop_distance_m_max, 1.0, " m", 2),
-            _format(row.named_ratio, 100.0, " %", 0),
-            "-" if row.crushed_after is None else str(row.crushed_after),
-            _format(row.outside_m_max, 1.0, " m", 1),
-            said.replace("|", "\\|").replace("\n", " ")[:160],
-        )
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
-
-
-def _format(value: float | None, scale: float, unit: str, digits: int) -> str:
-    return "-" if value is None else f"{scale * value:.{digits}f}{unit}"

@@ -20,7 +20,8 @@ from agribot.lab.sweep.plan import SweepJob
 from agribot.record.report import Report
 
 # Lists have no place in a table of numbers: how many there were has.
-COUNTED = ("safety.stops", "safety.noticed", "safety.faults", "safety.gate", "safety.checks")
+COUNTED = ("safety.stops", "safety.noticed", "safety.faults", "safety.gate", "safety.checks",
+           "safety.crushes", "safety.interventions")  # fmt: skip
 Value = str | int | float | bool | None
 
 
@@ -137,12 +138,12 @@ def summarise(jobs: Sequence[SweepJob], reports: dict[str, Report]) -> list[dict
 def format_markdown(summary: Iterable[dict[str, Any]]) -> str:
     """Format one line for each combination; "-" where nothing was measured.
 
-    RMS is over all missions together, p95 their mean, max the worst instant of all.
+    RMS is over all missions together, p95 their mean, max the worst instant of all, as is the
+    farthest that any place of the robot got out of the field. Ways and interventions are summed.
     """
-    lines = [
-        "| profile | settings | good | rows | XTE RMS | p95 | max | crushed | h/ha |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    heads = ("profile", "settings", "good", "rows", "XTE RMS", "p95", "max", "crushed", "h/ha",
+             "outside", "way", "interventions", "way for each")  # fmt: skip
+    lines = [f"| {' | '.join(heads)} |", "| --- " * len(heads) + "|"]
     for entry in summary:
         runs, mean = entry["runs"], entry["mean"]
         done, total = (
@@ -158,9 +159,19 @@ def format_markdown(summary: Iterable[dict[str, Any]]) -> str:
             _format_value(entry["max"].get("tracking.xte_max_m"), 100.0, " cm"),
             f"{round(runs * mean.get('tracking.plants_crushed', 0.0))}",
             _format_value(mean.get("mission.h_per_ha"), 1.0, ""),
+            _format_value(entry["max"].get("safety.outside_m_max"), 100.0, " cm"),
+            *_format_way(entry),
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
+
+
+def _format_way(entry: dict[str, Any]) -> tuple[str, str, str]:
+    """Format the way of all runs, how often they needed a person, and the way for each time."""
+    sums = {key: entry["mean"].get(key, 0.0) * entry["count"].get(key, 0)
+            for key in ("mission.distance_m", "safety.interventions")}  # fmt: skip
+    km, count = sums["mission.distance_m"] / 1000.0, round(sums["safety.interventions"])
+    return f"{km:.2f} km", str(count), f"{km / count:.2f} km" if count else "-"
 
 
 def pooled_rms_m(entry: dict[str, Any]) -> float | None:

@@ -10,11 +10,11 @@ import msgspec
 from agribot.core.messages import STOP, WHEEL_NAMES, DriveCommand
 from agribot.core.robot import DriveSpec, Origin, Shape
 from agribot.core.world import Obstacle, WorldSpec
+from agribot.sim.faults.carrying import Carrying
 from agribot.sim.faults.motors import draw_weak_wheel, list_torque_shares
 from agribot.sim.faults.schedule import Fault
 from agribot.sim.physics import Physics
 
-CARRY_S = 1.0
 POLE_AHEAD_M, POLE_RADIUS_M, POLE_HEIGHT_M = 2.0, 0.05, 1.2
 
 
@@ -26,7 +26,11 @@ class BodyFaults:
         self._weak_wheel = draw_weak_wheel(seed)
         self._limits_nm = dict.fromkeys(WHEEL_NAMES, drive.wheel_torque_nm)
         self._friction_ratio = 1.0
-        self._carried_m: dict[int, float] = {}
+        self._carryings = {
+            number: Carrying(fault)
+            for number, fault in enumerate(self._faults)
+            if fault.name == "carried"
+        }
         self._placed: set[int] = set()
 
     def step(self, t_s: float, physics: Physics) -> Obstacle | None:
@@ -46,7 +50,7 @@ class BodyFaults:
             if not fault.is_on(t_s):
                 continue
             if fault.name == "carried":
-                self._carry(number, fault, t_s, physics)
+                self._carryings[number].step(t_s, physics)
             if fault.name == "obstacle.unmapped" and number not in self._placed:
                 self._placed.add(number)
                 found = make_pole(*physics.find_place_map_m(POLE_AHEAD_M))
@@ -66,14 +70,6 @@ class BodyFaults:
             if limit_nm != self._limits_nm[wheel]:
                 physics.limit_torque(wheel, limit_nm)
         self._limits_nm = limits_nm
-
-    def _carry(self, number: int, fault: Fault, t_s: float, physics: Physics) -> None:
-        """Move the robot as far as it should have come, so that it arrives after `CARRY_S`."""
-        wanted_m = fault.number * min((t_s - fault.begin_s) / CARRY_S, 1.0)
-        more_m = wanted_m - self._carried_m.get(number, 0.0)
-        if more_m:
-            self._carried_m[number] = wanted_m
-            physics.carry(more_m)
 
 
 def make_pole(x_map_m: float, y_map_m: float, ground_m: float) -> Obstacle:

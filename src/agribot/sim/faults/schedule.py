@@ -17,6 +17,8 @@ from agribot.sim.faults.table import FaultKind, Span, find_kind
 SYNTAX = "NAME[=VALUE]@T[+SECONDS]"
 LONGEST_MISSION_S = 86_400.0  # a day; no battery lasts as long
 ROUNDING_S = 1e-9
+SHORTEST_CARRY_S = 1.0
+CARRY_MPS = 0.5  # so slowly that a tilt sensor is not deceived
 CAMERA_PARTS = ("camera", "network")
 
 
@@ -36,6 +38,14 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def name(self) -> str:
         return self.kind.name
+
+    @property
+    def handled_until_s(self) -> float | None:
+        """When hands that move the robot let go of it; None where none do."""
+        if self.kind.at_start:
+            return self.begin_s
+        carried_s = max(SHORTEST_CARRY_S, abs(self.number) / CARRY_MPS)
+        return self.begin_s + carried_s if self.name == "carried" else None
 
     def is_on(self, t_s: float) -> bool:
         return self.begin_s - ROUNDING_S <= t_s < self.end_s - ROUNDING_S

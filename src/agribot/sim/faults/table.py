@@ -12,7 +12,7 @@ from agribot.core.suggestions import suggest_name
 
 Part = Literal["gnss", "compass", "imu", "wheels", "motors", "ground", "camera", "network",
                "bumper", "button", "battery", "clock", "link", "disk", "start",
-               "robot"]  # fmt: skip
+               "robot", "crop"]  # fmt: skip
 
 
 class Span(msgspec.Struct, frozen=True, kw_only=True):
@@ -136,9 +136,13 @@ FAULTS = (
               value=Span(unit="deg", low=0.01, high=180.0, is_signed=True),
               is_momentary=True, at_start=True,
               about="the robot stands turned by so much at its start, counter-clockwise"),
-    FaultKind(name="carried", part="robot", words=("carried", "jumped", "gnss"), typical="0.5",
+    FaultKind(name="carried", part="robot", words=("carried",), typical="0.5",
               value=Span(unit="m", low=1e-3, high=100.0, is_signed=True), is_momentary=True,
-              about="the robot is moved so far to its left, within a second"),
+              about="the robot is lifted, moved so far to its left and set down: in a second, or "
+                    "2 s for each metre"),
+    FaultKind(name="crop.gap", part="crop", words=("gap", "bare"), typical="5",
+              value=Span(unit="m", low=0.1, high=1000.0), is_momentary=True, at_start=True,
+              about="in every row so many metres of crop are missing, from a place of the seed on"),
 )  # fmt: skip
 _BY_NAME = {kind.name: kind for kind in FAULTS}
 

@@ -11,11 +11,13 @@ from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import FloatArray, ImplementCommand
 from agribot.core.world import WorldSpec
 from agribot.sim.implements.hoe import HoeEffect
+from agribot.sim.implements.point import PointEffect
 from agribot.sim.implements.sprayer import SprayEffect
 
 KINDS: dict[str, Callable[[Any, WorldSpec, float], ImplementEffect]] = {
     "sprayer": SprayEffect,
     "hoe": HoeEffect,
+    "point": PointEffect,
 }
 
 

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from agribot.core.errors import PlatformError
 from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import FloatArray, PlantClass
-from agribot.core.world import Plant, WorldSpec
-from agribot.sim.footprints import Footprints, build_plant_grid, mark_swept
+from agribot.core.world import WorldSpec
+from agribot.sim.footprints import Footprints, Place, build_plant_grid, mark_swept
 
 SAME_TIME_S = 1e-9
 
@@ -59,7 +59,7 @@ class SectionSwath:
     def __init__(
         self,
         spec: ImplementSpec,
-        plants: Sequence[Plant],
+        plants: Sequence[Place],
         radius_m: FloatArray,
         length_m: float,
         base_height_m: float,

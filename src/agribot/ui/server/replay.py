@@ -244,6 +244,7 @@ def _weed_known(plant: MappedPlant, t_s: float) -> wire.Weed | None:
         first_seen_s=plant.first_seen_s,
         last_seen_s=plant.last_seen_s,
         treated_s=treated_s,
+        left=plant.left,
     )
 
 

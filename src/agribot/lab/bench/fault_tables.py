@@ -1,0 +1,103 @@
+"""The campaign of faults as text: its table, what it sums up to, and its part of a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from agribot.core.errors import ConfigError
+from agribot.lab.bench.fault_rows import FaultRow
+from agribot.lab.bench.faults import name_drive
+
+HEADS = ("fault", "drive", "runs", "detected", "harmless", "after", "reaction", "rolled", "allowed",
+         "named", "crushed", "outside", "it said")  # fmt: skip
+MOST_SAID = 160
+
+
+def format_table(rows: Sequence[FaultRow]) -> str:
+    """Format one line for each scenario; "-" where nothing was measured."""
+    lines = [f"| {' | '.join(HEADS)} |", "|---" * len(HEADS) + "|"]
+    for row in rows:
+        said = row.reason or "-"
+        if row.ended_badly:
+            said = f"{said}; {row.ended_badly} ended by: {row.why_ended}"
+        cells = (
+            f"`{row.fault}`" if row.fault != "no fault" else row.fault,
+            name_drive(row.profile, row.sensors, row.platform, has_camera=row.has_camera),
+            str(row.runs),
+            _format(row.detected_ratio, 100.0, " %", 0),
+            _format(row.harmless / row.injected if row.injected else None, 100.0, " %", 0),
+            _format(row.time_to_detect_s, 1.0, " s", 2),
+            row.reaction,
+            _format(row.stop_distance_m_max, 1.0, " m", 2),
+            _describe_allowed(row),
+            _format(row.named_ratio, 100.0, " %", 0),
+            _describe_crushed(row),
+            _format(row.outside_m_max, 1.0, " m", 1),
+            said.replace("|", "\\|").replace("\n", " ")[:MOST_SAID],
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _describe_allowed(row: FaultRow) -> str:
+    if not row.stop_distance_m_max or row.stop_allowed_m is None:
+        return "-"
+    kept = f", not kept {row.stops_too_long} times" if row.stops_too_long else ""
+    return f"{row.stop_allowed_m:.2f} m{kept}"
+
+
+def _describe_crushed(row: FaultRow) -> str:
+    """Tell how many, and how many of them when."""
+    if not row.crushed_after:
+        return "-" if row.crushed_after is None else "0"
+    parts = (
+        (row.crushed_before_detection, "before noticed"),
+        (row.crushed_after_detection, "until at rest"),
+        (row.crushed_after_standstill, "after rest"),
+        (row.crushed_by_fault, "set down on"),
+    )
+    told = ", ".join(f"{count} {words}" for count, words in parts if count)
+    return f"{row.crushed_after}: {told}" if told else str(row.crushed_after)
+
+
+def _format(value: float | None, scale: float, unit: str, digits: int) -> str:
+    return "-" if value is None else f"{scale * value:.{digits}f}{unit}"
+
+
+def describe_result(result: Mapping[str, Any]) -> str:
+    """Tell what a campaign sums up to, in a paragraph."""
+    without = (
+        f"{result['missions_without_fault']} drives without a fault, "
+        f"{result['km_without_fault']:.2f} km, saw {result['false_stops']} false stops."
+    )
+    if not result["faults"]:
+        return without[0].upper() + without[1:] + "\n"
+    return (
+        f"Of {result['faults']} faults on {result['seeds']} seeds the robot noticed "
+        f"{_format(result['detected_ratio'], 100.0, ' %', 0)} and named the part of "
+        f"{_format(result['named_ratio'], 100.0, ' %', 0)}. {result['harmless']} times nobody "
+        "noticed and nothing came of it; of the others it noticed "
+        f"{_format(result['harmful_detected_ratio'], 100.0, ' %', 0)} and named "
+        f"{_format(result['harmful_named_ratio'], 100.0, ' %', 0)}.\n"
+        f"Crushed after a fault: {_format(result['crushed_ratio'], 100.0, ' %', 3)} of the plants, "
+        f"of which {result['crushed_after_detectable']} after the robot had noticed or could have, "
+        f"and {result['crushed_by_fault']} where hands set it down. Outside the field at most "
+        f"{_format(result['outside_m_max'], 1.0, ' m', 2)}; {result['stops_too_long']} stops took "
+        f"more than the drive promises; the {without}\n"
+    )
+
+
+def rewrite_block(page: str, name: str, block: str) -> str:
+    """Put a block between the two marks of a page that bear its name.
+
+    Raises: ConfigError: the page has no such marks.
+    """
+    begin, end = f"<!-- campaign: {name} -->\n", f"<!-- end of {name} -->"
+    before, _, rest = page.partition(begin)
+    _, mark, after = rest.partition(end)
+    if not mark:
+        raise ConfigError(
+            f"the page has no lines '{begin.strip()}' and '{end}'; add them where the table goes"
+        )
+    return f"{before}{begin}\n{block.strip()}\n\n{end}{after}"

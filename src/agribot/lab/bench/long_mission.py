@@ -1,0 +1,88 @@
+"""One mission of many kilometres over a square field without crop, with RTK and no camera."""
+
+from __future__ import annotations
+
+import math
+import resource
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, measure_footprint
+from agribot.autonomy.plan.coverage.drive import MAX_LENGTH_M
+from agribot.autonomy.plan.coverage.planner import plan_field
+from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.core.config import load
+from agribot.core.errors import ConfigError
+from agribot.description.loader import load_robot
+from agribot.gis.plan_file import SavedPlan, format_plan
+from agribot.lab.sweep.plan import SweepJob
+from agribot.record.report import Report
+
+PROFILE, PRESET = "farm", "field"
+WIDTH_M = 1.0  # of a pass: so many square metres take about as many metres of way
+MARGIN_M = 0.3
+INSIDE_M = 5.0  # the robot starts so far from two edges
+LEAST_KM = 0.05
+FIXED = (
+    "world=empty", "field.start_map_m=[0,0]", f"sim.preset={PRESET}", "sim.sensors=rtk",
+    "perception.enabled=false", "record.enabled=false",
+)  # fmt: skip
+
+
+def make_plan(km: float) -> str:
+    """Make a certified plan of about so many kilometres, as the text of its file.
+
+    Raises: ConfigError: it is shorter than a field is, or longer than a mission can be.
+    """
+    if not LEAST_KM <= km <= MAX_LENGTH_M / 1000.0:
+        raise ConfigError(f"--km {km:g}: must be from {LEAST_KM:g} to {MAX_LENGTH_M / 1000.0:g} km")
+    side_m = math.sqrt(1000.0 * km * WIDTH_M)
+    low_m, high_m = -INSIDE_M, side_m - INSIDE_M
+    area = FieldArea(boundary=((low_m, low_m), (high_m, low_m), (high_m, high_m), (low_m, high_m)))
+    config, robot = load(PROFILE), load_robot()
+    request = PlanRequest(implement_width_m=WIDTH_M, tool_x_m=robot.tool_x_m, margin_m=MARGIN_M)
+    shape = measure_footprint(robot, WIDTH_M)
+    plan = plan_field(area, shape, request)
+    certificate = certify_plan(plan, area, shape, request)
+    return format_plan(SavedPlan(plan, area, request, config.field.datum), certificate)
+
+
+def list_jobs(
+    km: float, plan: Path, seeds: Sequence[int], speed_mps: float | None = None
+) -> tuple[SweepJob, ...]:
+    """List a mission for each seed over the plan in a file.
+
+    Raises: ConfigError: the speed is none that a mission can have.
+    """
+    speed = () if speed_mps is None else (f"mission.speed_mps={speed_mps:g}",)
+    fixed = (*FIXED, f"plan={plan}", *speed)
+    jobs = tuple(
+        SweepJob(name=f"{km:g}km-seed-{seed}", profile=PROFILE, seed=seed, fixed=fixed,
+                 settings=())
+        for seed in seeds
+    )  # fmt: skip
+    for job in jobs:
+        job.config()
+    return jobs
+
+
+def summarise(reports: Sequence[Report]) -> dict[str, Any]:
+    """Sum up way, time, what needed a person, and what the missions cost.
+
+    `memory_mb` is the most that a process of this command has held.
+    """
+    km = sum(report.mission.distance_m or 0.0 for report in reports) / 1000.0
+    count = sum(len(report.safety.interventions) for report in reports)
+    spent = [resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF,
+                                                          resource.RUSAGE_CHILDREN)]  # fmt: skip
+    return {
+        "missions": len(reports),
+        "km": km,
+        "hours": sum(report.time.sim_s or 0.0 for report in reports) / 3600.0,
+        "interventions": count,
+        "km_per_intervention": km / count if count else None,
+        "outside_m_max": max((r.safety.outside_m_max or 0.0 for r in reports), default=None),
+        "cpu_s": sum(report.time.cpu_s or 0.0 for report in reports),
+        "memory_mb": max(spent) / 1024.0,
+    }

@@ -1,0 +1,61 @@
+"""What counts as needing a person: stops, pauses, questions, each once."""
+
+from __future__ import annotations
+
+import pytest
+
+from agribot.app.interventions import compute_km_per_intervention, list_interventions
+from agribot.record.events import Event, EventKind
+
+
+def event(t_s: float, kind: EventKind, reason: str) -> Event:
+    return Event(t_s=t_s, kind=kind, reason=reason)
+
+
+STOPPED = event(10.0, "gate", "driving -> stopped: the bumper touches something")
+CLEARED = event(30.0, "gate", "stopped -> driving: cleared")
+PAUSED = event(50.0, "mission", "paused: which row?")
+RUNNING = event(60.0, "mission", "running")
+
+
+def test_each_stop_and_each_question_counts_once() -> None:
+    found = list_interventions(
+        [event(0.0, "mission", "running"), STOPPED, CLEARED, PAUSED, RUNNING]
+    )
+    assert [(one.t_s, one.reason) for one in found] == [
+        (10.0, STOPPED.reason),
+        (50.0, "paused: which row?"),
+    ]
+
+
+def test_what_comes_while_a_person_is_needed_already_is_no_other_one() -> None:
+    failed = event(12.0, "mission", "failed: no headway for 60 s")
+    refused = event(13.0, "mission", "goto refused: the robot stands")
+    assert len(list_interventions([STOPPED, failed, CLEARED, refused, PAUSED])) == 1
+
+
+@pytest.mark.parametrize(
+    "passing",
+    [
+        event(10.0, "gate", "driving -> held: GNSS silent"),
+        event(10.0, "stop", "GNSS silent"),
+        event(10.0, "hold", "no position"),
+        event(10.0, "mission", "running: may be 0.5 m off the row"),
+        event(10.0, "mission", "done"),
+    ],
+)
+def test_what_ends_by_itself_needs_nobody(passing: Event) -> None:
+    assert list_interventions([passing]) == ()
+
+
+def test_what_a_person_asked_for_is_no_intervention_that_the_robot_needed() -> None:
+    press = event(9.98, "operator", "pause (page)")
+    assert list_interventions([press, event(10.0, "mission", "paused: by the page")]) == ()
+    late = event(20.0, "mission", "paused: GNSS jumped by 2 m")
+    assert len(list_interventions([press, late])) == 1
+
+
+def test_the_way_for_each_is_unknown_without_any() -> None:
+    assert compute_km_per_intervention(2500.0, 2) == 1.25
+    assert compute_km_per_intervention(2500.0, 0) is None
+    assert compute_km_per_intervention(None, 2) is None

@@ -1,0 +1,46 @@
+"""`agribot bench long`: a plan as long as asked for, driven to its end and summed up."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from agribot.app.field_work import read_work
+from agribot.cli.main import main
+from agribot.core.config import load
+from agribot.description.loader import load_robot
+from agribot.lab.bench.long_mission import make_plan
+
+
+@pytest.mark.parametrize("km", [0.2, 30.0])
+def test_a_plan_is_about_as_long_as_asked_for_and_a_mission_takes_it(km: float) -> None:
+    work = read_work(make_plan(km), "the plan", load("farm"), load_robot())
+    assert work.length_m / 1000.0 == pytest.approx(km, rel=0.25)
+    path = work.plan_from((0.0, 0.0, 0.0))
+    assert path.s_m[-1] >= work.length_m
+
+
+def test_a_short_one_is_driven_to_its_end_and_is_not_driven_twice(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["bench", "long", "--km", "0.05", "--out", str(tmp_path / "out"), "--json"]
+    assert main(words) == 0
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert result["km"] == pytest.approx(0.05, rel=0.5)
+    assert (result["missions"], result["interventions"]) == (1, 0)
+    assert result["km_per_intervention"] is None
+    assert result["outside_m_max"] == 0.0
+    assert result["memory_mb"] > 0.0
+    assert main(words) == 0
+    again = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (again["km"], again["cpu_s"]) == (result["km"], result["cpu_s"])
+
+
+def test_a_way_that_no_mission_holds_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for km in ("0", "1000"):
+        assert main(["bench", "long", "--km", km, "--out", str(tmp_path)]) == 2
+        assert f"--km {km}: must be from" in capsys.readouterr().err

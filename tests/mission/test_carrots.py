@@ -1,0 +1,47 @@
+"""A row of carrots, which look like weeds pixel by pixel: their stems keep the spray off."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from agribot.description.field_generator import generate_field
+from agribot.description.field_settings import read_field_settings
+from agribot.description.sdf_export import write_world
+from tests.mission.conftest import run_session
+
+FIELD = """
+name = "carrots"
+
+[rows]
+count = 1
+length_m = 3.0
+first_row_start_map_m = [-2.0, 1.2]
+yaw_deg = 90.0
+
+[crop]
+species = "carrot"
+spacing_m = 0.05
+height_m = 0.12
+
+[weeds]
+density_per_m2 = 6.0
+"""
+
+
+@pytest.mark.slow
+def test_no_carrot_of_a_row_is_sprayed(tmp_path: Path) -> None:
+    field, world = tmp_path / "carrots.toml", tmp_path / "carrots.world"
+    field.write_text(FIELD)
+    write_world(generate_field(read_field_settings(field), 1), world)
+    settings = [
+        f'world="{world}"', "seed=1", 'sim.sensors="rtk"', "duration_s=20",
+        "field.row_count=1", "field.row_length_m=3.0", "field.plant_spacing_m=0.05",
+        "field.first_row_start_map_m=[-2.0, 1.2]",
+    ]  # fmt: skip
+    report = run_session("beet", settings, str(tmp_path / "run"))
+    assert report.mission.rows_done == 1
+    assert report.weeds.crops_truth is not None and report.weeds.crops_truth > 45
+    assert report.weeds.treated_true is not None and report.weeds.treated_true >= 1
+    assert report.weeds.crops_hit == 0
