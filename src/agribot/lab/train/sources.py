@@ -125,7 +125,8 @@ def _split_validation(args: argparse.Namespace) -> tuple[int, int]:
 
 def _count_aside(args: argparse.Namespace) -> int:
     """Count the images of each set that only the temperature comes from."""
-    return max(1, args.test_images // 2)
+    half: int = args.test_images // 2
+    return max(1, half)
 
 
 def _read_all(sets: Iterable[DataSet], count: int) -> Iterator[LabelledImage]:
