@@ -27,7 +27,7 @@ from agribot.sim.faults.motions import (
     MotorField,
     Touch,
 )
-from agribot.sim.faults.pictures import BadPicture
+from agribot.sim.faults.pictures import BadPicture, find_mount_shift_m
 from agribot.sim.faults.positions import FrozenReceiver, NoisyVelocity, Offset, Outage
 from agribot.sim.faults.schedule import Fault
 from agribot.sim.physics import Physics
@@ -76,6 +76,10 @@ class FaultLayer:
     def act(self, t_s: float, physics: Physics) -> Obstacle | None:
         """Let act what acts in the physics from now on; return an obstacle that has appeared."""
         return self._body.step(t_s, physics)
+
+    def find_mount_shift_m(self, t_s: float) -> float:
+        """Find how far to the left of its place the camera's mount is."""
+        return find_mount_shift_m(self.faults, t_s)
 
     def hears(self, t_s: float) -> bool:
         """Whether the board hears commands."""
@@ -137,6 +141,7 @@ MAKERS: dict[str, Callable[[Fault, FaultMaterial], BatchFault]] = {
     "camera.black": lambda fault, _: BadPicture(fault),
     "camera.frozen": lambda fault, _: BadPicture(fault),
     "camera.flipped": lambda fault, _: BadPicture(fault),
+    "camera.mirrored": lambda fault, _: BadPicture(fault),
     "camera.late": lambda fault, _: Late(fault),
     "camera.off": lambda fault, _: BadPicture(fault),
     "bumper.contact": lambda fault, around: Touch(fault, _measure_front_m(around.robot)),
