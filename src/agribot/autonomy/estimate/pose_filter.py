@@ -10,11 +10,11 @@ from agribot.autonomy.estimate.ekf import ROW_BIAS, ROW_OFFSET, YAW, Ekf, X, Y
 from agribot.autonomy.estimate.field_rows import FieldRows, Rows
 from agribot.autonomy.estimate.gate import Verdict
 from agribot.autonomy.estimate.history import Epoch, MotionHistory
-from agribot.autonomy.estimate.line_watch import LineWatch
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.priors import initial_std
 from agribot.autonomy.estimate.row_agreement import RowAgreement
 from agribot.autonomy.estimate.row_identity import RowIdentity
+from agribot.autonomy.estimate.row_line_watch import RowLineWatch
 from agribot.autonomy.estimate.start import StartMark
 from agribot.autonomy.estimate.turn_watch import TurnWatch
 from agribot.core.config import EstimateConfig, FieldConfig
@@ -43,7 +43,7 @@ class PoseFilter:
         self.start = StartMark.of(field)
         self.rows: Rows = FieldRows(field)
         self.agreement, self.identity = RowAgreement(), RowIdentity(config.row_certainty)
-        self.lines = LineWatch(config.position_walk_m_per_sqrt_m)
+        self.lines = RowLineWatch(config.position_walk_m_per_sqrt_m)
         self.turns = TurnWatch(config.mag_bias_std_rad)
         self.known: set[Known] = set()
         self.up_body: Vec3 = (0.0, 0.0, 1.0)

@@ -27,9 +27,9 @@ from agribot.autonomy.estimate.ekf import (
 from agribot.autonomy.estimate.field_rows import RowFrame
 from agribot.autonomy.estimate.gate import Gate
 from agribot.autonomy.estimate.history import Epoch
-from agribot.autonomy.estimate.line_watch import LineTold
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.row_line_watch import LineTold
 from agribot.core.arithmetic import FLOATS, clamp
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import RowLine

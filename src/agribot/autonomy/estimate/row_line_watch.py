@@ -82,7 +82,7 @@ class Led(NamedTuple):
     std_m: float
 
 
-class LineWatch:
+class RowLineWatch:
     """Call `move` with each step of the wheels, `add` with each line, `fit` where one fitted."""
 
     def __init__(self, walk_m_per_sqrt_m: float) -> None:
