@@ -15,6 +15,8 @@ from pathlib import Path
 FIRMWARE = Path(__file__).parent
 PREBUILT = FIRMWARE / "prebuilt"
 ARDUINO = Path("/usr/share/arduino/hardware/arduino/avr")
+# What an Arduino Mega 2560 is sold with; the program is behind it.
+BOOTLOADER = ARDUINO / "bootloaders" / "stk500v2" / "stk500boot_v2_mega2560.hex"
 CORE, WIRE = ARDUINO / "cores" / "arduino", ARDUINO / "libraries" / "Wire" / "src"
 FLAGS = ("-mmcu=atmega2560", "-DF_CPU=16000000UL", "-Os", "-ffunction-sections", "-fdata-sections")
 STRICT = ("-Wall", "-Wextra", "-Werror")

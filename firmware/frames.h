@@ -10,7 +10,7 @@
 #include "wire.h"
 
 #define LONGEST_BODY 80 /* type, seq, fields and CRC of the longest message of the table */
-#define FIRMWARE_VERSION {1, 1, 0}
+#define FIRMWARE_VERSION {1, 1, 1}
 
 static inline uint16_t compute_crc(const uint8_t *bytes, uint8_t count) {
   uint16_t crc = 0;

@@ -14,6 +14,10 @@ from collections.abc import Generator
 import pytest
 from _pytest.terminal import TerminalReporter
 
+from agribot.app.workers import usable_cpus
+
+MOST_WORKERS = 4  # of 2 to 3 GB each
+
 pytest_plugins = ["tests.cpu_times"]
 
 
@@ -36,6 +40,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     left_out = [item for item in items if item.get_closest_marker("nightly")]
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if not item.get_closest_marker("nightly")]
+    _put_long_files_first(items)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than there are cores: tests of the page and of programs wait a lot."""
+    return min(usable_cpus() + 1, MOST_WORKERS)
+
+
+def _put_long_files_first(items: list[pytest.Item]) -> None:
+    """Begin with the page and with whole missions, so that no worker is left alone with one."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: not ("page" in item.path.parts or item.path in slow))
 
 
 def pytest_terminal_summary(terminalreporter: TerminalReporter) -> None:

@@ -25,6 +25,11 @@
 #define MPU 0
 #define MAG 1
 #define BYPASS 0x37
+#define MCUSR 0x54 /* in the data memory, with what has reset the chip */
+#define POWER_ON 1
+#define RESET_PIN 2
+#define SCL 1 /* of port D */
+#define SDA 2
 
 typedef struct {
   uint8_t address, is_there, is_chosen, has_pointer, pointer, registers[128];
@@ -52,6 +57,8 @@ struct bench {
   uint8_t saved[2];
   int is_hung;
   uint8_t is_high[2][8]; /* what pulls at ports B and L */
+  int sda_clocks;        /* until a chip that holds the data line low lets go of it */
+  uint8_t directions;    /* of port D */
 };
 
 /* ---- the I2C bus ---- */
@@ -68,6 +75,7 @@ static void answer(bench_t *bench, uint32_t what, uint8_t address, uint8_t data)
 static void on_twi(struct avr_irq_t *irq, uint32_t value, void *param) {
   (void)irq;
   bench_t *bench = param;
+  if (bench->sda_clocks) return; /* neither a start nor an answer gets through */
   avr_twi_msg_irq_t message = {.u.v = value};
   uint8_t what = message.u.twi.msg;
   for (int which = 0; which < 2; which++) {
@@ -132,6 +140,33 @@ static void on_xoff(struct avr_irq_t *irq, uint32_t value, void *param) {
 
 static avr_irq_t *find_pin(bench_t *bench, char port, int bit) {
   return avr_io_getirq(bench->avr, AVR_IOCTL_IOPORT_GETIRQ(port), bit);
+}
+
+/* The resistors of the I2C bus pull both its lines up, unless a chip holds one. */
+static void pull_bus(bench_t *bench) {
+  avr_ioport_external_t outside = {
+      .name = 'D', .mask = SCL | SDA, .value = bench->sda_clocks ? SCL : SCL | SDA};
+  avr_ioctl(bench->avr, AVR_IOCTL_IOPORT_SET_EXTERNAL('D'), &outside);
+  for (int bit = 0; bit < 2; bit++) {
+    avr_raise_irq(find_pin(bench, 'D', bit), !(outside.value >> bit & 1));
+    avr_raise_irq(find_pin(bench, 'D', bit), outside.value >> bit & 1);
+  }
+}
+
+/* A program that makes the clock's pin an output pulls the line low, as the port's bit is zero. */
+static void on_directions(struct avr_irq_t *irq, uint32_t value, void *param) {
+  (void)irq;
+  bench_t *bench = param;
+  int rises = (bench->directions & SCL) && !(value & SCL);
+  bench->directions = value;
+  if (rises && bench->sda_clocks && !--bench->sda_clocks) pull_bus(bench);
+}
+
+/* A chip that was cut off in the middle of a byte holds the data line low, until the clock has
+ * gone up so often. */
+void bench_hold_sda(bench_t *bench, int clocks) {
+  bench->sda_clocks = clocks;
+  pull_bus(bench);
 }
 
 /* Pull at a pin of port B or L. */
@@ -206,23 +241,36 @@ static avr_cycle_count_t on_end(avr_t *avr, avr_cycle_count_t when, void *param)
   return 0;
 }
 
-bench_t *bench_new(const char *hex) {
+/* Put a hex file into the flash. Returns where it begins, or -1. */
+static int64_t load(avr_t *avr, const char *hex) {
   uint32_t size = 0, start = 0;
   uint8_t *code = read_ihex_file(hex, &size, &start);
+  if (!code) return -1;
+  avr_loadcode(avr, code, size, start);
+  if (start + size > avr->codeend) avr->codeend = start + size;
+  free(code);
+  return start;
+}
+
+/* A bootloader may be null: then the board begins with its program. */
+bench_t *bench_new(const char *hex, const char *bootloader) {
   avr_t *avr = avr_make_mcu_by_name("atmega2560");
-  if (!avr || !code) return 0;
+  if (!avr) return 0;
   bench_t *bench = calloc(1, sizeof *bench);
   bench->avr = avr;
   avr_init(avr);
   avr->log = LOG_NONE;
-  avr_loadcode(avr, code, size, start);
-  avr->codeend = start + size;
-  free(code);
+  avr->codeend = 0;
+  int64_t start = load(avr, hex);
+  if (start >= 0 && bootloader) start = load(avr, bootloader);
+  if (start < 0) return 0;
+  avr->reset_pc = avr->pc = start;
   avr->frequency = HZ;
   avr->vcc = avr->avcc = avr->aref = 5000;
   avr->sleep = skip_sleep; /* simulated time passes, ours does not */
   for (int k = 0; k < 8; k++) /* unused, but looked at in every cycle */
     avr_extint_set_strict_lvl_trig(avr, k, 0);
+  avr->data[MCUSR] = POWER_ON;
   power_up(bench);
   bench->chips[MPU].is_there = bench->chips[MAG].is_there = 1;
   static const char *names[2] = {"8>chips", "32<chips"};
@@ -241,6 +289,10 @@ bench_t *bench_new(const char *hex) {
   avr_irq_register_notify(avr_io_getirq(avr, uart, UART_IRQ_OUT_XON), on_xon, bench);
   avr_irq_register_notify(avr_io_getirq(avr, uart, UART_IRQ_OUT_XOFF), on_xoff, bench);
   bench->may_send = 1;
+  avr_irq_t *directions =
+      avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('D'), IOPORT_IRQ_DIRECTION_ALL);
+  avr_irq_register_notify(directions, on_directions, bench);
+  pull_bus(bench);
   for (int k = 0; k < WHEELS; k++) {
     encoder_t *encoder = &bench->encoders[k];
     encoder->bench = bench;
@@ -317,11 +369,19 @@ static void after_reset(bench_t *bench) {
       avr_raise_irq(pin, !bench->is_high[port][bit]);
       avr_raise_irq(pin, bench->is_high[port][bit]);
     }
+  pull_bus(bench);
   for (int k = 0; k < WHEELS; k++) {
     encoder_t *encoder = &bench->encoders[k];
     if (encoder->speed_countps != 0.0)
       avr_cycle_timer_register(avr, next_edge(encoder, avr->cycle), on_edge, encoder);
   }
+}
+
+/* Press the reset button, as opening the serial line does. */
+void bench_reset(bench_t *bench) {
+  avr_reset(bench->avr);
+  bench->avr->data[MCUSR] = RESET_PIN;
+  after_reset(bench);
 }
 
 /* Run for so many cycles. Returns simavr's state, and ends early where the program did. */
@@ -336,7 +396,7 @@ int bench_run(bench_t *bench, uint64_t cycles) {
     avr_flashaddr_t before = avr->pc;
     state = avr_run(avr);
     if (state == cpu_Done || state == cpu_Crashed) break;
-    if (avr->pc == 0 && before != 0) {
+    if (avr->pc == avr->reset_pc && before != avr->reset_pc) {
       after_reset(bench);
       avr_cycle_timer_register(avr, end - avr->cycle, on_end, bench);
     }

@@ -29,7 +29,7 @@ BATTERY_DIVIDER, CURRENT_ZERO_MV, CURRENT_MV_PER_A = 11, 2500, 100
 ESTOP, BUMPER = 0, 1  # of port L
 
 _SIGNATURES: dict[str, tuple[list[object], object]] = {
-    "new": ([ctypes.c_char_p], ctypes.c_void_p),
+    "new": ([ctypes.c_char_p, ctypes.c_char_p], ctypes.c_void_p),
     "free": ([ctypes.c_void_p], None),
     "turn": ([ctypes.c_void_p, ctypes.c_int, ctypes.c_double], None),
     "count": ([ctypes.c_void_p, ctypes.c_int], ctypes.c_double),
@@ -47,6 +47,8 @@ _SIGNATURES: dict[str, tuple[list[object], object]] = {
     "send": ([ctypes.c_void_p, ctypes.c_char_p, ctypes.c_int], ctypes.c_int),
     "waiting": ([ctypes.c_void_p], ctypes.c_int),
     "hang": ([ctypes.c_void_p], None),
+    "reset": ([ctypes.c_void_p], None),
+    "hold_sda": ([ctypes.c_void_p, ctypes.c_int], None),
     "run": ([ctypes.c_void_p, ctypes.c_uint64], ctypes.c_int),
 }  # fmt: skip
 
@@ -83,16 +85,20 @@ class AvrBench:
     """
 
     def __init__(
-        self, library: ctypes.CDLL, firmware: Path, counts_per_turn: float = 2048.0
-    ) -> None:
-        """Load a firmware, an Intel hex file.
+        self, library: ctypes.CDLL, firmware: Path, counts_per_turn: float = 2048.0,
+        bootloader: Path | None = None,
+    ) -> None:  # fmt: skip
+        """Load a firmware, and the bootloader with which a reset begins; Intel hex files.
 
-        Raises: RuntimeError: simavr cannot load the file.
+        Raises: RuntimeError: simavr cannot load a file.
         """
         self._library = library
-        self._bench = library.bench_new(str(firmware).encode())
+        self._bench = library.bench_new(
+            str(firmware).encode(), str(bootloader).encode() if bootloader else None
+        )
         if not self._bench:
-            raise RuntimeError(f"simavr cannot load {firmware}; build it anew")
+            words = f"{firmware} behind {bootloader}" if bootloader else f"{firmware}"
+            raise RuntimeError(f"simavr cannot load {words}; build the firmware anew")
         self._buffer = ctypes.create_string_buffer(LINE_BYTES)
         self._counts_per_rad = counts_per_turn / 6.283185307179586
         self._cycles = 0.0
@@ -216,6 +222,17 @@ class AvrBench:
     def hang(self) -> None:
         """Let the program hang where it is, until it is reset."""
         self._library.bench_hang(self._bench)
+
+    def reset(self) -> None:
+        """Press the reset button, as opening the serial line does."""
+        self._library.bench_reset(self._bench)
+
+    def hold_sda(self, clocks: int) -> None:
+        """Let the IMU hold the data line of the I2C bus low, until so many edges of its clock.
+
+        So is a chip that was cut off in the middle of a byte.
+        """
+        self._library.bench_hold_sda(self._bench, clocks)
 
     def close(self) -> None:
         """Free the board. Safe to call twice."""

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+import queue
+import select
 import sys
 import tempfile
 import threading
 import time
 import tty
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -25,17 +28,29 @@ READ_BYTES = 4096
 
 
 class BoardOnLine:
-    """Runs a board in a thread of its own, between `with` and its end; `path` is the line."""
+    """Runs a board in a thread of its own, between `with` and its end; `path` is the line.
 
-    def __init__(self, bench: AvrBench) -> None:
-        self.bench = bench
+    Whoever opens the line resets the board, as that of a Mega does. A `pace` below one lets its
+    time pass slower than ours; `lag_s` of its time is what it has been late at most.
+    """
+
+    def __init__(self, bench: AvrBench, pace: float = 1.0) -> None:
+        self.bench, self._pace = bench, pace
         self.speed_radps = [0.0, 0.0, 0.0, 0.0]
-        self._ours, self._theirs = os.openpty()
-        for end in (self._ours, self._theirs):
+        self._ours, theirs = os.openpty()
+        for end in (self._ours, theirs):
             tty.setraw(end)
         os.set_blocking(self._ours, False)
-        self.path = os.ttyname(self._theirs)
+        self.path = os.ttyname(theirs)
+        os.close(theirs)
+        self._line = select.poll()
+        self._line.register(self._ours, 0)
+        self._is_open = False
+        self.lag_s = 0.0
         self._ended = threading.Event()
+        self._wanted: queue.SimpleQueue[tuple[Callable[[], None], threading.Event]] = (
+            queue.SimpleQueue()
+        )
         self._thread = threading.Thread(target=self._run, name="board on a line", daemon=True)
 
     def __enter__(self) -> BoardOnLine:
@@ -48,32 +63,53 @@ class BoardOnLine:
     ) -> None:  # fmt: skip
         self.unplug()
 
+    def do(self, act: Callable[[], None]) -> None:
+        """Do something to the bench between two of its steps, and wait for it."""
+        is_done = threading.Event()
+        self._wanted.put((act, is_done))
+        is_done.wait()
+
     def unplug(self) -> None:
         """End the board, and the line with it. Safe to call twice."""
         if not self._ended.is_set():
             self._ended.set()
             self._thread.join()
             os.close(self._ours)
-            os.close(self._theirs)
 
     def _run(self) -> None:
-        begun_s = time.monotonic() - self.bench.t_s
+        begun_s = time.monotonic() - self.bench.t_s / self._pace
         while not self._ended.is_set():
+            self._look_who_opens()
             self._exchange()
-            duty = self.bench.advance(STEP_S, self.speed_radps)
-            share = STEP_S / LAG_S
-            self.speed_radps = [
-                speed + (FULL_RADPS * one - speed) * share
-                for speed, one in zip(self.speed_radps, duty, strict=True)
-            ]
-            time.sleep(max(0.0, begun_s + self.bench.t_s - time.monotonic()))
+            while not self._wanted.empty():
+                act, is_done = self._wanted.get()
+                act()
+                is_done.set()
+            self._move(self.bench.advance(STEP_S, self.speed_radps))
+            ahead_s = begun_s + self.bench.t_s / self._pace - time.monotonic()
+            self.lag_s = max(self.lag_s, -ahead_s * self._pace)
+            time.sleep(max(0.0, ahead_s))
+
+    def _move(self, duty_ratio: Sequence[float]) -> None:
+        """Turn the wheels for a step, as their motors drive them."""
+        share = STEP_S / LAG_S
+        self.speed_radps = [
+            speed + (FULL_RADPS * duty - speed) * share
+            for speed, duty in zip(self.speed_radps, duty_ratio, strict=True)
+        ]
+
+    def _look_who_opens(self) -> None:
+        is_open = not any(event & select.POLLHUP for _, event in self._line.poll(0))
+        if is_open and not self._is_open:
+            self.bench.reset()
+        self._is_open = is_open
 
     def _exchange(self) -> None:
         """Hand on the bytes of both ends; where nobody reads, the board's are lost."""
-        with contextlib.suppress(BlockingIOError):
+        with contextlib.suppress(OSError):  # nothing came, or nobody has the line open
             self.bench.send(os.read(self._ours, READ_BYTES))
         said = self.bench.receive()
-        with contextlib.suppress(BlockingIOError):
+        with contextlib.suppress(OSError):
             os.write(self._ours, said)
 
 

@@ -9,9 +9,11 @@
 #include <avr/wdt.h>
 
 #include "../frames.h"
+#include "../hang.h"
 #include "../mpu9250.h"
 #include "rosserial.h"
 
+static const uint16_t WATCHDOG_MS = 1000;
 static const uint32_t LINE_BAUD = 57600;
 static const uint16_t TEXT_PERIOD_MS = 100, FRAME_PERIOD_MS = 1000 / TELEMETRY_HZ;
 static const uint8_t MAG_EVERY = 5, RETRY_EVERY = 32;
@@ -21,6 +23,7 @@ static Speech speech = LINES;
 static bool is_awake, has_mag;
 static uint8_t adjustment[3], next_seq, reset_cause;
 static uint32_t next_ms;
+volatile hang_t hang NOT_CLEARED;
 static receiver_t receiver;
 static board_imu_t imu;
 
@@ -126,9 +129,13 @@ static void say_frame(const uint8_t *bytes, uint8_t tick) {
   send_message(&imu, sizeof imu);
 }
 
+// Arduino's clock overflows every 1.024 ms; this is half a turn later.
+ISR(TIMER0_COMPA_vect) { count_silence(); }
+
 void setup() {
-  reset_cause = MCUSR;
-  MCUSR = 0;
+  reset_cause = find_reset_cause(WATCHDOG_MS);
+  OCR0A = 128;
+  TIMSK0 |= _BV(OCIE0A);
   wdt_enable(WDTO_1S);
   Serial.begin(LINE_BAUD);
   Wire.begin();
@@ -140,6 +147,7 @@ void setup() {
 void loop() {
   static uint8_t tick;
   wdt_reset();
+  end_silence();
   while (Serial.available()) hear(Serial.read());
   uint16_t period_ms = speech == FRAMES ? FRAME_PERIOD_MS : TEXT_PERIOD_MS;
   if ((int32_t)(millis() - next_ms) < 0) return;

@@ -4,10 +4,13 @@
 #include <avr/io.h>
 #include <util/atomic.h>
 
+#include "../hang.h"
+
 static volatile uint32_t ms;
 
 ISR(TIMER2_COMPA_vect) {
   ms++;
+  count_silence();
   watch_inputs();
 }
 

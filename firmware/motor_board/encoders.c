@@ -29,6 +29,7 @@ ISR(PCINT0_vect) {
 }
 
 void begin_encoders(void) {
+  ENCODER_DDR = 0; /* a bootloader blinks with one of them */
   ENCODER_PORT = 0xFF; /* pull-ups, for encoders with open collectors */
   last_pins = ENCODER_PIN;
   PCMSK0 = 0xFF;

@@ -8,6 +8,7 @@
 #include <util/atomic.h>
 
 #include "../frames.h"
+#include "../hang.h"
 #include "clock.h"
 #include "encoders.h"
 #include "i2c.h"
@@ -19,6 +20,9 @@
 
 #define TICK_MS (1000 / TELEMETRY_HZ)
 
+#define WATCHDOG_MS 120
+
+volatile hang_t hang NOT_CLEARED;
 static uint8_t reset_cause, command_seq, wanted_tool;
 
 static void answer(const uint8_t *message, uint8_t result) {
@@ -112,8 +116,7 @@ static void rest_until(uint32_t next_ms) {
 }
 
 int main(void) {
-  reset_cause = MCUSR;
-  MCUSR = 0;
+  reset_cause = find_reset_cause(WATCHDOG_MS);
   wdt_disable();
   begin_outputs();
   begin_encoders();
@@ -126,6 +129,7 @@ int main(void) {
   for (uint32_t next_ms = TICK_MS;;) {
     uint8_t *message, size;
     wdt_reset();
+    end_silence();
     while ((size = receive_message(&message))) handle(message, size);
     uint32_t now = now_ms();
     if ((int32_t)(now - next_ms) < 0) {

@@ -12,6 +12,7 @@
  * and D13 (PB0 to PB7). */
 #define ENCODER_PIN PINB
 #define ENCODER_PORT PORTB
+#define ENCODER_DDR DDRB
 
 /* Motors: PWM of 20 kHz on D6, D7, D8 (OC4A to OC4C) and D5 (OC3A); direction on D22 to D25. */
 #define PWM_TOP 799

@@ -22,7 +22,7 @@ static int32_t past[WINDOW][WHEELS];
 static uint8_t tick;
 
 uint8_t configure_wheels(const board_config_t *wanted) {
-  if (wanted->full_speed_countps < SLOWEST_FULL_SPEED || wanted->full_speed_countps > INT16_MAX ||
+  if (wanted->full_speed_countps < SLOWEST_FULL_SPEED ||
       wanted->max_speed_countps > INT16_MAX || wanted->max_accel_countps2 == 0 ||
       wanted->ti_s < SHORTEST_TI_MS || wanted->kp_ratio > STRONGEST_KP)
     return 0;

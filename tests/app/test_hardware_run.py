@@ -105,7 +105,8 @@ def test_a_builder_starts_the_robot_it_drives_to_a_place_and_a_replay_gives_the_
     ticks = list(read_ticks(out / "run.mcap"))
     assert {len(tick.batch.wheels) for tick in ticks} >= {2}, "100 Hz in ticks of 50 Hz"
     moved = [tick for tick in ticks if tick.command.drive.v_mps]
-    assert moved[0].batch.board and moved[0].batch.imu and moved[0].batch.battery
+    for samples in ("board", "imu", "battery"):
+        assert any(getattr(tick.batch, samples) for tick in moved)
     assert main(["replay", str(out / "run.mcap"), "--check"]) == 0
     assert "identical" in capsys.readouterr().out
     assert bench.board.commands[-1].speed_countps == (0, 0, 0, 0)

@@ -7,6 +7,7 @@ import struct
 from binascii import crc_hqx
 from itertools import pairwise
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,10 +16,12 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import WHEEL_NAMES, ImplementCommand
 from agribot.description.loader import load_robot
 from agribot.drivers import board_kinds, vesc
-from agribot.drivers.board_protocol import StopCause
+from agribot.drivers.board_codec import encode
+from agribot.drivers.board_link import BoardLink
+from agribot.drivers.board_protocol import AckResult, BoardAck, BoardConfig, StopCause
 from agribot.drivers.motor_board import BoardReport, CountsBroken, MotorBoard, StampedReport
 from tests.drivers.board_emulator import BoardEmulator
-from tests.drivers.esc_fakes import FakeOdrive, FakeVesc
+from tests.drivers.esc_fakes import FakeVesc
 
 ROBOT = load_robot()
 STILL = ImplementCommand()
@@ -180,6 +183,68 @@ def test_times_go_on_where_the_boards_clock_wraps_around_and_begin_anew_with_the
     assert bench.run(0.3)[-1].stamp_s < 1.0
 
 
+class Link:
+    """A board's link with a clock that the test sets."""
+
+    def __init__(self, options: str = "board=agribot") -> None:
+        self.t_s = 0.0
+        self.link = BoardLink(open_board(options), ROBOT.drive, lambda: self.t_s)
+        self.greeting = self.link.open()
+
+
+def test_an_arduino_is_told_nothing_before_it_has_spoken_since_its_line_was_opened() -> None:
+    bench, board = Link(), BoardEmulator()
+    link = bench.link
+    for _ in range(2):
+        assert bench.greeting == b"" and not link.may_send and not link.has_spoken
+        bench.t_s += 1.0
+        link.feed(b"A0B0C16384D0E0F131G\r\n\0\0", bench.t_s)
+        assert not link.may_send, "what is no frame may be of the program before"
+        link.feed(board.advance() + board.advance(), bench.t_s)
+        assert not link.may_send, "nor what was still in the line"
+        bench.t_s += 0.06
+        link.feed(board.advance(), bench.t_s)
+        assert link.may_send and not link.has_spoken
+        board.feed(link.board.poll())
+        link.feed(board.advance(), bench.t_s)
+        assert link.has_spoken
+        bench.greeting = link.open()
+
+
+def test_an_arduino_that_falls_silent_is_told_nothing_until_it_speaks_again() -> None:
+    bench, board = Link(), BoardEmulator()
+    bench.link.feed(board.advance(), bench.t_s - 0.05)
+    for _ in range(3):
+        bench.link.feed(board.advance(), bench.t_s)
+        assert bench.link.may_send
+        bench.t_s += 0.09
+        assert bench.link.may_send
+        bench.t_s += 0.03  # its watchdog resets it after 0.12 s
+        assert not bench.link.may_send
+
+
+@pytest.mark.parametrize("options", ["board=vesc&ids=local,12", "board=odrive"])
+def test_a_controller_that_only_answers_is_asked_at_once_and_again(options: str) -> None:
+    bench = Link(options)
+    assert bench.greeting and bench.link.may_send
+    bench.t_s = 10.0
+    assert bench.link.may_send and bench.link.board.poll()
+
+
+def test_a_board_that_refuses_its_configuration_is_a_fault() -> None:
+    bench = Bench()
+    refused = BoardAck(of_type=BoardConfig.number, of_seq=1, result=AckResult.BAD_VALUE)
+    for answer, count in (
+        (refused, 1),
+        (msgspec.structs.replace(refused, result=AckResult.DONE), 0),
+    ):
+        bench.run(0.1)
+        bench.driver.feed(encode(0, answer))
+        board = last(bench.run(0.1)).board
+        assert board is not None and len(board.faults) == count
+        assert all("refuses its configuration" in fault for fault in board.faults)
+
+
 def test_a_board_of_another_table_is_trouble_that_says_what_to_do() -> None:
     bench = Bench()
     bench.board = BoardEmulator(layout=1)
@@ -257,45 +322,6 @@ def test_vesc_packets_are_found_among_any_noise(noise: bytes, cut: int) -> None:
     data = noise + bytes(700) + packet  # zeros end whatever the noise seemed to begin
     found = [p for k in range(0, len(data), cut) for p in decoder.feed(data[k : k + cut])]
     assert bytes((4, *range(60))) in found
-
-
-def test_an_odrive_turns_its_axes_and_tells_faults_and_voltage() -> None:
-    driver = open_board("board=odrive&axes=1,0&gear=10")
-    fake = FakeOdrive()
-    found = driver.feed(fake.answer(driver.open() + driver.clear_stop()))
-    for _ in range(100):
-        fake.advance(0.02)
-        said = fake.answer(driver.poll() + driver.drive((2.0, -1.0, 2.0, -1.0), STILL))
-        found += driver.feed(said)
-    report = found[-1].report
-    assert report.wheels is not None and report.battery is not None
-    assert report.wheels.speed_radps == pytest.approx((2.0, -1.0, 2.0, -1.0), rel=0.01)
-    assert report.battery.voltage_v == pytest.approx(24.3)
-    assert fake.states == [8, 8] and fake.watchdogs == {0, 1}
-    fake.errors[0] = 0x40
-    for _ in range(12):
-        found += driver.feed(fake.answer(driver.poll()))
-    report = found[-1].report
-    assert report.wheels is not None and report.board is not None
-    assert report.wheels.faults == ("left_wheel_R", "left_wheel_F")
-    assert report.board.faults == ("axis 0: error 0x40",)
-
-
-def test_answers_of_an_odrive_that_got_lost_are_not_taken_for_others() -> None:
-    driver = open_board("board=odrive&gear=10")
-    fake = FakeOdrive()
-    driver.feed(fake.answer(driver.open() + driver.clear_stop()))
-    for tick in range(200):
-        fake.advance(0.02)
-        said = fake.answer(driver.poll() + driver.drive((2.0, -1.0, 2.0, -1.0), STILL))
-        if tick % 23 == 5:
-            said = said[3:] if tick % 2 else said[: len(said) // 2]
-        for stamped in driver.feed(said):
-            wheels, battery = stamped.report.wheels, stamped.report.battery
-            assert wheels is not None
-            assert all(abs(speed) < 2.1 for speed in wheels.speed_radps)
-            assert battery is None or battery.voltage_v == pytest.approx(24.3)
-            assert wheels.faults == ()
 
 
 @settings(max_examples=40, deadline=None)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
 from firmware.bench.avr_bench import AvrBench, build_library, load_library
-from firmware.build import PREBUILT
+from firmware.build import BOOTLOADER, PREBUILT
 from tests import machine
 from tests.firmware.board_on_bench import BoardOnBench
 
@@ -17,6 +18,14 @@ from tests.firmware.board_on_bench import BoardOnBench
 def bench_library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     machine.require("simavr")
     return load_library(build_library(tmp_path_factory.mktemp("bench")))
+
+
+@pytest.fixture(scope="session")
+def bootloader() -> Path:
+    """What a Mega is sold with."""
+    if not BOOTLOADER.is_file():
+        pytest.skip("the bootloader is missing (apt-get install arduino-core-avr)")
+    return BOOTLOADER
 
 
 @pytest.fixture

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 import ctypes
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from agribot.app.open_run import open_run
+from agribot.cli.main import main
 from agribot.core import config
-from agribot.core.messages import OperatorEvent
+from agribot.core.geo import MapFrame
+from agribot.core.messages import GnssQuality, OperatorEvent
+from agribot.record.replay import read_ticks
 from firmware.bench.avr_bench import AvrBench
 from firmware.bench.board_on_line import BoardOnLine
 from firmware.build import PREBUILT
+from tests import machine
+from tests.drivers.gpsd_daemon import Daemon
+from tests.drivers.lines import Line
+from tests.drivers.moving_robot import MovingRobot
+from tests.firmware.robot_on_line import RobotOnLine
 
 OPTIONS = "counts_per_turn=2048&full_speed_radps=30"
 
@@ -28,12 +41,13 @@ def test_a_robot_is_armed_driven_by_hand_and_stopped_by_the_red_button_of_its_fi
         base = f"sources.base='serial:{board.path}?{OPTIONS}'"
         settings = config.load("farm", ["platform=hardware", "perception.enabled=false", base])
         with open_run(settings, tmp_path / "run", is_armed=True) as run:
-            is_pressed = False
+            is_pressed = has_imu = False
             for record in run.ticks():
                 run.inbox.drive(0.3, 0.0, "Ann")
                 wheels = record.batch.wheels
+                has_imu |= bool(record.batch.imu)
                 if not is_pressed and wheels and min(wheels[-1].speed_radps) > 1.0:
-                    assert record.batch.imu and record.batch.battery
+                    assert record.batch.battery
                     bench.set_estop(pressed=True)
                     is_pressed = True
                 if record.status.stopped and is_pressed:
@@ -41,8 +55,102 @@ def test_a_robot_is_armed_driven_by_hand_and_stopped_by_the_red_button_of_its_fi
                 if record.status.stopped:  # a busy machine: the board's patience is 0.3 s
                     run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop"))
                 assert record.batch.t_s < 60.0, record.status
-            assert is_pressed
+            assert is_pressed and has_imu
             assert "red button is pressed" in record.status.stopped
             assert record.command.drive.v_mps == 0.0
     assert not any(bench.duty_ratio)
     bench.close()
+
+
+SETTINGS = [
+    "perception.enabled=false", "tick_hz=20",
+    # A busy machine is no fault of the robot's.
+    "safety.sensor_timeout_s=1.5", "estimate.wheel_timeout_s=1.5", "estimate.imu_timeout_s=1.5",
+    "safety.clock_jump_s=10",
+]  # fmt: skip
+START = (-2.0, 0.0, math.pi / 2.0)  # the mark of the farm
+PLACES = ((-2.0, 1.2), (-0.8, 1.2))  # ahead, then to the right
+# A machine that is too busy for a board in real time gets more time: clocks that are slower.
+PACES, LATE_S = (1.0, 0.25, 0.1), 0.2
+SLOWLY = """
+import runpy, sys, time
+pace, sleep = float(sys.argv.pop(1)), time.sleep
+def slow(clock):
+    begun_s = clock()
+    return lambda *_: begun_s + (clock() - begun_s) * pace
+time.monotonic, time.time = slow(time.monotonic), slow(time.time)
+time.sleep = lambda seconds: sleep(seconds / pace)
+runpy.run_module("agribot.cli", run_name="__main__")
+"""
+
+
+def write_places(file: Path) -> Path:
+    frame = MapFrame(config.load("farm").field.datum)
+    places = [frame.geodetic_from_map(*place)[:2] for place in PLACES]
+    features = [
+        {"type": "Feature", "properties": {}, "geometry": {"type": "Point", "coordinates": [b, a]}}
+        for a, b in places
+    ]
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return file
+
+
+def start_as_a_builder(
+    board: RobotOnLine, port: int, out: Path, pace: float
+) -> subprocess.CompletedProcess[str]:
+    """Start the robot of which a builder has plugged in board and receiver; waits for its end."""
+    sets = [word for setting in SETTINGS for word in ("--set", setting)]
+    words = ["run", "farm", "--platform", "hardware", "--arm",
+             "--source", f"base=serial:{board.path}?full_speed_radps=30&current_limit_a=0",
+             "--source", f"gnss=gpsd://127.0.0.1:{port}", *sets, "--headless",
+             "--waypoints", str(write_places(out.parent / "places.geojson")),
+             "--for", "40", "--out", str(out)]  # fmt: skip
+    program = ["-m", "agribot.cli"] if pace == 1.0 else ["-c", SLOWLY, str(pace)]
+    return subprocess.run(
+        [sys.executable, *program, *words], capture_output=True, text=True, check=False
+    )
+
+
+@pytest.fixture
+def line(tmp_path: Path) -> Iterator[Line]:
+    line = Line(tmp_path)
+    yield line
+    line.unplug()
+
+
+@pytest.fixture
+def daemon(tmp_path: Path) -> Iterator[Daemon]:
+    daemon = Daemon(tmp_path)
+    yield daemon
+    daemon.stop()
+
+
+@machine.needs("gpsd")
+def test_a_builders_robot_with_real_firmware_and_a_real_gpsd_drives_to_its_places_and_replays(
+    bench_library: ctypes.CDLL, bootloader: Path, line: Line, daemon: Daemon, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
+    monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path))
+    daemon.start(line.path)
+    for pace in PACES:
+        out, robot = tmp_path / f"run{pace}", MovingRobot(START, config.load("farm").field)
+        board = RobotOnLine(bench_library, robot, line.blurt, bootloader, pace)
+        with board:
+            done = start_as_a_builder(board, daemon.port, out, pace)
+        report = json.loads((out / "report.json").read_text()) if done.returncode == 0 else {}
+        if report.get("mission", {}).get("waypoints_reached") == len(PLACES):
+            break
+        for stop in (tmp_path / "stops").glob("*.json"):
+            stop.unlink()
+    else:
+        assert board.lag_s > LATE_S, f"{done.stderr}\n{report}"
+        pytest.skip(f"this machine is too busy for a board: {board.lag_s:.2f} s late")
+    assert math.dist(robot.pose[:2], PLACES[-1]) < 0.2
+    ticks = list(read_ticks(out / "run.mcap"))
+    fixes = [fix for tick in ticks for fix in tick.batch.gnss]
+    assert fixes and {fix.quality for fix in fixes[5:]} == {GnssQuality.RTK_FIXED}
+    assert any(tick.batch.imu for tick in ticks) and any(tick.batch.mag for tick in ticks)
+    assert not any(board.bench.duty_ratio)
+    assert main(["replay", str(out / "run.mcap"), "--check"]) == 0
+    assert "identical" in capsys.readouterr().out

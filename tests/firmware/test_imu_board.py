@@ -43,8 +43,10 @@ ACCEL, GYRO = (0.5, -1.25, 9.6), (0.02, -0.5, 1.5)
 def make_imu(bench_library: ctypes.CDLL) -> Iterator[Callable[[Path], AvrBench]]:
     boards: list[AvrBench] = []
 
-    def make(firmware: Path = PREBUILT / "imu_board.hex") -> AvrBench:
-        boards.append(AvrBench(bench_library, firmware))
+    def make(
+        firmware: Path = PREBUILT / "imu_board.hex", bootloader: Path | None = None
+    ) -> AvrBench:
+        boards.append(AvrBench(bench_library, firmware, bootloader=bootloader))
         boards[-1].set_imu(ACCEL, GYRO)
         return boards[-1]
 
@@ -169,7 +171,6 @@ def open_device(text: str) -> ImuDevice:
 def read_device(imu: AvrBench, device: ImuDevice, duration_s: float) -> Measured:
     """Let the board and the program speak with each other."""
     found: Measured = []
-    imu.send(device.take_to_send())
     for _ in range(round(duration_s / STEP_S)):
         imu.advance(STEP_S, REST)
         found += device.feed(imu.receive(), imu.t_s)
@@ -177,7 +178,7 @@ def read_device(imu: AvrBench, device: ImuDevice, duration_s: float) -> Measured
     return found
 
 
-@pytest.mark.parametrize(
+WAYS = pytest.mark.parametrize(
     ("options", "rate_hz"),
     [
         ("board=letters&accel_g=4&gyro_dps=500", 10.0),
@@ -185,6 +186,9 @@ def read_device(imu: AvrBench, device: ImuDevice, duration_s: float) -> Measured
         ("board=agribot", TELEMETRY_HZ),
     ],
 )
+
+
+@WAYS
 def test_the_robot_reads_the_board_in_each_of_its_three_ways(
     imu: AvrBench, options: str, rate_hz: float
 ) -> None:
@@ -218,3 +222,36 @@ def test_a_board_that_was_reset_is_asked_for_frames_again(
         later += device.feed(fresh.receive(), 10.0 + step * STEP_S)
         fresh.send(device.take_to_send())
     assert len([s for _, s in later if isinstance(s, ImuSample)]) > TELEMETRY_HZ
+
+
+@WAYS
+def test_behind_the_bootloader_of_a_mega_it_comes_up_in_each_way_and_again_when_it_is_reset(
+    options: str, rate_hz: float, make_imu: Callable[..., AvrBench], bootloader: Path
+) -> None:
+    imu, device = make_imu(bootloader=bootloader), open_device(options)
+    device.open(imu.t_s)  # and so the board begins
+    for _ in range(2):
+        found = [sample for _, sample in read_device(imu, device, 4.0)]
+        samples = [sample for sample in found if isinstance(sample, ImuSample)]
+        assert len(samples) >= 1.2 * rate_hz
+        assert_measured(samples[-1].accel_mps2, samples[-1].gyro_radps)
+        imu.reset()
+
+
+@pytest.mark.parametrize("has_bootloader", [False, True])
+def test_an_imu_board_that_hung_says_so_and_one_whose_button_was_pressed_does_not(
+    has_bootloader: bool, make_imu: Callable[..., AvrBench], bootloader: Path
+) -> None:
+    imu = make_imu(bootloader=bootloader if has_bootloader else None)
+    decoder = BoardDecoder()
+    for harm, has_hung in ((imu.reset, False), (imu.hang, True), (imu.reset, False)):
+        imu.advance(1.5, REST)
+        harm()
+        imu.advance(3.0, REST)
+        imu.send(encode(0, AskVersion()))
+        imu.advance(0.05, REST)  # it ends its line before
+        imu.receive()
+        imu.advance(0.1, REST)
+        frames = [frame.message for frame in decoder.feed(imu.receive())]
+        readings = [message for message in frames if isinstance(message, BoardImu)]
+        assert readings and (BoardFlag.WATCHDOG_RESET in readings[-1].flags) is has_hung

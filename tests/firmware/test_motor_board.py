@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from agribot.description.loader import load_robot
+from agribot.drivers.agribot_board import AgribotBoard
 from agribot.drivers.board_codec import FORMATS, stuff
+from agribot.drivers.board_kinds import open_board
 from agribot.drivers.board_protocol import (
     ACCEL_RANGE_G,
     COMMAND_TIMEOUT_S,
@@ -28,6 +33,8 @@ from agribot.drivers.board_protocol import (
     ClearLatch,
     StopCause,
 )
+from firmware.bench.avr_bench import AvrBench
+from firmware.build import PREBUILT
 from tests.firmware.board_on_bench import (
     COUNTS_PER_RAD,
     MAX_ACCEL_RADPS2,
@@ -373,6 +380,22 @@ def test_an_unplugged_imu_is_told_costs_no_state_and_comes_back(board: BoardOnBe
     assert board.decoder.lost == 0
 
 
+@pytest.mark.parametrize(("clocks", "is_freed"), [(1, True), (9, True), (10_000, False)])
+def test_a_chip_that_holds_the_bus_is_told_costs_no_state_and_is_clocked_until_it_lets_go(
+    clocks: int, is_freed: bool, board: BoardOnBench
+) -> None:
+    board.run(0.5)
+    board.bench.hold_sda(clocks)
+    board.received.clear()
+    board.run(0.8)
+    states = board.get_all(BoardState)
+    assert len(states) == pytest.approx(0.8 * TELEMETRY_HZ, abs=1) and board.bench.resets == 0
+    assert any(state.flags & BoardFlag.IMU_FAULT for state in states)
+    fault = board.state.flags & (BoardFlag.IMU_FAULT | BoardFlag.MAG_FAULT)
+    assert (not fault) is is_freed
+    assert (len(board.get_all(BoardImu)) > 10) is is_freed
+
+
 def test_a_program_that_hangs_is_reset_stops_and_says_so(board: BoardOnBench) -> None:
     drive(board, tool=1)
     board.bench.hang()
@@ -390,6 +413,29 @@ def test_a_program_that_hangs_is_reset_stops_and_says_so(board: BoardOnBench) ->
     board.arm()
     board.run(0.3, FORWARD)
     assert board.is_moving
+
+
+def test_behind_the_bootloader_of_a_mega_it_tells_a_reset_by_its_watchdog_from_one_by_its_button(
+    bench_library: ctypes.CDLL, bootloader: Path
+) -> None:
+    bench = AvrBench(bench_library, PREBUILT / "motor_board.hex", bootloader=bootloader)
+    board = BoardOnBench(bench)
+    board.run(1.5)
+    for harm, has_hung in ((bench.reset, False), (bench.hang, True), (bench.reset, False)):
+        harm()
+        board.received.clear()
+        board.run(1.5)
+        assert (BoardFlag.WATCHDOG_RESET in board.state.flags) is has_hung
+    bench.close()
+
+
+@pytest.mark.parametrize("options", ["", "?full_speed_radps=30", "?kp=2&ti_s=0.02"])
+def test_the_board_takes_what_the_driver_configures_for_the_robot_that_is_described(
+    options: str, board: BoardOnBench
+) -> None:
+    driver = open_board(f"tcp://localhost:1{options}", load_robot()).board
+    assert isinstance(driver, AgribotBoard)
+    board.arm(driver._config)
 
 
 @all_or_first("blocks", range(1000), 60, "kB")

@@ -163,7 +163,7 @@ class FirmwarePlatform:
 
     def _boot(self) -> None:
         """Let the board begin, before the time of the run does."""
-        self._bench.send(self._link.board.open())
+        self._bench.send(self._link.open())
         still = (0.0, 0.0, 0.0, 0.0)
         for _ in range(round(BOOT_S * BOARD_HZ)):
             self._bench.advance(1.0 / BOARD_HZ, still)

@@ -88,6 +88,11 @@ def _explain_use(device: FoundDevice) -> str:
         return f"drive by hand: agribot teleop joystick --joy {device.path}"
     if device.is_receiver:
         return f"--source gnss=serial:{device.path}"
+    if "Arduino" in device.what:
+        return (
+            f"its lasting name is {device.path}; which board it is: "
+            f"agribot board show serial:{device.path}"
+        )
     return f"its lasting name is {device.path}"
 
 

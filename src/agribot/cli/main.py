@@ -90,6 +90,11 @@ COMMANDS = {
         "measure what the robot's description says: wheel radius and effective separation",
         "agribot calibrate drive --sensors rtk --json",
     ),
+    "board": (
+        "agribot.cli.board",
+        "show which board is at a line, and write its program into it",
+        "agribot board show serial:/dev/ttyACM0",
+    ),
     "gnss": (
         "agribot.cli.gnss",
         "show what a receiver tells, and set up a u-blox receiver for driving",

@@ -22,7 +22,9 @@ from agribot.core.robot import RobotSpec
 from agribot.drivers.board_codec import BoardDecoder, BoardEncoder
 from agribot.drivers.board_protocol import (
     LAYOUT,
+    AckResult,
     AskVersion,
+    BoardAck,
     BoardConfig,
     BoardFlag,
     BoardImu,
@@ -77,8 +79,8 @@ class AgribotBoard:
         self._bumper_x_m, self._axes = bumper_x_m, axes
         self._mag_count: int | None = None
         self._encoder, self._decoder = BoardEncoder(), BoardDecoder()
-        self._is_known, self._is_configured = False, False
-        self._polls = 0
+        self._is_known = self._is_configured = self._is_config_refused = False
+        self._polls = self.frames_heard = 0
         self._broken_commands, self._bad_frames, self._state_us = 0, 0, 0
         self._clock = MicrosecondClock()
         self.trouble = ""
@@ -95,20 +97,26 @@ class AgribotBoard:
 
     def open(self) -> bytes:
         self._decoder = BoardDecoder()
-        self._is_known = self._is_configured = False
+        self._is_known = self._is_configured = self._is_config_refused = False
+        self._polls = self.frames_heard = 0
         self._clock = MicrosecondClock()
-        return b"\0" + self._ask()
+        return b""
 
     def poll(self) -> bytes:
+        """Ask what it is, and configure it, once it has spoken."""
+        if not self.frames_heard or (self._is_known and self._is_configured):
+            return b""
         self._polls += 1
-        is_asked = self._polls % POLLS_PER_QUESTION == 0
-        return self._ask() if is_asked and not (self._is_known and self._is_configured) else b""
+        return self._ask() if self._polls % POLLS_PER_QUESTION == 1 else b""
 
     def feed(self, data: bytes) -> list[StampedReport]:
         found = []
         for frame in self._decoder.feed(data):
+            self.frames_heard += 1
             if isinstance(frame.message, BoardVersion):
                 self._check(frame.message)
+            elif isinstance(frame.message, BoardAck):
+                self._note_answer(frame.message)
             elif isinstance(frame.message, BoardState) and self._is_known:
                 found.append(self._read(frame.message))
             elif isinstance(frame.message, BoardImu) and self._is_known:
@@ -126,7 +134,7 @@ class AgribotBoard:
         return self._write(ClearLatch())
 
     def _ask(self) -> bytes:
-        return self._write(AskVersion()) + self._write(self._config)
+        return b"\0" + self._write(AskVersion()) + self._write(self._config)
 
     def _write(self, message: BoardMessage) -> bytes:
         return self._encoder.encode(message)[1]
@@ -142,6 +150,10 @@ class AgribotBoard:
             )
         else:
             self.trouble, self._is_known = "", True
+
+    def _note_answer(self, answer: BoardAck) -> None:
+        if answer.of_type == BoardConfig.number:
+            self._is_config_refused = answer.result is not AckResult.DONE
 
     def _count_broken(self, state: BoardState) -> None:
         """Count what the board could not read, unless it began anew since."""
@@ -171,7 +183,9 @@ class AgribotBoard:
             ) if has_battery else None,
             bumper=BumperSample(t_s=0.0, x_body_m=self._bumper_x_m, y_body_m=0.0)
             if BoardFlag.BUMPER_PRESSED in state.flags else None,
-            board=_read_board(state, has_battery=has_battery),
+            board=_read_board(
+                state, has_battery=has_battery, is_config_refused=self._is_config_refused
+            ),
         )  # fmt: skip
         return StampedReport(self._clock.read_s(state.t_us), report)
 
@@ -221,11 +235,16 @@ def read_board_imu(
     return sample, MagSample(t_s=0.0, field_t=turn_axes(imu.mag_t, axes))
 
 
-def _read_board(state: BoardState, *, has_battery: bool) -> BoardSample:
+def _read_board(state: BoardState, *, has_battery: bool, is_config_refused: bool) -> BoardSample:
     flags, causes = state.flags, state.stop_causes
     has_begun = StopCause.BEGAN in causes and BoardFlag.STOP_LATCHED in flags
     has_hung = has_begun and BoardFlag.WATCHDOG_RESET in flags
     found = ["it hung, and its watchdog reset it"] if has_hung else []
+    if is_config_refused:
+        found.append(
+            "it refuses its configuration, and will turn no wheel; check counts_per_turn, "
+            "full_speed_radps, kp and ti_s"
+        )
     if StopCause.REVERSED in causes:
         found.append(_name_reversed(state.motor_faults))
     told = " and ".join(words for cause, words in CAUSES.items() if cause in causes)

@@ -23,17 +23,22 @@ from agribot.core.messages import (
 from agribot.core.robot import DriveSpec
 from agribot.core.stamp_clock import SampleQueue
 from agribot.drivers.line_watch import LineWatch
-from agribot.drivers.motor_board import BoardReport, CountsBroken, MotorBoard
+from agribot.drivers.motor_board import BoardReport, CountsBroken, MotorBoard, SpeaksFirst
 
 # A person cleared the stop: the board is told so until it has let go, but no longer.
 CLEARING_S = 2.0
+# A board that speaks first has missed ten of its words: it hung or begins anew, and its bootloader
+# must hear nothing. A watchdog resets it 0.12 s after its last one.
+HUSH_S = 0.1
+# What a board said before its line was opened may come within the first milliseconds after that.
+SURE_S = 0.05
 
 
 class BoardLink:
     """Reports of the board by tick, and its bytes for each command; `board` is its codec."""
 
     def __init__(self, board: MotorBoard, drive: DriveSpec, now_s: Callable[[], float]) -> None:
-        self.board, self._drive = board, drive
+        self.board, self._drive, self._now_s = board, drive, now_s
         # The IMU's readings may have the times of the others: each kind has a queue of its own. But
         # the board has one clock, and readings that come later than the others are late.
         self._queue: SampleQueue[BoardReport] = SampleQueue(
@@ -44,6 +49,7 @@ class BoardLink:
         )
         self._watch = LineWatch("motor board")
         self.has_spoken = False
+        self._first_s, self._heard_s = math.inf, -math.inf
         self._clearing_until_s = -math.inf
 
     @property
@@ -51,13 +57,32 @@ class BoardLink:
         """How far the times of reports may be off."""
         return self._queue.uncertainty_s
 
+    @property
+    def may_send(self) -> bool:
+        """Whether the board listens: one that speaks first does while it speaks, others always."""
+        is_sure = self._heard_s - self._first_s >= SURE_S
+        is_heard = is_sure and self._now_s() - self._heard_s < HUSH_S
+        return is_heard or not isinstance(self.board, SpeaksFirst)
+
+    def open(self) -> bytes:
+        """Begin with a board whose line was just opened; makes what it is told at once."""
+        self.has_spoken, self._first_s, self._heard_s = False, math.inf, -math.inf
+        return self.board.open()
+
     def feed(self, data: bytes, arrived_s: float) -> None:
         """Take bytes in, in any thread."""
-        for stamped in self.board.feed(data):
+        heard = self._count_heard()
+        reports = self.board.feed(data)
+        if self._count_heard() != heard:
+            self._first_s, self._heard_s = min(self._first_s, arrived_s), arrived_s
+        for stamped in reports:
             is_imu = stamped.report.imu is not None
             self.has_spoken |= not is_imu
             queue = self._imu_queue if is_imu else self._queue
             queue.put(stamped.stamp_s, arrived_s, stamped.report)
+
+    def _count_heard(self) -> int:
+        return self.board.frames_heard if isinstance(self.board, SpeaksFirst) else 0
 
     def take(self, t_s: float) -> dict[str, tuple[Any, ...]]:
         """Take what was measured until `t_s`, by field of the batch."""
@@ -85,7 +110,8 @@ class BoardLink:
         if "clear_stop" in actions:
             self._clearing_until_s = t_s + CLEARING_S
         last = told[-1] if told else None
-        if "stop" in actions or (last is not None and last.is_button_pressed):
+        has_let_go = last is not None and not last.stopped  # the next stop is a new one
+        if "stop" in actions or has_let_go or (last is not None and last.is_button_pressed):
             self._clearing_until_s = -math.inf
         is_held = t_s < self._clearing_until_s and last is not None and bool(last.stopped)
         return self.board.clear_stop() if is_held else b""

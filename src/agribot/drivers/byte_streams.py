@@ -112,8 +112,9 @@ class TcpStream:
 class StreamReader:
     """Reads a line in a thread of its own until it is closed.
 
-    `on_bytes(data, arrived_s)` gets what came, in that thread; `on_open(stream)` may write what
-    the device has to be told. `tell` hears of each loss and of each return, once.
+    `on_bytes(data, arrived_s)` gets what came, in that thread, and with `hears_silence` also that
+    nothing came for POLL_S; `on_open(stream)` may write what the device has to be told. `tell`
+    hears of each loss and of each return, once.
     """
 
     def __init__(
@@ -124,6 +125,8 @@ class StreamReader:
         now_s: Callable[[], float],
         tell: Callable[[str], None],
         on_open: Callable[[ByteStream], None] = lambda stream: None,
+        *,
+        hears_silence: bool = False,
     ) -> None:
         """Open the line and begin to read.
 
@@ -131,6 +134,7 @@ class StreamReader:
         """
         self._name, self._open_stream, self._on_bytes = name, open_stream, on_bytes
         self._now_s, self._tell, self._on_open = now_s, tell, on_open
+        self._hears_silence = hears_silence
         self._ended = threading.Event()
         self._holds_stream = threading.Lock()  # a descriptor that is written to is not closed
         try:
@@ -183,7 +187,7 @@ class StreamReader:
                 self._let_go()
                 self._tell(f"{self._name} is lost: {error.strerror or error}; trying again")
             else:
-                if data:
+                if data or self._hears_silence:
                     self._on_bytes(data, self._now_s())
 
     def _open_again(self) -> ByteStream | None:

@@ -6,6 +6,7 @@ of a topic, `agribot` the frames of the IMU board of `firmware/`, which bring th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -18,11 +19,15 @@ from agribot.drivers.agribot_board import MicrosecondClock, read_board_imu
 from agribot.drivers.board_codec import BoardDecoder, BoardEncoder
 from agribot.drivers.board_protocol import LAYOUT, AskVersion, BoardImu, BoardKind, BoardVersion
 from agribot.drivers.byte_streams import OpenStream, StreamReader
+from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.letter_imu import LetterImuDecoder, read_axes
 from agribot.drivers.rosserial import STRING, RosserialHost, read_string
 from agribot.drivers.uri_options import UriOptions
 
 ASK_AGAIN_S = 1.0  # a board that began anew prints lines until it is asked for frames
+# Opening its line resets an Arduino, whose bootloader takes a byte within its first second for the
+# first of a new program, and then does not start the old one.
+BEGINS_S = 2.0
 
 Refuse = Callable[[str], None]
 Measured = list[tuple[float, ImuSample | MagSample]]  # with the device's stamp, 0 where it has none
@@ -33,8 +38,12 @@ class ImuDevice(Protocol):
 
     has_magnetometer: bool
 
+    def open(self, now_s: float) -> None:
+        """Begin with a device whose line was just opened."""
+        ...
+
     def feed(self, data: bytes, now_s: float) -> Measured:
-        """Take what came until now."""
+        """Take what came until now, which may be nothing."""
         ...
 
     def take_to_send(self) -> bytes:
@@ -54,6 +63,9 @@ class LetterImu:
             gyro_dps=options.pop_number("gyro_dps", 250.0, 10.0, 4000.0),
         )  # fmt: skip
 
+    def open(self, now_s: float) -> None:
+        """Nothing to do: it hears nothing, and a broken line is left out."""
+
     def feed(self, data: bytes, now_s: float) -> Measured:
         return [(0.0, sample) for sample in self._lines.feed(data)]
 
@@ -67,6 +79,9 @@ class RosserialImu(LetterImu):
     def __init__(self, options: UriOptions, refuse: Refuse) -> None:
         super().__init__(options, refuse)
         self._host, self._refuse = RosserialHost(), refuse
+
+    def open(self, now_s: float) -> None:
+        self._host.open(now_s)
 
     def feed(self, data: bytes, now_s: float) -> Measured:
         found: Measured = []
@@ -84,7 +99,11 @@ class RosserialImu(LetterImu):
 
 
 class FrameImu:
-    """Sends frames with times of its own, once it was asked which firmware it runs."""
+    """Sends frames with times of its own, once it was asked which firmware it runs.
+
+    It is asked when it says something else, and not before: until then it prints lines, and what
+    is silent may be in its bootloader.
+    """
 
     has_magnetometer = True
 
@@ -95,11 +114,18 @@ class FrameImu:
         self._clock = MicrosecondClock()
         self._mag_count: int | None = None
         self._heard_s = self._asked_s = -ASK_AGAIN_S
-        self._now_s = 0.0
+        self._begins_s = self._now_s = 0.0
+        self._speaks = False
         self._is_refused = False
+
+    def open(self, now_s: float) -> None:
+        self._decoder, self._clock = BoardDecoder(), MicrosecondClock()
+        self._heard_s = self._asked_s = -math.inf
+        self._begins_s, self._speaks = now_s + BEGINS_S, False
 
     def feed(self, data: bytes, now_s: float) -> Measured:
         self._now_s = now_s
+        self._speaks = bool(data)
         found: Measured = []
         for frame in self._decoder.feed(data):
             if isinstance(frame.message, BoardVersion):
@@ -110,7 +136,8 @@ class FrameImu:
         return found
 
     def take_to_send(self) -> bytes:
-        if self._now_s - max(self._heard_s, self._asked_s) < ASK_AGAIN_S:
+        is_answered = self._now_s - max(self._heard_s, self._asked_s) < ASK_AGAIN_S
+        if is_answered or not self._speaks or self._now_s < self._begins_s:
             return b""
         self._asked_s = self._now_s
         return b"\0" + self._encoder.encode(AskVersion())[1]
@@ -173,10 +200,11 @@ class ImuSource:
         self._device = device
         self._imu: SampleQueue[ImuSample] = SampleQueue(latency_s=latency_s, is_of_its_own=True)
         self._mag: SampleQueue[MagSample] = SampleQueue(latency_s=latency_s, is_of_its_own=True)
+        self._clock = ClockWatch(f"IMU on {name}", lambda: self._imu.uncertainty_s)
         self._reader: StreamReader | None = None
         self._reader = StreamReader(
             f"imu from {name}", open_stream, self._read, self._imu.now_s, tell,
-            lambda stream: stream.write(device.take_to_send()),
+            lambda stream: device.open(self._imu.now_s()), hears_silence=True,
         )  # fmt: skip
 
     def take(self, t_s: float) -> tuple[ImuSample, ...]:
@@ -184,8 +212,9 @@ class ImuSource:
         return self._imu.take(t_s)
 
     def take_more(self, t_s: float) -> dict[str, tuple[Any, ...]]:
-        """Take the readings of a magnetometer on the same board."""
-        return {"mag": self._mag.take(t_s)} if self._device.has_magnetometer else {}
+        """Take the readings of a magnetometer on the same board, and notes on its clock."""
+        mag = {"mag": self._mag.take(t_s)} if self._device.has_magnetometer else {}
+        return mag | {"events": self._clock.update(t_s)}
 
     def close(self) -> None:
         """Let go of the line. Safe to call twice."""

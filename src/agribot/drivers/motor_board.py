@@ -58,7 +58,7 @@ class MotorBoard(Protocol):
     trouble: str
 
     def open(self) -> bytes:
-        """Begin with a board that was just connected; returns what it is to be told first."""
+        """Begin with a board that was just connected; returns what it is to be told at once."""
         ...
 
     def poll(self) -> bytes:
@@ -75,6 +75,20 @@ class MotorBoard(Protocol):
 
     def clear_stop(self) -> bytes:
         """Make what tells the board that a person cleared the stop."""
+        ...
+
+
+@runtime_checkable
+class SpeaksFirst(Protocol):
+    """A board that tells its state unasked, and is told nothing before.
+
+    Opening its line resets an Arduino, whose bootloader takes a byte within its first second for
+    the first of a new program, and then waits for the rest of it instead of starting the old one.
+    """
+
+    @property
+    def frames_heard(self) -> int:
+        """How many whole frames have come since its line was opened."""
         ...
 
 

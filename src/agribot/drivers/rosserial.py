@@ -14,7 +14,9 @@ SYNC = b"\xff\xfe"
 LONGEST_CONTENT = 2048
 PUBLISHER, SUBSCRIBER, LOG, TIME = 0, 1, 7, 10
 FIRST_TOPIC = 100  # below are the protocol's own
-ASK_AGAIN_S = 2.0  # while no topic has been told, and after a silence
+# While no topic has been told, and after a silence: longer than the second in which the bootloader
+# of an Arduino would take the question for a program to flash.
+ASK_AGAIN_S = 2.0
 STRING = "std_msgs/String"
 _HEAD_BYTES = 7
 
@@ -49,6 +51,12 @@ class RosserialHost:
         self._to_send = bytearray()
         self._asked_s = -ASK_AGAIN_S
         self._now_s = 0.0
+
+    def open(self, now_s: float) -> None:
+        """Begin with a device whose line was just opened, which resets an Arduino."""
+        self._waiting.clear()
+        self._to_send.clear()
+        self._asked_s = now_s
 
     def feed(self, data: bytes, now_s: float) -> list[TopicMessage]:
         """Take what came until now; the time goes to a device that asks for it, Unix time."""
