@@ -378,7 +378,7 @@ def test_a_robot_without_rows_in_view_does_not_speak_of_a_disagreement_for_good(
     into, estimates = Localizer(EstimateConfig(), FIELD, robot((0.0, 0.0, 0.6))), []
     for tick, batch in enumerate(batches(recording)):
         estimates.append(into.update(batch))
-        if tick % 5 == 0 and 4.0 < batch.t_s < FROM_S:
+        if tick % 5 == 0 and FROM_S - 3.0 < batch.t_s < FROM_S:  # too short to be the map's error
             into.observe(sight(recording, batch.t_s, 0.12, rng))
     assert at(estimates, FROM_S + 1.0).reason.startswith("camera and GNSS disagree by 0.1")
     assert estimates[-1].reason == ""
