@@ -183,6 +183,8 @@ class Localizer:
         self._history.append(self._motion)
         self._integrity.move(step.distance_m, step.slide_m, step.turn_rad)
         self._sight.move(step.distance_m)
+        self.pose.agreement.move(step.distance_m)
+        self.pose.lines.move(step.distance_m, yaw_rad, yaw_rad - last.yaw_rad)
         self._watch_turn(step, yaw_rad)
         self._gnss.move(step.distance_m, step.turn_rad)
         if abs(self._motion.wheel_mps) > STANDING_MPS:
