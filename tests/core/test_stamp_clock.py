@@ -45,6 +45,35 @@ def test_two_reports_at_least_make_an_uncertainty() -> None:
     assert clock.uncertainty_s == pytest.approx(0.001 + 2e-4)
 
 
+def run_camera(clock: StampClock, seed: int, *, mean_late_s: float) -> None:
+    """Note pictures of 20 a second without stamps, of which every seventh is lost."""
+    rng = np.random.default_rng(seed)
+    for k in range(200):
+        late_s = float(rng.exponential(mean_late_s))
+        if k % 7:
+            clock.note_message(0.0, 10.0 + 0.05 * k + late_s)
+
+
+@pytest.mark.parametrize("mean_late_s", [0.0005, 0.004])
+def test_without_stamps_the_uncertainty_is_how_late_arrivals_come_on_average(
+    mean_late_s: float,
+) -> None:
+    told_s = []
+    for seed in range(50):
+        clock = StampClock()
+        run_camera(clock, seed, mean_late_s=mean_late_s)
+        told_s.append(clock.uncertainty_s)
+    assert np.mean(told_s) == pytest.approx(mean_late_s, rel=0.15)
+    assert max(told_s) < 2.5 * mean_late_s
+
+
+def test_lines_that_come_in_heaps_are_known_to_their_period() -> None:
+    clock = StampClock()
+    for k in range(40):
+        clock.note_message(0.0, 1.0 + 0.3 * (k // 4))
+    assert 0.5 * 0.075 < clock.uncertainty_s < 2.0 * 0.075
+
+
 def test_a_board_that_began_with_the_robot_is_not_taken_for_the_robots_own_clock() -> None:
     """Its clock is off by half a second, which a peer's delay might be, too."""
     own, peer = StampClock(is_of_its_own=True), StampClock()

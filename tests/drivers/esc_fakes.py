@@ -6,20 +6,29 @@ import struct
 
 from agribot.drivers.vesc import VescDecoder, make_packet
 
+IDLE, CLOSED_LOOP = 1, 8  # of an ODrive's axis
+
 
 class FakeVesc:
-    """The controller on the line, and those behind it on CAN; speeds are taken at once."""
+    """The controller on the line, and those behind it on CAN; speeds are taken at once.
 
-    def __init__(self, local: int, others: tuple[int, ...]) -> None:
-        self._local = local
+    One that hears no speed for `timeout_s` lets go of its motor, and takes the next one.
+    """
+
+    def __init__(self, local: int, others: tuple[int, ...], timeout_s: float = 0.3) -> None:
+        self._local, self._timeout_s = local, timeout_s
         self.erpm = dict.fromkeys((local, *others), 0)
         self.faults = dict.fromkeys(self.erpm, 0)
         self._steps = dict.fromkeys(self.erpm, 0.0)
+        self._silent_s = dict.fromkeys(self.erpm, 0.0)
         self._decoder = VescDecoder()
 
     def advance(self, dt_s: float) -> None:
         for one, erpm in self.erpm.items():
             self._steps[one] += erpm / 60.0 * 6.0 * dt_s
+            self._silent_s[one] += dt_s
+            if self._silent_s[one] > self._timeout_s:
+                self.erpm[one] = 0
 
     def answer(self, data: bytes) -> bytes:
         out = b""
@@ -29,50 +38,98 @@ class FakeVesc:
                 one, command = payload[1], payload[2:]
             if command[0] == 8:
                 (self.erpm[one],) = struct.unpack(">i", command[1:5])
-            elif command[0] == 4:
-                out += self._tell(one)
+                self._silent_s[one] = 0.0
+            elif command[0] == 50:
+                out += make_packet(self._tell(one, *struct.unpack(">I", command[1:5])))
         return out
 
-    def _tell(self, one: int) -> bytes:
+    def _tell(self, one: int, mask: int) -> bytes:
+        """Tell what the bits of `mask` ask for, in their order."""
         steps = round(self._steps[one])
-        values = struct.pack(
-            ">BhhiiiihihiiiiiiBiB", 4, 251, 300, 120, 80, 0, 0, 100, self.erpm[one], 246, 0, 0, 0,
-            0, steps, abs(steps), self.faults[one], 0, one,
+        values = (
+            ("h", 251), ("h", 300), ("i", 120), ("i", 80), ("i", 0), ("i", 0), ("h", 100),
+            ("i", self.erpm[one]), ("h", 246), ("i", 0), ("i", 0), ("i", 0), ("i", 0), ("i", steps),
+            ("i", abs(steps)), ("B", self.faults[one]), ("i", 0), ("B", one),
         )  # fmt: skip
-        return make_packet(values + bytes(8))  # newer firmware appends more
+        asked = [value for bit, value in enumerate(values) if mask >> bit & 1]
+        formats = "".join(kind for kind, _ in asked)
+        return struct.pack(f">BI{formats}", 50, mask, *(number for _, number in asked))
 
 
 class FakeOdrive:
-    """Both axes; velocities are taken at once by an axis in closed loop."""
+    """Both axes; velocities are taken at once by an axis in closed loop.
+
+    As in its firmware a watchdog that is on counts in every state, `v` feeds it, and an axis with
+    an error enters no closed loop. 24 of its control loops pass while a line arrives, so that a
+    watchdog without time has expired before the next one.
+    """
 
     def __init__(self) -> None:
-        self.states, self.errors = [1, 1], [0, 0]
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin anew, as after a brown-out: what was not saved is forgotten."""
+        self.states, self.errors = [IDLE, IDLE], [0, 0]
         self.watchdogs: set[int] = set()
+        self.timeouts_s, self._left_s = [0.0, 0.0], [0.0, 0.0]
         self._turns, self._speeds = [0.0, 0.0], [0.0, 0.0]
         self._line = b""
+        self.is_broken = False  # it has an error again as soon as it was cleared
+        self.clears = 0
+        self.lets_go: list[int] = []  # axes that were put into a state
+
+    def speed(self, axis: int) -> float:
+        return self._speeds[axis] if self.states[axis] == CLOSED_LOOP else 0.0
 
     def advance(self, dt_s: float) -> None:
-        for axis, speed in enumerate(self._speeds):
-            self._turns[axis] += speed * dt_s
+        for axis in (0, 1):
+            self._turns[axis] += self.speed(axis) * dt_s
+            if axis in self.watchdogs:
+                self._left_s[axis] -= dt_s
+        self._check()
 
     def answer(self, data: bytes) -> bytes:
         *lines, self._line = (self._line + data).split(b"\n")
-        return b"".join(self._do(line.decode().split()) for line in lines)
+        said = b""
+        for line in lines:
+            said += self._do(line.decode().split())
+            self._check()
+        return said
+
+    def _check(self) -> None:
+        for axis in self.watchdogs:
+            if self._left_s[axis] <= 0.0:
+                self.errors[axis] |= 0x800
+        for axis, error in enumerate(self.errors):
+            if error:
+                self.states[axis] = IDLE
 
     def _do(self, words: list[str]) -> bytes:
         match words:
-            case ["v", axis, speed, _] if self.states[int(axis)] == 8:
+            case ["v", axis, speed, _]:
                 self._speeds[int(axis)] = float(speed)
+                self._left_s[int(axis)] = self.timeouts_s[int(axis)]
             case ["f", axis]:
-                return f"{self._turns[int(axis)]:f} {self._speeds[int(axis)]:f}\r\n".encode()
+                return f"{self._turns[int(axis)]:f} {self.speed(int(axis)):f}\r\n".encode()
             case ["r", "vbus_voltage"]:
                 return b"24.3\r\n"
             case ["r", name] if name.endswith(".error"):
                 return f"{self.errors[int(name[4])]}\r\n".encode()
-            case ["w", name, value] if name.endswith("requested_state"):
-                self.states[int(name[4])] = int(value)
-            case ["w", name, "1"] if name.endswith("enable_watchdog"):
-                self.watchdogs.add(int(name[4]))
+            case ["r", name] if name.endswith(".current_state"):
+                return f"{self.states[int(name[4])]}\r\n".encode()
+            case ["w", name, value]:
+                self._write(name, value)
             case ["sc"]:
-                self.errors = [0, 0]
+                self.clears += 1
+                self.errors = [0x200 * self.is_broken] * 2
         return b""
+
+    def _write(self, name: str, value: str) -> None:
+        axis = int(name[4])
+        if name.endswith("requested_state") and not self.errors[axis]:
+            self.states[axis] = int(value)
+            self.lets_go.append(axis)
+        elif name.endswith("watchdog_timeout"):
+            self.timeouts_s[axis] = float(value)
+        elif name.endswith("enable_watchdog") and value == "1":
+            self.watchdogs.add(axis)

@@ -7,7 +7,6 @@ Source of the method: Zalewski, "American fuzzy lop", technical details (edges, 
 
 from __future__ import annotations
 
-import datetime as dt
 import hashlib
 import math
 import random
@@ -20,129 +19,16 @@ from types import FrameType
 from typing import Any
 
 from agribot.core.messages import GnssFix, GnssHeading, GnssStatus, ImuSample
-from agribot.drivers import ntrip, rosserial, rtcm
-from agribot.drivers.board_codec import FORMATS, BoardDecoder, encode, stuff, unstuff
+from agribot.drivers import rosserial, vesc
+from agribot.drivers.board_codec import FORMATS, encode, stuff, unstuff
 from agribot.drivers.board_protocol import BoardMessage
-from agribot.drivers.letter_imu import LetterImuDecoder, read_axes
-from agribot.drivers.nmea import write_sentence
-from agribot.drivers.receiver import GpsdDecoder, ReceiverDecoder
-from agribot.drivers.rosserial import RosserialHost
+from agribot.drivers.motor_board import BoardReport, StampedReport
 from agribot.drivers.ubx import SYNC, compute_checksum
-from tests.drivers import board_bytes, rosserial_bytes
-from tests.drivers import receiver_bytes as written
-from tests.drivers.caster import STATION, TABLE, YES, chunk, make_observation
+from tests.drivers.codecs import CODECS, write_seeds
 
 CORPUS = Path(__file__).parent / "corpus"
 LONGEST = 2000
-Feed = Callable[[bytes], list[Any]]
 Edge = tuple[int, int, int]
-
-
-def ignore(text: str) -> None:
-    """Take what a codec refuses."""
-
-
-def open_receiver() -> Feed:
-    return ReceiverDecoder(ignore).feed
-
-
-def open_gpsd() -> Feed:
-    return GpsdDecoder(ignore).feed
-
-
-def open_imu() -> Feed:
-    return LetterImuDecoder(read_axes("x,-y,-z"), ignore).feed
-
-
-def open_rtcm() -> Feed:
-    return rtcm.RtcmDecoder().feed
-
-
-def open_ntrip() -> Feed:
-    """An answer may be refused, and what stands behind a refusal is not read."""
-    decoder = ntrip.AnswerDecoder(ntrip.Caster("caster", 2101, "FARM"), has_login=True)
-    is_over = False
-
-    def feed(data: bytes) -> list[Any]:
-        nonlocal is_over
-        try:
-            return [] if is_over else list(decoder.feed(data))
-        except ntrip.CasterRefusal:
-            is_over = True
-            return []
-
-    return feed
-
-
-def open_board() -> Feed:
-    return BoardDecoder("board").feed
-
-
-def open_rosserial() -> Feed:
-    host = RosserialHost()
-    return lambda data: list(host.feed(data, 1.0))
-
-
-CODECS: dict[str, Callable[[], Feed]] = {
-    "ubx": open_receiver,
-    "nmea": open_receiver,
-    "gpsd": open_gpsd,
-    "letter_imu": open_imu,
-    "rtcm": open_rtcm,
-    "ntrip": open_ntrip,
-    "board": open_board,
-    "rosserial": open_rosserial,
-}
-
-
-def write_seeds(codec: str) -> list[bytes]:
-    """Write what a codec is there for."""
-    of_boards = {
-        "board": b"".join(encode(k, one) for k, one in enumerate(board_bytes.make_all())),
-        "letter_imu": b"A-7576B2476C-14524D-749E-4615F-459G\r\nA0B0C16384D0E0F131G\r\n",
-        "rosserial": rosserial_bytes.make_topic() + b"text\r\n" + rosserial_bytes.make_message(),
-    }
-    if codec in of_boards:
-        return [of_boards[codec]]
-    at, second = written.EPOCH, dt.timedelta(seconds=1)
-    if codec == "ubx":
-        epochs = [
-            written.make_ubx_sky(at + k * second)
-            + written.make_ubx_pvt(at + k * second, carrier=k)
-            + written.make_ubx_hpposllh(at + k * second, 52.15, 4.51)
-            + written.make_ubx_relposned(at + k * second, 90.0)
-            for k in range(3)
-        ]
-        return [*epochs, b"".join(epochs)]
-    if codec == "nmea":
-        sky = [
-            "GPGSV,1,1,03,05,71,210,44,07,15,033,38,12,03,359,,1",
-            "GNGSA,A,3,05,07,,,,,,,,,,,1.8,0.9,1.5,1",
-            "GNHDT,123.4,T",
-        ]
-        said = b"".join(write_sentence(body) for body in sky)
-        epochs = [b"".join(written.make_nmea(at + k * second)) + said for k in range(2)]
-        return [*epochs, b"".join(epochs)]
-    if codec == "gpsd":
-        return [
-            b'{"class":"VERSION","release":"3.22"}\r\n{"class":"SKY","device":"/dev/a","hdop":0.9,'
-            b'"satellites":[{"PRN":5,"el":71.0,"az":210.0,"ss":44.0,"used":true,"gnssid":0}]}\n',
-            b'{"class":"TPV","device":"/dev/a","status":4,"mode":3,"time":"2026-05-04T09:30:15.000'
-            b'Z","lat":52.15,"lon":4.51,"altHAE":56.5,"eph":1.2,"track":90.0,"speed":0.5}\n',
-            b'{"class":"GST","device":"/dev/a","time":"2026-05-04T09:30:15.000Z","lat":0.1,'
-            b'"lon":0.2}\n{"class":"TPV","mode":2,"time":"2026-05-04T09:30:16.000Z","lat":-52.0,'
-            b'"lon":4.5,"velN":0.1,"velE":0.2,"eps":0.1}\n',
-        ]
-    if codec == "rtcm":
-        return [STATION + make_observation(1077, 30), b"\xd3\x00\x02\xd3" + STATION]
-    body = STATION + make_observation(1077, 20)
-    return [
-        b"ICY 200 OK\r\n\r\n" + body,
-        YES + b"Transfer-Encoding: chunked\r\n\r\n" + chunk(body[:20]) + chunk(body[20:]),
-        b"SOURCETABLE 200 OK\r\n\r\n" + TABLE,
-        b"HTTP/1.1 401 Unauthorized\r\n\r\n",
-        b"ERROR - Bad Password\r\n",
-    ]
 
 
 def read_corpus(codec: str) -> list[bytes]:
@@ -174,8 +60,18 @@ def check_sample(sample: Any) -> None:
         assert all(0.0 <= each.snr_db <= 255.0 for each in sample.satellites)
     elif isinstance(sample, BoardMessage):
         assert encode(0, sample), "what was read can be written again"
+    elif isinstance(sample, StampedReport):
+        check_report(sample.report)
     elif isinstance(sample, ImuSample):
         assert all(map(math.isfinite, (*sample.accel_mps2, *sample.gyro_radps)))
+
+
+def check_report(report: BoardReport) -> None:
+    wheels, battery = report.wheels, report.battery
+    assert wheels is not None and report.board is not None
+    assert all(map(math.isfinite, (*wheels.angle_rad, *wheels.speed_radps)))
+    assert battery is None or math.isfinite(battery.voltage_v)
+    assert bool(wheels.faults) == bool(report.board.faults)
 
 
 class Tracer:
@@ -218,7 +114,7 @@ def mutate(rng: random.Random, corpus: list[bytes]) -> bytes:
             data[at % len(data)] ^= 1 << rng.randrange(8)
         elif kind == 1 and data:
             data[at % len(data)] = rng.choice(
-                b'\x00\x01\x7f\x80\xff\xb5\x62\xd3$*,-0189\r\n{}"[]:AG.'
+                b'\x00\x01\x02\x03\x7f\x80\xff\xb5\x62\xd3$*,-0189\r\n{}"[]:AG.'
             )
         elif kind == 2:
             del data[at : at + rng.randrange(1, 9)]
@@ -237,6 +133,7 @@ def mutate(rng: random.Random, corpus: list[bytes]) -> bytes:
 WORDS = [
     b"nan", b"inf", b"-1", b"1e999", b"null", b"true", b"{}", b"[]", b"99999", b",,", b"$GNGGA,",
     b"$GPGSV,1,1,01,", b"\xb5\x62\x01\x07\x5c\x00", b"\xb5\x62\x01\x35\x08\x00", b"\xd3\x00",
+    b"\xb5\x62\x05\x01\x02\x00\x06\x8a", b"\x02\x15\x32", b"0.5 1\r\n", b"8\r\n",
     b"\r\n", b"HTTP/1.1 200", b"ICY 200", b"0\r\n\r\n", b'"class":"SKY",', b'"lat":',
 ]  # fmt: skip
 
@@ -253,7 +150,17 @@ def mend(rng: random.Random, data: bytes) -> bytes:
             for byte in body:
                 value ^= byte
             lines[k] = b"$" + body + b"*%02X" % value
-    return mend_rosserial(mend_board(mend_ubx(b"\r\n".join(lines))))
+    return mend_vesc(mend_rosserial(mend_board(mend_ubx(b"\r\n".join(lines)))))
+
+
+def mend_vesc(data: bytes) -> bytes:
+    mended, at = bytearray(data), data.find(bytes((vesc.SHORT,)))
+    while at >= 0 and at + 2 < len(mended):
+        end = at + 2 + mended[at + 1]
+        if mended[end + 2 : end + 3] == bytes((vesc.END,)):
+            mended[end : end + 2] = crc_hqx(bytes(mended[at + 2 : end]), 0).to_bytes(2, "big")
+        at = mended.find(bytes((vesc.SHORT,)), at + 1)
+    return bytes(mended)
 
 
 def mend_board(data: bytes) -> bytes:

@@ -8,7 +8,11 @@ import math
 from pynmeagps import GET, NMEAMessage
 from pyubx2 import UBXMessage
 
+from agribot.drivers.ubx import make_frame
+from agribot.drivers.ubx_setup import MON_VER
+
 EPOCH = dt.datetime(2026, 5, 4, 9, 30, 15, tzinfo=dt.UTC)
+VERSIONS = {"ZED-F9P": "27.31", "NEO-M8N": "18.00"}
 LAT_DEG, LON_DEG, ALT_M = 52.15, 4.51, 11.5
 GEOID_M = 45.0
 
@@ -114,6 +118,33 @@ def make_ubx_sky(at: dt.datetime, *, is_searching: bool = False) -> bytes:
     dop = UBXMessage("NAV", "NAV-DOP", GET, iTOW=itow_ms(at), **told)
     data: bytes = sat.serialize() + dop.serialize()
     return data
+
+
+def make_ubx_rtcm(use: int, *, is_broken: bool = False) -> bytes:
+    """Write RXM-RTCM about a message that came; `use` is 0 unknown, 1 not used, 2 used."""
+    message = UBXMessage(
+        "RXM", "RXM-RTCM", GET, version=2, crcFailed=int(is_broken), msgUsed=use, msgType=1077
+    )
+    data: bytes = message.serialize()
+    return data
+
+
+def make_ubx_cor(use: int, protocol: int = 1) -> bytes:
+    """Write RXM-COR about a message that came; protocol 1 is RTCM 3."""
+    message = UBXMessage(
+        "RXM", "RXM-COR", GET, version=1, protocol=protocol, msgUsed=use, msgTypeValid=1,
+        msgType=1077,
+    )  # fmt: skip
+    data: bytes = message.serialize()
+    return data
+
+
+def make_ubx_version(model: str) -> bytes:
+    """Write MON-VER of one of VERSIONS, whose blocks pyubx2 does not write."""
+    words = [b"EXT CORE 1.00", b"FWVER=HPG 1.32", f"PROTVER={VERSIONS[model]}".encode()]
+    words += [f"MOD={model}".encode()]
+    body = words[0].ljust(30, b"\0") + b"00190000".ljust(10, b"\0")
+    return make_frame(MON_VER, body + b"".join(word.ljust(30, b"\0") for word in words[1:]))
 
 
 def make_sentence(body: str) -> bytes:

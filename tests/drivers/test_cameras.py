@@ -106,6 +106,15 @@ def test_a_loop_that_stands_still_keeps_the_newest_pictures_only(
     assert taken[-1].index > 25
 
 
+def test_how_well_the_times_of_pictures_are_known_is_told(opened: Opened, program: str) -> None:
+    source = opened.open(f"pipe:{program} 1000")
+    opened.frames(source, 8)
+    notes = [note for t_s in (100.0, 102.0) for note in source.take_more(t_s)["events"]]
+    assert [note.text.partition(" are known to ")[0] for note in notes] == [
+        f"times of the camera on {sys.executable}"
+    ]
+
+
 def test_a_video_file_is_a_camera_that_begins_again_at_its_end(
     opened: Opened, tmp_path: Path
 ) -> None:
@@ -121,6 +130,27 @@ def test_a_video_file_is_a_camera_that_begins_again_at_its_end(
     assert frame.image_rgb.shape == (HEIGHT, WIDTH, 3), "fitted to the robot's camera"
     assert frame.image_rgb[0, 0].tolist() == pytest.approx([60, 10, 200], abs=12)
     wait_for(lambda: any("is back" in text for text in opened.told), "the second time round")
+
+
+def test_a_camera_of_the_network_is_read_over_rtsp_and_again_after_it_restarted(
+    opened: Opened,
+) -> None:
+    pytest.importorskip("cv2", reason="OpenCV is missing (pip install 'agribot[camera]')")
+    from tests.drivers.rtsp_server import RtspServer, paint
+
+    with RtspServer(paint(WIDTH, HEIGHT)) as server:
+        source = opened.open(f"rtsp://127.0.0.1:{server.port}/field")
+        frame = opened.frames(source, 3)[-1]
+        assert frame.image_rgb.shape == (HEIGHT, WIDTH, 3)
+        left, right = (frame.image_rgb[HEIGHT // 2, x] for x in (20, WIDTH - 20))
+        assert left.tolist() == pytest.approx([200, 10, 20], abs=12)
+        assert right.tolist() == pytest.approx([20, 10, 200], abs=12)
+        server.hang_up()
+        wait_for(lambda: any("is back" in text for text in opened.told), "the camera to be back")
+        assert opened.told[0].startswith("camera from rtsp://127.0.0.1/field is lost")
+        opened.frames(source, 2)
+        source.close()
+    assert server.asked.count("PLAY") == 2
 
 
 @pytest.mark.parametrize(

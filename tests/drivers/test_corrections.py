@@ -410,7 +410,8 @@ def test_a_run_tells_of_its_corrections_and_its_folder_knows_no_password(
     told = f"corrections from 127.0.0.1:{caster.port}/FARM come"
     assert told in (out / "events.jsonl").read_text()
     states = [s for tick in read_ticks(out / "run.mcap") for s in tick.batch.gnss_status]
-    assert dict(states[-1].correction_counts) == {1005: 3}
+    ((kind, count),) = states[-1].correction_counts
+    assert kind == 1005 and count >= 3, "a slow start outlives a silent caster, which is asked anew"
     said = capsys.readouterr()
     secrets = [b"s3cret", base64.b64encode(b"farmer:s3cret")]
     texts = [path.read_bytes() for path in out.rglob("*") if path.is_file()]

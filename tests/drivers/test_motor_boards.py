@@ -18,7 +18,7 @@ from agribot.drivers import board_kinds, vesc
 from agribot.drivers.board_protocol import StopCause
 from agribot.drivers.motor_board import BoardReport, CountsBroken, MotorBoard, StampedReport
 from tests.drivers.board_emulator import BoardEmulator
-from tests.drivers.esc_fakes import FakeOdrive, FakeVesc
+from tests.drivers.esc_fakes import FakeVesc
 
 ROBOT = load_robot()
 STILL = ImplementCommand()
@@ -257,45 +257,6 @@ def test_vesc_packets_are_found_among_any_noise(noise: bytes, cut: int) -> None:
     data = noise + bytes(700) + packet  # zeros end whatever the noise seemed to begin
     found = [p for k in range(0, len(data), cut) for p in decoder.feed(data[k : k + cut])]
     assert bytes((4, *range(60))) in found
-
-
-def test_an_odrive_turns_its_axes_and_tells_faults_and_voltage() -> None:
-    driver = open_board("board=odrive&axes=1,0&gear=10")
-    fake = FakeOdrive()
-    found = driver.feed(fake.answer(driver.open() + driver.clear_stop()))
-    for _ in range(100):
-        fake.advance(0.02)
-        said = fake.answer(driver.poll() + driver.drive((2.0, -1.0, 2.0, -1.0), STILL))
-        found += driver.feed(said)
-    report = found[-1].report
-    assert report.wheels is not None and report.battery is not None
-    assert report.wheels.speed_radps == pytest.approx((2.0, -1.0, 2.0, -1.0), rel=0.01)
-    assert report.battery.voltage_v == pytest.approx(24.3)
-    assert fake.states == [8, 8] and fake.watchdogs == {0, 1}
-    fake.errors[0] = 0x40
-    for _ in range(12):
-        found += driver.feed(fake.answer(driver.poll()))
-    report = found[-1].report
-    assert report.wheels is not None and report.board is not None
-    assert report.wheels.faults == ("left_wheel_R", "left_wheel_F")
-    assert report.board.faults == ("axis 0: error 0x40",)
-
-
-def test_answers_of_an_odrive_that_got_lost_are_not_taken_for_others() -> None:
-    driver = open_board("board=odrive&gear=10")
-    fake = FakeOdrive()
-    driver.feed(fake.answer(driver.open() + driver.clear_stop()))
-    for tick in range(200):
-        fake.advance(0.02)
-        said = fake.answer(driver.poll() + driver.drive((2.0, -1.0, 2.0, -1.0), STILL))
-        if tick % 23 == 5:
-            said = said[3:] if tick % 2 else said[: len(said) // 2]
-        for stamped in driver.feed(said):
-            wheels, battery = stamped.report.wheels, stamped.report.battery
-            assert wheels is not None
-            assert all(abs(speed) < 2.1 for speed in wheels.speed_radps)
-            assert battery is None or battery.voltage_v == pytest.approx(24.3)
-            assert wheels.faults == ()
 
 
 @settings(max_examples=40, deadline=None)

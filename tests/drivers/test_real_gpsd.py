@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime as dt
 import itertools
 import random
 import socket
 import subprocess
+import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +18,10 @@ from pathlib import Path
 import pytest
 
 from agribot.core.messages import GnssFix, GnssQuality, GnssStatus
+from agribot.drivers.byte_streams import TcpStream
+from agribot.drivers.gpsd import write_watch
 from agribot.drivers.nmea import write_sentence
+from agribot.drivers.receiver import GpsdDecoder
 from tests import machine
 from tests.drivers import receiver_bytes as written
 from tests.drivers.lines import Line, Opened, free_port, is_open
@@ -32,6 +38,12 @@ class Daemon:
     def __init__(self, folder: Path) -> None:
         self.port, self._control = free_port(), folder / "control"
         self._process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> Daemon:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
 
     def start(self, *devices: object) -> None:
         gpsd = machine.require("gpsd")
@@ -55,9 +67,8 @@ class Daemon:
 
 @pytest.fixture
 def daemon(tmp_path: Path) -> Iterator[Daemon]:
-    daemon = Daemon(tmp_path)
-    yield daemon
-    daemon.stop()
+    with Daemon(tmp_path) as daemon:
+        yield daemon
 
 
 @contextmanager
@@ -184,6 +195,93 @@ def test_an_unplugged_receiver_comes_back_through_gpsd_under_another_name(
     with speaking((again, lambda at: b"".join(written.make_nmea(at, lat_deg=48.0, quality=1)))):
         wait_for(find_moved, "fixes of the receiver that came back")
     again.unplug()
+
+
+@pytest.mark.parametrize("speak", [speak_nmea, lambda at: written.make_ubx_pvt(at, carrier=2)])
+def test_ten_epochs_a_second_come_all_of_them_once_with_the_times_that_they_have(
+    speak: Speak, line: Line, daemon: Daemon
+) -> None:
+    daemon.start(line.path)
+    decoder, stamps_s = GpsdDecoder(pytest.fail), list[float]()
+    stream = TcpStream("127.0.0.1", daemon.port)
+    stream.write(write_watch())
+
+    def hear() -> bool:
+        stamps_s.extend(
+            s for s, sample in decoder.feed(stream.read()) if isinstance(sample, GnssFix)
+        )
+        return bool(stamps_s)
+
+    begin = dt.datetime.now(dt.UTC).replace(microsecond=0)
+    with speaking((line, lambda at: speak(begin))):  # until gpsd knows what the receiver speaks
+        wait_for(hear, "the first fix")
+    first_s, tenth = begin.timestamp(), dt.timedelta(seconds=0.1)
+    for k in range(1, 81):
+        line.say(speak(begin + k * tenth))
+        hear()
+        time.sleep(0.02)
+    # The end of an epoch is known by the begin of the next one, of which there is none after 80.
+    wait_for(lambda: hear() and stamps_s[-1] > first_s + 7.85, "the last but one")
+    stream.close()
+    wanted = [first_s + 0.1 * k for k in range(len(stamps_s))]
+    assert len(stamps_s) >= 80
+    assert stamps_s == pytest.approx(wanted, abs=2e-3)
+
+
+def test_a_receiver_of_the_network_is_read_through_gpsd(opened: Opened, daemon: Daemon) -> None:
+    ended = threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            line, _ = server.accept()
+            at = dt.datetime.now(dt.UTC).replace(microsecond=0)
+            with line, contextlib.suppress(OSError):
+                for k in itertools.count():
+                    if ended.wait(0.05):
+                        return
+                    line.sendall(written.make_ubx_pvt(at + k * STEP, carrier=2, h_acc_m=0.014))
+
+        receiver = threading.Thread(target=serve)
+        receiver.start()
+        try:
+            daemon.start(f"tcp://127.0.0.1:{server.getsockname()[1]}")
+            source = opened.open("gnss", f"gpsd://127.0.0.1:{daemon.port}")
+            fixes: list[GnssFix] = opened.wait_for(source, 8)
+        finally:
+            ended.set()
+            receiver.join()
+    assert {fix.quality for fix in fixes} == {GnssQuality.RTK_FIXED}
+    assert fixes[-1].lat_deg == pytest.approx(written.LAT_DEG, abs=2e-7)
+
+
+@pytest.fixture
+def open_line() -> Iterator[Line]:
+    """A line whose name a daemon finds that has given up its rights, too."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder).chmod(0o755)
+        line = Line(Path(folder))
+        yield line
+        line.unplug()
+
+
+def test_a_named_receiver_that_was_unplugged_is_read_again_under_its_name(
+    open_line: Line, opened: Opened, daemon: Daemon
+) -> None:
+    line, name = open_line, open_line.path
+    daemon.start(name)
+    source = opened.open("gnss", f"gpsd://127.0.0.1:{daemon.port}{name}")
+    with speaking((line, speak_nmea)):
+        opened.wait_for(source, 3)
+    assert daemon.tell("-", name)
+    line.unplug()
+    line.plug_in()
+    assert daemon.tell("+", name)
+
+    def find_moved() -> bool:
+        return any(fix.lat_deg < 50.0 for fix in opened.take(source))
+
+    with speaking((line, lambda at: b"".join(written.make_nmea(at, lat_deg=48.0, quality=1)))):
+        wait_for(find_moved, "fixes of the receiver that came back")
 
 
 def test_a_gpsd_that_ends_and_is_started_again_is_told_and_read_again(

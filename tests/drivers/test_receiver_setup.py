@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import itertools
 import json
+import re
 import threading
 
 import pytest
@@ -16,15 +17,6 @@ from agribot.drivers.ubx_setup import ACK, MON_VER, NAK, ReceiverSetup, SetupPla
 from tests.drivers import receiver_bytes as written
 from tests.drivers.lines import Line
 from tests.drivers.test_real_gpsd import speaking
-
-VERSIONS = {"ZED-F9P": "27.31", "NEO-M8N": "18.00"}
-
-
-def write_version(model: str) -> bytes:
-    words = [b"EXT CORE 1.00", b"FWVER=HPG 1.32", f"PROTVER={VERSIONS[model]}".encode()]
-    words += [f"MOD={model}".encode()]
-    body = words[0].ljust(30, b"\0") + b"00190000".ljust(10, b"\0")
-    return make_frame(MON_VER, body + b"".join(word.ljust(30, b"\0") for word in words[1:]))
 
 
 def test_the_keys_of_the_ninth_generation_are_those_of_its_maker() -> None:
@@ -42,6 +34,7 @@ def test_the_keys_of_the_ninth_generation_are_those_of_its_maker() -> None:
             ("PVT", 1), ("HPPOSLLH", 1), ("RELPOSNED", 1), ("SAT", 10), ("DOP", 10),
         ):  # fmt: skip
             expected[f"CFG_MSGOUT_UBX_NAV_{name}_{port}"] = every
+        expected[f"CFG_MSGOUT_UBX_RXM_RTCM_{port}"] = expected[f"CFG_MSGOUT_UBX_RXM_COR_{port}"] = 1
         expected[f"CFG_{port}INPROT_RTCM3X"] = 1
     assert meant == expected
 
@@ -62,7 +55,7 @@ def test_the_eighth_generation_is_set_up_in_its_own_messages() -> None:
 
 def test_what_a_receiver_does_not_have_is_no_end_of_the_talk() -> None:
     setup = ReceiverSetup(SetupPlan())
-    (frame,) = UbxDecoder().feed(write_version("ZED-F9P"))
+    (frame,) = UbxDecoder().feed(written.make_ubx_version("ZED-F9P"))
     sent = setup.add(frame)
     count = 0
     while sent:
@@ -92,7 +85,7 @@ class Ublox:
             for kind, payload in frames.feed(self._line.hear()):
                 self._line.say(b"$GNGGA,,,,,,0,,,,,,,,*78\r\n" + written.make_ubx_pvt())
                 if kind == MON_VER:
-                    self._line.say(write_version(self._model))
+                    self._line.say(written.make_ubx_version(self._model))
                     continue
                 self.settings.append(UBXReader.parse(make_frame(kind, payload), msgmode=SET))
                 ack = UBXMessage("ACK", "ACK-ACK", GET, clsID=kind[0], msgID=kind[1])
@@ -139,6 +132,7 @@ def test_the_command_shows_what_a_receiver_tells(
             if ended.wait(0.05):
                 return
             at = written.EPOCH + k * dt.timedelta(seconds=0.2)
+            line.say(written.make_ubx_rtcm(use=2) + written.make_ubx_rtcm(use=1))
             line.say(written.make_ubx_sky(at) + written.make_ubx_relposned(at, 90.0))
             line.say(written.make_ubx_pvt(at, carrier=2, h_acc_m=0.014))
 
@@ -153,7 +147,10 @@ def test_the_command_shows_what_a_receiver_tells(
     told = capsys.readouterr()
     assert "RTK fixed +-0.010 m" in told.err and "2 of 3 satellites, HDOP 0.9" in told.err
     assert "heading 0.0 deg" in told.err
+    assert re.search(r"(\d+) of \d+ corrections used by the receiver", told.err)
     result = json.loads(told.out.splitlines()[-1])
+    used, unused = (result["status"][f"corrections_{what}"] for what in ("used", "unused"))
+    assert used > 0 and used == unused
     assert result["fix"]["lat_deg"] == pytest.approx(written.LAT_DEG)
 
 

@@ -163,3 +163,27 @@ class Receiver:
 def test_the_heading_of_a_receiver_from_elsewhere_takes_the_place_of_the_platforms() -> None:
     batch = MixedPlatform(Simulated(), [Receiver()]).read()
     assert [heading.yaw_map_rad for heading in batch.headings] == [1.0]
+
+
+def use_of(*frames: bytes) -> tuple[int | None, int | None]:
+    """What a receiver says of its corrections in the status of the second epoch."""
+    data = written.make_ubx_pvt() + b"".join(frames) + written.make_ubx_pvt(written.EPOCH + SECOND)
+    *_, status = pick(feed(data + written.make_ubx_sky(written.EPOCH)), GnssStatus)
+    assert isinstance(status, GnssStatus)
+    return status.corrections_used, status.corrections_unused
+
+
+def test_a_receiver_says_which_corrections_it_used() -> None:
+    used, unused, unknown = (written.make_ubx_rtcm(use) for use in (2, 1, 0))
+    broken = written.make_ubx_rtcm(use=2, is_broken=True)
+    sky = written.make_ubx_sky(written.EPOCH)
+    assert use_of(sky) == (None, None)
+    assert use_of(sky, unknown) == (None, None)
+    assert use_of(sky, used, used, unused, unknown, broken) == (2, 2)
+
+
+def test_corrections_that_a_receiver_tells_of_in_two_messages_count_once() -> None:
+    sky = written.make_ubx_sky(written.EPOCH)
+    pair = written.make_ubx_rtcm(use=2) + written.make_ubx_cor(use=2)
+    assert use_of(sky, *[pair] * 5, written.make_ubx_cor(use=1)) == (5, 1)
+    assert use_of(sky, written.make_ubx_cor(use=2, protocol=2)) == (None, None)

@@ -67,7 +67,21 @@ def test_the_same_mission_through_bytes_and_firmware_is_decided_as_on_the_simula
     assert len(told) == len(by_bytes)
     samples = sum(len(tick.batch.wheels) for tick in by_bytes)
     assert samples == pytest.approx(2 * len(by_bytes), abs=3), "100 Hz in ticks of 50 Hz"
-    assert all(tick.batch.wheels[0].effort_nm is None for tick in by_bytes)  # not the simulator's
+    # Currents of the board and torques of the simulator's own are those of the same ground.
+    sim_nm, bytes_nm = measure_drag(by_sim), measure_drag(by_bytes)
+    assert bytes_nm == pytest.approx(sim_nm, rel=0.3)
+
+
+def measure_drag(ticks: list[TickRecord]) -> float:
+    """Mean torque of all wheels while the robot drives at an even speed."""
+    cruise = [
+        t
+        for t in ticks
+        if t.command.drive.v_mps > 0.38 and abs(t.command.drive.yaw_rate_radps) < 0.1
+    ]
+    efforts = [w.effort_nm for t in cruise for w in t.batch.wheels]
+    assert len(efforts) > 100 and None not in efforts
+    return sum(sum(effort or ()) for effort in efforts) / len(efforts)
 
 
 def test_a_run_on_firmware_repeats_bit_by_bit_and_so_does_its_replay(tmp_path: Path) -> None:
@@ -115,6 +129,9 @@ def test_a_board_that_hangs_is_reset_by_its_watchdog_and_the_robot_stands_until_
         ("wheels.reversed@3", ("turn against the motor",)),
         ("motor.runaway@3", ("turn too fast", "RUNAWAY")),
         ("board.silent@3", ("wheel encoders silent",)),
+        ("button.pressed@3", ("the red button is pressed",)),
+        ("imu.unplugged@3", ("IMU silent",)),
+        ("board.hung@3", ("motor board: it hung, and its watchdog reset it",)),
     ],
 )
 def test_faults_at_and_below_the_board_stop_the_robot_and_are_named(
@@ -127,6 +144,23 @@ def test_faults_at_and_below_the_board_stop_the_robot_and_are_named(
     assert any(word in told for word in words), told
     (first,) = [t.batch.t_s for t in ticks if t.status.stopped][:1]
     assert first - 3.0 < 1.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("motor.dead=left_wheel_F@5", "left front motor reports a fault"),
+        ("motor.weak=0.005@5", "right front"),
+    ],
+)
+def test_a_motor_that_does_not_work_is_named_within_a_second_of_a_turn(
+    fault: str, words: str, tmp_path: Path
+) -> None:
+    ticks, _ = drive(tmp_path / "run", "firmware", 8.0, f"faults={fault}")
+    (first,) = [t for t in ticks if t.status.stopped][:1]
+    assert words in first.status.stopped
+    turning = [t for t in ticks if t.batch.t_s > 5.0 and t.command.drive.yaw_rate_radps < -0.3]
+    assert first.batch.t_s - turning[0].batch.t_s < 1.0
 
 
 def read_faults(out: Path) -> list[tuple[float, str]]:

@@ -19,6 +19,7 @@ from agribot.core.messages import (
     CameraFrame,
     DriveCommand,
     GnssQuality,
+    OperatorEvent,
     RobotCommand,
     Scene,
     SensorBatch,
@@ -46,6 +47,7 @@ OF_SAMPLES = {
     "mag.offset=20": ("mag",),
     "imu.bias=0.1": ("imu",),
     "imu.frozen": ("imu",),
+    "imu.unplugged": ("imu", "mag"),
     "wheels.stuck=left_wheel_F": ("wheels",),
     "wheels.reversed": ("wheels",),
     "bumper.contact": ("bumper",),
@@ -277,6 +279,47 @@ def test_a_silent_board_sends_nothing_and_hears_nothing(
     assert silent.true_at(END_S).v_mps == pytest.approx(0.4, abs=0.05)
 
 
+def test_the_red_button_stops_the_motors_for_as_long_as_it_is_pressed(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    pressed = Drive(rover, meadow, f"button.pressed{WHILE}")
+    for sample in pressed.list("board"):
+        is_on = FROM_S - 1e-9 <= sample.t_s < UNTIL_S - 1e-9
+        assert sample.is_button_pressed == is_on
+        assert sample.inputs == ("red button",)
+    assert len(pressed.list("board")) == len(pressed.batches)
+    assert pressed.true_at(FROM_S).v_mps == pytest.approx(0.4, abs=0.05)
+    assert pressed.true_at(FROM_S + 0.5).v_mps == pytest.approx(0.0, abs=0.01)
+    assert pressed.true_at(END_S).v_mps == pytest.approx(0.4, abs=0.05)
+
+
+def test_a_board_that_hung_stands_and_tells_why_until_a_person_clears_its_stop(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    config = RunConfig(
+        faults=("board.hung@2",), perception=PerceptionConfig(enabled=False)
+    )  # fmt: skip
+    platform = SimPlatform(config, rover, meadow)
+    speeds_mps, told, heard = {}, {}, []
+    for tick in range(1, 301):
+        batch = platform.read()
+        if tick == 200:
+            platform.post(OperatorEvent(t_s=0.0, action="clear_stop"))
+        speeds_mps[tick] = platform.truth().v_mps
+        told[tick] = batch.board[-1] if batch.board else None
+        if not batch.wheels:
+            heard.append(batch.t_s)
+        platform.write(RobotCommand(t_s=batch.t_s, drive=DriveCommand(v_mps=0.4)))
+    assert speeds_mps[100] == pytest.approx(0.4, abs=0.05) and told[99] is None
+    assert 2.0 <= heard[0] <= heard[-1] <= 2.25
+    assert max(abs(speeds_mps[tick]) for tick in range(140, 200)) < 0.01
+    silent = told[150]
+    assert silent is not None and "watchdog" in silent.faults[0] and silent.stopped
+    last = told[201]
+    assert last is not None and not last.stopped and not last.faults
+    assert speeds_mps[300] == pytest.approx(0.4, abs=0.05)
+
+
 def test_motors_die_weaken_and_recover(rover: RobotSpec, meadow: WorldSpec) -> None:
     turn = DriveCommand(yaw_rate_radps=1.0)  # skidding needs torque at every wheel
     dead = Drive(rover, meadow, f"motor.dead={WHEEL_NAMES[3]}{WHILE}", drive=turn)
@@ -424,7 +467,7 @@ def test_a_run_that_goes_on_has_its_faults_on_its_own_clock() -> None:
 
 
 def test_every_fault_says_what_it_is_and_its_typical_value_can_be_given() -> None:
-    assert len({kind.name for kind in FAULTS}) == len(FAULTS) == 33
+    assert len({kind.name for kind in FAULTS}) == len(FAULTS) == 36
     for kind in FAULTS:
         assert kind.about and kind.words
         value = f"={kind.typical}" if kind.value is not None else ""

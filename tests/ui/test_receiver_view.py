@@ -118,6 +118,15 @@ def test_corrections_grow_old_between_two_statuses_and_are_counted_by_the_second
     assert view.show().correction_age_s == 2.4
 
 
+def test_of_corrections_the_share_is_shown_that_the_receiver_used_since_the_state_before() -> None:
+    view, shares = view_of(settings=FED_BY_CASTER), list[float | None]()
+    for t_s, used, unused in ((1.0, 5, 0), (2.0, 8, 1), (3.0, 8, 3), (4.0, 8, 3), (5.0, 1, 0)):
+        status = GnssStatus(t_s=t_s, corrections_used=used, corrections_unused=unused)
+        view(SensorBatch(t_s=t_s, gnss_status=(status,)))
+        shares.append(view.show().correction_use_ratio)
+    assert shares == [None, 0.75, 0.0, None, None]
+
+
 @pytest.mark.parametrize(
     ("settings", "is_simulated", "device"),
     [

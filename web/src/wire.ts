@@ -445,8 +445,9 @@ export function readSeenSatellite(row: SeenSatelliteRow): SeenSatellite {
  * Ages are those when the message was made. `quality` has the numbers of NMEA GGA field 6,
  * `std_m` is 1 sigma of East and of North. `device` is where it is read from, empty for the
  * platform's own receiver. The counts are of all satellites, of which `satellites` has the most
- * important. `correction_hz` counts the messages of `caster` that were passed on. The troubles
- * are for a person.
+ * important. `correction_hz` counts the messages of `caster` that were passed on, and
+ * `correction_use_ratio` is the share of those since the state before that the receiver says to
+ * have used. The troubles are for a person.
  */
 export interface ReceiverState {
   kind: 'receiver'
@@ -466,6 +467,7 @@ export interface ReceiverState {
   vdop: number | null
   correction_age_s: number | null
   correction_hz: number | null
+  correction_use_ratio: number | null
   caster: string
   caster_state: CasterState | null
   correction_trouble: string

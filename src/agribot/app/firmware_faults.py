@@ -16,6 +16,7 @@ from agribot.core.messages import WHEEL_NAMES, Four
 from agribot.core.robot import DriveSpec
 from agribot.drivers.board_codec import unstuff
 from agribot.drivers.board_protocol import BoardImu
+from agribot.sim.faults.motors import list_torque_shares
 
 if TYPE_CHECKING:
     from agribot.sim.faults.schedule import Fault
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
 ROUNDING_S = 1e-9
 
 # What is done to samples on the simulator's own board, and here to what makes them.
-BELOW_THE_SAMPLES = ("wheels.stuck", "wheels.reversed", "board.silent", "link.noise", "imu.late")
+BELOW_THE_SAMPLES = ("wheels.stuck", "wheels.reversed", "board.silent", "link.noise", "imu.late",
+                     "imu.unplugged", "button.pressed", "board.hung")  # fmt: skip
 EMPTY = "battery.empty"
 EMPTYING_VPS = 0.03  # an empty pack that still feeds falls on, until the board lets go
 FRAMES = 2  # that the board sends in a hundredth of a second
@@ -80,11 +82,16 @@ def _is_imu(frame: bytes) -> bool:
 class BoardFaults:
     """What is on at `t_s`, which whoever owns it sets."""
 
-    def __init__(self, faults: Sequence[Fault], drive: DriveSpec, rng: np.random.Generator) -> None:
+    def __init__(
+        self, faults: Sequence[Fault], drive: DriveSpec, rng: np.random.Generator, weak_wheel: str
+    ) -> None:
+        """`weak_wheel` is the one that `motor.weak` befalls."""
         self._faults, self._noise = tuple(faults), LineNoise(faults, rng)
-        self._late = LateFrames(faults)
+        self._late, self._weak_wheel = LateFrames(faults), weak_wheel
+        self._most_a = drive.wheel_torque_nm / drive.torque_constant_nmpa
         self._runaway_radps = drive.max_speed_mps / drive.wheel_radius_m
         self.t_s = 0.0
+        self._hung_s: set[float] = set()
 
     @property
     def is_silent(self) -> bool:
@@ -92,10 +99,35 @@ class BoardFaults:
         return any(fault.name == "board.silent" for fault in self._on())
 
     @property
+    def is_button_pressed(self) -> bool:
+        return any(fault.name == "button.pressed" for fault in self._on())
+
+    @property
+    def has_imu(self) -> bool:
+        """Whether the chip has contact."""
+        return not any(fault.name == "imu.unplugged" for fault in self._on())
+
+    def take_hangs(self) -> int:
+        """Return how often the program is to hang since the last call."""
+        begun_s = {fault.begin_s for fault in self._on() if fault.name == "board.hung"}
+        new_s, self._hung_s = begun_s - self._hung_s, begun_s
+        return len(new_s)
+
+    @property
     def runaway_radps(self) -> float | None:
         """How fast broken output stages let the motors run, None where they obey."""
         is_on = any(fault.name == "motor.runaway" for fault in self._on())
         return self._runaway_radps if is_on else None
+
+    def limit_currents(self, current_a: Sequence[float]) -> list[float]:
+        """Return what flows through the motors: a broken one lets through less, or nothing."""
+        shares = list_torque_shares(self._on(), self._weak_wheel)
+        return [
+            max(min(amperes, shares[name] * self._most_a), -shares[name] * self._most_a)
+            if shares[name] < 1.0
+            else amperes
+            for name, amperes in zip(WHEEL_NAMES, current_a, strict=True)
+        ]
 
     def show(self, speed_radps: Four) -> Four:
         """Return the speeds that the encoders show."""

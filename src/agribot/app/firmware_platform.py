@@ -72,14 +72,18 @@ class FirmwareMotors:
         if runaway_radps is not None:
             duties = (self._drive.torque_constant_nmpa * runaway_radps / SUPPLY_V,) * 4
         constant, winding = self._drive.torque_constant_nmpa, self._drive.winding_ohm
-        torques, currents = [], []
-        for duty, speed in zip(duties, speed_radps, strict=True):
-            current_a = (duty * SUPPLY_V - constant * speed) / winding
+        currents = self._faults.limit_currents(
+            [
+                (duty * SUPPLY_V - constant * speed) / winding
+                for duty, speed in zip(duties, speed_radps, strict=True)
+            ]
+        )
+        torques = []
+        for current_a, speed in zip(currents, speed_radps, strict=True):
             torque_nm = constant * current_a
             gear = self._drive.gear_efficiency_ratio
             torques.append(torque_nm * gear if torque_nm * speed >= 0.0 else torque_nm)
-            currents.append(min(abs(current_a), MOST_SENSED_A))
-        self._bench.set_currents(currents)
+        self._bench.set_currents([min(abs(current_a), MOST_SENSED_A) for current_a in currents])
         a, b, c, d = torques
         return a, b, c, d
 
@@ -106,6 +110,7 @@ class FirmwarePlatform:
         if simulator.faults is not None:
             simulator.faults.leave(BELOW_THE_SAMPLES)
         self._t_s = 0.0
+        self._has_imu = True
         self._battery_v = PACK_FULL_V  # until the simulator tells
         self._field_from_s = math.inf  # before, the chip shows a field that is not of the world
         options = UriOptions(SourceUri("firmware", "", "", OPTIONS))
@@ -183,6 +188,12 @@ class FirmwarePlatform:
         """Let the board's inputs be what the simulator's sensors say."""
         bench = self._bench
         bench.set_bumper(pressed=bool(batch.bumper))
+        bench.set_estop(pressed=self._faults.is_button_pressed)
+        if self._has_imu != self._faults.has_imu:
+            self._has_imu = self._faults.has_imu
+            bench.plug_imu(is_there=self._has_imu)
+        if self._faults.take_hangs():
+            bench.hang()
         if batch.imu:
             bench.set_imu(batch.imu[-1].accel_mps2, batch.imu[-1].gyro_radps)
         if batch.mag:
@@ -210,6 +221,7 @@ def open_firmware(
 
     Raises: AgribotError: the bench cannot be built, or the settings do not fit.
     """
+    from agribot.sim.faults.motors import draw_weak_wheel
     from agribot.sim.faults.schedule import read_faults
     from agribot.sim.platform import SimPlatform
     from agribot.sim.random_streams import make_stream
@@ -218,8 +230,9 @@ def open_firmware(
     bench = open_bench()
     found = read_faults(config, has_camera=described.camera is not None, began_s=began_s)
     faults = BoardFaults(
-        found, described.drive, make_stream(config.seed, "fault of the board's line")
-    )
+        found, described.drive, make_stream(config.seed, "fault of the board's line"),
+        draw_weak_wheel(config.seed),
+    )  # fmt: skip
     noise = LineNoise(found, make_stream(config.seed, "fault of the receiver's line"))
     simulator = SimPlatform(
         msgspec.structs.replace(config, tick_hz=BOARD_HZ), described, world,

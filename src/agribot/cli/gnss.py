@@ -132,6 +132,7 @@ class _Summary:
             counts = ", ".join(f"{kind}: {n}" for kind, n in self.status.correction_counts)
             of_what = f" ({counts})" if counts else ""
             words += [] if age_s is None else [f"corrections {age_s:.0f} s old{of_what}"]
+            words += _describe_use(self.status)
         if self.heading is not None:
             words.append(f"heading {compass_deg_from_yaw(self.heading.yaw_map_rad):.1f} deg")
         return ", ".join(words)
@@ -148,6 +149,13 @@ class _Summary:
         times_s = self._times_s
         passed_s = times_s[-1] - times_s[0] if len(times_s) > 1 else 0.0
         return (len(times_s) - 1) / passed_s if passed_s > 0.0 else 0.0
+
+
+def _describe_use(status: GnssStatus) -> list[str]:
+    used, unused = status.corrections_used, status.corrections_unused
+    if used is None or unused is None:
+        return []
+    return [f"{used} of {used + unused} corrections used by the receiver"]
 
 
 def _configure(options: argparse.Namespace) -> int:

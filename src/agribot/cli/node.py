@@ -24,6 +24,7 @@ from agribot.cli.bridging import (
     read_router,
 )
 from agribot.cli.node_runner import NodeRunner
+from agribot.cli.ranges import port
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.errors import BridgeError, ConfigError
@@ -82,15 +83,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     drive.add_argument("--drive-speed", type=float, default=0.4, metavar="M/S", help="default: 0.4")
     drive.add_argument("--goal", action="append", metavar="LAT,LON", help="may be repeated")
     drive.add_argument("--goals", type=Path, metavar="FILE", help="GeoJSON or CSV, lat and lon")
-    _add_utm_arguments(parser.add_argument_group("utm-odometry, utm-odometry-to-navsatfix"))
+    _add_utm_arguments(
+        parser.add_argument_group("utm-odometry, utm-odometry-to-navsatfix, gpsd-client")
+    )
+    _add_gpsd_arguments(parser.add_argument_group("gpsd-client, also --fix-topic and --frame-id"))
     plot = parser.add_argument_group("plot")
     plot.add_argument("--out", type=Path, default=Path("plot"), metavar="DIR", help="default: plot")
+
+
+def _add_gpsd_arguments(client: argparse._ArgumentGroup) -> None:
+    client.add_argument("--host", default="localhost", help="of gpsd (default: localhost)")
+    client.add_argument("--port", type=port, default=2947, help="of gpsd (default: 2947)")
+    client.add_argument(
+        "--use-gps-time", action=argparse.BooleanOptionalAction, default=True,
+        help="stamps of the receiver's clock, else of this machine's",
+    )  # fmt: skip
+    client.add_argument(
+        "--check-fix-by-variance", action=argparse.BooleanOptionalAction, default=True,
+        help="no NavSatFix whose accuracy gpsd does not tell",
+    )  # fmt: skip
 
 
 def _add_utm_arguments(grid: argparse._ArgumentGroup) -> None:
     grid.add_argument("--fix-topic", default="/fix", metavar="TOPIC", help="default: /fix")
     grid.add_argument("--odometry-topic", default="/odom", metavar="TOPIC", help="default: /odom")
-    grid.add_argument("--frame-id", default="", help="of what is published (default: as heard)")
+    grid.add_argument(
+        "--frame-id",
+        default="",
+        help="of what is published (default: as heard; of gpsd-client: gps)",
+    )
     grid.add_argument("--child-frame-id", default="", help="of the odometry")
     grid.add_argument(
         "--rot-covariance", type=float, default=99999.0, metavar="RAD2", help="default: 99999"
@@ -237,6 +258,18 @@ def _make_utm_to_fix(options: argparse.Namespace) -> NodeStage:
     return UtmToNavSatFix(_read_utm_settings(options), options.odometry_topic, options.fix_topic)
 
 
+def _make_gpsd_client(options: argparse.Namespace) -> NodeStage:
+    from agribot.drivers.gpsd_reader import GpsdReader
+    from agribot.ros.nodes.gpsd_client import ClientSettings, GpsdClient
+
+    settings = ClientSettings(
+        options.frame_id or ClientSettings().frame_id, options.use_gps_time,
+        options.check_fix_by_variance,
+    )  # fmt: skip
+    reports = GpsdReader(options.host, options.port, _print_line)
+    return GpsdClient(reports, settings, options.fix_topic)
+
+
 def _read_utm_settings(options: argparse.Namespace) -> UtmSettings:
     from agribot.ros.messages.utm import parse_zone
     from agribot.ros.nodes.gps_umd import UtmSettings
@@ -258,6 +291,7 @@ _STAGES: dict[str, Callable[[argparse.Namespace], NodeStage]] = {
     "gps-converter": _make_gps_converter,
     "data-manipulation": _make_data_manipulation,
     "fix-translator": _make_fix_translator,
+    "gpsd-client": _make_gpsd_client,
     "utm-odometry": _make_utm_odometry,
     "utm-odometry-to-navsatfix": _make_utm_to_fix,
     "autonomous-drive": _make_autonomous_drive,

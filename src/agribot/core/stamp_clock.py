@@ -6,6 +6,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import msgspec
@@ -35,11 +36,15 @@ class StampClock:
         """`is_of_its_own` says that the stamps are never of the robot's clock, as of a board."""
         self._is_of_its_own = is_of_its_own
         self._delays: deque[tuple[float, float]] = deque()  # arrival, arrival minus stamp
+        self._arrivals_s: deque[float] = deque()  # of messages without a stamp
         self._stamp_s = -math.inf
 
     def note_message(self, stamp_s: float, arrived_s: float) -> None:
         """Note a message's arrival; `arrived_s` is of the robot's clock."""
         if stamp_s == 0.0:
+            self._arrivals_s.append(arrived_s)
+            while arrived_s - self._arrivals_s[0] > WINDOW_S:
+                self._arrivals_s.popleft()
             return
         if self._is_of_its_own and stamp_s < self._stamp_s:
             self._delays.clear()  # that clock began anew
@@ -67,15 +72,34 @@ class StampClock:
 
         Of `n` delays that scatter by an exponential law, the shortest is longer than the least
         possible one by their mean excess over n - 1; the clocks drift apart for a window on top.
-        Infinite before there are two. Source: Moon, Skelly and Towsley, "Estimation and removal of
-        clock skew from network delay measurements", INFOCOM 1999.
+        Messages without a stamp have the times of their arrivals, which are off by as much as these
+        scatter (`measure_scatter_s`). Infinite before there are enough. Source: Moon, Skelly and
+        Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM
+        1999.
         """
         count = len(self._delays)
         if count < 2:
-            return math.inf
+            return measure_scatter_s(list(self._arrivals_s))
         delays_s = [delay_s for _, delay_s in self._delays]
         excess_s = sum(delays_s) / count - min(delays_s)
         return excess_s / (count - 1) + WINDOW_S * DRIFT_RATIO
+
+
+def measure_scatter_s(arrivals_s: list[float]) -> float:
+    """Measure by how much messages of a steady device come late, from their intervals alone.
+
+    Each interval is off by the difference of two delays, which for delays of an exponential law
+    has their mean as its mean deviation. One that is a multiple of the usual, because messages in
+    between were lost, counts as that. Infinite of fewer than three messages.
+    """
+    intervals_s = [later - earlier for earlier, later in pairwise(arrivals_s)]
+    if len(intervals_s) < 2:
+        return math.inf
+    usual_s = sorted(intervals_s)[len(intervals_s) // 2]
+    if usual_s <= 0.0:  # they come in heaps
+        usual_s = sum(intervals_s) / len(intervals_s)
+    off_s = [abs(each - max(round(each / usual_s), 1) * usual_s) for each in intervals_s]
+    return sum(off_s) / len(off_s)
 
 
 class TickClock:

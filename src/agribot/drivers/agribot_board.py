@@ -36,6 +36,7 @@ from agribot.drivers.board_protocol import (
 )
 from agribot.drivers.letter_imu import Axes, read_axes, turn_axes
 from agribot.drivers.motor_board import BoardReport, StampedReport
+from agribot.drivers.motor_watch import MotorWatch
 from agribot.drivers.uri_options import UriOptions
 
 POLLS_PER_QUESTION = 10  # a board that did not answer is asked again
@@ -63,14 +64,15 @@ class AgribotBoard:
 
     def __init__(
         self, config: BoardConfig, counts_per_turn: float, bumper_x_m: float, axes: Axes,
-        pack_v: tuple[float, float] = (0.0, 0.0),
+        pack_v: tuple[float, float] = (0.0, 0.0), motors: MotorWatch | None = None,
     ) -> None:  # fmt: skip
         """`counts_per_turn` of a wheel; the bumper is `bumper_x_m` ahead of the robot's middle.
 
         `axes` says which of the IMU's axes point forward, left and up. `pack_v` are the voltages
         of the empty and the full battery, from which its charge follows; 0 where nobody knows.
+        `motors` is None where no current is measured.
         """
-        self._pack_v = pack_v
+        self._pack_v, self._motors = pack_v, motors
         self._config, self._counts_per_rad = config, counts_per_turn / math.tau
         self._bumper_x_m, self._axes = bumper_x_m, axes
         self._mag_count: int | None = None
@@ -154,13 +156,14 @@ class AgribotBoard:
         a, b, c, d = (count / self._counts_per_rad for count in state.counts)
         e, f, g, h = (speed / self._counts_per_rad for speed in state.speed_countps)
         has_battery = state.battery_v > USB_V
+        effort_nm, lacking = self._read_motors(state, (e, f, g, h))
         empty_v, full_v = self._pack_v
         left_ratio = (state.battery_v - empty_v) / (full_v - empty_v) if full_v else math.nan
         report = BoardReport(
             wheels=WheelSample(
-                t_s=0.0, angle_rad=(a, b, c, d), speed_radps=(e, f, g, h),
+                t_s=0.0, angle_rad=(a, b, c, d), speed_radps=(e, f, g, h), effort_nm=effort_nm,
                 faults=tuple(name for k, name in enumerate(WHEEL_NAMES)
-                             if state.motor_faults & (0x11 << k)),
+                             if state.motor_faults & (0x11 << k) or name in lacking),
             ),
             battery=BatterySample(
                 t_s=0.0, voltage_v=state.battery_v, current_a=sum(state.current_a),
@@ -171,6 +174,16 @@ class AgribotBoard:
             board=_read_board(state, has_battery=has_battery),
         )  # fmt: skip
         return StampedReport(self._clock.read_s(state.t_us), report)
+
+    def _read_motors(
+        self, state: BoardState, speeds_radps: Four
+    ) -> tuple[Four | None, tuple[str, ...]]:
+        """Read the torques of the wheels, and whose motors draw too little; None: not measured."""
+        if self._motors is None:
+            return None, ()
+        supply_v = state.battery_v if state.battery_v > USB_V else SUPPLY_V
+        told = supply_v, state.duty_ratio, speeds_radps, state.current_a
+        return self._motors.torques_nm(*told), self._motors.update(1e-6 * state.t_us, *told)
 
     def _read_imu(self, imu: BoardImu) -> StampedReport:
         sample, field = read_board_imu(imu, self._axes, self._mag_count)
@@ -280,7 +293,8 @@ def make_board(robot: RobotSpec, options: UriOptions) -> AgribotBoard:
     nose_m = drive.wheelbase_m / 2.0 + drive.wheel_radius_m
     bumper_x_m = options.pop_number("bumper_x_m", nose_m, -5.0, 5.0)
     axes = read_axes(options.pop_text("axes", "x,y,z"))
-    return AgribotBoard(config, counts, bumper_x_m, axes, _read_pack(options))
+    motors = MotorWatch(drive, SUPPLY_V / full) if config.current_limit_a else None
+    return AgribotBoard(config, counts, bumper_x_m, axes, _read_pack(options), motors)
 
 
 def _read_pack(options: UriOptions) -> tuple[float, float]:

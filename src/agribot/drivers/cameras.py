@@ -23,6 +23,7 @@ from agribot.core.messages import ByteArray, CameraFrame
 from agribot.core.platform import Sensor
 from agribot.core.stamp_clock import SampleQueue
 from agribot.drivers.byte_streams import FIRST_WAIT_S, LONGEST_WAIT_S
+from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.schemes import SourceContext, SourceUri
 from agribot.drivers.uri_options import UriOptions
 
@@ -161,6 +162,7 @@ class CameraSource:
         self._frames: SampleQueue[CameraFrame] = SampleQueue(
             latency_s=latency_s, longest=MOST_WAITING
         )
+        self._clock = ClockWatch(f"camera on {name}", lambda: self._frames.uncertainty_s)
         self._index = 0
         self._ended = threading.Event()
         try:
@@ -172,6 +174,10 @@ class CameraSource:
 
     def take(self, t_s: float) -> tuple[CameraFrame, ...]:
         return self._frames.take(t_s)
+
+    def take_more(self, t_s: float) -> dict[str, tuple[Any, ...]]:
+        """Take notes on the times of its pictures."""
+        return {"events": self._clock.update(t_s)}
 
     def close(self) -> None:
         """Let go of the camera. Safe to call twice."""

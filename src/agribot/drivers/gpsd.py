@@ -71,6 +71,7 @@ class GpsdFixes:
         self._gst: tuple[float, float] | None = None
         self._last_s = -math.inf
         self.lacks_fix = True  # of the newest TPV
+        self.is_accuracy_told = False  # of the newest fix
 
     def add(self, report: Mapping[str, Any]) -> StampedFix | None:
         """Add a report; gives the fix that it is, if it is one."""
@@ -109,11 +110,13 @@ class GpsdFixes:
 
     def _judge(self, report: Mapping[str, Any], stamp_s: float) -> tuple[float, GnssQuality]:
         quality = STATUS.get(int(report.get("status", 1)), GnssQuality.SINGLE)
-        std_m = STD_M[quality]
+        std_m, self.is_accuracy_told = STD_M[quality], True
         if self._gst is not None and abs(self._gst[0] - stamp_s) <= GST_AGE_S:
             std_m = self._gst[1]
         elif "eph" in report:
             std_m = _read(report, "eph", 1e6) / math.sqrt(2.0)
+        else:
+            self.is_accuracy_told = False
         std_m = max(std_m, 1e-3)
         if quality is GnssQuality.DGNSS and std_m <= FLOAT_STD_M:
             is_fixed = std_m <= FIXED_STD_M

@@ -25,12 +25,12 @@ from agribot.core.robot import RobotSpec
 from agribot.drivers.board_kinds import open_board
 from agribot.drivers.board_link import BoardLink
 from agribot.drivers.byte_streams import ByteStream, OpenStream, StreamReader
+from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.motor_board import MotorBoard
 from agribot.drivers.stream_writer import StreamWriter
 
 FIRST_REPORT_S = 5.0  # a board that the line's opening resets starts for two of them
 POLL_S = 0.02
-UNSURE_CLOCK_S = 0.02  # capture times that are off by more are told
 
 
 class HardwarePlatform:
@@ -57,7 +57,7 @@ class HardwarePlatform:
         self._period_s = 1.0 / tick_hz
         self._name, self._now_s = f"motor board on {name}", now_s
         self._link = BoardLink(board, robot.drive, now_s)
-        self._is_unsure = False
+        self._clock = ClockWatch(self._name, lambda: self._link.uncertainty_s)
         self._began_s, self._tick = math.nan, 0
         self._reader = StreamReader(
             self._name, open_stream, self._link.feed, now_s, self._note, self._greet
@@ -73,10 +73,10 @@ class HardwarePlatform:
         """Wait for the next tick and return what arrived until then."""
         t_s = self._wait_for_tick()
         told = self._link.take(t_s)
-        self._watch_clock()
+        clock = self._clock.update(t_s)
         events, hand = self.inbox.drain(t_s)
         self._writer.send(self._link.clear(t_s, events, told["board"]))
-        events = (*self._link.watch_line(t_s), *events)
+        events = (*clock, *self._link.watch_line(t_s), *events)
         return SensorBatch(t_s=t_s, events=events, hand=hand, **told)
 
     def write(self, command: RobotCommand) -> None:
@@ -120,16 +120,6 @@ class HardwarePlatform:
 
     def _greet(self, stream: ByteStream) -> None:
         stream.write(self._link.board.open())
-
-    def _watch_clock(self) -> None:
-        """Tell when the board's times are not to be relied on, and when they are again."""
-        unsure_s = self._link.uncertainty_s
-        is_unsure = UNSURE_CLOCK_S < unsure_s < math.inf
-        if is_unsure != self._is_unsure:
-            self._is_unsure = is_unsure
-            text = f"times of the {self._name} are known to {1e3 * unsure_s:.1f} ms"
-            limit = f" > {1e3 * UNSURE_CLOCK_S:g} ms" if is_unsure else ""
-            self._note(text + limit, is_fault=is_unsure)
 
     def _note(self, text: str, *, is_fault: bool = True) -> None:
         self.inbox.post(

@@ -18,6 +18,7 @@ from agribot.drivers.agribot_board import MicrosecondClock, read_board_imu
 from agribot.drivers.board_codec import BoardDecoder, BoardEncoder
 from agribot.drivers.board_protocol import LAYOUT, AskVersion, BoardImu, BoardKind, BoardVersion
 from agribot.drivers.byte_streams import OpenStream, StreamReader
+from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.letter_imu import LetterImuDecoder, read_axes
 from agribot.drivers.rosserial import STRING, RosserialHost, read_string
 from agribot.drivers.uri_options import UriOptions
@@ -173,6 +174,7 @@ class ImuSource:
         self._device = device
         self._imu: SampleQueue[ImuSample] = SampleQueue(latency_s=latency_s, is_of_its_own=True)
         self._mag: SampleQueue[MagSample] = SampleQueue(latency_s=latency_s, is_of_its_own=True)
+        self._clock = ClockWatch(f"IMU on {name}", lambda: self._imu.uncertainty_s)
         self._reader: StreamReader | None = None
         self._reader = StreamReader(
             f"imu from {name}", open_stream, self._read, self._imu.now_s, tell,
@@ -184,8 +186,9 @@ class ImuSource:
         return self._imu.take(t_s)
 
     def take_more(self, t_s: float) -> dict[str, tuple[Any, ...]]:
-        """Take the readings of a magnetometer on the same board."""
-        return {"mag": self._mag.take(t_s)} if self._device.has_magnetometer else {}
+        """Take the readings of a magnetometer on the same board, and notes on its clock."""
+        mag = {"mag": self._mag.take(t_s)} if self._device.has_magnetometer else {}
+        return mag | {"events": self._clock.update(t_s)}
 
     def close(self) -> None:
         """Let go of the line. Safe to call twice."""

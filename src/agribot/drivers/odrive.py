@@ -2,7 +2,9 @@
 
 Source: ODrive's documentation, "ASCII Protocol" (firmware 0.5 and 0.6): `v AXIS TURNS_PER_S 0`
 sets a velocity and feeds the axis' watchdog, `f AXIS` answers position and velocity in turns,
-`r PROPERTY` its value; answers come in the order of the questions and do not say to which.
+`r PROPERTY` its value, `sc` clears errors; answers come in the order of the questions and do not
+say to which. Of its firmware (MotorControl/axis.cpp): a watchdog counts in every state, and what
+was never fed has expired when it is switched on; an axis with an error enters no closed loop.
 """
 
 from __future__ import annotations
@@ -26,14 +28,22 @@ from agribot.drivers.uri_options import UriOptions
 
 LONGEST_LINE = 256
 MOST_OPEN = 24  # questions; more without an answer are those of a line that lost some
-ROUND_TICKS = 10  # faults and voltage are asked once in so many readings
+# Faults, states and voltage are asked once in so many readings, and the watchdogs switched on once
+# in so many commands: an ODrive that began anew has forgotten them.
+ROUND_TICKS = 10
 WATCHDOG_S = 0.3
-CLOSED_LOOP = 8  # AXIS_STATE_CLOSED_LOOP_CONTROL
+IDLE, CLOSED_LOOP = 1, 8  # AXIS_STATE_IDLE, AXIS_STATE_CLOSED_LOOP_CONTROL
+# What firmwares call the errors of an axis (0.5, 0.6), and WATCHDOG_TIMER_EXPIRED among them.
+WATCHDOG_EXPIRED = {"error": 0x800, "active_errors": 0x0100_0000}
 _VOLTAGE = "vbus_voltage"
 
 
 class OdriveBoard:
-    """`axes` are those of the right and the left side. It tells no time, and of no red button."""
+    """`axes` are those of the right and the left side. It tells no time, and of no red button.
+
+    It drives no wheel before both axes are in closed loop, which an ODrive is not when it was just
+    switched on, nor after an error: it holds a stop until then.
+    """
 
     inputs: frozenset[SafetyInput] = frozenset({"battery", "motors"})
     latency_s = 0.002
@@ -42,33 +52,37 @@ class OdriveBoard:
     def __init__(self, axes: tuple[int, int], gear_ratio: float, error: str = "error") -> None:
         """`error` is what a firmware calls the faults of an axis: 0.6 has `active_errors`."""
         self._axes, self._gear = axes, gear_ratio
+        self._expired = WATCHDOG_EXPIRED[error]
         self._errors = {f"axis{axis}.{error}": axis for axis in axes}
+        self._state_names = {f"axis{axis}.current_state": axis for axis in axes}
         self._asked: deque[str] = deque()
         self._line = bytearray()
-        self._polls = 0
+        self._polls = self._drives = 0
         self._motion: dict[int, tuple[float, float]] = {}
         self._faults: dict[int, int] = {}
+        self._states: dict[int, int] = {}
+        self._round: dict[str, float] = {}  # what the round tells that is not whole yet
+        self._is_changing = False  # axes were told to go to closed loop, and none has told since
         self._voltage_v = math.nan
         self.bad = 0
 
     def open(self) -> bytes:
-        """Let the watchdogs of the axes watch; the empty line ends what was half sent."""
-        self._asked.clear()
+        """Ask and drive from the beginning; the empty line ends what was half sent."""
+        self._forget_questions()
         self._line.clear()
-        self._motion.clear()
-        told = "\n"
-        for axis in self._axes:
-            told += f"w axis{axis}.config.watchdog_timeout {WATCHDOG_S}\n"
-            told += f"w axis{axis}.config.enable_watchdog 1\n"
-        return told.encode()
+        self._faults.clear()
+        self._states.clear()
+        self._drives = 0
+        return b"\n"
 
     def poll(self) -> bytes:
         if len(self._asked) > MOST_OPEN:
-            self._asked.clear()
+            self._forget_questions()
             self.bad += 1
         questions = [f"f {axis}" for axis in self._axes]
         if self._polls % ROUND_TICKS == 0:
-            questions += [f"r {name}" for name in (*self._errors, _VOLTAGE)]
+            names = (*self._errors, *self._state_names, _VOLTAGE)
+            questions += [f"r {name}" for name in names]
         self._polls += 1
         self._asked.extend(questions)
         return "".join(f"{question}\n" for question in questions).encode()
@@ -84,15 +98,39 @@ class OdriveBoard:
         return found
 
     def drive(self, speeds_radps: Four, implement: ImplementCommand) -> bytes:
-        right, left = speeds_radps[:2]
-        turns = [speed * self._gear / math.tau for speed in (right, left)]
-        return "".join(
+        """Set the velocities; a watchdog is switched on after it was fed, else it has expired."""
+        turns = [speed * self._gear / math.tau for speed in speeds_radps[:2]]
+        told = "".join(
             f"v {axis} {speed:.5f} 0\n" for axis, speed in zip(self._axes, turns, strict=True)
-        ).encode()
+        )
+        if self._drives % ROUND_TICKS == 0:
+            names = [f"axis{axis}.config" for axis in self._axes]
+            limits = "".join(f"w {name}.watchdog_timeout {WATCHDOG_S}\n" for name in names)
+            told = limits + told + "".join(f"w {name}.enable_watchdog 1\n" for name in names)
+        self._drives += 1
+        return told.encode()
 
     def clear_stop(self) -> bytes:
-        states = "".join(f"w axis{axis}.requested_state {CLOSED_LOOP}\n" for axis in self._axes)
-        return f"sc\n{states}".encode()
+        """Clear the errors of axes that stand, and put them in closed loop.
+
+        Their watchdogs are fed first, which have expired where nobody drove. What the axes made of
+        it is asked next, and they are told nothing more before they have answered: one that is in
+        closed loop already would let go of its motor for a moment.
+        """
+        if self._is_changing:
+            return b""
+        self._is_changing, self._polls = True, 0
+        fed = "".join(f"v {axis} 0 0\n" for axis in self._axes)
+        standing = [axis for axis in self._axes if self._states.get(axis) != CLOSED_LOOP]
+        states = "".join(f"w axis{axis}.requested_state {CLOSED_LOOP}\n" for axis in standing)
+        return f"{fed}sc\n{states}".encode()
+
+    def _forget_questions(self) -> None:
+        """Ask all of it anew: which answer is to which question is not known any more."""
+        self._asked.clear()
+        self._motion.clear()
+        self._round.clear()
+        self._is_changing, self._polls = False, 0
 
     def _answer(self, words: list[str]) -> BoardReport | None:
         """Put an answer to its question.
@@ -103,8 +141,7 @@ class OdriveBoard:
         numbers = [_read_number(word) for word in words]
         is_motion = asked.startswith("f ")
         if len(numbers) != (2 if is_motion else 1) or None in numbers or not asked:
-            self._asked.clear()
-            self._motion.clear()
+            self._forget_questions()
             self.bad += 1
             return None
         values = [number for number in numbers if number is not None]
@@ -114,14 +151,20 @@ class OdriveBoard:
             return None
         axis = int(name)
         self._motion[axis] = values[0], values[1]
-        is_whole = axis == self._axes[-1] and len(self._motion) == 2 and len(self._faults) == 2
-        return self._report() if is_whole else None
+        is_known = len(self._motion) == len(self._faults) == len(self._states) == 2
+        return self._report() if axis == self._axes[-1] and is_known else None
 
     def _take_property(self, name: str, value: float) -> None:
-        if name in self._errors:
-            self._faults[self._errors[name]] = int(value)
-        else:
-            self._voltage_v = value
+        """Take a value of the round in, and all of them with the last: none is another's then."""
+        self._round[name] = value
+        if name != _VOLTAGE:
+            return
+        told, self._round = self._round, {}
+        if len(told) < 1 + len(self._errors) + len(self._state_names):
+            return
+        self._faults = {axis: int(told[one]) for one, axis in self._errors.items()}
+        self._states = {axis: int(told[one]) for one, axis in self._state_names.items()}
+        self._voltage_v, self._is_changing = value, False
 
     def _report(self) -> BoardReport:
         """Make a reading of the last answers; a wheel that turns is the wheel of its side."""
@@ -142,10 +185,24 @@ class OdriveBoard:
             board=BoardSample(
                 t_s=0.0,
                 inputs=("motors",) if math.isnan(self._voltage_v) else ("battery", "motors"),
-                faults=tuple(f"axis {axis}: error {self._faults[axis]:#x}"
-                             for axis in self._axes if self._faults[axis]),
+                stopped=" and ".join(filter(None, map(self._why_standing, self._axes))),
+                faults=tuple(filter(None, map(self._name_error, self._axes))),
             ),
         )  # fmt: skip
+
+    def _name_error(self, axis: int) -> str:
+        error = self._faults[axis]
+        expired = " (its watchdog heard no command in time)" if error & self._expired else ""
+        return f"axis {axis}: error {error:#x}{expired}" if error else ""
+
+    def _why_standing(self, axis: int) -> str:
+        """Say why an axis does not drive its wheels; empty where it does."""
+        state = self._states[axis]
+        if self._faults[axis]:
+            return f"axis {axis} has an error"
+        if state == CLOSED_LOOP:
+            return ""
+        return f"axis {axis} is {'idle' if state == IDLE else f'in state {state}'}"
 
 
 def make_board(robot: RobotSpec, options: UriOptions) -> OdriveBoard:
@@ -158,7 +215,7 @@ def make_board(robot: RobotSpec, options: UriOptions) -> OdriveBoard:
         raise ConfigError(f"axes={text}: write axes=0,1, right before left, or axes=1,0")
     right = int(text[0])
     error = options.pop_text("errors", "error")
-    if error not in ("error", "active_errors"):
+    if error not in WATCHDOG_EXPIRED:
         raise ConfigError(f"errors={error}: firmware 0.5 has error, 0.6 active_errors")
     gear = options.pop_number("gear", robot.drive.gear_ratio, 0.1, 1000.0)
     return OdriveBoard((right, 1 - right), gear, error)

@@ -17,6 +17,7 @@ from agribot.core.platform import Sensor
 from agribot.core.stamp_clock import SampleQueue
 from agribot.drivers import gpsd, nmea, ubx
 from agribot.drivers.byte_streams import ByteStream, OpenStream, StreamReader
+from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.corrections import CorrectionLink
 from agribot.drivers.line_watch import LineWatch, make_note
 from agribot.drivers.ntrip import Caster, CasterLogin
@@ -137,6 +138,11 @@ class GpsdDecoder:
         """How many lines were no report."""
         return self._lines.bad
 
+    @property
+    def is_accuracy_told(self) -> bool:
+        """Whether the accuracy of the newest fix is the receiver's word, not what is usual."""
+        return self._fixes.is_accuracy_told
+
     def feed(self, data: bytes, arrived_s: float = 0.0) -> Stamped:
         """Decode what arrived; the stamp of what comes without a fix is 0."""
         found: Stamped = []
@@ -195,6 +201,7 @@ class ReceiverLink:
         self._headings: SampleQueue[GnssHeading] = SampleQueue(now_s, latency_s=latency_s)
         self._states: SampleQueue[GnssStatus] = SampleQueue(now_s, latency_s=latency_s)
         self._watch = LineWatch(name)
+        self._clock = ClockWatch(name, lambda: self._fixes.uncertainty_s)
 
     def feed(self, data: bytes, arrived_s: float) -> None:
         """Take bytes in, in any thread."""
@@ -211,9 +218,9 @@ class ReceiverLink:
         return self._fixes.take(t_s)
 
     def take_more(self, t_s: float) -> dict[str, tuple[Any, ...]]:
-        """Take headings and states, and notes on a line that is noisy, by field of the batch."""
+        """Take headings and states, and notes on line and clock, by field of the batch."""
         return {
-            "events": self._watch.update(t_s, self.decoder.broken),
+            "events": (*self._watch.update(t_s, self.decoder.broken), *self._clock.update(t_s)),
             "headings": self._headings.take(t_s),
             "gnss_status": self._states.take(t_s),
         }

@@ -1,7 +1,7 @@
 """What a receiver sees of the sky: satellites, dilutions of precision, the corrections' age.
 
-Sources: NMEA 0183 (GSV, GSA, GGA); UBXDOC-963802114-12815 (NAV-SAT, NAV-DOP, NAV-PVT);
-gpsd_json(5), class SKY.
+Sources: NMEA 0183 (GSV, GSA, GGA); UBXDOC-963802114-12815 (NAV-SAT, NAV-DOP, NAV-PVT, RXM-RTCM,
+RXM-COR); gpsd_json(5), class SKY.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from agribot.drivers.ubx import NAV_PVT, UbxFrame
 PERIOD_S = 1.0  # of a status
 _JITTER_S = 0.2  # of arrivals, which stand for the period where no fix has a stamp
 NAV_DOP, NAV_SAT = (0x01, 0x04), (0x01, 0x35)
+RXM_RTCM, RXM_COR = (0x02, 0x32), (0x02, 0x34)
 _DOP = struct.Struct("<I7H")
 _SAT_HEAD, _SAT = struct.Struct("<IBB2x"), struct.Struct("<BBBbhhI")
 _PVT_PDOP, _PVT_FLAGS3 = 76, 78
@@ -31,6 +32,9 @@ _AGE_LIMITS_S = (None, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 
 _OLDEST_S = 300.0
 _MOST_SATELLITES = 200
 _DOP_NAMES = ("gdop", "pdop", "hdop", "vdop", "tdop")
+_COR_BYTES, _RTCM_BYTES = 12, 8
+_IS_RTCM3 = 1  # of RXM-COR's protocol
+_UNUSED, _USED = 1, 2  # of msgUsed; 0 is unknown
 _UNKNOWN_DOP = 99.9  # what receivers write without a fix
 
 Key = tuple[str, int]
@@ -49,6 +53,7 @@ class Sky:
         self._used: set[Key] = set()
         self._dops: dict[str, float] = {}
         self._age_s: float | None = None
+        self._use = CorrectionUse()
         self._last_s = self._last_arrived_s = -math.inf
 
     def make_status(self, stamp_s: float, arrived_s: float) -> GnssStatus | None:
@@ -68,6 +73,8 @@ class Sky:
             satellites=satellites,
             correction_age_s=state.age_s,
             correction_counts=tuple(sorted(state.counts.items())),
+            corrections_used=self._use.used,
+            corrections_unused=self._use.unused,
             **self._dops,
         )
         self._last_s, self._last_arrived_s = stamp_s or self._last_s, arrived_s
@@ -89,6 +96,7 @@ class Sky:
     def add_frame(self, frame: UbxFrame) -> None:
         """Add a frame of UBX; what is too short is left out."""
         kind, payload = frame
+        self._use.add(frame)
         if kind == NAV_PVT and len(payload) >= _PVT_FLAGS3 + 2:
             self._note_dop("pdop", int.from_bytes(payload[_PVT_PDOP:_PVT_FLAGS3], "little") * 0.01)
             place = payload[_PVT_FLAGS3] >> 1 & 0xF
@@ -156,6 +164,40 @@ class Sky:
             _mark_used(each) if key in self._used else each
             for key, each in sorted(found.items())[:_MOST_SATELLITES]
         )
+
+
+class CorrectionUse:
+    """Counts the corrections that a receiver says to have used, and those that it has not.
+
+    A newer one tells of each twice, in RXM-RTCM and in RXM-COR: the latter counts then. Both are
+    None before it has told of any.
+    """
+
+    def __init__(self) -> None:
+        self.used: int | None = None
+        self.unused: int | None = None
+        self._tells_cor = False
+
+    def add(self, frame: UbxFrame) -> None:
+        """Add a frame of UBX; what is none of the two is left out."""
+        kind, payload = frame
+        if kind == RXM_COR and len(payload) >= _COR_BYTES:
+            self._begin_cor()
+            info = int.from_bytes(payload[4:8], "little")
+            if info & 0x1F == _IS_RTCM3:
+                self._count(info >> 7 & 3)
+        elif kind == RXM_RTCM and len(payload) >= _RTCM_BYTES and not self._tells_cor:
+            is_broken = payload[1] & 1
+            self._count(_UNUSED if is_broken else payload[1] >> 1 & 3)
+
+    def _begin_cor(self) -> None:
+        if not self._tells_cor:
+            self._tells_cor, self.used, self.unused = True, None, None
+
+    def _count(self, use: int) -> None:
+        if use in (_UNUSED, _USED):
+            self.used = (self.used or 0) + (use == _USED)
+            self.unused = (self.unused or 0) + (use == _UNUSED)
 
 
 def _mark_used(satellite: Satellite) -> Satellite:

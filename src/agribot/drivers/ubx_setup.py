@@ -10,7 +10,7 @@ import struct
 from collections import deque
 from typing import NamedTuple
 
-from agribot.drivers.sky import NAV_DOP, NAV_SAT
+from agribot.drivers.sky import NAV_DOP, NAV_SAT, RXM_COR, RXM_RTCM
 from agribot.drivers.ubx import (
     NAV_HPPOSLLH,
     NAV_PVT,
@@ -34,6 +34,8 @@ _OUTPUT_KEYS = {
     NAV_DOP: 0x20910038,
     NAV_HPPOSLLH: 0x20910033,
     NAV_RELPOSNED: 0x2091008D,
+    RXM_RTCM: 0x20910268,
+    RXM_COR: 0x209106B6,
 }
 _PORTS = (1, 2, 3)  # UART1, UART2, USB
 _RTCM_INPUTS = (0x10730004, 0x10750004, 0x10770004)  # of the same ports

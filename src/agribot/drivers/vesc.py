@@ -4,9 +4,13 @@ One controller is on the line; the others are reached through it over CAN. Wheel
 electrical revolutions a minute, and the positions of the motors come back as the tachometer.
 
 Source: the packets and commands of VESC firmware 5 and later (vedderb/bldc: comm/packet.c,
-comm/commands.c, datatypes.h): COMM_GET_VALUES, COMM_SET_RPM, COMM_FORWARD_CAN, and
+comm/commands.c, datatypes.h): COMM_GET_VALUES_SELECTIVE, COMM_SET_RPM, COMM_FORWARD_CAN, and
 mc_fault_code. A packet is 2, length, payload, CRC-16/XMODEM high byte first, 3; one longer than
 255 bytes begins with 3 and two bytes of length.
+
+Only what is used is asked for: 26 bytes of an answer instead of 79, and 24 of question and command
+(20 of the controller on the line). Four controllers at 100 Hz then take 10.4 of the 11.5 kB/s of
+a line of 115200 baud, at the usual 50 Hz half of that.
 """
 
 from __future__ import annotations
@@ -30,13 +34,13 @@ from agribot.core.robot import RobotSpec
 from agribot.drivers.motor_board import BoardReport, StampedReport
 from agribot.drivers.uri_options import UriOptions
 
-GET_VALUES, SET_RPM, ALIVE, FORWARD_CAN = 4, 8, 30, 34
+SET_RPM, FORWARD_CAN, GET_SELECTED = 8, 34, 50
 SHORT, LONG, END = 2, 3, 3
 LONGEST_PAYLOAD = 512
 STEPS_PER_ELECTRICAL_TURN = 6  # of the tachometer
-# GET_VALUES after its number: temperatures, currents of motor and battery, i_d and i_q, duty, rpm,
-# voltage, charges and energies, tachometer twice, fault, position, id.
-_VALUES = struct.Struct(">hhiiiihihiiiiiiBiB")
+# Bits of GET_VALUES_SELECTIVE: current of the battery, rpm, voltage, tachometer, fault, id.
+MASK = sum(1 << bit for bit in (3, 7, 8, 13, 15, 17))
+_VALUES = struct.Struct(">BIiihiBB")  # the answer: its number, the mask, and the values
 FAULTS = (
     "", "over voltage", "under voltage", "DRV", "absolute over current", "over temperature of FET",
     "over temperature of motor", "gate driver over voltage", "gate driver under voltage",
@@ -109,11 +113,12 @@ def make_packet(payload: bytes) -> bytes:
 
 
 def read_values(payload: bytes) -> VescValues | None:
-    """Read the answer to GET_VALUES; None where it is another one, or one that is cut off."""
-    if len(payload) < 1 + _VALUES.size or payload[0] != GET_VALUES:
+    """Read the answer about MASK; None where it is another one, or one that is cut off."""
+    if len(payload) != _VALUES.size:
         return None
-    (_, _, _, input_ca, _, _, _, erpm, voltage_dv, _, _, _, _, tachometer, _, fault, _, controller
-     ) = _VALUES.unpack_from(payload, 1)  # fmt: skip
+    kind, mask, input_ca, erpm, voltage_dv, tachometer, fault, controller = _VALUES.unpack(payload)
+    if (kind, mask) != (GET_SELECTED, MASK):
+        return None
     return VescValues(
         controller, float(erpm), tachometer, voltage_dv / 10.0, input_ca / 100.0, fault
     )
@@ -147,7 +152,8 @@ class VescBoard:
         return self.poll()
 
     def poll(self) -> bytes:
-        return b"".join(self._send(one, bytes((GET_VALUES,))) for one in self._ids)
+        question = struct.pack(">BI", GET_SELECTED, MASK)
+        return b"".join(self._send(one, question) for one in self._ids)
 
     def feed(self, data: bytes) -> list[StampedReport]:
         found = []
@@ -165,7 +171,7 @@ class VescBoard:
         return out
 
     def clear_stop(self) -> bytes:
-        return b""  # a fault of a controller ends by itself
+        return b""  # it holds none: after a fault, as after a silence, it takes the next speed
 
     def _send(self, one: int, payload: bytes) -> bytes:
         forward = b"" if one == LOCAL else bytes((FORWARD_CAN, one))

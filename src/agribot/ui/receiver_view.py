@@ -38,6 +38,7 @@ class ReceiverView:
         self._fix: GnssFix | None = None
         self._status: GnssStatus | None = None
         self._correction_hz: float | None = None
+        self._use_ratio: float | None = None
         self._correction_trouble = self._line_trouble = ""
         self._rate = FixRate()
         self._t_s = 0.0
@@ -49,6 +50,7 @@ class ReceiverView:
             self._rate.add(fix.t_s)
         for status in batch.gnss_status:
             self._correction_hz = _measure_corrections_hz(self._status, status)
+            self._use_ratio = _measure_use_ratio(self._status, status)
             self._status = status
         for event in batch.events:
             if event.action == "note" and event.source == SENSOR_WATCH:
@@ -77,6 +79,7 @@ class ReceiverView:
             vdop=_round_dop(told.vdop),
             correction_age_s=None if age_s is None else round(age_s + max(t_s - told.t_s, 0.0), 1),
             correction_hz=self._correction_hz if is_told else None,
+            correction_use_ratio=self._use_ratio if is_told else None,
             caster=self._caster,
             caster_state=self._caster_state,
             correction_trouble=self._correction_trouble,
@@ -117,6 +120,16 @@ def _measure_corrections_hz(before: GnssStatus | None, now: GnssStatus) -> float
         return None
     new = sum(n for _, n in now.correction_counts) - sum(n for _, n in before.correction_counts)
     return round(max(new, 0) / (now.t_s - before.t_s), 1)
+
+
+def _measure_use_ratio(before: GnssStatus | None, now: GnssStatus) -> float | None:
+    """Measure the share of corrections that the receiver used; None where it told of none."""
+    if before is None or now.corrections_used is None or now.corrections_unused is None:
+        return None
+    used = now.corrections_used - (before.corrections_used or 0)
+    unused = now.corrections_unused - (before.corrections_unused or 0)
+    is_whole = used >= 0 and unused >= 0 and used + unused > 0
+    return round(used / (used + unused), 2) if is_whole else None
 
 
 def _choose_shown(satellites: tuple[Satellite, ...]) -> list[wire.SeenSatellite]:

@@ -401,8 +401,9 @@ class ReceiverState(Message, frozen=True, kw_only=True, tag="receiver"):
     Ages are those when the message was made. `quality` has the numbers of NMEA GGA field 6,
     `std_m` is 1 sigma of East and of North. `device` is where it is read from, empty for the
     platform's own receiver. The counts are of all satellites, of which `satellites` has the most
-    important. `correction_hz` counts the messages of `caster` that were passed on. The troubles
-    are for a person.
+    important. `correction_hz` counts the messages of `caster` that were passed on, and
+    `correction_use_ratio` is the share of those since the state before that the receiver says to
+    have used. The troubles are for a person.
     """
 
     epoch: int = 0
@@ -421,6 +422,7 @@ class ReceiverState(Message, frozen=True, kw_only=True, tag="receiver"):
     vdop: float | None = None
     correction_age_s: float | None = None
     correction_hz: float | None = None
+    correction_use_ratio: float | None = None
     caster: str = ""
     caster_state: CasterState | None = None
     correction_trouble: str = ""

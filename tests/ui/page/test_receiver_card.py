@@ -69,6 +69,19 @@ def test_the_sky_is_drawn_with_north_up_and_the_used_ones_filled(
 
 
 @pytest.mark.parametrize(
+    ("ratio", "said", "tone"),
+    [(0.95, "0.8 s old, 95 % used", "plain"), (0.0, "0.8 s old, none used by the receiver", "bad")],
+)
+def test_corrections_that_the_receiver_does_not_use_are_told_in_red(
+    open_page: OpenPage, server: FakeServer, ratio: float, said: str, tone: str
+) -> None:
+    server.robot.receiver = make_receiver(correction_use_ratio=ratio)
+    told = fact(open_page("health"), "Corrections")
+    expect(told).to_have_text(said)
+    assert ("bad" in (told.get_attribute("class") or "")) is (tone == "bad")
+
+
+@pytest.mark.parametrize(
     ("quality", "said"),
     [(1, "Single fix, no corrections"), (2, "DGNSS"), (4, "RTK fixed"), (5, "RTK float")],
 )

@@ -107,9 +107,20 @@ function dilution(receiver: ReceiverState): Fact {
 
 function corrections(receiver: ReceiverState): Fact {
   const age_s = receiver.correction_age_s
-  if (age_s !== null) return fact('Corrections', `${fixed(age_s, 1, 's')} old`, grade(age_s, OLD_CORRECTION_S))
+  if (age_s !== null) return correctionsOfAge(age_s, receiver.correction_use_ratio)
   if (receiver.caster_state === 'failed') return fact('Corrections', 'none', 'bad')
   return { name: 'Corrections', ...silence(receiver) }
+}
+
+function correctionsOfAge(age_s: number, use_ratio: number | null): Fact {
+  const tone = use_ratio === 0 ? 'bad' : grade(age_s, OLD_CORRECTION_S)
+  return fact('Corrections', `${fixed(age_s, 1, 's')} old${tellUse(use_ratio)}`, tone)
+}
+
+/** Corrections that come may be of no use to the receiver, which then says so. */
+function tellUse(ratio: number | null): string {
+  if (ratio === null) return ''
+  return ratio > 0 ? `, ${fixed(100 * ratio, 0)} % used` : ', none used by the receiver'
 }
 
 function caster(receiver: ReceiverState): Fact {

@@ -97,6 +97,8 @@ class GnssStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     Dilutions of precision are of geometry, position, plane, height and time. The age is that of
     the newest correction, the counts are of corrections passed on to the receiver, by RTCM number.
+    Used and unused are those that the receiver itself says to have put to use, and those that it
+    says not to have: broken ones too, and both since its line was opened.
     """
 
     t_s: float
@@ -108,6 +110,8 @@ class GnssStatus(msgspec.Struct, frozen=True, kw_only=True):
     tdop: float | None = None
     correction_age_s: float | None = None
     correction_counts: tuple[tuple[int, int], ...] = ()
+    corrections_used: int | None = None
+    corrections_unused: int | None = None
 
 
 class BaseFix(msgspec.Struct, frozen=True, kw_only=True):

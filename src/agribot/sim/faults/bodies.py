@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import msgspec
 
-from agribot.core.messages import WHEEL_NAMES, DriveCommand
+from agribot.core.messages import STOP, WHEEL_NAMES, DriveCommand
 from agribot.core.robot import DriveSpec, Origin, Shape
 from agribot.core.world import Obstacle, WorldSpec
+from agribot.sim.faults.motors import draw_weak_wheel, list_torque_shares
 from agribot.sim.faults.schedule import Fault
 from agribot.sim.physics import Physics
-from agribot.sim.random_streams import make_stream
 
 CARRY_S = 1.0
 POLE_AHEAD_M, POLE_RADIUS_M, POLE_HEIGHT_M = 2.0, 0.05, 1.2
@@ -23,8 +23,7 @@ class BodyFaults:
 
     def __init__(self, faults: Sequence[Fault], drive: DriveSpec, seed: int) -> None:
         self._faults, self._drive = tuple(faults), drive
-        weak = make_stream(seed, "fault motor.weak")
-        self._weak_wheel = WHEEL_NAMES[int(weak.integers(len(WHEEL_NAMES)))]
+        self._weak_wheel = draw_weak_wheel(seed)
         self._limits_nm = dict.fromkeys(WHEEL_NAMES, drive.wheel_torque_nm)
         self._friction_ratio = 1.0
         self._carried_m: dict[int, float] = {}
@@ -40,6 +39,8 @@ class BodyFaults:
             physics.set_mud(ratio)
         if any(fault.name == "motor.runaway" for fault in on):
             physics.command(DriveCommand(v_mps=self._drive.max_speed_mps))
+        if any(fault.name == "button.pressed" for fault in on):
+            physics.command(STOP)
         found = None
         for number, fault in enumerate(self._faults):
             if not fault.is_on(t_s):
@@ -54,17 +55,13 @@ class BodyFaults:
 
     def hears(self, t_s: float) -> bool:
         """Whether the board hears commands."""
-        deaf = ("board.silent", "motor.runaway")
+        deaf = ("board.silent", "motor.runaway", "button.pressed")
         return not any(fault.name in deaf and fault.is_on(t_s) for fault in self._faults)
 
     def _limit_torques(self, on: Sequence[Fault], physics: Physics) -> None:
-        limits_nm = dict.fromkeys(WHEEL_NAMES, self._drive.wheel_torque_nm)
-        for fault in on:
-            if fault.name == "motor.dead":
-                limits_nm[fault.wheel] = 0.0
-            if fault.name == "motor.weak":
-                weak_nm = fault.number * self._drive.wheel_torque_nm
-                limits_nm[self._weak_wheel] = min(limits_nm[self._weak_wheel], weak_nm)
+        shares = list_torque_shares(on, self._weak_wheel)
+        most_nm = self._drive.wheel_torque_nm
+        limits_nm = {wheel: share * most_nm for wheel, share in shares.items()}
         for wheel, limit_nm in limits_nm.items():
             if limit_nm != self._limits_nm[wheel]:
                 physics.limit_torque(wheel, limit_nm)

@@ -12,9 +12,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from agribot.core.config import RunConfig
-from agribot.core.messages import SensorBatch
+from agribot.core.messages import STOP, SensorBatch
 from agribot.core.robot import RobotSpec
 from agribot.core.world import Obstacle, WorldSpec
+from agribot.sim.faults.boards import HungBoard, PressedButton, UnpluggedImu
 from agribot.sim.faults.bodies import BodyFaults
 from agribot.sim.faults.links import NoisyLink, SilentBoard, SteppedClock
 from agribot.sim.faults.motions import (
@@ -75,11 +76,14 @@ class FaultLayer:
 
     def act(self, t_s: float, physics: Physics) -> Obstacle | None:
         """Let act what acts in the physics from now on; return an obstacle that has appeared."""
-        return self._body.step(t_s, physics)
+        appeared = self._body.step(t_s, physics)
+        if any(board.is_off(t_s) for board in self._hung_boards):
+            physics.command(STOP)
+        return appeared
 
     def hears(self, t_s: float) -> bool:
         """Whether the board hears commands."""
-        return self._body.hears(t_s)
+        return self._body.hears(t_s) and all(board.hears(t_s) for board in self._hung_boards)
 
     def alter(self, batch: SensorBatch) -> SensorBatch:
         """Return the samples as the robot gets them."""
@@ -91,6 +95,10 @@ class FaultLayer:
     def leave(self, names: Collection[str]) -> None:
         """Let somebody else do what faults of these names do to samples."""
         self._batch_faults = [one for one in self._batch_faults if one[0] not in names]
+
+    @property
+    def _hung_boards(self) -> list[HungBoard]:
+        return [fault for _, fault in self._batch_faults if isinstance(fault, HungBoard)]
 
     def take_changes(self) -> list[FaultChange]:
         """Return what began and what ended since the last call."""
@@ -132,6 +140,7 @@ MAKERS: dict[str, Callable[[Fault, FaultMaterial], BatchFault]] = {
     "imu.bias": lambda fault, _: GyroBias(fault),
     "imu.frozen": lambda fault, _: FrozenImu(fault),
     "imu.late": lambda fault, _: Late(fault),
+    "imu.unplugged": lambda fault, _: UnpluggedImu(fault),
     "wheels.stuck": lambda fault, _: Miscount(fault),
     "wheels.reversed": lambda fault, _: Miscount(fault),
     "camera.black": lambda fault, _: BadPicture(fault),
@@ -140,10 +149,12 @@ MAKERS: dict[str, Callable[[Fault, FaultMaterial], BatchFault]] = {
     "camera.late": lambda fault, _: Late(fault),
     "camera.off": lambda fault, _: BadPicture(fault),
     "bumper.contact": lambda fault, around: Touch(fault, _measure_front_m(around.robot)),
+    "button.pressed": lambda fault, _: PressedButton(fault),
     "battery.empty": lambda fault, _: EmptyBattery(fault),
     "link.noise": lambda fault, around: NoisyLink(fault, around.rng),
     "clock.step": lambda fault, _: SteppedClock(fault),
     "board.silent": lambda fault, _: SilentBoard(fault),
+    "board.hung": lambda fault, _: HungBoard(fault),
 }
 
 

@@ -11,7 +11,8 @@ from agribot.core.messages import WHEEL_NAMES
 from agribot.core.suggestions import suggest_name
 
 Part = Literal["gnss", "compass", "imu", "wheels", "motors", "ground", "camera", "network",
-               "bumper", "battery", "clock", "link", "disk", "start", "robot"]  # fmt: skip
+               "bumper", "button", "battery", "clock", "link", "disk", "start",
+               "robot"]  # fmt: skip
 
 
 class Span(msgspec.Struct, frozen=True, kw_only=True):
@@ -77,6 +78,8 @@ FAULTS = (
     FaultKind(name="imu.late", part="imu", words=_IMU, typical="0.25",
               value=Span(unit="s", low=0.01, high=60.0),
               about="samples of the IMU arrive so late, with true time stamps"),
+    FaultKind(name="imu.unplugged", part="imu", words=_IMU,
+              about="the chip of IMU and magnetometer has no contact, and says nothing"),
     FaultKind(name="wheels.stuck", part="wheels", words=_WHEELS, value="wheel",
               typical=WHEEL_NAMES[3],
               about="the encoder of the wheel counts nothing; what it missed is lost"),
@@ -106,6 +109,8 @@ FAULTS = (
               about="the network never answers: frames come, and nothing is seen in them"),
     FaultKind(name="bumper.contact", part="bumper", words=("bumper",),
               about="the bumper in front says that it touches something"),
+    FaultKind(name="button.pressed", part="button", words=("red button",),
+              about="somebody presses the red button"),
     FaultKind(name="obstacle.unmapped", part="robot", words=("bumper", "obstacle"),
               is_momentary=True,
               about="a pole stands 2 m ahead of the robot, in the physics and in the picture"),
@@ -119,6 +124,8 @@ FAULTS = (
               about="of the samples of board and receivers this share is lost or has a false bit"),
     FaultKind(name="board.silent", part="motors", words=("wheel", "board"),
               about="no wheel samples come, and commands are not heard"),
+    FaultKind(name="board.hung", part="motors", words=("wheel", "board"), is_momentary=True,
+              about="the board's program hangs, until its watchdog resets it"),
     FaultKind(name="disk.full", part="disk", words=("recording", "disk"),
               about="the disk has no room left for the recording"),
     FaultKind(name="start.aside", part="start", words=("start", "mark", "which row"), typical="0.3",

@@ -1,0 +1,59 @@
+"""A gpsd on the network, report by report, for the node `gpsd-client`."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+
+from agribot.core.messages import GnssFix, GnssStatus
+from agribot.drivers.byte_streams import StreamReader, TcpStream
+from agribot.drivers.gpsd import write_watch
+from agribot.drivers.receiver import GpsdDecoder
+from agribot.ros.nodes.gpsd_client import GpsdReport
+
+_MOST_REPORTS = 100  # that nobody took yet
+
+
+class GpsdReader:
+    """Reads the first receiver that a gpsd tells of, until it is closed.
+
+    `tell` hears what cannot be read, and of each loss and return of the line.
+    """
+
+    def __init__(
+        self, host: str, port: int, tell: Callable[[str], None],
+        now_s: Callable[[], float] = time.time,
+    ) -> None:  # fmt: skip
+        """Open the line; `now_s` is since 1970.
+
+        Raises: ConfigError: nobody answers there.
+        """
+        self._decoder, self._now_s = GpsdDecoder(tell), now_s
+        self._status = GnssStatus(t_s=0.0)
+        self._reports: deque[GpsdReport] = deque(maxlen=_MOST_REPORTS)
+        self._reader = StreamReader(
+            f"gpsd {host}:{port}", lambda: TcpStream(host, port), self._hear, time.monotonic, tell,
+            lambda stream: stream.write(write_watch()),
+        )  # fmt: skip
+
+    def take(self) -> list[GpsdReport]:
+        """Take what has come since the last call."""
+        return [self._reports.popleft() for _ in range(len(self._reports))]
+
+    def close(self) -> None:
+        """Let go of gpsd. Safe to call twice."""
+        self._reader.close()
+
+    def _hear(self, data: bytes, arrived_s: float) -> None:
+        """Decode line by line: what is told of a fix is told before the next one."""
+        now_s = self._now_s()
+        for line in data.splitlines(keepends=True):
+            for stamp_s, sample in self._decoder.feed(line, arrived_s):
+                if isinstance(sample, GnssFix):
+                    is_told = self._decoder.is_accuracy_told
+                    self._reports.append(GpsdReport(stamp_s, now_s, sample, self._status, is_told))
+                elif isinstance(sample, GnssStatus):
+                    self._status = sample
+                    if not stamp_s:
+                        self._reports.append(GpsdReport(0.0, now_s, None, sample))

@@ -1,0 +1,73 @@
+"""Faults of what hangs at the motor board of the simulator, and of that board's program.
+
+A board that is well tells nothing of itself here; real firmware does, on `platform = "firmware"`,
+where the same faults act at its pins.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from agribot.core.messages import BoardSample, SensorBatch
+from agribot.sim.faults.schedule import Fault
+
+# Of the firmware: its watchdog, and until it speaks again and has been told what it drives.
+WATCHDOG_S, AWAY_S = 0.12, 0.2
+
+
+class PressedButton:
+    """The red button, which a board reads in every tick from the start on."""
+
+    def __init__(self, fault: Fault) -> None:
+        self._fault = fault
+
+    def alter(self, batch: SensorBatch) -> SensorBatch:
+        is_pressed = self._fault.is_on(batch.t_s)
+        told = BoardSample(t_s=batch.t_s, inputs=("red button",), is_button_pressed=is_pressed)
+        return msgspec.structs.replace(batch, board=(*batch.board, told))
+
+
+class UnpluggedImu:
+    """The chip of IMU and magnetometer says nothing."""
+
+    def __init__(self, fault: Fault) -> None:
+        self._fault = fault
+
+    def alter(self, batch: SensorBatch) -> SensorBatch:
+        imu = tuple(sample for sample in batch.imu if not self._fault.is_on(sample.t_s))
+        mag = tuple(sample for sample in batch.mag if not self._fault.is_on(sample.t_s))
+        return msgspec.structs.replace(batch, imu=imu, mag=mag)
+
+
+class HungBoard:
+    """Its program hangs, is reset by its watchdog, and drives nothing until a person cleared it."""
+
+    def __init__(self, fault: Fault) -> None:
+        self._begin_s = fault.begin_s
+        self._is_cleared = False
+
+    def hears(self, t_s: float) -> bool:
+        """Whether it hears commands."""
+        return t_s < self._begin_s or self._is_cleared
+
+    def is_off(self, t_s: float) -> bool:
+        """Whether its outputs are; until its watchdog bites they are as they were."""
+        return not self.hears(t_s) and t_s >= self._begin_s + WATCHDOG_S
+
+    def alter(self, batch: SensorBatch) -> SensorBatch:
+        away_s = batch.t_s - self._begin_s
+        if away_s < 0.0 or self._is_cleared:
+            return batch
+        if away_s < AWAY_S:
+            return msgspec.structs.replace(batch, wheels=())
+        self._is_cleared = any(event.action == "clear_stop" for event in batch.events)
+        told = BoardSample(t_s=batch.t_s) if self._is_cleared else _tell_reset(batch.t_s)
+        return msgspec.structs.replace(batch, board=(*batch.board, told))
+
+
+def _tell_reset(t_s: float) -> BoardSample:
+    return BoardSample(
+        t_s=t_s,
+        stopped="it was switched on, or reset",
+        faults=("it hung, and its watchdog reset it",),
+    )

@@ -1,0 +1,239 @@
+"""Motor controllers of other makers behind a link, as a robot has them: armed, driven, stopped.
+
+Nothing here waits: their time passes with the commands.
+"""
+
+from __future__ import annotations
+
+import queue
+import struct
+from itertools import count
+
+import pytest
+
+from agribot.core.messages import BoardSample, DriveCommand, OperatorEvent, RobotCommand
+from agribot.description.loader import load_robot
+from agribot.drivers import board_kinds, odrive, vesc
+from agribot.drivers.board_link import BoardLink
+from agribot.drivers.hardware_platform import HardwarePlatform
+from agribot.drivers.motor_board import BoardReport, MotorBoard
+from tests.drivers.esc_fakes import CLOSED_LOOP, IDLE, FakeOdrive, FakeVesc
+
+ROBOT = load_robot()
+TICK_S = 0.02
+CLEAR = OperatorEvent(t_s=0.0, action="clear_stop", source="Ann")
+AHEAD, STAND = (
+    RobotCommand(t_s=0.0, drive=DriveCommand(v_mps=v, yaw_rate_radps=0.0)) for v in (0.3, 0.0)
+)
+WHEEL_RADPS = 0.3 / ROBOT.drive.wheel_radius_m
+ODRIVE, VESC = "board=odrive&gear=10", "board=vesc&ids=local,11,12,13&pole_pairs=7&gear=10"
+BYTES_PER_S, MOST_HZ = 115_200 / 10, 100  # of the line; the shortest tick that a robot may have
+
+
+def open_board(options: str) -> MotorBoard:
+    return board_kinds.open_board(f"tcp://localhost:1?{options}", ROBOT).board
+
+
+class Linked:
+    """A board behind its link; `told` is what it told of itself since it was last emptied."""
+
+    def __init__(self, fake: FakeOdrive | FakeVesc, options: str = ODRIVE) -> None:
+        self.fake, self.now_s = fake, 0.0
+        self.link = BoardLink(open_board(options), ROBOT.drive, lambda: self.now_s)
+        self.told: list[BoardSample] = []
+        self.speeds: list[tuple[float, ...]] = []
+        self.sizes: list[tuple[int, int]] = []
+        self.plug_in()
+
+    def plug_in(self) -> None:
+        self.link.feed(self.fake.answer(self.link.board.open()), self.now_s)
+
+    def run(self, seconds: float, command: RobotCommand | None = STAND, *events: OperatorEvent,
+            loses: slice = slice(None)) -> Linked:  # fmt: skip
+        """Let ticks pass; without a command nobody drives. `loses` is what is left of answers."""
+        for _ in range(round(seconds / TICK_S)):
+            self.now_s += TICK_S
+            self.fake.advance(TICK_S)
+            batch = self.link.take(self.now_s)
+            self.told += batch["board"]
+            self.speeds += [wheels.speed_radps for wheels in batch["wheels"]]
+            out = self.link.clear(self.now_s, events, batch["board"])
+            out += self.link.command(command) if command else b""
+            said = self.fake.answer(out)
+            self.sizes.append((len(out), len(said)))
+            self.link.feed(said[loses], self.now_s)
+            events = ()
+        return self
+
+    @property
+    def last(self) -> BoardSample:
+        return self.told[-1]
+
+
+def test_an_odrive_stands_until_a_person_clears_its_stop_and_drives_then() -> None:
+    fake = FakeOdrive()
+    linked = Linked(fake).run(1.0, AHEAD)
+    assert linked.last.stopped == "axis 0 is idle and axis 1 is idle"
+    assert (linked.last.faults, fake.states, fake.speed(0)) == ((), [IDLE, IDLE], 0.0)
+    linked.run(6.0, AHEAD, CLEAR)
+    assert (linked.last.stopped, linked.last.faults) == ("", ())
+    assert fake.states == [CLOSED_LOOP, CLOSED_LOOP]
+    assert linked.speeds[-1] == pytest.approx([WHEEL_RADPS] * 4, rel=0.01)
+
+
+def test_the_watchdogs_of_an_odrive_stop_a_robot_that_nobody_drives_and_a_person_goes_on() -> None:
+    fake = FakeOdrive()
+    linked = Linked(fake).run(1.0, STAND, CLEAR).run(1.0, AHEAD)
+    assert fake.watchdogs == {0, 1} and fake.speed(0) > 0.0
+    linked.run(odrive.WATCHDOG_S + TICK_S, None)
+    assert fake.states == [IDLE, IDLE] and fake.errors == [0x800, 0x800]
+    linked.run(0.5, STAND)
+    assert linked.last.stopped == "axis 0 has an error and axis 1 has an error"
+    assert linked.last.faults[0] == "axis 0: error 0x800 (its watchdog heard no command in time)"
+    linked.run(1.0, AHEAD, CLEAR)
+    assert (linked.last.stopped, linked.last.faults) == ("", ())
+    assert fake.speed(1) > 0.0
+
+
+def test_an_odrive_that_was_on_while_the_robots_program_began_anew_is_cleared_likewise() -> None:
+    fake = FakeOdrive()
+    Linked(fake).run(1.0, AHEAD, CLEAR)
+    fake.advance(60.0)
+    again = Linked(fake).run(0.5)
+    assert again.last.faults and again.last.stopped
+    again.run(0.5, STAND, CLEAR)
+    assert (again.last.stopped, fake.states) == ("", [CLOSED_LOOP, CLOSED_LOOP])
+
+
+def test_an_odrive_that_restarted_stands_and_its_watchdogs_are_switched_on_again() -> None:
+    fake = FakeOdrive()
+    linked = Linked(fake).run(1.0, AHEAD, CLEAR)
+    fake.restart()
+    linked.run(0.5, AHEAD)
+    assert fake.watchdogs == {0, 1} and fake.errors == [0, 0]
+    assert linked.last.stopped == "axis 0 is idle and axis 1 is idle"
+    assert fake.speed(0) == 0.0
+
+
+def test_one_axis_with_an_error_is_told_with_its_wheels_and_the_other_stays_in_closed_loop() -> (
+    None
+):
+    fake = FakeOdrive()
+    linked = Linked(fake, "board=odrive&axes=1,0&gear=10").run(1.0, AHEAD, CLEAR)
+    fake.errors[0] = 0x40
+    linked.run(0.5, AHEAD)
+    assert linked.last.faults == ("axis 0: error 0x40",)
+    assert linked.last.stopped == "axis 0 has an error"
+    fake.lets_go.clear()
+    linked.run(0.5, AHEAD, CLEAR)
+    assert linked.last.stopped == "" and fake.lets_go == [0]
+
+
+def test_an_error_that_comes_back_is_not_cleared_for_ever() -> None:
+    fake = FakeOdrive()
+    linked = Linked(fake).run(1.0, AHEAD)
+    fake.is_broken = True
+    linked.run(5.0, AHEAD, CLEAR)
+    assert linked.last.faults and linked.last.stopped
+    clears = fake.clears
+    assert 1 < clears < 2.5 / TICK_S
+    linked.run(3.0, AHEAD)
+    assert fake.clears == clears
+
+
+def test_an_odrive_tells_positions_speeds_and_voltage_of_both_sides() -> None:
+    driver, fake = open_board("board=odrive&axes=1,0&gear=10"), FakeOdrive()
+    fake.states = [CLOSED_LOOP, CLOSED_LOOP]
+    found = driver.feed(fake.answer(driver.open()))
+    for _ in range(100):
+        fake.advance(TICK_S)
+        said = fake.answer(driver.poll() + driver.drive((2.0, -1.0, 2.0, -1.0), STAND.implement))
+        found += driver.feed(said)
+    report: BoardReport = found[-1].report
+    assert report.wheels is not None and report.battery is not None
+    assert report.wheels.speed_radps == pytest.approx((2.0, -1.0, 2.0, -1.0), rel=0.01)
+    assert report.wheels.angle_rad == pytest.approx((4.0, -2.0, 4.0, -2.0), rel=0.02)
+    assert report.battery.voltage_v == pytest.approx(24.3)
+
+
+@pytest.mark.parametrize("loses", [slice(3, None), slice(0, -9), slice(0, 20), slice(24, None)])
+def test_answers_of_an_odrive_that_got_lost_are_not_taken_for_others(loses: slice) -> None:
+    fake = FakeOdrive()
+    linked = Linked(fake).run(1.0, AHEAD, CLEAR)
+    linked.told.clear()
+    for _ in range(30):
+        linked.run(TICK_S, AHEAD, loses=loses).run(0.14, AHEAD)
+    assert {(told.stopped, told.faults) for told in linked.told} == {("", ())}
+    assert all(
+        speeds == pytest.approx([WHEEL_RADPS] * 4, rel=0.01) for speeds in linked.speeds[-9:]
+    )
+
+
+class CommandedLine:
+    """A line to a fake whose time passes with what is written to it, a tick a time."""
+
+    def __init__(self, fake: FakeOdrive) -> None:
+        self._fake, self._said = fake, queue.SimpleQueue[bytes]()
+
+    def read(self) -> bytes:
+        try:
+            return self._said.get(timeout=0.05)
+        except queue.Empty:
+            return b""
+
+    def write(self, data: bytes) -> None:
+        self._fake.advance(TICK_S)
+        self._said.put(self._fake.answer(data))
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+
+def test_a_robot_with_an_odrive_is_armed_driven_and_stopped_as_its_program_ends() -> None:
+    fake = FakeOdrive()
+    line = CommandedLine(fake)
+    platform = HardwarePlatform(ROBOT, MOST_HZ, open_board(ODRIVE), lambda: line, "fake")
+    try:
+        for tick in count():
+            board = platform.read().board
+            platform.write(AHEAD if tick > 50 else STAND)
+            if tick == 30:
+                platform.inbox.post(CLEAR)
+            if tick > 60 and board and not board[-1].stopped and fake.speed(0) > 0.0:
+                break
+            assert tick < 2000, (fake.states, fake.errors)
+        assert board[-1].faults == () and fake.errors == [0, 0]
+    finally:
+        platform.close()
+    assert fake.speed(0) == 0.0
+
+
+def test_a_vesc_needs_no_arming_and_goes_on_after_a_silence() -> None:
+    fake = FakeVesc(local=3, others=(11, 12, 13))
+    linked = Linked(fake, VESC).run(0.5, AHEAD)
+    assert linked.speeds[-1] == pytest.approx([WHEEL_RADPS] * 4, rel=0.01)
+    linked.run(0.5, None)
+    assert set(fake.erpm.values()) == {0}
+    linked.run(0.5, AHEAD)
+    assert linked.speeds[-1] == pytest.approx([WHEEL_RADPS] * 4, rel=0.01)
+    assert {told.stopped for told in linked.told} == {""}
+
+
+@pytest.mark.parametrize("options", [ODRIVE, VESC])
+def test_questions_commands_and_answers_of_the_fastest_tick_fit_the_line(options: str) -> None:
+    fake = FakeOdrive() if options == ODRIVE else FakeVesc(local=3, others=(11, 12, 13))
+    linked = Linked(fake, options).run(2.0, AHEAD, CLEAR)
+    for way in zip(*linked.sizes, strict=True):
+        assert 0.0 < sum(way) / len(way) * MOST_HZ < BYTES_PER_S
+
+
+def test_a_vesc_is_asked_for_what_is_used_and_answers_in_26_bytes() -> None:
+    fake, driver = FakeVesc(local=3, others=()), vesc.VescBoard((vesc.LOCAL, 9), 7, 10.0)
+    said = fake.answer(driver.poll()[:10])
+    assert len(said) == 26
+    (payload,) = vesc.VescDecoder().feed(said)
+    assert struct.unpack(">BI", payload[:5]) == (50, 0b10_1010_0001_1000_1000)
+    values = vesc.read_values(payload)
+    assert values == vesc.VescValues(3, 0.0, 0, 24.6, 0.8, 0)
+    assert vesc.read_values(payload[:-1]) is None
+    assert vesc.read_values(payload[:4] + b"\0" + payload[5:]) is None
