@@ -16,7 +16,6 @@ from agribot.core.growing_table import GrowingTable
 from agribot.core.implement.plants import count_left
 from agribot.core.messages import (
     ByteArray,
-    FloatArray,
     MappedPlant,
     MapPoint,
     PlantClass,
