@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from agribot.app.field_work import plan_field_file
@@ -18,6 +20,7 @@ from agribot.description.loader import load_robot
 from agribot.description.worlds_sdf import load_run_world
 from agribot.gis.plan_file import format_plan
 from agribot.record.report import Report
+from tests import nightly
 from tests.mission.paper_camera import CameraOnPaper
 
 Start = tuple[float, float, float]  # East, North, heading in degrees
@@ -66,6 +69,26 @@ def test_rows_that_nobody_mapped_are_found_and_driven_again_from_their_drawing(
     _, second = drive(ELSEWHERE, tmp_path / "second", monkeypatch, plan=again)
     assert second.ok, second.reason
     assert second.mission.rows_done == 3
+
+
+@nightly.all_or_first(
+    "cases", [(sensors, seed) for seed in range(1, 11) for sensors in ("m8n", "rtk")], 1, "drives"
+)
+def test_ten_rows_are_counted_once_each_with_any_receiver_while_it_drifts(
+    cases: Sequence[tuple[str, int]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for sensors, seed in cases:
+        settings = [f"seed={seed}", f'sim.sensors="{sensors}"', 'task="explore"',
+                    "field.row_count=10", "mission.speed_mps=1.0"]  # fmt: skip
+        out = tmp_path / f"{sensors}-{seed}"
+        session, report = drive(BEFORE, out, monkeypatch, *settings)
+        assert report.ok, (sensors, seed, report.reason)
+        found = report.found_rows
+        assert found is not None and found.invented == 0
+        assert found.found == found.true == found.matched == report.mission.rows_done == 10
+        # Side by side as they stand, but for what the receiver drifts along one row.
+        lines = [row.start_map_m for row in session.task.rows]
+        assert np.abs(np.diff([y_m for _, y_m in lines])) == pytest.approx(1.0, abs=0.12)
 
 
 def test_a_robot_that_sees_no_row_stops_and_says_so(

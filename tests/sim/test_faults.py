@@ -18,6 +18,7 @@ from agribot.core.messages import (
     WHEEL_NAMES,
     CameraFrame,
     DriveCommand,
+    FloatArray,
     GnssQuality,
     OperatorEvent,
     PlantClass,
@@ -29,7 +30,7 @@ from agribot.core.robot import RobotSpec
 from agribot.core.world import Plant, WorldSpec
 from agribot.sim.faults.links import flip_bit
 from agribot.sim.faults.motions import MOTOR_T_PER_NM
-from agribot.sim.faults.pictures import HungNetwork
+from agribot.sim.faults.pictures import HungNetwork, find_mount_shift_m
 from agribot.sim.faults.schedule import parse_fault, read_faults
 from agribot.sim.faults.table import FAULTS, Span
 from agribot.sim.platform import SimPlatform
@@ -444,6 +445,7 @@ def test_camera_faults_change_pixels_or_times_and_a_pole_is_seen(
     for name, change in (
         ("black", np.zeros_like),
         ("flipped", lambda image: image[::-1, ::-1]),
+        ("mirrored", lambda image: image[:, ::-1]),
         ("frozen", lambda _: good[1][1].image_rgb),
     ):
         bad = frames(f"camera.{name}@0.5+0.5")
@@ -460,6 +462,23 @@ def test_camera_faults_change_pixels_or_times_and_a_pole_is_seen(
     pole = frames("obstacle.unmapped@0.5")
     assert np.array_equal(pole[1][1].image_rgb, good[1][1].image_rgb)
     assert not np.array_equal(pole[-1][1].image_rgb, good[-1][1].image_rgb)
+
+
+def test_a_camera_that_is_knocked_aside_sees_what_a_robot_that_stands_there_sees(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    def look(*faults: str) -> FloatArray:
+        config = RunConfig(seed=1, faults=faults, sim=SimConfig(camera_noise=False))
+        platform = SimPlatform(config, rover, meadow)
+        frames = [frame for _ in range(50) for frame in platform.read().frames]
+        return frames[-1].image_rgb.astype(np.float64)
+
+    beside = look("start.aside=0.3@0")
+    shifted = look("camera.shifted=0.3@0.2")
+    assert np.abs(shifted - beside).mean() < 0.1 * np.abs(look() - beside).mean()
+    shifts = [parse_fault(text) for text in ("camera.shifted=-0.2@2+1", "camera.creeping=0.1@2+2")]
+    shifts_m = [find_mount_shift_m(shifts, t_s) for t_s in (1.0, 2.5, 3.5, 4.5)]
+    assert shifts_m == pytest.approx([0.0, -0.15, 0.15, 0.0])
 
 
 def test_a_hung_network_is_not_asked_while_frames_still_come() -> None:
@@ -498,7 +517,7 @@ def test_a_run_that_goes_on_has_its_faults_on_its_own_clock() -> None:
 
 
 def test_every_fault_says_what_it_is_and_its_typical_value_can_be_given() -> None:
-    assert len({kind.name for kind in FAULTS}) == len(FAULTS) == 37
+    assert len({kind.name for kind in FAULTS}) == len(FAULTS) == 40
     for kind in FAULTS:
         assert kind.about and kind.words
         value = f"={kind.typical}" if kind.value is not None else ""

@@ -15,12 +15,14 @@ import numpy as np
 
 from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.field_work import read_field_work
+from agribot.app.known_plants import read_plants
 from agribot.app.prescribed_zones import read_zones
 from agribot.app.robot_stack import build_stack
 from agribot.app.run_recording import (
     EARLIER_ATTACHMENT,
     GOALS_ATTACHMENT,
     PLAN_ATTACHMENT,
+    PLANTS_ATTACHMENT,
     PRESCRIPTION_ATTACHMENT,
     SAVED_ATTACHMENT,
 )
@@ -131,7 +133,11 @@ def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[Mapped
     is_zoned = bool(config.treatment.prescription)
     prescription = read_attachment(path, PRESCRIPTION_ATTACHMENT) if is_zoned else b""
     zones = read_zones(prescription, config, work)
-    stack = build_stack(config, robot, goals_map_m, perception, work, saved, zones, planning)
+    known = read_attachment(path, PLANTS_ATTACHMENT) if config.field.plant_map else b""
+    plants = read_plants(known)
+    stack = build_stack(
+        config, robot, goals_map_m, perception, work, saved, zones, planning, plants
+    )
     stack.weed_map.restore(_read_earlier_plants(path))
     ticks: list[TickRecord] = []
     stack.taps.append(ticks.append)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from agribot.app.tasks import TasksUnderWay, choose_task
+from agribot.autonomy.estimate.stem_map import StemMap
 from agribot.autonomy.implements.zones import ZoneMap
 from agribot.autonomy.perception_host import PerceptionHost
 from agribot.autonomy.plan.coverage.drive import FieldWork
@@ -23,14 +24,15 @@ def build_stack(
     saved: SavedMission | None = None,
     zones: ZoneMap | None = None,
     planning: ThreadedPlanning | None = None,
+    plants: StemMap | None = None,
 ) -> Stack:
     """Build the stack for a task over the rows of the field, or what stands in for them.
 
     `waypoints_map_m` or `work`, a field plan, replaces the rows; `perception` replaces the camera
     network and `planning` what plans, as a replay does; `saved` is a mission to go on with;
-    `zones` is a prescription.
+    `zones` is a prescription, `plants` the crop that an earlier run mapped.
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
     task = choose_task(config, robot, waypoints_map_m, work)
     under_way = TasksUnderWay(task, config, robot)
-    return build(config, robot, task, under_way, perception, saved, zones, planning)
+    return build(config, robot, task, under_way, perception, saved, zones, planning, plants)

@@ -87,7 +87,7 @@ class Run:
         self.is_written = True  # every file of the run's end could be written
         before = whole_job.plants_before(earlier)
         files = files_to_run_again(
-            setup.goals_map_m, saved, before, setup.plan_text, setup.prescription
+            setup.goals_map_m, saved, before, setup.plan_text, setup.prescription, setup.plants
         )
         self._open_all_files(files, setup.plan_text if setup.is_plan_new else "")
 

@@ -20,6 +20,7 @@ FILE_NAME = "run.mcap"
 GOALS_ATTACHMENT = "goals.json"
 PLAN_ATTACHMENT = "plan.geojson"
 PRESCRIPTION_ATTACHMENT = "prescription"
+PLANTS_ATTACHMENT = "crop plants"
 SAVED_ATTACHMENT = "resumed.json"  # null in a run that began anew
 EARLIER_ATTACHMENT = "earlier_plants.json"  # of the weed map that a run took over
 TRUTH_PERIOD_S = 0.1
@@ -154,6 +155,7 @@ def files_to_run_again(
     earlier_plants: Sequence[Track],
     plan_text: str,
     prescription: bytes = b"",
+    plants: bytes = b"",
 ) -> dict[str, tuple[str, bytes]]:
     """Collect what a recording needs besides its ticks, by name and with its media type."""
     files = {
@@ -165,6 +167,8 @@ def files_to_run_again(
         files[PLAN_ATTACHMENT] = ("application/geo+json", plan_text.encode())
     if prescription:
         files[PRESCRIPTION_ATTACHMENT] = ("application/octet-stream", prescription)
+    if plants:
+        files[PLANTS_ATTACHMENT] = ("application/json", plants)
     return files
 
 

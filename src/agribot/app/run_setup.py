@@ -10,6 +10,7 @@ import msgspec
 from agribot.app import whole_job
 from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.field_work import read_field_work, read_plan_text
+from agribot.app.known_plants import read_plant_file, read_plants
 from agribot.app.prescribed_zones import read_prescription_file, read_zones
 from agribot.app.robot_stack import build_stack
 from agribot.app.tasks import read_goals
@@ -32,7 +33,7 @@ class RunSetup(NamedTuple):
 
     `described` is the robot as its description says, `robot` the same as calibration corrects it.
     `plan_text` is the field plan, empty without one; `is_plan_new` where it is in no file yet.
-    `prescription` is the file of that name, empty without one.
+    `prescription` is the file of that name, `plants` the crop of an earlier run, empty without.
     """
 
     config: RunConfig
@@ -46,6 +47,7 @@ class RunSetup(NamedTuple):
     saved: SavedMission | None
     earlier: JobSoFar
     prescription: bytes
+    plants: bytes
 
     def build_stack(self) -> Stack:
         """Build the stack.
@@ -54,8 +56,9 @@ class RunSetup(NamedTuple):
         """
         zones = read_zones(self.prescription, self.config, self.work)
         return build_stack(
-            self.config, self.robot, self.goals_map_m, None, self.work, self.saved, zones
-        )
+            self.config, self.robot, self.goals_map_m, None, self.work, self.saved, zones,
+            plants=read_plants(self.plants),
+        )  # fmt: skip
 
 
 def prepare_run(
@@ -92,6 +95,7 @@ def prepare_run(
         saved=saved,
         earlier=earlier,
         prescription=read_prescription_file(config),
+        plants=read_plant_file(config),
     )
 
 

@@ -106,7 +106,8 @@ class SimulatedRun(Run):
 
     def _show_truth(self, record: TickRecord) -> None:
         if self.task.explorer is not None:
-            self.referee.match_rows(self.task.rows)
+            here = record.estimate
+            self.referee.match_rows(self.task.rows, (here.x_map_m, here.y_map_m))
         if self.simulator.faults is not None:
             self._note_faults(record.batch.t_s, self.simulator.faults)
         truth = self.simulator.truth()

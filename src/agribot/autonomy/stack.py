@@ -11,6 +11,7 @@ from agribot.autonomy.control.hand_drive import HandControl
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.mapped_rows import MappedRows
+from agribot.autonomy.estimate.stem_map import StemMap
 from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.implements.zones import ZoneMap
 from agribot.autonomy.perceive.ground import GroundLookup
@@ -143,13 +144,15 @@ def build(
     saved: SavedMission | None = None,
     zones: ZoneMap | None = None,
     planning: ThreadedPlanning | None = None,
+    plants: StemMap | None = None,
 ) -> Stack:
     """Put the parts together as the settings say.
 
     `task` is what the robot works at, `new_tasks` makes those that come in under way;
     `perception` replaces the camera network and `planning` the thread that plans, as a replay does;
-    `saved` is a mission to go on with, `zones` are those of a prescription. On a platform that runs
-    in real time neither network nor plan is waited for.
+    `saved` is a mission to go on with, `zones` are those of a prescription, `plants` the crop that
+    an earlier run mapped. On a platform that runs in real time neither network nor plan is waited
+    for.
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
     if planning is None:
@@ -163,11 +166,7 @@ def build(
 
     if perception is None:
         perception = perceiving(config, robot, show_mask)
-    localizer = Localizer(config.estimate, config.field, robot)
-    if task.work is not None:
-        localizer.take_rows(find_rows(task.work, config.field.plant_spacing_m))
-    elif task.explorer is not None:
-        localizer.take_rows(MappedRows(()))
+    localizer = _localize(config, robot, task, plants)
     return Stack(
         localizer=localizer,
         perception=perception,
@@ -181,6 +180,18 @@ def build(
         mask_taps=mask_taps,
         plant_spacing_m=config.field.plant_spacing_m,
     )
+
+
+def _localize(config: RunConfig, robot: RobotSpec, task: Task, plants: StemMap | None) -> Localizer:
+    """Build the filter, and tell it what is known of the crop."""
+    localizer = Localizer(config.estimate, config.field, robot)
+    if task.work is not None:
+        localizer.take_rows(find_rows(task.work, config.field.plant_spacing_m))
+    elif task.explorer is not None:
+        localizer.take_rows(MappedRows(()))
+    if plants is not None:
+        localizer.take_plants(plants)
+    return localizer
 
 
 def find_rows(work: FieldWork, spacing_m: float | None) -> MappedRows:

@@ -55,6 +55,8 @@ class FieldConfig(Config, frozen=True):
     row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6  # how many rows
     row_map_std_m: NonNegative = 0.03  # how far rows stand off these lines, 1 sigma
     plant_spacing_m: Positive | None = None  # from plant to plant in a row; None: not regular
+    # The weed map of an earlier run (its weeds.geojson), by whose crop the robot knows its place.
+    plant_map: str = ""
     # East, North and radius of what stands in the way: the pole of a base station, a well.
     obstacles_map_m: tuple[tuple[float, float, NonNegative], ...] = ()
     # The mark on which the robot is put down before a run, and how well; None: anywhere.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -39,6 +40,7 @@ EventKind = Literal[
     "truth",
 ]
 
+NAMED_BESIDE_M = 0.05  # a row that stands so far beside its line in the map is told of
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
@@ -70,11 +72,12 @@ class _RowStory:
 
     def __init__(self, index: int, t_s: float, s_m: float) -> None:
         self.index, self._t_s, self._from_m, self._to_m = index, t_s, s_m, s_m
-        self._off_m = self._nudged_m = 0.0
+        self._off_m = self._nudged_m = self._beside_m = 0.0
         self._looks = self._seen = 0
 
     def add(self, record: TickRecord) -> None:
         self._to_m, self._nudged_m = record.status.s_m, record.status.row_nudged_m
+        self._beside_m = math.hypot(*record.estimate.rows_off_m)
         if record.tracking is not None:
             self._off_m = max(self._off_m, abs(record.tracking.cross_track_m))
         if record.estimate.row_seen is not None:
@@ -88,8 +91,9 @@ class _RowStory:
             f"row {self.index + 1} {'done' if is_done else 'left, not done'}: "
             f"{self._to_m - self._from_m:.1f} m in {t_s - self._t_s:.0f} s, at most "
             f"{100 * self._off_m:.1f} cm off its line as the robot believes{crop}"
-            + f", moved {100 * self._nudged_m:+.0f} cm by hand"
-            * bool(self._nudged_m)
+            + f", it stands {self._beside_m:.2f} m beside the map"
+            * (self._beside_m >= NAMED_BESIDE_M)
+            + f", moved {100 * self._nudged_m:+.0f} cm by hand" * bool(self._nudged_m)
         )
 
 

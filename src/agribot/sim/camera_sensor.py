@@ -59,7 +59,8 @@ class CameraSensor:
         self._renderer: CameraRenderer = CameraRenderer(world, self._visible, ground=self._ground)
         self._base_from_body = transform((0.0, 0.0, -robot.base_height_m)) if has_body else None
         self._camera = camera
-        self._base_from_camera = robot.base_from_link(camera.link) @ LINK_FROM_OPTICAL
+        self._base_from_mount = robot.base_from_link(camera.link) @ LINK_FROM_OPTICAL
+        self._base_from_camera = self._base_from_mount
         self._noise = noise
         self._plants = PlantStates(len(world.plants)) if plants is None else plants
         self._places_map_m = [(plant.x_map_m, plant.y_map_m) for plant in world.plants]
@@ -116,6 +117,10 @@ class CameraSensor:
         self._world = msgspec.structs.replace(self._world, obstacles=obstacles)
         self._renderer = CameraRenderer(self._world, self._visible, ground=self._ground)
         self._shown.clear()
+
+    def shift_mount(self, left_m: float) -> None:
+        """Take pictures from so far to the left of the mount's place from now on."""
+        self._base_from_camera = transform((0.0, left_m, 0.0)) @ self._base_from_mount
 
     def _draw(
         self, base: FloatArray, noise_seed: int | None, wheel_angles_rad: list[float] | None

@@ -270,6 +270,8 @@ class SimPlatform:
         appeared = faults.act(t_s, self._physics)
         if appeared is not None and self._feed is not None:
             self._feed.add_obstacle(appeared)
+        if self._feed is not None:
+            self._feed.shift_mount(faults.find_mount_shift_m(t_s))
 
     def _affect_field(self, start_s: float, end_s: float) -> None:
         before, after = self._physics.history[0], self._physics.history[-1]

@@ -14,13 +14,20 @@ from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import wrap_rad
 from agribot.core.growing_table import GrowingTable
 from agribot.core.implement.plants import count_left
-from agribot.core.messages import ByteArray, MappedPlant, PlantClass, Row, TickRecord
+from agribot.core.messages import (
+    ByteArray,
+    MappedPlant,
+    MapPoint,
+    PlantClass,
+    Row,
+    TickRecord,
+)
 from agribot.core.robot import DriveSpec
 from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
 from agribot.sim.plant_judge import find_percentile, is_in_strips, match_plants
 from agribot.sim.plant_states import PlantStates
-from agribot.sim.row_judge import FoundRowsScore, find_true_row, score_found_rows
+from agribot.sim.row_judge import FoundRowsScore, find_true_row, score_found_rows, shift_row
 from agribot.sim.safety_judge import Crush, SafetyJudge, SafetyScore
 from agribot.sim.scores import (
     CrushedCount,
@@ -111,15 +118,26 @@ class Referee:
         """Take the rows of the map that a robot is to find."""
         self._true_rows = tuple(self._find_true_row(row) for row in rows)
 
-    def match_rows(self, found: Sequence[Row]) -> None:
-        """Judge rows that were found by the true ones on which they lie."""
+    def match_rows(self, found: Sequence[Row], here_map_m: MapPoint) -> None:
+        """Judge rows that were found by the true ones on which they lie.
+
+        A row was found from where the robot believes to be, `here_map_m`: as far as that is wrong,
+        so is the place of the row, and it is not another row for that.
+        """
+        if all(row.index in self._rows for row in found):
+            return
+        truth = self._source.truth()
+        off_m = truth.x_map_m - here_map_m[0], truth.y_map_m - here_map_m[1]
         for row in found:
             if row.index not in self._rows:
-                self._rows[row.index] = find_true_row(row, self._true_rows) or row
+                there = shift_row(row, off_m)
+                self._rows[row.index] = find_true_row(there, self._true_rows) or row
 
     def score_found_rows(self, found: Sequence[Row]) -> FoundRowsScore | None:
         """None where the robot was told its rows."""
-        return score_found_rows(found, self._true_rows) if self._true_rows else None
+        if not self._true_rows:
+            return None
+        return score_found_rows(found, self._true_rows, self._rows)
 
     def restore(self, before: RefereeState) -> str:
         """Continue the judgement of an earlier run of the job.

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 import numpy as np
 
-from agribot.core.messages import Row
+from agribot.core.messages import MapPoint, Row
 from agribot.core.row_shape import project_on_row, row_length_m, row_points_map_m
 
 # A found row is a true one's where its middle and both ends lie so near to its line.
@@ -38,12 +38,25 @@ def find_true_row(row: Row, true_rows: Sequence[Row]) -> Row | None:
     return true if off_m <= SAME_ROW_M else None
 
 
-def score_found_rows(found: Sequence[Row], true_rows: Sequence[Row]) -> FoundRowsScore:
-    """Match found rows to true ones, each to one, and measure how far off they are."""
+def shift_row(row: Row, by_m: MapPoint) -> Row:
+    """Move a row."""
+    (x0, y0), (x1, y1), (dx, dy) = row.start_map_m, row.end_map_m, by_m
+    return msgspec.structs.replace(
+        row, start_map_m=(x0 + dx, y0 + dy), end_map_m=(x1 + dx, y1 + dy)
+    )
+
+
+def score_found_rows(
+    found: Sequence[Row], true_rows: Sequence[Row], matches: Mapping[int, Row]
+) -> FoundRowsScore:
+    """Hold found rows against true ones, each against one, and measure how far off they are.
+
+    `matches` has for the number of each found row the true one that was found, or no true one.
+    """
     taken: dict[int, Row] = {}
     for row in found:
-        true = find_true_row(row, true_rows)
-        if true is not None and true.index not in taken:
+        true = matches.get(row.index)
+        if true in true_rows and true is not None and true.index not in taken:
             taken[true.index] = row
     pairs = [(taken[true.index], true) for true in true_rows if true.index in taken]
     off_m = np.array([_measure_off_m(row, true) for row, true in pairs]).ravel()

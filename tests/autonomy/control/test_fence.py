@@ -125,6 +125,24 @@ def test_without_carrier_corrections_nothing_of_the_uncertainty_is_forgiven(
     assert Fenced()(replace_quality(beside, GnssQuality.RTK_FIXED)) == ""
 
 
+def split(estimate: Estimate, apart_m: float) -> Estimate:
+    """Two solutions differ by so much to the side, and each is good to 0.1 m."""
+    return msgspec.structs.replace(
+        estimate, across_protection_m=apart_m + 0.1, across_plain_m=0.05, across_unknown_m=0.1
+    )
+
+
+def test_sensors_that_contradict_each_other_keep_the_robot_off_the_edge() -> None:
+    beside = believed(10.0, HALF_M + 0.2, std_m=0.02)
+    assert Fenced()(split(beside, 0.0)) == ""
+    assert Fenced()(split(beside, CONFIG.fence_unsure_m + 0.1)) == ""
+    told = Fenced()(split(beside, CONFIG.fence_unsure_m + 0.3))
+    assert "may be 0.70 m beside it, since its sensors contradict each other" in told
+    single = replace_quality(believed(10.0, HALF_M + 0.5, std_m=0.02), GnssQuality.SINGLE)
+    assert Fenced()(split(single, 0.4)) == ""
+    assert "contradict each other" in Fenced()(split(single, 0.6))
+
+
 def replace_quality(estimate: Estimate, quality: GnssQuality) -> Estimate:
     return msgspec.structs.replace(estimate, quality=quality)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import FieldConfig
-from agribot.core.messages import Estimate, GroundPlant, PlantClass, Scene
+from agribot.core.messages import Estimate, FloatArray, GroundPlant, PlantClass, Scene
 from tests.autonomy.estimate.noisy_rover import Recording
 from tests.autonomy.estimate.playback import batches
 
@@ -54,9 +54,22 @@ def scenes(
     rng: np.random.Generator,
 ) -> list[Scene]:
     """What the camera delivers on the recorded drive, oldest first."""
+    return scenes_of(recording, grow(field, spacing_m, faults, rng), faults, rng)
+
+
+def grow(
+    field: FieldConfig, spacing_m: float, faults: Faults, rng: np.random.Generator
+) -> FloatArray:
+    """Where plants stand, (N, 2): the planter errs, and some do not come up."""
     plants = np.array(crops(field, spacing_m))
     plants = plants + faults.planting_std_m * rng.standard_normal(plants.shape)
-    plants = plants[rng.random(len(plants)) >= faults.bare_ratio]
+    return plants[rng.random(len(plants)) >= faults.bare_ratio]
+
+
+def scenes_of(
+    recording: Recording, plants: FloatArray, faults: Faults, rng: np.random.Generator
+) -> list[Scene]:
+    """What the camera delivers of these plants, oldest first."""
     found = []
     for frame in range(int(recording.truth[-1, 0] / PERIOD_S)):
         t_s = frame * PERIOD_S

@@ -79,11 +79,14 @@ SAMPLES: dict[str, Any] = {
         t_s=0.0, ready_s=0.0, frame_index=0, plants=(PLANT,),
         view_body_m=((0.5, -0.5), (2.0, -1.0), (2.0, 1.0), (0.5, 0.5)),
     ),
+    "plants": Scene(t_s=0.0, ready_s=0.0, frame_index=0, plants=(PLANT,), view_body_m=()),
     "post": PostSight(t_s=0.0, post_map_m=POST_MAP_M, range_m=6.0),
 }  # fmt: skip
-# Residuals of a sample: position and velocity of a fix, across and along the row of a plant.
+# Residuals of a sample: position and velocity of a fix, across and along the row of a plant; none
+# of plants of an earlier run while there is no map of them.
 RESIDUALS = {
-    "mag": 1, "base": 0, "gnss": 4, "antenna heading": 1, "row line": 4, "scene": 2, "post": 1,
+    "mag": 1, "base": 0, "gnss": 4, "antenna heading": 1, "row line": 4, "scene": 2, "plants": 0,
+    "post": 1,
 }  # fmt: skip
 
 

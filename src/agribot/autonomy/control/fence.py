@@ -146,7 +146,8 @@ class FieldFence:
         along_std_m, across_std_m = _std_m(estimate)
         believed = self._box(-self._config.fence_tolerance_m, -self._config.fence_tolerance_m)
         quality = estimate.quality
-        box = self._box(self._growth_m(along_std_m, quality), self._growth_m(across_std_m, quality))
+        across_m = max(self._growth_m(across_std_m, quality), self._split_m(estimate))
+        box = self._box(self._growth_m(along_std_m, quality), across_m)
         here = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
         at_rest = predict_rest(here, drive, self._decel_mps2)
         if not self._was_inside:
@@ -159,6 +160,12 @@ class FieldFence:
         if self._here.touch(here, believed):
             return f"beyond the edge of the field {place}; bring it back by hand"
         if not self._rest.touch(at_rest, believed):
+            if self._split_m(estimate) > self._growth_m(across_std_m, quality):
+                return (
+                    f"too near to the edge of the field {place} for a robot that may be "
+                    f"{estimate.across_protection_m:.2f} m beside it, since its sensors contradict "
+                    "each other; look where it stands"
+                )
             return (
                 f"too near to the edge of the field {place} for a position that is good to "
                 f"{max(along_std_m, across_std_m):.2f} m (1 sigma); wait for better GNSS, plan "
@@ -191,6 +198,19 @@ class FieldFence:
         if quality in WITHOUT_CARRIER:
             return max(config.fence_single_sigma * std_m, -config.fence_tolerance_m)
         return max(config.fence_sigma * std_m - config.fence_unsure_m, -config.fence_tolerance_m)
+
+    def _split_m(self, estimate: Estimate) -> float:
+        """Say how far to its side the robot is where the sensors contradict each other.
+
+        What of the protection level is mere ignorance counts by its sigma already.
+        """
+        config = self._config
+        ignorance_m = max(estimate.across_plain_m, estimate.across_unknown_m)
+        split_m = estimate.across_protection_m - ignorance_m
+        if not math.isfinite(split_m):
+            return -config.fence_tolerance_m
+        forgiven_m = 0.0 if estimate.quality in WITHOUT_CARRIER else config.fence_unsure_m
+        return max(split_m - forgiven_m, -config.fence_tolerance_m)
 
     def _box(self, along_m: float, across_m: float) -> tuple[float, float, float, float]:
         """Return the robot, larger by so much along and across its body."""

@@ -15,6 +15,7 @@ from agribot.autonomy.estimate.correction import Correction
 from agribot.autonomy.estimate.crop_rows import CropRows
 from agribot.autonomy.estimate.dual_heading import DualHeading
 from agribot.autonomy.estimate.gnss import Gnss
+from agribot.autonomy.estimate.plant_places import PlantPlaces
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_lines import RowLines
 from agribot.core.errors import ConfigError
@@ -29,6 +30,7 @@ CORRECTIONS: dict[str, BuildCorrection] = {
     "antenna heading": DualHeading,
     "row line": RowLines,
     "scene": CropRows,
+    "plants": PlantPlaces,
 }
 
 

@@ -9,6 +9,7 @@ from agribot.autonomy.estimate.ekf import X, Y
 from agribot.autonomy.estimate.fix_watch import MAX_JUMP_M
 from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
 from agribot.autonomy.estimate.heading_watch import HeadingWatch
+from agribot.autonomy.estimate.mirror_watch import MirrorWatch
 from agribot.autonomy.estimate.picture_flow import PictureFlow
 from agribot.autonomy.estimate.picture_watch import PictureWatch
 from agribot.autonomy.estimate.pose_filter import PoseFilter
@@ -25,8 +26,9 @@ class Doubts:
 
     def __init__(self, pose: PoseFilter, gnss: Gnss) -> None:
         self._pose, self._gnss, self._agreement = pose, gnss, pose.agreement
-        self._identity = pose.identity
+        self._identity, self._lines = pose.identity, pose.lines
         self._pictures, self._flow, self._camera = PictureWatch(), PictureFlow(), SceneWatch()
+        self._mirror = MirrorWatch()
         self.heading = HeadingWatch()
         self._moving_t_s = -math.inf
 
@@ -35,19 +37,25 @@ class Doubts:
         self._moving_t_s = t_s
 
     def is_refused(self, scene: Scene, now_s: float) -> bool:
-        """Whether the scene is of an old picture once again, or of one that is upside down."""
+        """Whether the scene is of an old picture again, or of one upside down or mirrored."""
         self._camera.hear(scene, now_s)
         then = self._pose.history.at(scene.t_s)
         if self._pictures.is_stale(scene, then):
             self._pose.rejected["picture not new"] += 1
             return True
-        was_reversed = self._flow.is_reversed
+        was_turned_over = self._is_turned_over
         self._flow.add(scene, then)
-        if self._flow.is_reversed:
-            self._pose.rejected["picture upside down"] += 1
-            if not was_reversed:
+        self._mirror.add(scene, then)
+        if self._is_turned_over:
+            is_reversed = self._flow.is_reversed
+            self._pose.rejected["picture upside down" if is_reversed else "picture mirrored"] += 1
+            if not was_turned_over:
                 self._pose.doubt_rows(RECOVERY_OFFSET_M, RECOVERY_YAW_RAD)
-        return self._flow.is_reversed
+        return self._is_turned_over
+
+    @property
+    def _is_turned_over(self) -> bool:
+        return self._flow.is_reversed or self._mirror.is_mirrored
 
     def is_held(self, t_s: float) -> bool:
         """Whether the camera holds the robot on its row."""
@@ -61,6 +69,8 @@ class Doubts:
     def contradiction(self) -> str:
         """Two sensors that cannot both be right, a row that may be another, or nothing."""
         agreement, jump = self._agreement, self._gnss.jump
+        if self._lines.fault:
+            return self._lines.fault
         if agreement.must_halt:
             return f"{agreement.fault}; {BELIEVE_CAMERA}"
         if 0.0 < jump.off_m <= MAX_JUMP_M and self._is_seen:
@@ -93,6 +103,10 @@ class Doubts:
             yield Finding("camera", "frozen", self._pictures.fault)
         elif self._flow.fault:
             yield Finding("camera", "contradicted", self._flow.fault)
+        elif self._mirror.fault:
+            yield Finding("camera", "contradicted", self._mirror.fault)
+        elif self._lines.fault:
+            yield Finding("camera", "contradicted", self._lines.fault)
         elif self._camera.lateness:
             yield Finding("camera", "late", self._camera.lateness)
 
@@ -122,6 +136,7 @@ class Doubts:
             gnss.drift.restart()  # it is part of the difference
         gnss.settle(believes_fixes=not is_seen)
         agreement.forget()
+        self._lines.forget()
         self.heading.forget()
         self._identity.take_as_told()
         return True
@@ -130,6 +145,7 @@ class Doubts:
         """Drop what was held against each other: a person says where the robot is."""
         self._gnss.forget()
         self._agreement.forget()
+        self._lines.forget()
         self.heading.forget()
         self._identity.take_as_told()
 

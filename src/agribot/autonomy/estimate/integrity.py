@@ -181,10 +181,14 @@ class Integrity:
             return Bounds(math.inf, math.inf, plain_m, plain_m)
         here = self._here(t_s, pos_std_m)
         anywhere_m = self._anywhere_m(here)
-        if is_held:
+        led, beside_m = self._pose.lines.led, plain_m + self._pose.agreement.doubted_m
+        if is_held and led is None:
             self._hold = _Hold(here, self._gnss.moved_m, self._left)
-            return Bounds(anywhere_m, plain_m, plain_m, plain_m)
+            return Bounds(anywhere_m, beside_m, plain_m, plain_m)
         across_m, unknown_m = self._bound_across(here, plain_m)
+        if led is not None:  # a camera that lies leads the filter off, or is about to
+            led_m = abs(led.off_m) + self._across_fault_gain * led.std_m
+            across_m = max(across_m, led_m)
         return Bounds(anywhere_m, across_m, plain_m, unknown_m)
 
     def _anywhere_m(self, here: _Anchor) -> float:

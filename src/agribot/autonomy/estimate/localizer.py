@@ -18,10 +18,12 @@ from agribot.autonomy.estimate.history import UNMOVED, Motion
 from agribot.autonomy.estimate.integrity import Integrity
 from agribot.autonomy.estimate.lateness import Lateness, LeapWatch
 from agribot.autonomy.estimate.odometry import Odometry, Step
+from agribot.autonomy.estimate.plant_places import PlantPlaces
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.priors import motion_noise, slow_ageing
 from agribot.autonomy.estimate.row_lines import RowLines
 from agribot.autonomy.estimate.row_sight import RowSight
+from agribot.autonomy.estimate.stem_map import StemMap
 from agribot.autonomy.estimate.verdicts import SILENT_S, Finding, SensorName, VerdictTable
 from agribot.core.arithmetic import clamp
 from agribot.core.config import EstimateConfig, FieldConfig
@@ -63,6 +65,7 @@ class Localizer:
         self._corrections = [ladder.correction for ladder in self.ladders.values()]
         self._gnss, self._compass = self._find(Gnss), self._find(Compass)
         self._crop_rows, self._row_lines = self._find(CropRows), self._find(RowLines)
+        self._plant_places = self._find(PlantPlaces)
         self._doubts = Doubts(self.pose, self._gnss)
         self._sight = RowSight(field)
         self._integrity = Integrity(self.pose, self._gnss)
@@ -95,6 +98,9 @@ class Localizer:
     def _apply_event(self, event: OperatorEvent) -> None:
         if event.action == "pose_estimate":
             self._set_pose_by_hand(event.numbers)
+        elif event.action in ("start", "resume") and self._plant_places.accept():
+            self._doubts.forget()
+            self._integrity.restart()
         elif event.action in ("start", "resume") and self._doubts.decide():
             self._integrity.restart()
 
@@ -102,11 +108,17 @@ class Localizer:
         """Hold what the camera sees against these rows from now on."""
         self.pose.take_rows(rows)
 
+    def take_plants(self, plants: StemMap) -> None:
+        """Hold the plants that the camera sees against those of a map from now on."""
+        self._plant_places.take_plants(plants)
+
     def observe(self, scene: Scene) -> None:
         """Correct the pose by the crop of a frame; the next estimate shows it.
 
         A row line is made of the same leaves as the plants, so that one of them serves.
         """
+        if self._plant_places.has_plants:
+            self._observe_plants(scene)
         if "position" not in self.pose.known or not self.pose.rows.has_rows:
             return
         if scene.row_line is None or not self._row_lines.has_lines:
@@ -120,6 +132,13 @@ class Localizer:
         is_told = self._gnss.quality is GnssQuality.RTK_FIXED  # the fixes tell rows apart
         if scene.crop_cover is not None and epoch is not None and not is_told:
             self.pose.identity.look(scene.crop_cover, self.pose.place(epoch), self.pose.rows)
+
+    def _observe_plants(self, scene: Scene) -> None:
+        found = self._plant_places.found
+        self.ladders["plants"].update(scene)
+        if self._plant_places.found != found:
+            self._doubts.forget()
+            self._integrity.restart()
 
     def place(self, t_s: float) -> Pose2 | None:
         """Say where the robot was at a time, as the filter sees it now; None where nobody knows."""
@@ -157,6 +176,7 @@ class Localizer:
         self._ekf.reset(X, x_m, std_m**2)
         self._ekf.reset(Y, y_m, std_m**2)
         self._ekf.reset(YAW, wrap_rad(yaw_rad), std_rad**2)
+        self._plant_places.restart()
         self._doubts.forget()
         self._integrity.restart()
 
@@ -183,6 +203,8 @@ class Localizer:
         self._history.append(self._motion)
         self._integrity.move(step.distance_m, step.slide_m, step.turn_rad)
         self._sight.move(step.distance_m)
+        self.pose.agreement.move(step.distance_m)
+        self.pose.lines.move(step.distance_m, yaw_rad, yaw_rad - last.yaw_rad)
         self._watch_turn(step, yaw_rad)
         self._gnss.move(step.distance_m, step.turn_rad)
         if abs(self._motion.wheel_mps) > STANDING_MPS:

@@ -14,6 +14,7 @@ from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.priors import initial_std
 from agribot.autonomy.estimate.row_agreement import RowAgreement
 from agribot.autonomy.estimate.row_identity import RowIdentity
+from agribot.autonomy.estimate.row_line_watch import RowLineWatch
 from agribot.autonomy.estimate.start import StartMark
 from agribot.autonomy.estimate.turn_watch import TurnWatch
 from agribot.core.config import EstimateConfig, FieldConfig
@@ -42,6 +43,7 @@ class PoseFilter:
         self.start = StartMark.of(field)
         self.rows: Rows = FieldRows(field)
         self.agreement, self.identity = RowAgreement(), RowIdentity(config.row_certainty)
+        self.lines = RowLineWatch(config.position_walk_m_per_sqrt_m)
         self.turns = TurnWatch(config.mag_bias_std_rad)
         self.known: set[Known] = set()
         self.up_body: Vec3 = (0.0, 0.0, 1.0)
@@ -54,6 +56,7 @@ class PoseFilter:
         self.ekf.row_yaw_rad = rows.yaw_rad
         self.ekf.reset(ROW_OFFSET, 0.0, 0.0)
         self.agreement.forget()
+        self.lines.forget()
         self.identity.restart()
 
     def place(self, epoch: Epoch) -> Pose2:
@@ -82,6 +85,7 @@ class PoseFilter:
         if self.ekf.cov[ROW_OFFSET, ROW_OFFSET]:
             self.ekf.reset(ROW_OFFSET, 0.0, self.field.row_map_std_m**2)
         self.agreement.release()
+        self.lines.forget()
 
     def correct(self, measured: Measurement) -> Verdict:
         """Let a measurement through its gate, or count that it was rejected."""

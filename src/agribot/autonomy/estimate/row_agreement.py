@@ -13,6 +13,9 @@ NAMED_M = 0.10
 # Half of what a wheel may be off its way before it reaches the crop: the robot may follow either.
 HALT_M = 0.15
 LASTS_S, SETTLED_RATIO = 1.0, 0.8
+# Rows that stand beside their map do so from the first look at a row on, within what fixes wander.
+# They are believed after so much way; farther off it is left to a person, as a wheel is near crop.
+STEADY_M, CONFIRM_M, BESIDE_M = 0.06, 1.5, 0.28
 # What nothing has told again for so long is past: two plants 2 m apart are passed in 10 s.
 NAMED_S = 15.0
 # A row that was seen so lately still holds the robot across it.
@@ -34,6 +37,8 @@ class RowAgreement:
         self._since_s: float | None = None
         self._named_t_s = -math.inf
         self._held_t_s = -math.inf
+        self._way_m = 0.0
+        self._entry_m: tuple[float, float, float] | None = None  # way, least and most since
         self.apart_m = 0.0  # of lasting disagreement, 0 while there is none
         self.must_halt = False
 
@@ -55,6 +60,17 @@ class RowAgreement:
     def add_fix(self, t_s: float, off_m: float) -> None:
         _add(self._fixes, t_s, off_m)
 
+    def move(self, distance_m: float) -> None:
+        """Count the way that the robot drives."""
+        self._way_m += abs(distance_m)
+
+    def enter_row(self) -> None:
+        """Note that the looks from now on are at another row, or at one once again."""
+        self._looks.clear()
+        self._entry_m = self._since_s = None
+        if not self.must_halt:
+            self.apart_m = 0.0
+
     def hold(self, t_s: float) -> None:
         """Note that the filter took in what the camera saw of a row."""
         self._held_t_s = max(self._held_t_s, t_s)
@@ -69,13 +85,39 @@ class RowAgreement:
         return t_s - self._held_t_s <= HELD_S
 
     @property
+    def doubted_m(self) -> float:
+        """How far camera and fixes are apart, as long as nobody knows which of them is right."""
+        return 0.0 if self._is_beside else self.apart_m
+
+    @property
+    def _is_beside(self) -> bool:
+        """Whether it is the row that stands elsewhere, and neither camera nor fixes that moved."""
+        if self._entry_m is None or self.must_halt or not self._is_steady:
+            return False
+        return self._way_m - self._entry_m[0] >= CONFIRM_M
+
+    @property
+    def _is_steady(self) -> bool:
+        return self._entry_m is not None and self._entry_m[2] - self._entry_m[1] <= STEADY_M
+
+    def agrees_with_fixes(self, t_s: float) -> bool:
+        """Whether there are fixes that put the robot where the pose has it."""
+        return self.bears_out(t_s, 0.0)
+
+    def bears_out(self, t_s: float, off_m: float) -> bool:
+        """Whether fixes put the robot where a look does."""
+        _drop_old(self._fixes, t_s)
+        is_told = len(self._fixes) >= MIN_FIXES
+        return is_told and abs(off_m - _middle(self._fixes)) < NAMED_M
+
+    @property
     def shown_m(self) -> tuple[float, float]:
         """Where camera and fixes put the robot, to the right of the pose."""
         return _middle(self._looks), _middle(self._fixes)
 
     @property
     def fault(self) -> str:
-        return f"camera and GNSS disagree by {self.apart_m:.2f} m" if self.apart_m else ""
+        return f"camera and GNSS disagree by {self.doubted_m:.2f} m" if self.doubted_m else ""
 
     def expire(self, t_s: float) -> None:
         """Drop a disagreement that was told long ago, unless a person has to decide."""
@@ -86,6 +128,7 @@ class RowAgreement:
         """Drop all that was seen: a person has decided."""
         self._looks.clear()
         self._fixes.clear()
+        self._entry_m = None
         self._since_s, self.apart_m, self.must_halt = None, 0.0, False
 
     def _evaluate(self, t_s: float) -> None:
@@ -93,12 +136,18 @@ class RowAgreement:
         if len(self._looks) < MIN_LOOKS or len(self._fixes) < MIN_FIXES:
             return
         looks_m, fixes_m = self.shown_m
+        self._compare_with_entry(looks_m - fixes_m)
         apart_m = abs(looks_m - fixes_m)
         if self._settle(apart_m):
             return
         self._since_s = t_s if self._since_s is None else self._since_s
         if t_s - self._since_s >= LASTS_S:
             self._name(t_s, apart_m)
+
+    def _compare_with_entry(self, apart_m: float) -> None:
+        """Follow how steady camera and fixes are apart since the first looks at this row."""
+        way_m, least_m, most_m = self._entry_m or (self._way_m, apart_m, apart_m)
+        self._entry_m = way_m, min(least_m, apart_m), max(most_m, apart_m)
 
     def _settle(self, apart_m: float) -> bool:
         """Whether camera and fixes agree; then nothing is left of a disagreement."""
@@ -109,7 +158,8 @@ class RowAgreement:
 
     def _name(self, t_s: float, apart_m: float) -> None:
         self.apart_m, self._named_t_s = apart_m, t_s
-        self.must_halt = self.must_halt or apart_m >= HALT_M
+        limit_m = BESIDE_M if self._is_steady else HALT_M
+        self.must_halt = self.must_halt or apart_m >= limit_m
 
 
 def _add(told: Told, t_s: float, off_m: float) -> None:

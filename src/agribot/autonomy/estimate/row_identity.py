@@ -22,6 +22,7 @@ from agribot.core.pose import Pose2
 # How many rows to the right of where it believes to be the robot may be, and how likely that is
 # of a robot that was put down on its mark by a person.
 PRIOR: dict[int, float] = {-2: 0.002, -1: 0.008, 0: 0.98, 1: 0.008, 2: 0.002}
+LEAST_SHARE = 1e-9  # of a row in which no plant of the map fits
 TOLD = 1e-6  # of every other row, once a person has said which it is
 # A stretch so long is one look, ahead of the robot by so much.
 LOOK_M, AHEAD_M = 0.5, 1.2
@@ -55,6 +56,8 @@ class RowIdentity:
         self._least = least_certainty
         self._said: dict[tuple[int, Strip, int], float] = {}
         self._began: tuple[float, float] | None = None
+        self.elsewhere = ""  # what plants of a map say of where the robot is instead
+        self._by_plants: dict[int, float] = {}
         self.restart()
 
     @property
@@ -65,6 +68,8 @@ class RowIdentity:
     @property
     def doubt(self) -> str:
         """The question for a person; empty while the row is sure enough, or once it is told."""
+        if self.elsewhere:
+            return self.elsewhere
         if self.certainty >= self._least:
             return ""
         shift = max((s for s in self._log if s), key=self._share)
@@ -80,7 +85,17 @@ class RowIdentity:
         """Forget what was seen: these are other rows."""
         self._log = {shift: math.log(share) for shift, share in PRIOR.items()}
         self._said.clear()
+        self._by_plants = {}
+        self.elsewhere = ""
         self._end_look()
+
+    def weigh(self, shares: dict[int, float]) -> None:
+        """Take in how likely each number of rows aside is by the plants of a map, all so far.
+
+        What is missing to 1 is that the plants that were seen are not on the map.
+        """
+        missing = max(1.0 - sum(shares.values()), 0.0)
+        self._by_plants = {shift: shares.get(shift, 0.0) + missing for shift in self._log}
 
     def take_as_told(self) -> None:
         """Begin anew: a person has said where the robot is."""
@@ -145,9 +160,13 @@ class RowIdentity:
         self._log[key[2]] += after - before
 
     def _share(self, shift: int) -> float:
-        highest = max(self._log.values())
-        total = sum(math.exp(value - highest) for value in self._log.values())
-        return math.exp(self._log[shift] - highest) / total
+        weights = {
+            each: value + math.log(max(self._by_plants.get(each, 1.0), LEAST_SHARE))
+            for each, value in self._log.items()
+        }
+        highest = max(weights.values())
+        total = sum(math.exp(value - highest) for value in weights.values())
+        return math.exp(weights[shift] - highest) / total
 
 
 def _grows(place: tuple[float, float], here: RowFrame, rows: Rows, rows_right: int) -> bool | None:

@@ -13,13 +13,24 @@ import msgspec
 
 from agribot.autonomy.estimate import row_model as model
 from agribot.autonomy.estimate.correction import Correction, Measurements
-from agribot.autonomy.estimate.ekf import ROW_BIAS, ROW_OFFSET, YAW, Row, X, Y
+from agribot.autonomy.estimate.drift_watch import MAX_LOST_RATIO
+from agribot.autonomy.estimate.ekf import (
+    ROW_BIAS,
+    ROW_OFFSET,
+    SLIP,
+    WHEEL_SCALE,
+    YAW,
+    Row,
+    X,
+    Y,
+)
 from agribot.autonomy.estimate.field_rows import RowFrame
 from agribot.autonomy.estimate.gate import Gate
 from agribot.autonomy.estimate.history import Epoch
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.pose_filter import PoseFilter
-from agribot.core.arithmetic import FLOATS
+from agribot.autonomy.estimate.row_line_watch import LineTold
+from agribot.core.arithmetic import FLOATS, clamp
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import RowLine
 
@@ -50,6 +61,7 @@ class RowLines(Correction[RowLine]):
         )
         self._last_line_s = -math.inf
         self._bias_std_m: float | None = None
+        self._row: int | None = None
         self.fitted = 0  # lines of the row under the robot that were believed
 
     @property
@@ -134,10 +146,12 @@ class RowLines(Correction[RowLine]):
         since_last_s = min(line.t_s - self._last_line_s, model.LASTING_MEMORY_S)
         self._last_line_s = line.t_s
         self._begin(line)
+        self._enter(self._frame(epoch, self._arm_m(line, epoch)).row)
         measured = self._offset(line, line.offset_m, sign, epoch)
         if measured is None or (yield measured) != "accept":
             return
         self.pose.agreement.hold(line.t_s)
+        self.pose.lines.fit()
         frame = self._frame(epoch, self._arm_m(line, epoch))
         self.fitted += abs(line.offset_m) <= frame.pitch_m / 2.0
         heading_rad = line.heading_rad + frame.yaw_rad + (0.0 if sign > 0.0 else math.pi)
@@ -149,6 +163,15 @@ class RowLines(Correction[RowLine]):
         if self._bias_std_m is None:
             self._bias_std_m = model.LASTING_RATIO * line.offset_std_m
             self.pose.ekf.reset(ROW_BIAS, 0.0, self._bias_std_m**2)
+
+    def _enter(self, row: int) -> None:
+        """Doubt anew how far a row stands beside its map: each was sown by itself."""
+        if row == self._row:
+            return
+        if self._row is not None and self.pose.ekf.cov[ROW_OFFSET, ROW_OFFSET]:
+            self.pose.ekf.inflate(ROW_OFFSET, self.pose.field.row_map_std_m**2)
+        self._row = row
+        self.pose.agreement.enter_row()
 
     def _yaw_then_rad(self, epoch: Epoch) -> float:
         return self.pose.ekf.x[YAW] - (epoch.now.yaw_rad - epoch.then.yaw_rad)
@@ -184,11 +207,40 @@ class RowLines(Correction[RowLine]):
             self.pose.rejected["row line ambiguous"] += 1
             return None
         self.pose.agreement.add_look(line.t_s, off_m)
-        opens = _opens(frame.right, model.RECOVERY_OFFSET_M)
+        self.pose.lines.add(self._tell(line, offset_m, sign, off_m, frame))
+        if self.pose.lines.led is not None and not self.pose.agreement.bears_out(line.t_s, off_m):
+            self.pose.rejected["row line moved aside"] += 1
+            return None
         return Measurement(
             (off_m + sign * ekf.x[ROW_BIAS] + ekf.x[ROW_OFFSET],), (row,),
             model.offset_variance(line.offset_std_m), self._offset_gate,
-            opens=(*opens, (YAW, model.RECOVERY_YAW_RAD**2)), is_retaken=False, has_tails=True,
+            opens=self._blame(line.t_s, off_m, frame), is_retaken=False, has_tails=True,
+        )  # fmt: skip
+
+    def _blame(self, t_s: float, off_m: float, frame: RowFrame) -> tuple[tuple[int, float], ...]:
+        """Say what a run of lines that do not fit speaks against: the map, or else the pose."""
+        if self.pose.lines.is_doubted and not self.pose.agreement.bears_out(t_s, off_m):
+            return ()  # the camera, if anything
+        has_offset = bool(self.pose.ekf.cov[ROW_OFFSET, ROW_OFFSET])
+        if has_offset and self.pose.agreement.agrees_with_fixes(t_s):
+            return ((ROW_OFFSET, model.RECOVERY_OFFSET_M**2),)
+        return (*_opens(frame.right, model.RECOVERY_OFFSET_M), (YAW, model.RECOVERY_YAW_RAD**2))
+
+    def _tell(
+        self, line: RowLine, offset_m: float, sign: float, off_m: float, frame: RowFrame
+    ) -> LineTold:
+        """Say what the line tells at the pose that the filter has now."""
+        ekf, heading_rad = self.pose.ekf, line.heading_rad or 0.0
+        x, cov = ekf.x, ekf.cov
+        return LineTold(
+            t_s=line.t_s, row=frame.row, off_m=off_m,
+            std_m=math.sqrt(model.offset_variance(line.offset_std_m)),
+            left_m=offset_m - line.at_ahead_m * math.sin(heading_rad), heading_rad=heading_rad,
+            heading_std_rad=line.heading_std_rad, ahead_m=line.at_ahead_m,
+            place_m=complex(x[X], x[Y]), yaw_rad=x[YAW], right=complex(*frame.right),
+            slip_rad=x[SLIP] * ekf.slip_ratio(x[YAW]),
+            lost_ratio=clamp(x[WHEEL_SCALE], -MAX_LOST_RATIO, MAX_LOST_RATIO),
+            course_std_rad=math.sqrt(cov[YAW, YAW] + cov[SLIP, SLIP]),
         )  # fmt: skip
 
     def _tells_row(self, off_m: float, std_m: float, pitch_m: float) -> bool:

@@ -135,6 +135,9 @@ SCENARIOS = (
           "network.hung gnss.outage gnss.wrong_fix=2 gnss.frozen mag.offset=30 crop.gap=5",
           sensors="m8n", has_camera=True),
     *_all("start.aside=1", sensors="m8n", has_camera=True),
+    *_all("camera.shifted=0.2 camera.shifted=-0.3 camera.creeping=0.05 camera.mirrored",
+          sensors="m8n", has_camera=True),
+    *_all("camera.shifted=0.2 camera.creeping=0.05", has_camera=True),
     FaultScenario("camera.frozen", sensors="m8n", has_camera=True, also="gnss.wrong_fix=2"),
     *_all("gnss.wrong_fix=0.4 gnss.drift=0.01 camera.flipped obstacle.unmapped", has_camera=True),
     *_all("gnss.wrong_fix=0.2 gnss.wrong_fix=1 gnss.frozen gnss.drift=0.05 start.aside=1 "

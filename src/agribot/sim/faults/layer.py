@@ -28,7 +28,7 @@ from agribot.sim.faults.motions import (
     MotorField,
     Touch,
 )
-from agribot.sim.faults.pictures import BadPicture
+from agribot.sim.faults.pictures import BadPicture, find_mount_shift_m
 from agribot.sim.faults.positions import FrozenReceiver, NoisyVelocity, Offset, Outage
 from agribot.sim.faults.schedule import Fault
 from agribot.sim.physics import Physics
@@ -80,6 +80,10 @@ class FaultLayer:
         if any(board.is_off(t_s) for board in self._hung_boards):
             physics.command(STOP)
         return appeared
+
+    def find_mount_shift_m(self, t_s: float) -> float:
+        """Find how far to the left of its place the camera's mount is."""
+        return find_mount_shift_m(self.faults, t_s)
 
     def hears(self, t_s: float) -> bool:
         """Whether the board hears commands."""
@@ -146,6 +150,7 @@ MAKERS: dict[str, Callable[[Fault, FaultMaterial], BatchFault]] = {
     "camera.black": lambda fault, _: BadPicture(fault),
     "camera.frozen": lambda fault, _: BadPicture(fault),
     "camera.flipped": lambda fault, _: BadPicture(fault),
+    "camera.mirrored": lambda fault, _: BadPicture(fault),
     "camera.late": lambda fault, _: Late(fault),
     "camera.off": lambda fault, _: BadPicture(fault),
     "bumper.contact": lambda fault, around: Touch(fault, _measure_front_m(around.robot)),

@@ -13,7 +13,7 @@ from agribot.sim.faults.schedule import Fault
 
 
 class BadPicture:
-    """Other pixels, or none: black, upside down, frozen, off."""
+    """Other pixels, or none: black, upside down, mirrored, frozen, off."""
 
     def __init__(self, fault: Fault) -> None:
         self._fault = fault
@@ -37,9 +37,22 @@ class BadPicture:
                 image = np.zeros_like(image)
             case "camera.flipped":
                 image = np.ascontiguousarray(image[::-1, ::-1])
+            case "camera.mirrored":
+                image = np.ascontiguousarray(image[:, ::-1])
             case _ if self._last is not None:
                 image = self._last
         return msgspec.structs.replace(frame, image_rgb=image)
+
+
+def find_mount_shift_m(faults: Sequence[Fault], t_s: float) -> float:
+    """Find how far to the left of its place the camera's mount is at a time."""
+    shift_m = 0.0
+    for fault in faults:
+        if fault.is_on(t_s) and fault.name == "camera.shifted":
+            shift_m += fault.number
+        elif fault.is_on(t_s) and fault.name == "camera.creeping":
+            shift_m += fault.number * (t_s - fault.begin_s)
+    return shift_m
 
 
 class Looking(Protocol):

@@ -2,7 +2,7 @@
 
 It drives straight ahead until the camera shows a row. From the row's end it goes astride the row
 and follows what the camera sees of it; from its side it first drives beside it to its end. While
-it drives a row it looks for others beside it; the field is done when none is left.
+it drives a row it looks for others beside it (`row_order.py`); the field is done when none is left.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from agribot.autonomy.plan.explore.crop_view import CropView, see_crop
 from agribot.autonomy.plan.explore.first_row import FirstRow
 from agribot.autonomy.plan.explore.found_row import FoundRow
 from agribot.autonomy.plan.explore.lay import back_out, chain, join, lay_on, take_pose_at
+from agribot.autonomy.plan.explore.row_order import RowOrder, Side
 from agribot.core.config import MissionConfig
 from agribot.core.geo import wrap_rad
-from agribot.core.messages import MapPoint, Path, Row, Scene
+from agribot.core.messages import MapPoint, Path, Row, RowLine, Scene
 from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import chord_yaw_rad, reverse_row
@@ -39,8 +40,7 @@ BESIDE_M, TURN_M = 0.85, 0.6
 # Before the end of the first row it backs out so far, to have room for the turn into it.
 STOP_M, BACK_M = 0.15, 1.8
 UNKNOWN_M = 4.0  # so far past what was seen of it, a row may go on
-# Neighbours whose middles are nearer than this share of their distance from a known row are it.
-SAME_RATIO = 0.4
+SIDES: tuple[Side, Side] = (1, -1)
 
 Phase = Literal["search", "beside", "row", "done"]
 
@@ -51,7 +51,7 @@ class Explorer:
     def __init__(self, mission: MissionConfig, robot: RobotSpec) -> None:
         self._mission, self._robot = mission, robot
         self.phase: Phase = "search"
-        self.found: list[FoundRow] = []
+        self._order = RowOrder()
         self.rows: tuple[Row, ...] = ()
         self._first, self._beside = FirstRow(), Beside()
         self._target: FoundRow | None = None
@@ -65,6 +65,11 @@ class Explorer:
     def begin(self, start: Pose2) -> Path:
         """Look for a row straight ahead."""
         return sample(start, [Segment(SEARCH_M, 0.0)])
+
+    @property
+    def found(self) -> list[FoundRow]:
+        """Rows from the rightmost to the leftmost, those not driven yet among them."""
+        return self._order.rows
 
     @property
     def unfinished(self) -> str:
@@ -104,15 +109,21 @@ class Explorer:
             return
         row.pos_std_m, self._is_on_line, self._has_news = pos_std_m, True, True
         is_astride = self.phase == "row"
-        sight = scene.row_line
-        if is_astride and sight is not None and sight.offset_m is not None:
-            off_m = abs(sight.offset_m - left_m)
-            if off_m <= ASIDE_M:
-                row.add_line(sight, pose)
-        row.add_crop(view, is_astride=is_astride)
-        self._bare_m = row.measure_bare_m(view.seen_map_m, self._towards)
-        if is_astride:
-            self._beside.look(row.line_at(along_m), along_m, *view)
+        sight = self._read_line(row, scene.row_line, pose) if is_astride else None
+        row.add_crop(view, sight, is_astride=is_astride)
+        self._bare_m = row.measure_bare_m(view.seen_map_m, self._towards, sight)
+        if sight is not None:
+            at_m, _ = row.frame.locate(*sight.xy_m)
+            # Beside the line of this very picture, so that no drift of the pose is in it.
+            self._beside.look(sight, at_m, *view)
+
+    def _read_line(self, row: FoundRow, sight: RowLine | None, pose: Pose2) -> Pose2 | None:
+        """Take in a picture's line of the row, and place it in the map; None where it has none."""
+        if sight is None or sight.offset_m is None:
+            return None
+        along_m, _ = row.frame.locate(*pose.xy_m)
+        _, left_m = row.line_at(along_m, self._towards).locate(*pose.xy_m)
+        return row.add_line(sight, pose) if abs(sight.offset_m - left_m) <= ASIDE_M else None
 
     def lead(self, path: Path, s_m: float) -> Path | None:
         """Give the path on from `s_m`, where something new was seen; None to keep it.
@@ -156,7 +167,8 @@ class Explorer:
         places = self._first.places
         for _ in range(2):
             row.add_crop(CropView(places, places), is_astride=False)
-        self.found, self._target = [row], row
+        self._order.begin(row)
+        self._target = row
         ahead_rad = wrap_rad(here.yaw_rad - frame.yaw_rad)
         self._towards = 1.0 if abs(ahead_rad) <= math.pi / 2.0 else -1.0
         along_m, _ = frame.locate(*here.xy_m)
@@ -200,17 +212,21 @@ class Explorer:
         number = row.index if self.phase == "row" and left_m > 0.0 else -1
         if self.phase == "row":
             row.finish()
-            self._add_neighbours(row)
+            if row.is_real:
+                self._order.add_beside(row, {side: self._beside.find(side) for side in SIDES})
         out = self._follow(row, path, s_m, number)
         out.row[out.s_m > s_m + left_m] = -1
         exit_s_m = float(out.s_m[-1])
         self._laid_m = exit_s_m
         if not row.is_real and row.is_driven:
-            self.found.remove(row)
+            self._order.remove(row)
+            out.row[out.row == row.index] = -1
         open_rows = [each for each in self.found if not each.is_driven]
-        self._list_rows()
         if not open_rows:
             self.phase, self._target = "done", None
+            self._order.settle()
+        self._list_rows()
+        if self.phase == "done":
             return out
         ends = (1.0, -1.0) if self.phase == "row" else (-self._towards,)
         return join(out, exit_s_m, self._enter(take_pose_at(out, exit_s_m), open_rows, ends))
@@ -240,25 +256,5 @@ class Explorer:
     def _read(self, row: FoundRow, towards: float) -> Row:
         return row.as_row() if towards > 0.0 else reverse_row(row.as_row())
 
-    def _add_neighbours(self, row: FoundRow) -> None:
-        """Add the rows that were seen beside one, unless they are known."""
-        for side in (1.0, -1.0):
-            seen = self._beside.find(side)
-            if seen is None:
-                continue
-            number = max(each.index for each in self.found) + 1
-            other = FoundRow(number, row.frame)
-            other.tell(seen.left_m, seen.pieces, row)
-            middle = other.line_at((other.first_m + other.last_m) / 2.0)
-            if not any(_is_at(each, middle, abs(seen.left_m)) for each in self.found):
-                self.found.append(other)
-
     def _list_rows(self) -> None:
         self.rows = tuple(each.as_row() for each in self.found if each.has_crop)
-
-
-def _is_at(row: FoundRow, place: Pose2, pitch_m: float) -> bool:
-    """Whether a row runs through a place, less than a share of the row distance aside."""
-    along_m, _ = row.frame.locate(*place.xy_m)
-    _, left_m = row.line_at(along_m).locate(*place.xy_m)
-    return abs(left_m) < SAME_RATIO * pitch_m

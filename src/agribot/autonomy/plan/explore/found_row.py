@@ -98,22 +98,34 @@ class FoundRow:
         if self.is_real:
             self._looks, self._told = self._astride, GrowingTable(2)
 
-    def add_line(self, line: RowLine, pose: Pose2) -> None:
-        """Take in a picture's line that was seen from a pose."""
-        if line.offset_m is None or line.heading_rad is None:
-            return
-        x_m, y_m = pose.transform(line.at_ahead_m, 0.0)
-        row = Pose2(x_m, y_m, pose.yaw_rad - line.heading_rad)
-        for ahead_m in (0.0, ARM_M):
-            along_m, left_m = self.frame.locate(*row.transform(ahead_m, -line.offset_m))
-            self._places.append((along_m, left_m))
+    def move(self, left_m: float) -> None:
+        """Move all of it to the left of its frame."""
+        self.frame = Pose2(*self.frame.transform(0.0, left_m), self.frame.yaw_rad)
+        self._drawn = None
 
-    def add_crop(self, view: CropView, *, is_astride: bool) -> None:
-        """Take in what a picture shows of it; from beside it that also tells where it runs."""
+    def add_line(self, line: RowLine, pose: Pose2) -> Pose2 | None:
+        """Take in a picture's line that was seen from a pose, and place it in the map.
+
+        It is read the way the frame looks. None: the picture has no line.
+        """
+        if line.offset_m is None or line.heading_rad is None:
+            return None
+        here = Pose2(*pose.transform(line.at_ahead_m, 0.0), pose.yaw_rad - line.heading_rad)
+        for ahead_m in (0.0, ARM_M):
+            self._places.append(self.frame.locate(*here.transform(ahead_m, -line.offset_m)))
+        is_along = math.cos(here.yaw_rad - self.frame.yaw_rad) > 0.0
+        yaw_rad = here.yaw_rad if is_along else here.yaw_rad + math.pi
+        return Pose2(*here.transform(0.0, -line.offset_m), yaw_rad)
+
+    def add_crop(self, view: CropView, line: Pose2 | None = None, *, is_astride: bool) -> None:
+        """Take in what a picture shows of it; from beside it that also tells where it runs.
+
+        `line` is where the picture itself shows it.
+        """
         crop_map_m = view.crop_map_m
-        seen = self._list_seen(view.seen_map_m)
+        seen = self._list_seen(view.seen_map_m, line)
         along_m, left_m = self.frame.locate(crop_map_m[:, 0], crop_map_m[:, 1])
-        off_m = left_m - self._left_m(along_m)
+        off_m = left_m - self._left_m(along_m, line)
         mine = np.abs(off_m) <= HALF_STRIP_M
         piece, count = np.unique(np.floor(along_m[mine] / LOOK_M), return_counts=True)
         grown = [int(p) for p, n in zip(piece, count, strict=True) if n >= CELLS]
@@ -130,16 +142,18 @@ class FoundRow:
                     (float(along_m[near][here].mean()), float(left_m[near][here].mean()))
                 )
 
-    def _list_seen(self, seen_map_m: FloatArray) -> list[int]:
+    def _list_seen(self, seen_map_m: FloatArray, line: Pose2 | None) -> list[int]:
         along_m, left_m = self.frame.locate(seen_map_m[:, 0], seen_map_m[:, 1])
-        on = np.abs(left_m - self._left_m(along_m)) <= HALF_STRIP_M
+        on = np.abs(left_m - self._left_m(along_m, line)) <= HALF_STRIP_M
         piece, count = np.unique(np.floor(along_m[on] / LOOK_M), return_counts=True)
         return [int(p) for p, n in zip(piece, count, strict=True) if n >= WHOLE * count.max()]
 
-    def measure_bare_m(self, seen_map_m: FloatArray, towards: float) -> float:
+    def measure_bare_m(
+        self, seen_map_m: FloatArray, towards: float, line: Pose2 | None = None
+    ) -> float:
         """Measure how far a picture shows its line beyond any crop, the way of a sign."""
         along_m, left_m = self.frame.locate(seen_map_m[:, 0], seen_map_m[:, 1])
-        on = np.abs(left_m - self._left_m(along_m)) <= CELLS * 0.025
+        on = np.abs(left_m - self._left_m(along_m, line)) <= CELLS * 0.025
         if not np.any(on):
             return -math.inf
         pieces = [*self._looks.list_grown(1), math.floor(self.first_m / LOOK_M)]
@@ -159,9 +173,12 @@ class FoundRow:
     ) -> tuple[float, float]:
         low_m, high_m = (BEHIND_M, AHEAD_M) if towards > 0.0 else (AHEAD_M, BEHIND_M)
         low_m, high_m = (low_m, high_m) if reach_m is None else (reach_m, reach_m)
-        places = self._list_places()
-        near = (places[:, 0] >= along_m - low_m) & (places[:, 0] <= along_m + high_m)
-        if np.count_nonzero(near) < FEWEST:
+        # What the robot saw astride it is newer than what it saw from beside it.
+        for places in (self._places.to_array(), self._list_places()):
+            near = (places[:, 0] >= along_m - low_m) & (places[:, 0] <= along_m + high_m)
+            if np.count_nonzero(near) >= FEWEST and np.ptp(places[near, 0]) >= PIECE_M:
+                break
+        else:
             near = np.ones(len(places), dtype=bool)
         if np.count_nonzero(near) < FEWEST or np.ptp(places[near, 0]) < PIECE_M:
             return 0.0, 0.0
@@ -172,10 +189,13 @@ class FoundRow:
         places = self._places.to_array()
         return np.concatenate([places, self._told.to_array()]) if len(self._told) else places
 
-    def _left_m(self, along_m: FloatArray) -> FloatArray:
+    def _left_m(self, along_m: FloatArray, line: Pose2 | None) -> FloatArray:
         """Place its line left of the frame, at places (N,) that a picture shows together."""
         if not len(along_m):
             return along_m
+        if line is not None:
+            at_m, left_m = self.frame.locate(*line.xy_m)
+            return left_m + math.tan(line.yaw_rad - self.frame.yaw_rad) * (along_m - at_m)
         middle_m = float(np.median(along_m))
         slope, left_m = self._fit(middle_m, 1.0)
         return left_m + slope * (along_m - middle_m)
