@@ -14,11 +14,14 @@ from PIL import Image
 from agribot.autonomy.perceive.pictures import classify
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.cli.main import main
+from agribot.lab.train.simulated import draw_random_field
+from agribot.sim.random_scenes import DENSE
 from tests.lab.train.photo_folder import photo_folder, spoil
 
 EVAL_KEYS = {
     "dataset", "images", "height_px", "width_px", "model", "iou", "miou", "precision", "recall",
-    "f1", "boundary_f1", "confusion", "params", "fps_cpu",
+    "f1", "boundary_f1", "calibration_error", "plant_calibration_error", "confusion", "params",
+    "fps_cpu",
 }  # fmt: skip
 
 
@@ -173,6 +176,30 @@ def test_predict_writes_pictures_and_tables_that_agree(
         assert panel.width == 3 * int(areas[-1]["width_px"])
     # A lossless copy of a picture is seen the same.
     assert areas[0]["weed_px"] == areas[-1]["weed_px"]
+
+
+def test_predict_lists_the_stems_of_a_network_that_finds_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "photos").mkdir()
+    view = next(draw_random_field(np.random.default_rng([6, 91]), 1, DENSE))
+    Image.fromarray(view.image_rgb).resize((800, 600)).save(tmp_path / "photos/field.png")
+    words = ["predict", str(tmp_path / "photos"), "-o", str(tmp_path), "--only", "mask", "--json"]
+    assert main([*words, "--model", "agribot-plants"]) == 0
+    result, plants = result_of(capsys), rows(tmp_path / "plants.csv")
+    wanted = view.plants.stem_px * 1.25
+    found = np.array([(float(plant["u_px"]), float(plant["v_px"])) for plant in plants])
+    gaps_px = np.hypot(*(wanted[:, None] - found[None]).transpose(2, 0, 1)).min(axis=0)
+    assert len(gaps_px) > 10 and np.median(gaps_px) < 8.0
+    for plant in plants:
+        weed, crop = float(plant["weed_probability"]), float(plant["crop_probability"])
+        assert weed + crop == pytest.approx(1.0, abs=1e-3)
+        named = "crop" if crop > weed else "weed"
+        assert plant["class"] == (named if max(weed, crop) >= 0.6 else "unknown")
+    counted = ("weed_count", "crop_count", "unknown_count")
+    assert sum(result[name] for name in counted) == len(plants)
+    assert main([*words, "--model", "agribot-plants", "--tile", "400x300"]) == 0
+    assert not rows(tmp_path / "plants.csv")[0]["weed_probability"]
 
 
 def test_predict_takes_patterns_and_leaves_broken_pictures_out(

@@ -52,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
     from agribot.lab.train.network_scores import NetworkScores
     from agribot.lab.train.networks import open_network, read_size
     from agribot.lab.train.photographs import check_sample, find_pairs, split_fold
+    from agribot.lab.train.plant_judge import PicturePlantJudge, format_plants
 
     folder = args.folder or args.data_dir
     if folder is None:
@@ -67,12 +68,15 @@ def run(args: argparse.Namespace) -> int:
         check_sample(pairs, folder)
     for text in problems:
         _print_line(f"left out: {text}")
-    network_scores = NetworkScores()
-    cpu_s = _evaluate(network_scores, segmenter, pairs, tile_px, problems)
+    network_scores, plant_judge = NetworkScores(), PicturePlantJudge()
+    cpu_s = _evaluate(network_scores, plant_judge, segmenter, pairs, tile_px, problems)
     if not network_scores.images:
         raise ConfigError(f"{folder}: no pair can be read; the first problem: {problems[0]}")
     _print_scores(network_scores)
     summary = _summarise(args, folder, network_scores, segmenter.map_shape)
+    if (single := plant_judge.compute_scores()) is not None:
+        sys.stdout.write(format_plants(single) + "\n")
+        summary["single_plants"] = msgspec.to_builtins(single)
     summary["fps_cpu"] = 1.0 / float(np.median(cpu_s))
     if args.out:
         _write(args.out, summary, network_scores, problems)
@@ -90,6 +94,11 @@ def _print_scores(network_scores: Any) -> None:
         for name, value in network_scores.boundary_f1.items()
     )
     sys.stdout.write(f"boundary F1: {outlines}\n")
+    found = network_scores.reliability
+    plants = "-" if found.plant_error is None else f"{found.plant_error:.3f}"
+    sys.stdout.write(
+        f"calibration error: {found.calibration_error:.3f}, {plants} over pixels called plants\n"
+    )
     for name, found in network_scores.plants.items():
         total = found.right + found.confused + found.missed
         sys.stdout.write(
@@ -116,6 +125,8 @@ def _summarise(
         "recall": result.recall,
         "f1": result.f1,
         "boundary_f1": network_scores.boundary_f1,
+        "calibration_error": network_scores.reliability.calibration_error,
+        "plant_calibration_error": network_scores.reliability.plant_error,
         "confusion": result.confusion,
         "params": read_card(args.model).get("parameters"),
     }
@@ -123,25 +134,32 @@ def _summarise(
 
 def _evaluate(
     network_scores: Any,
+    plant_judge: Any,
     segmenter: Any,
     pairs: Any,
     tile_px: tuple[int, int] | None,
     problems: list[str],
 ) -> list[float]:
     """Return CPU seconds per picture of resize, network and mask, not of reading and enlarging."""
-    from agribot.autonomy.perceive.pictures import classify
+    from agribot.autonomy.perceive.pictures import classify, see_picture
     from agribot.lab.dataset.pictures import PictureError
+    from agribot.lab.labelled_plants import read_plants
     from agribot.lab.train.photographs import read_pair
 
     cpu_s = []
     for pair in pairs:
         try:
             image_rgb, truth = read_pair(pair)
+            plants = read_plants(pair.mask, truth)
         except PictureError as error:
             problems.append(str(error))
             _print_line(f"left out: {error}")
             continue
-        guess = classify(segmenter, image_rgb, tile_px)
+        seen = see_picture(segmenter, image_rgb) if tile_px is None else None
+        guess = classify(segmenter, image_rgb, tile_px) if seen is None else seen.classes
+        if plants is not None:
+            finds_plants = seen is not None and segmenter.finds_plants
+            plant_judge.add(plants, seen if finds_plants else guess)
         started_s = time.process_time()
         segmenter.segment(image_rgb)
         cpu_s.append(time.process_time() - started_s)

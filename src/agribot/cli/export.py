@@ -15,10 +15,12 @@ from typing import Any
 import numpy as np
 
 from agribot.cli.ids_option import add_ids_option
+from agribot.cli.ranges import finite
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import ByteArray
 
 SPEED_FRAMES = 15
+MOST_LOSS = 0.005
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,6 +31,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--calibrate", type=Path, help="int8: folder of pictures like those to come"
     )
+    parser.add_argument(
+        "--auto", action="store_true",
+        help="choose size and precision: the cheapest on this machine that is as good on --judge",
+    )  # fmt: skip
+    parser.add_argument(
+        "--most-loss", type=finite, default=MOST_LOSS, metavar="IOU",
+        help="--auto: mean IoU that may be given up for speed (default: %(default)g)",
+    )  # fmt: skip
     parser.add_argument("--judge", type=Path, help="labelled folder on which to measure the cost")
     parser.add_argument(
         "--data", choices=("cwfid", "bonn", "phenobench", "folder"), default="folder"
@@ -40,7 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Convert the network and compare it with the original.
 
-    Raises: ConfigError: int8 without pictures; PerceptionError: no such network.
+    Raises: ConfigError: int8 without pictures, or --auto without a judge; PerceptionError: no such
+    network.
     """
     from agribot.autonomy.perceive.segmenter import Segmenter, model_path
     from agribot.lab.train.networks import open_network
@@ -51,6 +62,8 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError("--precision int8 needs --calibrate FOLDER with pictures to set ranges")
     args.out.parent.mkdir(parents=True, exist_ok=True)
     problems: list[str] = []
+    if args.auto:
+        return _export_automatically(args, problems)
     before = open_network(args.model, 1, args.size)
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "source.onnx"
@@ -69,6 +82,57 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         sys.stdout.write(json.dumps(summary) + "\n")
     return 1 if problems else 0
+
+
+def _export_automatically(args: argparse.Namespace, problems: list[str]) -> int:
+    """Try sizes and precisions on labelled pictures, and write the file that is chosen."""
+    from agribot.autonomy.perceive.segmenter import Segmenter, model_path
+    from agribot.lab.train.export_choice import Trial, choose_export
+
+    if args.judge is None or args.size or args.precision != "fp32":
+        raise ConfigError(
+            "--auto chooses size and precision by --judge FOLDER, labelled pictures that the "
+            "network was not trained on; give that, and neither --size nor --precision"
+        )
+    if args.most_loss < 0.0:
+        raise ConfigError(f"--most-loss {args.most_loss}: must be at least 0")
+    source = model_path(args.model)
+    pictures = None
+    if args.calibrate and not Segmenter(source).finds_plants:
+        pictures = _read_pictures(args.calibrate, problems)
+    with tempfile.TemporaryDirectory() as folder:
+        pairs = _JudgedPairs(args, problems)
+        trial = Trial(source, Path(folder), pairs, measure_cpu_ms, _print_line)
+        chosen = choose_export(trial, args.most_loss, pictures, args.out)
+    _print_line(f"{args.out}: {chosen.describe()}")
+    if args.json:
+        tried = [{**one._asdict(), "path": one.path.name} for one in trial.tried]
+        summary = {"file": str(args.out), "chosen": chosen.path.name, "tried": tried}
+        sys.stdout.write(json.dumps(summary | {"problems": sorted(set(problems))}) + "\n")
+    return 1 if problems else 0
+
+
+class _JudgedPairs:
+    """The labelled pictures of --judge, read anew whenever they are gone through."""
+
+    def __init__(self, args: argparse.Namespace, problems: list[str]) -> None:
+        from agribot.lab.dataset.classes import read_ids
+        from agribot.lab.train.photographs import check_sample, find_pairs
+
+        self._problems = problems
+        self._pairs, wrong = find_pairs(args.judge, args.data, ids=read_ids(args.ids))
+        if args.data == "folder" and args.ids is None:
+            check_sample(self._pairs, args.judge)
+        problems += wrong
+
+    def __iter__(self) -> Iterator[tuple[ByteArray, ByteArray]]:
+        from agribot.lab.train.photographs import read_pairs
+
+        return read_pairs(self._pairs, self._problems.append)
+
+
+def _print_line(text: str) -> None:
+    sys.stderr.write(text + "\n")
 
 
 def _convert(args: argparse.Namespace, source: Path, before: Any, problems: list[str]) -> None:
@@ -123,18 +187,10 @@ def _measure_accuracy(
     network: Any, args: argparse.Namespace, problems: list[str]
 ) -> dict[str, Any]:
     from agribot.autonomy.perceive.pictures import classify
-    from agribot.lab.dataset.classes import read_ids
     from agribot.lab.train.evaluate import evaluate
-    from agribot.lab.train.photographs import check_sample, find_pairs, read_pairs
 
-    pairs, wrong = find_pairs(args.judge, args.data, ids=read_ids(args.ids))
-    if args.data == "folder" and args.ids is None:
-        check_sample(pairs, args.judge)
-    problems += wrong
-    result = evaluate(
-        lambda image_rgb: classify(network, image_rgb).class_id,
-        read_pairs(pairs, problems.append),
-    )
+    pairs = _JudgedPairs(args, problems)
+    result = evaluate(lambda image_rgb: classify(network, image_rgb).class_id, pairs)
     return {"miou": result.miou, "iou": result.iou, "images": result.images}
 
 

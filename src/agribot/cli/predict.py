@@ -20,12 +20,13 @@ MEGAPIXELS, MOST_MEGAPIXELS = 64.0, 250.0
 KINDS = ("mask", "overlay", "panel")
 AREA_COLUMNS = (
     "image", "frame", "width_px", "height_px", "weed_px", "crop_px", "soil_px", "weed_ratio",
-    "crop_ratio", "weed_count", "crop_count", "confidence", "cpu_ms",
+    "crop_ratio", "weed_count", "crop_count", "unknown_count", "confidence", "cpu_ms",
 )  # fmt: skip
 PLANT_COLUMNS = (
     "image", "frame", "class", "u_px", "v_px", "area_px", "confidence", "left_px", "top_px",
-    "width_px", "height_px",
+    "width_px", "height_px", "weed_probability", "crop_probability",
 )  # fmt: skip
+UNKNOWN = "unknown"  # a stem that may be of a weed or of a crop
 
 
 class InputPicture(NamedTuple):
@@ -72,7 +73,8 @@ def run(args: argparse.Namespace) -> int:
     args.out.mkdir(parents=True, exist_ok=True)
     problems: list[str] = []
     done = 0
-    total = dict.fromkeys(("weed_px", "crop_px", "soil_px", "weed_count", "crop_count"), 0)
+    counted = ("weed_px", "crop_px", "soil_px", "weed_count", "crop_count", "unknown_count")
+    total = dict.fromkeys(counted, 0)
     with (
         (args.out / "areas.csv").open("w", newline="", encoding="utf-8") as areas_file,
         (args.out / "plants.csv").open("w", newline="", encoding="utf-8") as plants_file,
@@ -168,14 +170,9 @@ def _predict(
     """Write the pictures; return the row of areas and the rows of plants."""
     import numpy as np
 
-    from agribot.autonomy.perceive.instances import plants_in
-    from agribot.autonomy.perceive.pictures import classify
     from agribot.cli.drawings import write_drawings
 
-    started_s = time.process_time()
-    found = classify(segmenter, seen.image_rgb, tile_px)
-    cpu_ms = 1e3 * (time.process_time() - started_s)
-    plants = plants_in(found.class_id, found.confidence, args.least_px)
+    found, plants, cpu_ms = _look(seen.image_rgb, segmenter, tile_px, args.least_px)
     write_drawings(seen.image_rgb, found, args.out / stem, kinds, args.format)
     height, width = found.class_id.shape
     counts = np.bincount(found.class_id.ravel(), minlength=len(PlantClass))
@@ -192,14 +189,54 @@ def _predict(
         row[f"{kind.name.lower()}_px"] = int(counts[kind])
     for kind in (PlantClass.WEED, PlantClass.CROP):
         row[f"{kind.name.lower()}_ratio"] = round(float(counts[kind]) / (height * width), 6)
-        row[f"{kind.name.lower()}_count"] = sum(plant.plant == kind for plant in plants)
-    rows = [
-        {
-            "image": seen.name, "frame": frame, "class": plant.plant.name.lower(),
-            "u_px": round(plant.u_px, 2), "v_px": round(plant.v_px, 2), "area_px": plant.area_px,
-            "confidence": round(plant.confidence, 4), "left_px": plant.left_px,
-            "top_px": plant.top_px, "width_px": plant.width_px, "height_px": plant.height_px,
-        }
-        for plant in plants
-    ]  # fmt: skip
-    return row, rows
+    for name in ("weed", "crop", UNKNOWN):
+        row[f"{name}_count"] = sum(plant["class"] == name for plant in plants)
+    return row, [{"image": seen.name, "frame": frame, **plant} for plant in plants]
+
+
+def _look(
+    image_rgb: ByteArray, segmenter: Any, tile_px: tuple[int, int] | None, least_px: int
+) -> tuple[Any, list[dict[str, Any]], float]:
+    """Return classes, single plants and the CPU time of the former, ms.
+
+    Plants are those of stems where the network finds them in a whole picture, else connected
+    pieces of one class.
+    """
+    from agribot.autonomy.perceive.instances import plants_in
+    from agribot.autonomy.perceive.picture_stems import list_stems, own_pixels
+    from agribot.autonomy.perceive.pictures import classify, see_picture
+
+    started_s = time.process_time()
+    if segmenter.finds_plants and tile_px is None:
+        seen = see_picture(segmenter, image_rgb)
+        cpu_ms = 1e3 * (time.process_time() - started_s)
+        stems = list_stems(own_pixels(seen), least_px)
+        return seen.classes, [_describe_stem(stem) for stem in stems], cpu_ms
+    found = classify(segmenter, image_rgb, tile_px)
+    cpu_ms = 1e3 * (time.process_time() - started_s)
+    plants = plants_in(found.class_id, found.confidence, least_px)
+    return found, [_describe_piece(plant) for plant in plants], cpu_ms
+
+
+def _describe_stem(stem: Any) -> dict[str, Any]:
+    return {
+        "class": UNKNOWN if stem.plant is None else stem.plant.name.lower(),
+        **_describe_place(stem),
+        "confidence": round(max(stem.weed, stem.crop), 4),
+        "weed_probability": round(stem.weed, 4),
+        "crop_probability": round(stem.crop, 4),
+    }
+
+
+def _describe_piece(plant: Any) -> dict[str, Any]:
+    return {
+        "class": plant.plant.name.lower(),
+        **_describe_place(plant),
+        "confidence": round(plant.confidence, 4),
+    }
+
+
+def _describe_place(plant: Any) -> dict[str, Any]:
+    whole = ("area_px", "left_px", "top_px", "width_px", "height_px")
+    place = {"u_px": round(plant.u_px, 2), "v_px": round(plant.v_px, 2)}
+    return place | {name: getattr(plant, name) for name in whole}

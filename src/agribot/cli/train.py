@@ -21,6 +21,7 @@ from agribot.cli.train_options import (
 from agribot.core.errors import ConfigError
 from agribot.lab.train.networks import STRIDE_PX, read_size
 
+MOST_WORKERS = 64
 DATA_CHOICES = ("sim", "cwfid", "bonn", "phenobench", "folder")
 
 
@@ -37,6 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     budget.add_argument("--steps", type=int, help="optimiser steps, for an exact repetition")
     parser.add_argument("--seed", type=seed, default=0)
     parser.add_argument("--threads", type=int, default=1, help="CPU threads; part of the result")
+    parser.add_argument(
+        "--workers", type=int, default=0, metavar="N",
+        help="threads that draw batches ahead; the weights are the same (default: none)",
+    )  # fmt: skip
     parser.add_argument(
         "--device", choices=("auto", "cpu", "cuda"), default="auto", help="auto: a GPU if any"
     )
@@ -68,7 +73,6 @@ def _add_photographs(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--train-width", type=int, default=512, help="px over which a photograph is trained on"
     )
-    group.add_argument("--crop-px", type=int, default=320, help="width of the crops trained on")
     group.add_argument(
         "--with-sim",
         type=int,
@@ -111,14 +115,14 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
     from agribot.lab.train.precision import quantise_to_int8, sample_pictures
 
     held_out = read_held_out(args.scores_from, plan) if args.scores_from else None
-    trainer = Trainer(plan, source.batches, args.out, group, args.start)
+    trainer = Trainer(plan, source.batches, args.out, group, args.start, source.judge, args.workers)
     network = trainer.run(_print_progress if group.is_leader else lambda text: None).cpu()
     if not group.is_leader:
         return 0
     onnx_path = args.out / f"{args.name}.onnx"
     features = find_architecture(args.model).features
     calibration = _calibrate(network, features, source)
-    kept_temperature = _keep_temperature(args)
+    kept_temperature = keep_temperature(args)
     height_px, width_px = source.input_size_px
     is_small = args.precision == "int8"
     plain_path = args.out / f"{args.name}-fp32.onnx" if is_small else onnx_path
@@ -153,9 +157,13 @@ def _check(args: argparse.Namespace) -> None:
         if getattr(args, option) < 1:
             flag = option.replace("_", "-")
             raise ConfigError(f"--{flag} is {getattr(args, option)}; it must be at least 1")
+    if args.crop_px % STRIDE_PX:
+        raise ConfigError(f"--crop-px {args.crop_px}: must be a multiple of {STRIDE_PX} pixels")
     check_drawn_options(args)
     if args.steps is not None and args.steps < 1:
         raise ConfigError(f"--steps is {args.steps}; it must be at least 1")
+    if not 0 <= args.workers <= MOST_WORKERS:
+        raise ConfigError(f"--workers {args.workers}: must be from 0 to {MOST_WORKERS}")
     if args.minutes <= 0.0:
         raise ConfigError(f"--minutes is {args.minutes}; it must be more than 0")
     if (args.data == "sim") != (args.data_dir is None):
@@ -184,7 +192,7 @@ def _make_source(args: argparse.Namespace) -> Any:
         from agribot.lab.train.sources import make_simulated_source
 
         return make_simulated_source(args, _print_progress)
-    from agribot.lab.train.sources import make_photo_source
+    from agribot.lab.train.photo_source import make_photo_source
 
     return make_photo_source(args, _print_progress)
 
@@ -229,20 +237,19 @@ def _calibrate(network: Any, features: Any, source: Any) -> Any:
     import itertools
 
     from agribot.lab.train.calibration import calibrate
-    from agribot.lab.train.export import DeployedNet
+    from agribot.lab.train.export import make_deployed
 
     height_px, width_px = source.input_size_px
-    deployed = DeployedNet(network, height_px, width_px, features).eval()
+    deployed = make_deployed(network, height_px, width_px, features).eval()
     tests = itertools.chain.from_iterable(pairs() for pairs in source.tests.values())
     return calibrate(deployed.logits, source.aside(), tests)
 
 
-def _keep_temperature(args: argparse.Namespace) -> float | None:
+def keep_temperature(args: argparse.Namespace) -> float | None:
     """Return that of the weights whose classes are kept; None for a network that learns its own."""
-    from agribot.lab.train.architectures import find_architecture
     from agribot.lab.train.start import read_temperature
 
-    return read_temperature(args.start) if find_architecture(args.model).finds_plants else None
+    return read_temperature(args.start) if args.keep_classes else None
 
 
 def _evaluate(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any) -> Any:

@@ -13,6 +13,8 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import PlantClass
 
 HIGHEST_RATE = 1.0
+VALIDATION_VIEWS = 24
+STEM_VIEWS = 150  # drawn, beside photographs
 
 
 def add_recipe_options(group: argparse._ArgumentGroup) -> None:
@@ -32,6 +34,22 @@ def add_recipe_options(group: argparse._ArgumentGroup) -> None:
         type=float,
         metavar="RATE",
         help="at its highest (default: 0.003; 0.0015 with imagenet, 0.001 with another start)",
+    )
+
+    group.add_argument("--crop-px", type=int, default=320, help="width of the crops trained on")
+    group.add_argument(
+        "--validate",
+        type=int,
+        default=None,
+        metavar="N",
+        help="pictures set aside, from which alone the curve of the training comes and the step "
+        "whose weights are kept (default: 24 drawn images, no photograph)",
+    )
+    group.add_argument(
+        "--keep-classes",
+        action="store_true",
+        help="of a network that finds plants: only the stems learn, the classes of the weights "
+        "that it begins with stay as they are",
     )
 
 
@@ -56,6 +74,10 @@ def check_recipe_options(args: argparse.Namespace) -> None:
                 f"{HIGHEST_RATE}"
             )
         args.asked["learning_rate"] = args.learning_rate
+    if args.validate is None:
+        args.validate = VALIDATION_VIEWS if args.data == "sim" else 0
+    if args.validate < 0:
+        raise ConfigError(f"--validate {args.validate}: must be 0 or more pictures")
     usual = IMAGENET if find_architecture(args.model).load_imagenet else RANDOM
     wanted = args.start or usual
     args.is_imagenet = wanted == IMAGENET
@@ -63,6 +85,11 @@ def check_recipe_options(args: argparse.Namespace) -> None:
     args.start = None if wanted in {IMAGENET, RANDOM} else model_path(wanted)
     if find_architecture(args.model).finds_plants:
         _check_plants(args)
+    elif args.keep_classes:
+        raise ConfigError(
+            f"--keep-classes: {args.model} learns nothing but classes; give --model agribot-plants"
+        )
+    args.asked["keeps_classes"] = args.keep_classes
 
 
 def _check_plants(args: argparse.Namespace) -> None:
@@ -71,20 +98,34 @@ def _check_plants(args: argparse.Namespace) -> None:
     Raises: ConfigError: photographs, no weights for the classes, or 8-bit numbers.
     """
     if args.data != "sim":
+        _check_stems(args)
+    if args.keep_classes and args.start is None:
         raise ConfigError(
-            f"--model {args.model} learns from drawn images alone: only they say which pixels are "
-            "one plant and where its stem is; give --data sim"
-        )
-    if args.start is None:
-        raise ConfigError(
-            f"--model {args.model} learns to find stems and keeps the classes of the weights it "
-            "begins with; give them, such as --start agribot-sim"
+            "--keep-classes keeps those of the weights that the training begins with; give them, "
+            "such as --start agribot-sim"
         )
     if args.precision != "fp32":
         raise ConfigError(
             f"--precision {args.precision}: not for {args.model}; 8-bit ways to a stem were not "
             "measured; give fp32"
         )
+
+
+def _check_stems(args: argparse.Namespace) -> None:
+    """Let drawn images keep the stems in mind that photographs cannot teach.
+
+    Raises: ConfigError: a start without stems, or classes that are to stay as they are.
+    """
+    from agribot.autonomy.perceive.segmenter import Segmenter
+
+    if args.keep_classes:
+        raise ConfigError("--keep-classes: photographs teach nothing but classes; leave it out")
+    if args.start is None or not Segmenter(args.start).finds_plants:
+        raise ConfigError(
+            f"--model {args.model} learns no stems from photographs: a mask does not say which "
+            "pixels are one plant; begin with weights that find them: --start agribot-plants"
+        )
+    args.with_sim = args.with_sim or STEM_VIEWS
 
 
 def _format_options(args: argparse.Namespace, start: str) -> str:
@@ -94,6 +135,9 @@ def _format_options(args: argparse.Namespace, start: str) -> str:
         words += f"--class-weights {args.class_weights} "
     if args.learning_rate is not None:
         words += f"--learning-rate {args.learning_rate} "
+    words += "--keep-classes " if args.keep_classes else ""
+    if args.validate != (VALIDATION_VIEWS if args.data == "sim" else 0):
+        words += f"--validate {args.validate} "
     return words
 
 

@@ -175,7 +175,7 @@ class PerceptionConfig(Config, frozen=True):
     # From the picture to its plants; a simulation waits for it, so that it repeats.
     latency_s: Annotated[float, msgspec.Meta(gt=0, le=5)] = 0.2
     min_plant_area_m2: NonNegative = 2e-4  # smaller spots on the ground are no plants
-    min_confidence: Ratio = 0.6  # less sure spots are no plants
+    min_confidence: Ratio = 0.6  # less sure spots, and stems, are no plants
     max_range_m: Positive = 1.6  # pixel footprint beyond it is too long for a position
     threads: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1  # of the network
 

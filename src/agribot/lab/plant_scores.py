@@ -129,11 +129,14 @@ class PlantTally(msgspec.Struct, kw_only=True):
         )
         self.crops_hit += len(hit)
 
-    def add_segments(self, truth: PlantSegments, answer: PlantSegments, unjudged: Mask) -> None:
+    def add_segments(
+        self, truth: PlantSegments, answer: PlantSegments, unjudged: Mask
+    ) -> npt.NDArray[np.intp]:
         """Match the segments of a picture (H, W), class by class, by overlaps above MATCH_IOU.
 
         The pixels `unjudged` (H, W) count in no overlap. An answer that lies more in them than
-        beside them, and has no partner, is neither right nor wrong.
+        beside them, and has no partner, is neither right nor wrong. Returns the partners, indices
+        (K, 2) of true plants and of answers.
         """
         true_count, count = len(truth.kind), len(answer.kind)
         own_px = np.bincount(answer.number.ravel(), minlength=count + 1)[1:]
@@ -151,6 +154,7 @@ class PlantTally(msgspec.Struct, kw_only=True):
             tally.segments_answers += int(((answer.kind == kind) & is_judged).sum())
             tally.segments_matched += int(of_kind.sum())
             tally.iou_sum += float(iou[truth.kind == kind][of_kind].sum())
+        return np.argwhere(fits)
 
     def add(self, other: PlantTally) -> None:
         """Add all that another tally has counted."""

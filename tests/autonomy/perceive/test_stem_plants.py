@@ -179,8 +179,16 @@ def test_the_class_is_as_sure_as_the_one_score_against_the_other() -> None:
     (plant,) = find_plants(class_map)
     assert plant.plant == CROP
     assert plant.confidence == pytest.approx(0.75, abs=0.01)
-    maps.stem_score[1] = maps.stem_score[0]
-    assert len(find_plants(class_map)) == 1  # as unsure as can be: the map of the field decides
+
+
+@pytest.mark.parametrize(("sure", "count"), [(0.05, 1), (-0.05, 0)])
+def test_a_stem_that_may_be_a_weed_or_a_crop_is_neither(sure: float, count: int) -> None:
+    class_map = draw_plants((0.9, 0.0, 0.05, WEED), (0.9, 0.3, 0.05, CROP), score=0.4)
+    maps, share = plants_in(class_map), CONFIG.min_confidence + sure
+    weeds = maps.stem_score[0]
+    maps.stem_score[1] = np.maximum(maps.stem_score[1], weeds * ((1.0 - share) / share))
+    assert [plant.plant for plant in find_plants(class_map)].count(WEED) == count
+    assert [plant.plant for plant in find_plants(class_map)].count(CROP) == 1
 
 
 def test_positions_grow_less_certain_with_distance_and_hold_under_a_tilt_of_the_body() -> None:

@@ -35,6 +35,19 @@ def test_reliability_compares_confidence_with_the_share_that_is_right() -> None:
     assert accuracy == pytest.approx(0.5, abs=0.02)
 
 
+def test_sure_soil_does_not_hide_doubtful_plants() -> None:
+    network_scores = NetworkScores()
+    truth = np.full((10, 10), PlantClass.SOIL, np.uint8)
+    truth[0] = PlantClass.CROP
+    guess = truth.copy()
+    guess[0, :5] = PlantClass.WEED
+    found = PictureClasses(guess, np.full((10, 10), 255, np.uint8))
+    network_scores.add("field", np.zeros((10, 10, 3), np.uint8), truth, found)
+    reliability = network_scores.reliability
+    assert reliability.calibration_error == pytest.approx(0.05)
+    assert reliability.plant_error == pytest.approx(0.5)
+
+
 def test_pixels_that_do_not_count_are_not_judged() -> None:
     network_scores = NetworkScores()
     truth = np.full((10, 10), 255, np.uint8)

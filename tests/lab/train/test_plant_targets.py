@@ -18,6 +18,7 @@ from agribot.lab.train.plant_targets import (
     WAY_UNIT_PX,
     WAY_WEIGHT,
     augment_views,
+    join_labels,
     make_targets,
 )
 from agribot.lab.train.plant_truth import LEAST_PX, DrawnView, PlantTruth
@@ -105,6 +106,15 @@ def test_heat_does_not_count_where_nobody_knows_the_class() -> None:
     label[:21] = IGNORED
     counted = make_targets(label, plants)[HEAT_WEIGHT][0]
     assert not counted[:6].any() and counted[6:].all()
+
+
+def test_the_classes_of_all_pixels_come_back_out_of_a_target() -> None:
+    label, plants = draw_discs(
+        (30.0, 40.0, 12.0, PlantClass.CROP), (90.3, 20.0, 5.0, PlantClass.WEED)
+    )
+    label[0, :7] = IGNORED
+    targets = torch.from_numpy(make_targets(label, plants))[None]
+    np.testing.assert_array_equal(join_labels(targets)[0].numpy(), label)
 
 
 def test_a_crop_of_a_picture_moves_stems_with_their_pixels() -> None:

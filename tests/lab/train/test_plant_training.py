@@ -1,15 +1,17 @@
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from agribot.autonomy.perceive.segmenter import Segmenter, model_path
-from agribot.cli.train import run
+from agribot.cli.train import keep_temperature, run
+from agribot.cli.train_options import check_recipe_options
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray
 from agribot.lab.bench.plant_scenes import SCENES
@@ -18,13 +20,22 @@ from agribot.lab.train.export import export_onnx
 from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.fit import Trainer, TrainingPlan
 from agribot.lab.train.network import CropWeedNet
+from agribot.lab.train.photo_source import make_photo_source
 from agribot.lab.train.plant_network import PlantNet
-from agribot.lab.train.plant_targets import MAPS, WAY_UNIT_PX
+from agribot.lab.train.plant_targets import (
+    HEAT_WEIGHT,
+    LABEL,
+    MAPS,
+    WAY_UNIT_PX,
+    WAY_WEIGHT,
+    join_labels,
+)
 from agribot.lab.train.resizing import resize_network
 from agribot.lab.train.start import read_temperature, start_from
 from tests.lab.train.changed_norms import change_norms
 from tests.lab.train.command_line import parsed
 from tests.lab.train.drawn_images import drawn_image
+from tests.lab.train.photo_folder import photo_folder
 
 PLANTS = ("--model", "agribot-plants")
 
@@ -32,6 +43,7 @@ PLANTS = ("--model", "agribot-plants")
 def draw_batch(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
     images = [torch.from_numpy(drawn_image(rng)[0]).permute(2, 0, 1) for _ in range(2)]
     target = torch.from_numpy(rng.random((2, MAPS, 24, 32), dtype=np.float32))
+    target[:, LABEL] = torch.from_numpy(rng.integers(3, size=target[:, LABEL].shape)).float()
     return torch.stack(images).float(), target
 
 
@@ -46,11 +58,12 @@ def class_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_learning_plants_changes_no_class_of_the_weights_it_began_with(
-    tmp_path: Path, class_file: Path
-) -> None:
-    plan = TrainingPlan(steps=3, crop_px=96, model="agribot-plants", bf16=False)
-    trainer = Trainer(plan, draw_batch, tmp_path, start=class_file)
+def learn(folder: Path, start: Path, *, keeps_classes: bool = False) -> tuple[nn.Module, set[str]]:
+    """Train three steps; which of the two parts of the network changed."""
+    plan = TrainingPlan(
+        steps=3, crop_px=96, model="agribot-plants", bf16=False, keeps_classes=keeps_classes
+    )
+    trainer = Trainer(plan, draw_batch, folder, start=start)
     before = {name: value.clone() for name, value in trainer.network.state_dict().items()}
     network = trainer.run(lambda line: None)
     changed = {
@@ -58,6 +71,17 @@ def test_learning_plants_changes_no_class_of_the_weights_it_began_with(
         for name, value in network.state_dict().items()
         if not torch.equal(value, before[name])
     }
+    return network, changed
+
+
+def test_classes_and_stems_learn_together(tmp_path: Path, class_file: Path) -> None:
+    assert learn(tmp_path, class_file)[1] == {"classes", "plants"}
+
+
+def test_stems_alone_learn_where_the_classes_are_to_be_kept(
+    tmp_path: Path, class_file: Path
+) -> None:
+    network, changed = learn(tmp_path, class_file, keeps_classes=True)
     assert changed == {"plants"}
     temperature = read_temperature(class_file)
     assert temperature == pytest.approx(1.7)
@@ -106,8 +130,8 @@ def test_a_file_with_plants_can_be_resized_and_begun_with(tmp_path: Path, class_
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        ((), "--start agribot-sim"),
-        (("--start", "random"), "--start agribot-sim"),
+        (("--keep-classes",), "--start agribot-sim"),
+        (("--keep-classes", "--start", "random"), "--start agribot-sim"),
         (("--start", "agribot-sim", "--precision", "int8"), "--precision int8"),
     ],
 )
@@ -119,10 +143,45 @@ def test_what_no_plants_can_be_learned_from_is_refused(
         run(parsed(*PLANTS, *words, *few, "--steps", "1", "--out", str(tmp_path)))
 
 
-def test_photographs_are_refused_since_they_tell_no_plants(tmp_path: Path) -> None:
-    words = ("--data", "cwfid", "--data-dir", str(tmp_path), "--start", "agribot-sim")
-    with pytest.raises(ConfigError, match="--data sim"):
-        run(parsed(*PLANTS, *words, "--out", str(tmp_path / "out")))
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("--start", "agribot-sim"), "--start agribot-plants"),
+        (("--start", "random"), "--start agribot-plants"),
+        (("--start", "agribot-plants", "--keep-classes"), "nothing but classes"),
+    ],
+)
+def test_photographs_teach_no_stems_to_weights_that_find_none(
+    words: tuple[str, ...], reason: str, tmp_path: Path
+) -> None:
+    photos = ("--data", "cwfid", "--data-dir", str(tmp_path))
+    with pytest.raises(ConfigError, match=reason):
+        run(parsed(*PLANTS, *photos, *words, "--out", str(tmp_path / "out")))
+
+
+def test_photographs_teach_classes_and_drawn_fields_keep_the_stems(tmp_path: Path) -> None:
+    folder = photo_folder(tmp_path / "photos", 2)
+    words = ("--data", "cwfid", "--data-dir", str(folder), "--start", "agribot-plants")
+    few = ("--with-sim", "2", "--crop-px", "96", "--train-width", "128", "--out", str(tmp_path))
+    args = parsed(*PLANTS, *words, *few)
+    check_recipe_options(args)
+    source = make_photo_source(args, lambda line: None)
+    images, target = source.batches(np.random.default_rng(2))
+    assert images.shape == (8, 3, 96, 96) and target.shape == (8, MAPS, 24, 24)
+    photos, drawn = target[:6], target[6:]
+    assert not photos[:, WAY_WEIGHT].any() and not photos[:, HEAT_WEIGHT].any()
+    assert drawn[:, WAY_WEIGHT].any() and drawn[:, HEAT_WEIGHT].any()
+    assert set(np.unique(join_labels(photos).numpy())) <= {0, 1, 2}
+    plan = msgspec.structs.replace(source.recipe, steps=1, model="agribot-plants", bf16=False)
+    trainer = Trainer(plan, source.batches, tmp_path, start=args.start)
+    assert math.isfinite(trainer.advance())
+
+
+def test_classes_that_are_kept_keep_their_temperature(tmp_path: Path) -> None:
+    args = parsed(*PLANTS, "--keep-classes", "--start", "agribot-sim", "--out", str(tmp_path))
+    check_recipe_options(args)
+    assert keep_temperature(args) == read_temperature(model_path("agribot-sim")) != 1.0
+    assert "--keep-classes" in args.recipe_words and args.asked["keeps_classes"]
 
 
 @pytest.mark.slow
@@ -131,7 +190,7 @@ def test_one_command_goes_from_classes_to_weights_that_find_plants(
 ) -> None:
     words = ("--variety", "dense", "--start", "agribot-sim", "--images", "2", "--row-images", "1")
     few = ("--turn-images", "0", "--test-images", "1", "--steps", "2", "--out", str(tmp_path))
-    assert run(parsed(*PLANTS, *words, *few)) == 0
+    assert run(parsed(*PLANTS, *words, *few, "--validate", "2")) == 0
     weights = tmp_path / "agribot-plants.onnx"
     card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
     assert card.test.keys() == {
@@ -139,8 +198,9 @@ def test_one_command_goes_from_classes_to_weights_that_find_plants(
     }  # fmt: skip
     assert card.plants.keys() == {*SCENES, "all"}
     assert card.plants["all"].crops_truth > 50 and card.plants["beet-25-25"].crops_truth > 0
-    assert card.calibration is None and card.kept_temperature is not None
-    assert read_temperature(weights) == read_temperature(model_path("agribot-sim"))
+    assert card.kept_temperature is None and card.calibration is not None
+    assert read_temperature(weights) == pytest.approx(card.calibration.temperature, rel=1e-4)
     told = weights.with_suffix(".md").read_text(encoding="utf-8")
-    assert "| beet-25-25 |" in told and f"temperature {card.kept_temperature:g}" in told
-    capsys.readouterr()
+    assert "| beet-25-25 |" in told and "over the pixels taken for plants" in told
+    assert "--validate 2" in card.command
+    assert "valid_stem_f1" in capsys.readouterr().err

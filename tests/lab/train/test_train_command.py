@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import msgspec
@@ -12,7 +13,7 @@ from agribot.cli.train import run
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import PlantClass
 from agribot.lab.train.card import ModelCard
-from agribot.lab.train.sources import make_photo_source
+from agribot.lab.train.photo_source import make_photo_source
 from tests.lab.train.command_line import parsed
 from tests.lab.train.photo_folder import photo_folder, spoil
 
@@ -68,6 +69,25 @@ def test_photographs_of_a_folder_are_trained_on_and_judged_on_the_fold_held_out(
     # Another fold in the same folder would be judged on pictures that it was trained on.
     with pytest.raises(AgribotError, match="other settings"):
         run(parsed(*words, "--fold", "2"))
+
+
+def test_photographs_set_aside_draw_the_curve_and_teach_nothing(tmp_path: Path) -> None:
+    folder = photo_folder(tmp_path / "photos", 4)
+    words = ("--data", "cwfid", "--data-dir", str(folder), "--size", "64x64", "--crop-px", "64")
+    few = ("--start", "random", "--train-width", "96", "--steps", "2", "--validate", "1")
+    assert run(parsed(*words, *few, "--out", str(tmp_path / "out"))) == 0
+    card = msgspec.json.decode((tmp_path / "out/agribot-s.json").read_bytes(), type=ModelCard)
+    assert card.train_images == 3 and "--validate 1" in card.command
+    with (tmp_path / "out/training.csv").open(encoding="utf-8") as file:
+        last = list(csv.DictReader(file))[-1]
+    assert 0.0 < float(last["valid_miou"]) < 1.0 and not last["valid_stem_f1"]
+
+
+def test_some_photographs_are_left_to_train_on(tmp_path: Path) -> None:
+    folder = photo_folder(tmp_path / "photos", 2)
+    words = ("--data", "cwfid", "--data-dir", str(folder), "--validate", "2")
+    with pytest.raises(ConfigError, match="--validate 2: the set has 2"):
+        run(parsed(*words, "--out", str(tmp_path / "out")))
 
 
 def test_masks_whose_classes_look_swapped_are_asked_about_before_anything_is_learnt(

@@ -34,6 +34,17 @@ class PictureClasses(NamedTuple):
     confidence: ByteArray
 
 
+class SeenPicture(NamedTuple):
+    """A picture with what the network says of it, whose class map shows it from the top left.
+
+    `scale_px` are the rows and columns of the picture over those of the map.
+    """
+
+    classes: PictureClasses
+    class_map: ClassMap
+    scale_px: tuple[float, float]
+
+
 def classify(
     classifier: Classifier, image_rgb: ByteArray, tile_px: tuple[int, int] | None = None
 ) -> PictureClasses:
@@ -87,6 +98,14 @@ def _spans(size_px: int, tile_px: int) -> list[tuple[slice, slice]]:
 
 
 def _one_tile(classifier: Classifier, image_rgb: ByteArray) -> PictureClasses:
+    return see_picture(classifier, image_rgb).classes
+
+
+def see_picture(classifier: Classifier, image_rgb: ByteArray) -> SeenPicture:
+    """Look at a picture (H, W, 3) as one, and keep all that the network says of it.
+
+    Raises: PerceptionError: it has no pixels.
+    """
     height, width = image_rgb.shape[:2]
     if not height or not width:
         raise PerceptionError(f"picture of {width} x {height} pixels is empty")
@@ -95,7 +114,8 @@ def _one_tile(classifier: Classifier, image_rgb: ByteArray) -> PictureClasses:
     map_height, map_width = seen.class_id.shape
     small = _thin(image_rgb, classifier.map_shape).shape
     shown = (map_height * small[0] / padded.shape[0], map_width * small[1] / padded.shape[1])
-    return enlarge(seen.class_id, seen.confidence, (height, width), shown)
+    classes = enlarge(seen.class_id, seen.confidence, (height, width), shown)
+    return SeenPicture(classes, seen, (height / shown[0], width / shown[1]))
 
 
 def _thin(image_rgb: ByteArray, map_shape: tuple[int, int]) -> ByteArray:

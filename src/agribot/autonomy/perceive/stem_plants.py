@@ -12,7 +12,7 @@ from agribot.autonomy.perceive.foliage import find_nearer_ratio
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.leaf_owners import OwnedLeaves, find_crop_leaves, own_leaves
 from agribot.autonomy.perceive.segmenter import ClassMap
-from agribot.autonomy.perceive.stems import PlantMaps, Stems, find_stems, sum_cells
+from agribot.autonomy.perceive.stems import PlantMaps, Stems, find_stems, share_kinds, sum_cells
 from agribot.core.config import PerceptionConfig
 from agribot.core.errors import PerceptionError
 from agribot.core.messages import FloatArray, GroundPlant, PlantClass
@@ -78,7 +78,9 @@ def find_stem_plants(
     """Find the plants within range whose stem the image shows, the surest stem first.
 
     A stem stands on the ground: its pixel is its place. The class is that of the stem, whatever
-    the leaves about it look like. Leaves of a plant whose stem is outside the image are of none.
+    the leaves about it look like; a stem that is less sure of it than `config.min_confidence` is
+    neither weed nor crop, and left out. Leaves of a plant whose stem is outside the image are of
+    none.
 
     Raises: PerceptionError: the map tells no stems, or is not of the size of the ground lookup.
     """
@@ -90,6 +92,7 @@ def find_stem_plants(
     gaps_m = joined.places_m - ground.camera_xyz_body_m[:2]
     ranges_m = np.hypot(gaps_m[:, 0], gaps_m[:, 1])
     is_kept = (joined.areas_m2 >= config.min_plant_area_m2) & (ranges_m <= ground.max_range_m)
+    is_kept &= share_kinds(joined.kind_scores).max(axis=1) >= config.min_confidence
     return [
         _describe(joined, index, float(ranges_m[index]), float(ground.camera_xyz_body_m[2]))
         for index in np.flatnonzero(is_kept).tolist()
@@ -157,7 +160,7 @@ def _describe(
 ) -> GroundPlant:
     """Make the plant of a stem so far from the point below the camera."""
     x_m, y_m = found.places_m[index].tolist()
-    weed, crop = found.kind_scores[index].tolist()
+    weed, crop = share_kinds(found.kind_scores[index]).tolist()
     plant = PlantClass.CROP if crop > weed else PlantClass.WEED
     area_m2 = float(found.areas_m2[index])
     nearer = find_nearer_ratio(plant, area_m2, camera_height_m)
@@ -167,7 +170,7 @@ def _describe(
         y_body_m=y_m,
         plant=plant,
         area_m2=area_m2 * nearer**2,
-        confidence=max(weed, crop) / (weed + crop),
+        confidence=max(weed, crop),
         std_m=math.hypot(STEM_STD_M, float(found.footprints_m[index]) / 2.0, tilt_std_m),
         seen_height_m=0.0,
     )

@@ -75,6 +75,12 @@ def find_stems(maps: PlantMaps, least_score: float) -> Stems:
     return Stems(uv_px[kept], kind_scores[kept], cells[kept])
 
 
+def share_kinds(kind_scores: FloatArray) -> FloatArray:
+    """Return how likely stems (..., 2) that are there are of weeds and of crops; sums of 1."""
+    shares: FloatArray = kind_scores / kind_scores.sum(axis=-1, keepdims=True)
+    return shares
+
+
 def find_owners(maps: PlantMaps, stems: Stems, is_plant: Mask) -> Owners:
     """Find for each pixel (h, w) of vegetation the index of its stem, -1 where there is none.
 

@@ -20,7 +20,7 @@ class Architecture(NamedTuple):
     """`features` turns an image (N, 3, H, W) in 0..255 into the input of what `build` builds.
 
     `load_imagenet` gives the network what an encoder of its kind learned on ImageNet. One that
-    `finds_plants` answers with stems as well, and learns nothing else.
+    `finds_plants` answers with stems as well.
     """
 
     build: Callable[[], nn.Module]

@@ -98,13 +98,14 @@ def recolour(image: Tensor, rng: np.random.Generator) -> Tensor:
     mean = image.mean()
     image = mean + (image - mean) * rng.uniform(0.9, 1.12)
     if rng.random() < 0.2:
-        image = _blur(image, rng.uniform(0.3, BLUR_SIGMA_PX))
+        image = blur(image, rng.uniform(0.3, BLUR_SIGMA_PX))
     noise_std = rng.uniform(0.0, 4.0)
     noise = torch.from_numpy(rng.standard_normal(image.shape, dtype=np.float32))
     return (image + noise_std * noise).clamp(0.0, 255.0)
 
 
-def _blur(image: Tensor, sigma_px: float) -> Tensor:
+def blur(image: Tensor, sigma_px: float) -> Tensor:
+    """Blur (3, H, W) with a Gaussian, of which three pixels on each side are kept."""
     taps = torch.exp(-0.5 * (torch.arange(-3.0, 4.0) / sigma_px) ** 2)
     taps = (taps / taps.sum()).to(image.dtype)
     padded = functional.pad(image[:, None], (3, 3, 3, 3), mode="reflect")

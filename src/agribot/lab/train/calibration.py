@@ -27,12 +27,17 @@ EVERY_PX = 4  # neighbours say nearly the same
 
 
 class Calibration(msgspec.Struct, frozen=True, kw_only=True):
-    """`images` were set aside to find the temperature; the errors are those on test images."""
+    """`images` were set aside to find the temperature; the errors are those on test images.
+
+    `plant_error_after` is over the pixels taken for plants alone; None where there were none, or
+    in a card of before it was measured.
+    """
 
     temperature: float
     images: int
     error_before: float
     error_after: float
+    plant_error_after: float | None = None
 
 
 def calibrate(
@@ -50,6 +55,7 @@ def calibrate(
         images=images,
         error_before=calibration_error(judged, judged_truth),
         error_after=calibration_error(judged / temperature, judged_truth),
+        plant_error_after=_find_plant_error(judged / temperature, judged_truth),
     )
 
 
@@ -74,6 +80,11 @@ def calibration_error(logits: Tensor, truth: Tensor) -> float:
     surplus = sure.double() - (guessed == truth).double()
     in_bin = (sure * BINS).long().clamp(max=BINS - 1)
     return float(torch.bincount(in_bin, surplus, BINS).abs().sum() / len(truth))
+
+
+def _find_plant_error(logits: Tensor, truth: Tensor) -> float | None:
+    is_plant = logits.argmax(dim=1) != PlantClass.SOIL
+    return calibration_error(logits[is_plant], truth[is_plant]) if is_plant.any() else None
 
 
 def _sample_pixels(logits: Logits, pairs: Iterable[LabelledImage]) -> tuple[Tensor, Tensor, int]:

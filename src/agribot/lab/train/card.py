@@ -118,10 +118,12 @@ Limits: {self.limits}
             )
         if found is None:
             return "softmax of the logits, no temperature"
+        plants = found.plant_error_after
         return (
             f"softmax of the logits over the temperature {found.temperature:g}, found on "
             f"{found.images} images set aside; expected calibration error on the test images "
             f"{found.error_before:.4f} without it, {found.error_after:.4f} with it"
+            + ("" if plants is None else f", {plants:.4f} over the pixels taken for plants")
         )
 
     def _origin(self) -> str:

@@ -102,6 +102,18 @@ class DeployedPlantNet(DeployedNet):
         return self.enlarge(self.network(self.resize(image_rgb))[0])
 
 
+def make_deployed(
+    network: nn.Module,
+    height_px: int,
+    width_px: int,
+    features: Features = centred_rgb,
+    temperature: float = 1.0,
+) -> DeployedNet:
+    """Make the graph that is deployed of a network, with stems if it finds them."""
+    kind = DeployedPlantNet if isinstance(network, PlantNet) else DeployedNet
+    return kind(network, height_px, width_px, features, temperature)
+
+
 def export_onnx(
     network: nn.Module,
     path: Path,
@@ -118,8 +130,7 @@ def export_onnx(
     are much larger than the network's input.
     """
     finds_plants = isinstance(network, PlantNet)
-    kind = DeployedPlantNet if finds_plants else DeployedNet
-    deployed = kind(network, height_px, width_px, features, temperature).eval()
+    deployed = make_deployed(network, height_px, width_px, features, temperature).eval()
     outputs = PIXEL_OUTPUTS + PLANT_OUTPUTS if finds_plants else PIXEL_OUTPUTS
     example = torch.zeros((1, 480, 640, 3), dtype=torch.uint8)
     with warnings.catch_warnings():

@@ -11,6 +11,7 @@ import numpy as np
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.lab.train.evaluate import CLASS_NAMES
 from agribot.lab.train.network_scores import NetworkScores, Thumbnail
+from agribot.lab.train.standing import FIGURES
 
 # Red weed, green crop, blue soil, as in masks; darker, so that they read on white.
 INK = ("#c62828", "#2e7d32", "#1e5fa8")
@@ -147,8 +148,22 @@ def tint(image_rgb: ByteArray, class_id: ByteArray, strength: float = 0.7) -> By
     return shown
 
 
+def _draw_judged(axis: Any, rows: list[dict[str, str]]) -> None:
+    """Draw what pictures set aside said, on an axis of its own, where there were any."""
+    curves = {name: [row for row in rows if row.get(name)] for name in FIGURES}
+    if not any(curves.values()):
+        return
+    beside = axis.twinx()
+    for name, points, colour in zip(curves, curves.values(), INK, strict=False):
+        steps, values = [int(p["step"]) for p in points], [float(p[name]) for p in points]
+        if points:
+            beside.plot(steps, values, color=colour, marker="o", ms=2.5, lw=1.0, label=name)
+    beside.set_ylim(0.0, 1.0)
+    beside.legend(loc="lower right", fontsize=7)
+
+
 def write_curves(log: Path, path: Path) -> Path:
-    """Draw the loss of every step of a training, and its moving mean."""
+    """Draw the loss of every step of a training, its moving mean, and the figures of its judge."""
     with log.open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     steps = np.array([int(row["step"]) for row in rows])
@@ -161,4 +176,5 @@ def write_curves(log: Path, path: Path) -> Path:
     axis.plot(steps[window - 1 :], smooth, color=INK[2], lw=1.4)
     axis.set_ylabel("loss")
     axis.set_xlabel("step")
+    _draw_judged(axis, rows)
     return _save(figure, path)

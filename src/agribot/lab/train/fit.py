@@ -18,19 +18,19 @@ from torch import Tensor, nn
 from agribot.core.errors import AgribotError
 from agribot.core.whole_file import make_at_once
 from agribot.lab.train.architectures import find_architecture
+from agribot.lab.train.loader import BatchLoader, BatchSource
 from agribot.lab.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, segmentation_loss
-from agribot.lab.train.plant_loss import plant_loss
+from agribot.lab.train.plant_loss import joint_loss
+from agribot.lab.train.plant_network import PlantNet
 from agribot.lab.train.processes import TrainingGroup
+from agribot.lab.train.standing import FIGURES, BestSoFar, Judge
 from agribot.lab.train.start import IMAGENET, load_imagenet, start_from
 
-# Random batch of images (N, 3, S, S) float32 in 0..255 and labels (N, S, S) int64, or for a network
-# that finds plants the targets of `plant_targets`.
-BatchSource = Callable[[np.random.Generator], tuple[Tensor, Tensor]]
 Progress = Callable[[str], None]
 
 CHECKPOINT = "checkpoint.pt"
 LOG = "training.csv"
-LOG_FIELDS = ("step", "learning_rate", "loss", "cpu_s")
+LOG_FIELDS = ("step", "learning_rate", "loss", "cpu_s", *FIGURES)
 GRADIENT_LIMIT = 5.0
 
 
@@ -47,12 +47,14 @@ class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
     ema_decay: float = 0.995
     bf16: bool = True
     checkpoint_every: int = 100
+    judge_every: int = 250
     model: str = "agribot-sim"
     class_weights: tuple[float, float, float] = CLASS_WEIGHTS
     overlap_loss: str = "dice"
     processes: int = 1  # that train together, each with a batch of its own
     start: str = ""  # weights to begin with: name and start of the SHA-256, or imagenet
     data: str = ""  # which photographs: another fold must not go on in the same folder
+    keeps_classes: bool = False  # of a network that finds plants, only the stems learn
 
     def rate_at(self, step: int) -> float:
         """Compute the rate: linear warm-up, then a cosine to 0.5 % of the top rate."""
@@ -75,11 +77,15 @@ class Trainer:
         folder: Path,
         group: TrainingGroup | None = None,
         start: Path | None = None,
+        judge: Judge | None = None,
+        workers: int = 0,
     ) -> None:
         self.plan = plan
+        self._judge = judge
+        self._best = BestSoFar()
         self._crew = group or TrainingGroup()
         self.step = 0
-        self._batches = batches
+        self._loader = BatchLoader(batches, plan.seed, self._crew.rank, plan.steps, workers)
         self._folder = folder
         self._rows: list[dict[str, float]] = []
         self.cpu_s = 0.0
@@ -92,6 +98,8 @@ class Trainer:
         if start is not None:
             images, _ = batches(np.random.default_rng([plan.seed, 0]))
             start_from(start, self.network, self._features(images.to(self._crew.device)))
+        if plan.keeps_classes and isinstance(self.network, PlantNet):
+            self.network.keep_classes()
         self.average = copy.deepcopy(self.network).eval()
         self._together = self._crew.average_gradients(self.network)
         self._optimiser = torch.optim.AdamW(
@@ -99,16 +107,30 @@ class Trainer:
         )
 
     def run(self, progress: Progress) -> nn.Module:
-        """Train up to the plan's last step; return the averaged network."""
+        """Train up to the plan's last step; return the averaged network.
+
+        Where a judge looked on, that is the averaged network of the step that it liked best.
+        """
         self._folder.mkdir(parents=True, exist_ok=True)
         self._resume(progress)
+        try:
+            self._go_on(progress)
+        finally:
+            self._loader.close()
+        self._together = self.network  # lets go of the other processes
+        self._best.give_back(self.average)
+        return self.average
+
+    def _go_on(self, progress: Progress) -> None:
         zero_s = time.process_time() - self.cpu_s
         self._together.train()
         while self.step < self.plan.steps:
             loss = self.advance()
             self.cpu_s = time.process_time() - zero_s
             self._note(loss)
-            if self.step % self.plan.checkpoint_every == 0 or self.step == self.plan.steps:
+            if self._judge and self._is_due(self.plan.judge_every):
+                self._look(progress)
+            if self._is_due(self.plan.checkpoint_every):
                 if self._crew.is_leader:
                     self._save()
                 recent = [row["loss"] for row in self._rows[-50:]]
@@ -116,8 +138,18 @@ class Trainer:
                     f"step {self.step}/{self.plan.steps}  loss {sum(recent) / len(recent):.4f}  "
                     f"{self.cpu_s / 60.0:.1f} CPU-min"
                 )
-        self._together = self.network  # lets go of the other processes
-        return self.average
+
+    def _is_due(self, every: int) -> bool:
+        return self.step % every == 0 or self.step == self.plan.steps
+
+    def _look(self, progress: Progress) -> None:
+        """Judge the averaged network, and keep it if it is the best so far."""
+        assert self._judge is not None
+        judged = self._judge(self.average)
+        self._rows[-1] |= judged
+        self._best.consider(judged, self.step, self.average)
+        figures = "  ".join(f"{name} {value:.4f}" for name, value in judged.items())
+        progress(f"step {self.step}: {figures}; best at step {self._best.step}")
 
     def advance(self) -> float:
         """Do one optimiser step; return its loss."""
@@ -127,7 +159,7 @@ class Trainer:
         # Whatever torch draws in a step, such as dropout, is the step's own after a restart too.
         rank, device = self._crew.rank, torch.device(self._crew.device)
         torch.manual_seed(self.plan.seed * 1_000_003 + self.step + rank * 1_000_000_007)
-        images, truth = self._batches(np.random.default_rng([self.plan.seed, self.step, rank]))
+        images, truth = self._loader.take(self.step)
         x = self._features(images.to(device)).contiguous(memory_format=torch.channels_last)
         with torch.autocast(device.type, torch.bfloat16, enabled=self.plan.bf16):
             answer = self._together(x)
@@ -141,10 +173,15 @@ class Trainer:
         return float(loss.item())
 
     def _compute_loss(self, answer: Tensor | tuple[Tensor, Tensor], truth: Tensor) -> Tensor:
-        if isinstance(answer, tuple):
-            return plant_loss(answer[1].float(), truth)
         overlap = OVERLAP_LOSSES[self.plan.overlap_loss]
-        return segmentation_loss(answer.float(), truth, self.plan.class_weights, overlap)
+
+        def lose(logits: Tensor, label: Tensor) -> Tensor:
+            return segmentation_loss(logits, label, self.plan.class_weights, overlap)
+
+        if isinstance(answer, tuple):
+            logits, maps = answer
+            return joint_loss(logits.float(), maps.float(), truth, lose)
+        return lose(answer.float(), truth)
 
     def _update_average(self) -> None:
         # A short memory at first, so that the random start is forgotten.
@@ -173,6 +210,7 @@ class Trainer:
             "average": self.average.state_dict(),
             "optimiser": self._optimiser.state_dict(),
             "rows": self._rows,
+            "best": self._best.to_state(),
             "cpu_s": self.cpu_s,
         }
         make_at_once(self._folder / CHECKPOINT, lambda path: torch.save(state, path))
@@ -198,6 +236,7 @@ class Trainer:
         self.average.load_state_dict(state["average"])
         self._optimiser.load_state_dict(state["optimiser"])
         self._rows = state["rows"]
+        self._best = BestSoFar.from_state(state.get("best", {}))
         self.cpu_s = state["cpu_s"]
         # The log may be gone, or ahead of the checkpoint.
         make_at_once(self._folder / LOG, self._write_log)

@@ -29,6 +29,7 @@ RELIABILITY_BINS = 15
 THUMB_WIDTH_PX = 432
 
 Curve = npt.NDArray[np.float64]
+Sums = npt.NDArray[np.number]
 
 
 class ImageScore(msgspec.Struct, frozen=True, kw_only=True):
@@ -41,13 +42,15 @@ class Reliability(msgspec.Struct, frozen=True, kw_only=True):
     """Pixels by confidence: how often the network is right at each.
 
     `calibration_error` is the mean over pixels of the distance between the two. Source: Guo et
-    al. 2017 (expected calibration error).
+    al. 2017 (expected calibration error). `plant_error` is that over the pixels that the network
+    takes for plants: most others are soil that it is sure of. None: it takes none for a plant.
     """
 
     confidence: tuple[float | None, ...]
     accuracy: tuple[float | None, ...]
     pixels: tuple[int, ...]
     calibration_error: float
+    plant_error: float | None
 
 
 class Thumbnail(NamedTuple):
@@ -67,7 +70,9 @@ class NetworkScores:
         self.images: list[ImageScore] = []
         self.worst: list[Thumbnail] = []
         self._keep_worst = keep_worst
+        # Pixels by confidence, called wrong (0) or right (1); and of those those called plants.
         self._by_confidence: npt.NDArray[np.int64] = np.zeros((256, 2), dtype=np.int64)
+        self._plants_by_confidence: npt.NDArray[np.int64] = np.zeros((256, 2), dtype=np.int64)
         # For each class: pixels by its probability, of which another (0) or the class itself (1).
         self._by_share: npt.NDArray[np.int64] = np.zeros((size, 256, 2), dtype=np.int64)
         self._recall = {name: np.zeros(3, dtype=np.int64) for name in ("weed", "crop")}
@@ -87,6 +92,8 @@ class NetworkScores:
         right = (truth == guess.class_id)[counted]
         both = guess.confidence[counted].astype(np.int64) * 2 + right
         self._by_confidence += np.bincount(both, minlength=512).reshape(256, 2)
+        plants = both[guess.class_id[counted] != PlantClass.SOIL]
+        self._plants_by_confidence += np.bincount(plants, minlength=512).reshape(256, 2)
         self._note_shares(truth[counted], guess.class_id[counted], guess.confidence[counted])
         for plant, found in plant_recall(truth, guess.class_id, LEAST_PLANT_PX).items():
             self._recall[plant] += (found.right, found.confused, found.missed)
@@ -111,18 +118,15 @@ class NetworkScores:
 
     @property
     def reliability(self) -> Reliability:
-        wrong, right = self._by_confidence.T
-        share = np.arange(256) / 255.0
-        bins = np.minimum((share * RELIABILITY_BINS).astype(int), RELIABILITY_BINS - 1)
-        pixels = np.bincount(bins, wrong + right, RELIABILITY_BINS)
-        hits = np.bincount(bins, right, RELIABILITY_BINS)
-        sure = np.bincount(bins, share * (wrong + right), RELIABILITY_BINS)
-        total = max(1.0, float(pixels.sum()))
+        pixels, hits, sure = _count_bins(self._by_confidence)
+        plants, plant_hits, plant_sure = _count_bins(self._plants_by_confidence)
+        off, total = np.abs(plant_sure - plant_hits).sum(), plants.sum()
         return Reliability(
             confidence=_divide(sure, pixels),
             accuracy=_divide(hits, pixels),
             pixels=tuple(int(n) for n in pixels),
-            calibration_error=float(np.abs(sure - hits).sum() / total),
+            calibration_error=float(np.abs(sure - hits).sum() / max(1.0, float(pixels.sum()))),
+            plant_error=float(off / total) if total else None,
         )
 
     def _note_shares(self, truth: ByteArray, guessed: ByteArray, sure: ByteArray) -> None:
@@ -156,6 +160,16 @@ class NetworkScores:
         )
         self.worst.sort(key=lambda thumbnail: thumbnail.miou)
         del self.worst[self._keep_worst :]
+
+
+def _count_bins(by_confidence: npt.NDArray[np.int64]) -> tuple[Sums, Sums, Sums]:
+    """Count, by bin of confidence, pixels and those called right, and sum up the confidence."""
+    wrong, right = by_confidence.T
+    share = np.arange(256) / 255.0
+    bins = np.minimum((share * RELIABILITY_BINS).astype(int), RELIABILITY_BINS - 1)
+    pixels = np.bincount(bins, wrong + right, RELIABILITY_BINS)
+    hits = np.bincount(bins, right, RELIABILITY_BINS)
+    return pixels, hits, np.bincount(bins, share * (wrong + right), RELIABILITY_BINS)
 
 
 def _divide(

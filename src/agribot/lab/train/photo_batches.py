@@ -7,6 +7,7 @@ more often: crops centre on vegetation, and plants of one picture are set into a
 from __future__ import annotations
 
 from collections import OrderedDict
+from threading import Lock
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -56,6 +57,7 @@ class ScaledPictures:
         self._pairs, self._scales, self._memory_bytes = pairs, scales, memory_bytes
         self._kept: OrderedDict[int, list[Level]] = OrderedDict()
         self.held_bytes = 0
+        self._one_at_a_time = Lock()  # batches may be drawn by several threads
         for index in range(len(pairs)):
             levels = self[index]
             if self.held_bytes + _count_bytes(levels) > memory_bytes:
@@ -65,14 +67,18 @@ class ScaledPictures:
         return len(self._pairs)
 
     def __getitem__(self, index: int) -> list[Level]:
-        if index in self._kept:
-            self._kept.move_to_end(index)
-            return self._kept[index]
+        with self._one_at_a_time:
+            if index in self._kept:
+                self._kept.move_to_end(index)
+                return self._kept[index]
         pair = self._pairs[index]
-        levels = self._kept[index] = [_make_level(*pair, float(s)) for s in self._scales]
-        self.held_bytes += _count_bytes(levels)
-        while self.held_bytes > self._memory_bytes and len(self._kept) > 1:
-            self.held_bytes -= _count_bytes(self._kept.popitem(last=False)[1])
+        levels = [_make_level(*pair, float(s)) for s in self._scales]
+        with self._one_at_a_time:
+            if index not in self._kept:  # else another thread has just read it
+                self._kept[index] = levels
+                self.held_bytes += _count_bytes(levels)
+            while self.held_bytes > self._memory_bytes and len(self._kept) > 1:
+                self.held_bytes -= _count_bytes(self._kept.popitem(last=False)[1])
         return levels
 
 

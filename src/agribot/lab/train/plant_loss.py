@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from torch import Tensor
 from torch.nn import functional
 
-from agribot.lab.train.plant_targets import HEAT, HEAT_WEIGHT, WAY, WAY_WEIGHT
+from agribot.lab.train.plant_targets import HEAT, HEAT_WEIGHT, WAY, WAY_WEIGHT, join_labels
 
 # Source: Zhou et al. 2019 (CenterNet), equation 1.
 SURE_POWER, NEAR_POWER = 2.0, 4.0
 WAY_SHARE = 5.0
+CLASS_SHARE = 2.0
+
+
+def joint_loss(
+    logits: Tensor, maps: Tensor, target: Tensor, class_loss: Callable[[Tensor, Tensor], Tensor]
+) -> Tensor:
+    """Add the loss of classes, from logits (N, 3, h, w), to that of stems and ways.
+
+    Where a batch tells nothing of stems, as photographs, the classes alone count; where the
+    classes do not learn, the stems and ways.
+    """
+    plants = plant_loss(maps, target)
+    if not logits.requires_grad:
+        return plants
+    return CLASS_SHARE * class_loss(logits, join_labels(target)) + plants
 
 
 def plant_loss(maps: Tensor, target: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""The plant network: the classes of a network that has learned them, and a branch for stems."""
+"""The plant network: the classes of pixels, and a branch for the stems of single plants."""
 
 from __future__ import annotations
 
@@ -52,19 +52,24 @@ class PlantNet(nn.Module):
     """Image to class logits, and to heat and ways of the stems at a quarter of the resolution.
 
     Input as of `CropWeedNet`, (N, 3, H, W). Output its logits (N, 3, H / 2, W / 2) and
-    (N, BRANCH_MAPS, H / 4, W / 4). The part that tells the classes never learns: with any branch
-    its answer is, bit by bit, that of the weights the training began with.
+    (N, BRANCH_MAPS, H / 4, W / 4).
     """
 
     def __init__(self) -> None:
         super().__init__()
         self.classes = CropWeedNet()
-        self.classes.requires_grad_(requires_grad=False)
         self.plants = PlantBranch(ENCODED_WIDTH + MERGED_WIDTH)
+        self._keeps_classes = False
+
+    def keep_classes(self) -> None:
+        """Let only the stems learn: the classes stay, bit by bit, what they are."""
+        self._keeps_classes = True
+        self.classes.requires_grad_(requires_grad=False)
 
     def train(self, mode: bool = True) -> PlantNet:
         super().train(mode)
-        self.classes.eval()
+        if self._keeps_classes:
+            self.classes.eval()
         return self
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:

@@ -10,17 +10,21 @@ import numpy as np
 import numpy.typing as npt
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from agribot.autonomy.perceive.stems import CELL_PX, find_centres
 from agribot.core.messages import ByteArray, FloatArray
 from agribot.lab.train.augment import PictureWindow, choose_crop, recolour
 from agribot.lab.train.losses import IGNORED
 from agribot.lab.train.plant_truth import LEAST_PX, DrawnView, PlantTruth
+from agribot.lab.train.sensors import change_sensor
 
 # The maps of a target, (MAPS, H / CELL_PX, W / CELL_PX): heat of weeds and of crops, the way to the
-# stem in units of WAY_UNIT_PX, right and down, how much the way counts, and the heat.
-MAPS = 6
+# stem in units of WAY_UNIT_PX, right and down, how much the way counts, and the heat; then the
+# classes of the cell's own pixels, row by row.
+MAPS = 6 + CELL_PX**2
 HEAT, WAY, WAY_WEIGHT, HEAT_WEIGHT = slice(0, 2), slice(2, 4), slice(4, 5), slice(5, 6)
+LABEL = slice(6, MAPS)
 WAY_UNIT_PX = 32.0
 # Width of a peak of heat: of the radius of what is seen of the plant, and its limits in cells.
 SIGMA_RATIO, SIGMA_CELLS = 0.3, (0.7, 2.0)
@@ -34,8 +38,10 @@ def augment_views(
     """Make (N, 3, crop_px, crop_px) float32 in 0..255 and targets (N, MAPS, cells, cells)."""
     crops = [choose_crop(view.label, crop_px, rng) for view in views]
     pairs = list(zip(crops, views, strict=True))
-    images = torch.stack([recolour(crop.cut_image(view.image_rgb), rng) for crop, view in pairs])
-    return images, torch.stack([_cut_targets(crop, view) for crop, view in pairs])
+    images = [
+        recolour(change_sensor(crop.cut_image(view.image_rgb), rng), rng) for crop, view in pairs
+    ]
+    return torch.stack(images), torch.stack([_cut_targets(crop, view) for crop, view in pairs])
 
 
 def _cut_targets(crop: PictureWindow, view: DrawnView) -> Tensor:
@@ -77,8 +83,25 @@ def make_targets(label: ByteArray, plants: PlantTruth) -> npt.NDArray[np.float32
     weight = 1.0 / np.sqrt(np.maximum(cells, 1))
     weight[0] = 0.0
     targets[WAY_WEIGHT] = weight[owner]
-    targets[HEAT_WEIGHT] = (_split_cells(label) != IGNORED).all(axis=-1)
+    classes = _split_cells(label)
+    targets[LABEL] = np.moveaxis(classes, -1, 0)
+    targets[HEAT_WEIGHT] = (classes != IGNORED).all(axis=-1)
     return targets
+
+
+def tell_classes_alone(label: Tensor) -> Tensor:
+    """Make targets (N, MAPS, H / CELL_PX, W / CELL_PX) of photographs with these classes (N, H, W).
+
+    Nobody knows their plants: heat and ways count nowhere.
+    """
+    classes = functional.pixel_unshuffle(label[:, None].to(torch.float32), CELL_PX)
+    nothing = torch.zeros((len(label), MAPS - CELL_PX**2, *classes.shape[2:]))
+    return torch.cat([nothing, classes], dim=1)
+
+
+def join_labels(targets: Tensor) -> Tensor:
+    """Join the classes in targets (N, MAPS, rows, columns) to int64 (N, H, W)."""
+    return functional.pixel_shuffle(targets[:, LABEL], CELL_PX)[:, 0].to(torch.int64)
 
 
 def _split_cells(pixels: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:

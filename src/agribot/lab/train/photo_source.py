@@ -1,0 +1,251 @@
+"""The data of a training on photographs, with drawn images beside them where they are wanted."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from agribot.core.errors import ConfigError
+from agribot.core.messages import ByteArray
+from agribot.lab.dataset.classes import read_ids
+from agribot.lab.train.architectures import find_architecture
+from agribot.lab.train.data import DataSet, LabelledImage
+from agribot.lab.train.farm import draw_row_crop
+from agribot.lab.train.fit import Progress, TrainingPlan
+from agribot.lab.train.loader import BatchSource
+from agribot.lab.train.networks import STRIDE_PX, read_size
+from agribot.lab.train.photo_batches import PhotoBatches
+from agribot.lab.train.photographs import (
+    KINDS,
+    Pair,
+    PairFiles,
+    find_pairs,
+    read_pairs,
+    refuse_doubt,
+    split_fold,
+    tally_classes,
+)
+from agribot.lab.train.plant_targets import tell_classes_alone
+from agribot.lab.train.plant_truth import DrawnView
+from agribot.lab.train.precision import sample_pictures
+from agribot.lab.train.simulated import (
+    ROUGH_VIEWS_PER_SCENE,
+    VIEWS_PER_SCENE,
+    draw_random_field,
+)
+from agribot.lab.train.sources import FOLDERS, SIM_TEXT, TrainingSource, make_plant_batches
+from agribot.lab.train.standing import Judge
+from agribot.lab.train.validation import HeldOutPictures, shrink_pair
+from agribot.sim.random_scenes import DENSE
+
+# Order weed, crop, soil; crop is the rarest class of the photographs.
+PHOTO_WEIGHTS = (1.0, 2.0, 0.6)
+
+
+def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingSource:
+    """Read the photographs of a folder, all of them or all but one fold.
+
+    Raises: ConfigError: no pairs, or an option out of range.
+    """
+    height_px, width_px = read_size(args.size, STRIDE_PX)
+    read, held, problems = _read_photographs(args, progress)
+    read, judge = _set_aside(read, args.validate or 0, (height_px, width_px), args.model)
+    options = _format_options(args)
+    recipe = TrainingPlan(
+        steps=1,
+        crop_px=args.crop_px,
+        class_weights=PHOTO_WEIGHTS,
+        overlap_loss=args.loss,
+        data=f"{args.data}{options.ids}{options.fold} --train-width {args.train_width}"
+        f"{options.with_sim}",
+    )
+    return TrainingSource(
+        judge=judge,
+        batches=_make_photo_batches(args, read, recipe, progress),
+        pictures=_read_sample(args, read.files),
+        recipe=recipe,
+        tests={f"fold {args.fold} of {args.folds}": held} if held else {},
+        train_images=len(read.files),
+        input_size_px=(height_px, width_px),
+        antialias=True,
+        about=KINDS[args.data].about
+        + (f", and {args.with_sim} {SIM_TEXT}" if args.with_sim else ""),
+        license=KINDS[args.data].license,
+        limits="judged on pictures of the same camera and field as it was trained on; other crops, "
+        "soils and cameras were not measured.",
+        command=f"agribot train --data {args.data} --data-dir DIR --model {args.model} "
+        f"--loss {args.loss} --train-width {args.train_width} --size {args.size} "
+        f"--crop-px {args.crop_px}{options.ids}{options.fold}{options.with_sim}",
+        problems=tuple(problems),
+    )
+
+
+class _Photographs(NamedTuple):
+    """What can be read of a set, and how wide the pictures are."""
+
+    files: PairFiles
+    widths_px: list[int]
+
+
+def _read_photographs(
+    args: argparse.Namespace, progress: Progress
+) -> tuple[_Photographs, Callable[[], Iterable[LabelledImage]] | None, list[str]]:
+    """Read every picture to train on once, prepare those held out, collect what cannot be used.
+
+    No picture is kept: a set may be larger than the memory.
+
+    Raises: ConfigError: no pair, or classes that look swapped.
+    """
+    ids = read_ids(args.ids)
+    pairs, problems = find_pairs(args.data_dir, args.data, ids=ids)
+    held: list[Pair] = []
+    if args.fold is not None:
+        pairs, held = split_fold(pairs, args.folds, args.fold)
+    for text in problems:
+        progress(f"left out: {text}")
+
+    def note(text: str) -> None:
+        problems.append(text)
+        progress(f"left out: {text}")
+
+    good: list[Pair] = []
+    widths_px: list[int] = []
+
+    def read_all() -> Iterator[LabelledImage]:
+        for pair in pairs:
+            for image_rgb, label in read_pairs([pair], note):
+                good.append(pair)
+                widths_px.append(label.shape[1])
+                yield image_rgb, label
+
+    tally = tally_classes(read_all())
+    if not good:
+        raise ConfigError(f"{args.data_dir}: no pair can be read; the first problem: {problems[0]}")
+    if args.data == "folder" and ids is None:
+        refuse_doubt(tally, pairs, args.data_dir)
+    read = _Photographs(PairFiles(good), widths_px)
+    return read, partial(read_pairs, held, note) if held else None, problems
+
+
+def _set_aside(
+    read: _Photographs, count: int, size_px: tuple[int, int], model: str
+) -> tuple[_Photographs, Judge | None]:
+    """Keep photographs, evenly over the set, from the training, to judge it as it goes.
+
+    Raises: ConfigError: none would be left to train on.
+    """
+    total = len(read.widths_px)
+    if count >= total:
+        raise ConfigError(
+            f"--validate {count}: the set has {total} pictures; leave some of them to train on"
+        )
+    if not count:
+        return read, None
+    aside = {(2 * k + 1) * total // (2 * count) for k in range(count)}
+    rest = [index for index in range(total) if index not in aside]
+    shrunk = [shrink_pair(*read.files[index], size_px) for index in sorted(aside)]
+    files = PairFiles([read.files.pairs[index] for index in rest])
+    judge = HeldOutPictures(shrunk, size_px, find_architecture(model).features)
+    return _Photographs(files, [read.widths_px[index] for index in rest]), judge
+
+
+def _read_sample(args: argparse.Namespace, files: PairFiles) -> list[ByteArray]:
+    """Read some of the pictures, on which 8-bit numbers are calibrated."""
+    if args.precision != "int8":
+        return []
+    return [files[index][0] for index in sample_pictures(range(len(files)))]
+
+
+class _DataOptions(NamedTuple):
+    """Options as they stand in a command, each with a space before it, or nothing."""
+
+    ids: str
+    fold: str
+    with_sim: str
+
+
+def _format_options(args: argparse.Namespace) -> _DataOptions:
+    return _DataOptions(
+        ids=f" --ids {args.ids}" if args.ids else "",
+        fold="" if args.fold is None else f" --folds {args.folds} --fold {args.fold}",
+        with_sim=f" --with-sim {args.with_sim}" if args.with_sim else "",
+    )
+
+
+def _make_photo_batches(
+    args: argparse.Namespace, read: _Photographs, recipe: TrainingPlan, progress: Progress
+) -> BatchSource:
+    """Crop the photographs; simulated images, if any, give a quarter of every batch."""
+    aside = recipe.batch_size // 4 if args.with_sim else 0
+
+    def scale(widths_px: list[int]) -> float:
+        return float(args.train_width / np.median(widths_px))
+
+    photos = PhotoBatches(
+        read.files, scale(read.widths_px), recipe.batch_size - aside, recipe.crop_px
+    )
+    if not aside:
+        return photos
+    if find_architecture(args.model).finds_plants:
+        return _mix_with_plants(photos, _draw_plants(args, progress), aside, recipe)
+    drawn = DataSet(
+        folder=args.cache or args.out / "images",
+        name="train-random",
+        stream=0,
+        seed=args.seed,
+        views_per_scene=VIEWS_PER_SCENE,
+    )
+    drawn.draw(args.with_sim, draw_random_field, progress)
+    images = list(drawn.read(args.with_sim))
+    simulated = PhotoBatches(
+        images, scale([label.shape[1] for _, label in images]), aside, recipe.crop_px
+    )
+
+    def draw_mixed(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+        return _join(photos(rng), simulated(rng))
+
+    return draw_mixed
+
+
+def _draw_plants(args: argparse.Namespace, progress: Progress) -> list[DrawnView]:
+    """Draw dense fields, half of them seen by the robot along rows: what keeps stems in mind."""
+    masts = args.with_sim // 2
+    views: list[DrawnView] = []
+    for name, stream, drawer, count in (
+        ("train-random", 0, draw_random_field, masts),
+        ("train-rows", 1, draw_row_crop, args.with_sim - masts),
+    ):
+        drawn = DataSet(
+            folder=(args.cache or args.out / "images") / FOLDERS[DENSE],
+            name=name,
+            stream=stream,
+            seed=args.seed,
+            views_per_scene=ROUGH_VIEWS_PER_SCENE,
+            has_plants=True,
+        )
+        drawn.draw(count, partial(drawer, variety=DENSE), progress)
+        views += drawn.read_views(count)
+    return views
+
+
+def _mix_with_plants(
+    photos: BatchSource, views: list[DrawnView], count: int, recipe: TrainingPlan
+) -> BatchSource:
+    """Photographs teach classes alone; of every batch `count` are views that teach stems, too."""
+    drawn = make_plant_batches(views, recipe, count)
+
+    def draw_mixed(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+        images, label = photos(rng)
+        return _join((images, tell_classes_alone(label)), drawn(rng))
+
+    return draw_mixed
+
+
+def _join(*parts: tuple[Tensor, Tensor]) -> tuple[Tensor, Tensor]:
+    return torch.cat([image for image, _ in parts]), torch.cat([truth for _, truth in parts])
