@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from agribot.autonomy.estimate.history import Motion
-from agribot.autonomy.estimate.plant_match import Place, Prior, SeenPlants, find_places
+from agribot.autonomy.estimate.plant_match import MatchedPlace, Prior, SeenPlants, find_places
 from agribot.autonomy.estimate.plant_window import PlantWindow
 from agribot.autonomy.estimate.stem_map import StemMap
 from agribot.core.messages import FloatArray, Scene
@@ -38,8 +38,8 @@ class PlantBelief:
     def restart(self) -> None:
         """Forget all: the robot may stand anywhere."""
         self._window = PlantWindow()
-        self.places: list[Place] = []
-        self._before: list[Place] = []
+        self.places: list[MatchedPlace] = []
+        self._before: list[MatchedPlace] = []
         self._at: Motion | None = None  # where the piece of way began
         self._looked: Motion | None = None
         self.seen = 0  # plants on this piece of way

@@ -43,7 +43,7 @@ class SeenPlants(NamedTuple):
     ground_m: FloatArray
 
 
-class Place(NamedTuple):
+class MatchedPlace(NamedTuple):
     """Where the robot may stand: its place, the turn of its heading, and the probability of it.
 
     `matched` of the plants that were seen stand on mapped ones there.
@@ -65,7 +65,7 @@ def find_places(
     around: tuple[float, float, float] | None,
     turns_rad: Sequence[float],
     prior: Prior | None = None,
-) -> list[Place]:
+) -> list[MatchedPlace]:
     """List the places at which what was seen may have been seen, the likeliest first.
 
     `around` is a place and how far from it, along each axis, the robot may be; None: anywhere on
@@ -148,7 +148,7 @@ def _refine(plants: StemMap, seen: SeenPlants, places: FloatArray, turn_rad: flo
     return _rate(plants, seen, at, turn_rad)
 
 
-def _share_out(rated: FloatArray, log: FloatArray) -> list[Place]:
+def _share_out(rated: FloatArray, log: FloatArray) -> list[MatchedPlace]:
     """Make probabilities of log likelihoods, and one place of those that are the same."""
     if not len(rated):
         return []
@@ -159,7 +159,7 @@ def _share_out(rated: FloatArray, log: FloatArray) -> list[Place]:
     weight = np.exp(log[distinct] - top)
     total = float(weight.sum()) + math.exp(nowhere - top)
     return [
-        Place(x_m, y_m, turn_rad, w / total, int(matched))
+        MatchedPlace(x_m, y_m, turn_rad, w / total, int(matched))
         for (x_m, y_m, turn_rad, _, matched), w in zip(
             rated[distinct].tolist(), weight.tolist(), strict=True
         )

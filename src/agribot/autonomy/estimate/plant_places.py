@@ -19,7 +19,7 @@ from agribot.autonomy.estimate.gate import Gate
 from agribot.autonomy.estimate.history import Epoch
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.plant_belief import LOOK_M, PlantBelief
-from agribot.autonomy.estimate.plant_match import Place, Prior
+from agribot.autonomy.estimate.plant_match import MatchedPlace, Prior
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_lines import moved_row
 from agribot.autonomy.estimate.stem_map import StemMap
@@ -56,7 +56,7 @@ class PlantPlaces(Correction[Scene]):
         super().__init__(pose)
         self._gate = Gate(pose.config.gate_sigma, pose.config.recover_after, "plants off the map")
         self._belief: PlantBelief | None = None
-        self._elsewhere: tuple[Place, Epoch] | None = None  # under way
+        self._elsewhere: tuple[MatchedPlace, Epoch] | None = None  # under way
         self._moved_m = 0.0
         self.found = 0  # times that the pose was set by the plants
 
@@ -132,7 +132,9 @@ class PlantPlaces(Correction[Scene]):
         steps = min(math.ceil(2.5 * std_rad / TURN_RAD), MOST_TURNS)
         return [step * TURN_RAD for step in range(-steps, steps + 1)]
 
-    def _share_rows(self, places: list[Place], here: RowFrame, pose: Pose2) -> dict[int, float]:
+    def _share_rows(
+        self, places: list[MatchedPlace], here: RowFrame, pose: Pose2
+    ) -> dict[int, float]:
         """Sum up how likely each number of rows to the right of the believed one is."""
         shares: dict[int, float] = {}
         for place in places:
@@ -142,7 +144,7 @@ class PlantPlaces(Correction[Scene]):
             shares[shift] = shares.get(shift, 0.0) + place.share
         return shares
 
-    def _hold(self, best: Place, pose: Pose2, here: RowFrame, epoch: Epoch) -> Measurements:
+    def _hold(self, best: MatchedPlace, pose: Pose2, here: RowFrame, epoch: Epoch) -> Measurements:
         """Correct the pose along the row, or tell that the robot is elsewhere."""
         off_m = best.x_map_m - pose.x_m, best.y_map_m - pose.y_m
         along_m = off_m[0] * here.forward[0] + off_m[1] * here.forward[1]
@@ -164,7 +166,9 @@ class PlantPlaces(Correction[Scene]):
             must_open=abs(along_m) > limits[0],
         )  # fmt: skip
 
-    def _tell_elsewhere(self, best: Place, along_m: float, right_m: float, epoch: Epoch) -> None:
+    def _tell_elsewhere(
+        self, best: MatchedPlace, along_m: float, right_m: float, epoch: Epoch
+    ) -> None:
         if self._moved_m < STARTS_M:
             self._set(best, epoch)
             return
@@ -175,7 +179,7 @@ class PlantPlaces(Correction[Scene]):
             "then resume to believe the plants"
         )
 
-    def _set(self, place: Place, epoch: Epoch) -> None:
+    def _set(self, place: MatchedPlace, epoch: Epoch) -> None:
         """Set the pose to a place at which the robot was when it saw the plants."""
         ekf, (then, now, _) = self.pose.ekf, epoch
         turned = Pose2(0.0, 0.0, place.turn_rad)
