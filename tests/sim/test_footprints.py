@@ -190,6 +190,7 @@ def test_the_share_of_wet_leaves_is_that_of_the_crown_under_the_spray(
     _spray(sprayer, rover, {0: tuple(k in (2, 3) for k in range(8))}, 100)  # y from 0.0 to 0.2 m
     wet = sprayer.wet_leaves
     assert set(wet) == {0, 1} and radius_m > 0.1
+    assert msgspec.json.encode([wet, sprayer.offsets_m]), "both go into the file of the mission"
     # Leaf area is spread evenly over the radius: so much of it lies within 10 cm of the stem.
     assert 0.1 / radius_m <= wet[1] < 1.0
     _spray(sprayer, rover, {0: (True,) * 8}, 100)

@@ -75,7 +75,8 @@ class SprayEffect:
         """Index of a crop plant in the world -> share of its leaf area that got wet, above 0."""
         wet = np.array(list(self._leaves.touched), dtype=np.int64) // LEAVES
         counts = np.bincount(wet, minlength=len(self._crops))
-        return {int(self._crops[i]): counts[i] / LEAVES for i in np.flatnonzero(counts).tolist()}
+        wet_by_crop = zip(self._crops.tolist(), counts.tolist(), strict=True)
+        return {index: count / LEAVES for index, count in wet_by_crop if count}
 
 
 def _grow_leaves(world: WorldSpec, crops: npt.NDArray[np.int64]) -> list[_LeafPlace]:
