@@ -14,6 +14,7 @@ from agribot.lab.train.plant_loss import plant_loss
 from agribot.lab.train.plant_targets import (
     HEAT,
     HEAT_WEIGHT,
+    MAPS,
     WAY,
     WAY_UNIT_PX,
     WAY_WEIGHT,
@@ -186,5 +187,5 @@ def test_batches_of_views_repeat_with_their_seed() -> None:
     views: list[DrawnView] = list(draw_random_field(np.random.default_rng([71, 9]), 2, DENSE))
     images, targets = augment_views(views, 160, np.random.default_rng(1))
     again, targets_again = augment_views(views, 160, np.random.default_rng(1))
-    assert images.shape == (2, 3, 160, 160) and targets.shape == (2, 6, 40, 40)
+    assert images.shape == (2, 3, 160, 160) and targets.shape == (2, MAPS, 40, 40)
     assert torch.equal(images, again) and torch.equal(targets, targets_again)

@@ -143,7 +143,7 @@ def test_broken_pairs_do_not_stop_a_training_but_its_status_tells(
 def test_simulated_images_give_a_quarter_of_each_batch_of_photographs(tmp_path: Path) -> None:
     folder = photo_folder(tmp_path / "photos", 3)
     words: tuple[str, ...] = ("--data", "folder", "--data-dir", str(folder), "--with-sim", "2")
-    args = parsed(*words, "--out", str(tmp_path / "out"))
+    args = parsed(*words, "--model", "agribot-s", "--out", str(tmp_path / "out"))
     source = make_photo_source(args, lambda text: None)
     images, labels = source.batches(np.random.default_rng(0))
     again, _ = source.batches(np.random.default_rng(0))
