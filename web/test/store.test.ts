@@ -3,7 +3,7 @@ import { test } from 'node:test'
 import { Store } from '../src/store.ts'
 import type { Snapshot, State, Vec2, WeedRow } from '../src/wire.ts'
 
-const weed = (id: number): WeedRow => [id, 0, 1, 2, 0.02, 0.9, 0.001, 4, 1, 2, null]
+const weed = (id: number): WeedRow => [id, 0, 1, 2, 0.02, 0.9, 0.001, 4, 1, 2, null, '']
 
 function snapshot(epoch: number, source: string, name: string, xy: Vec2[], ids: number[]): Snapshot {
   return {
