@@ -30,32 +30,12 @@ def pytest_runtest_makereport(
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Order and group the tests, and leave those marked `nightly` to who asks for them."""
-    _put_long_files_first(items)
-    if config.pluginmanager.hasplugin("xdist"):
-        _group(items)
+    """Leave the cases marked `nightly` to those who ask for them: `pytest -m nightly`."""
     if "nightly" in config.getoption("markexpr"):
         return
     left_out = [item for item in items if item.get_closest_marker("nightly")]
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if not item.get_closest_marker("nightly")]
-
-
-def _put_long_files_first(items: list[pytest.Item]) -> None:
-    """Begin with the page and with whole missions, so that no worker is left alone with one."""
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: 0 if _is_of_page(item) else 1 if item.path in slow else 2)
-
-
-def _group(items: list[pytest.Item]) -> None:
-    """Keep the tests of a file together, and all of the page: two browsers only slow each other."""
-    for item in items:
-        name = "page" if _is_of_page(item) else item.nodeid.partition("::")[0]
-        item.add_marker(pytest.mark.xdist_group(name))
-
-
-def _is_of_page(item: pytest.Item) -> bool:
-    return "page" in item.path.parts
 
 
 def pytest_terminal_summary(terminalreporter: TerminalReporter) -> None:
