@@ -60,6 +60,7 @@ COMMANDS = {
     "weeds import": ("{run}/weeds.geojson -o {out}/weeds.csv", ""),
     "weeds merge": ("{run} other={run} -o {out}/merged.geojson", ""),
     "weeds report": ("{run} -o {out}/weeds.html", "report"),
+    "board show": ("serial:/dev/ttyACM0 --for 1", "hardware"),
     "gnss show": ("serial:/dev/ttyACM0 --for 1", "hardware"),
     "gnss configure": ("serial:/dev/ttyACM0", "hardware"),
     "sweep": ("--seeds 1 --out {out}/sweep", "sim"),
@@ -88,6 +89,7 @@ COMMANDS = {
     "models": ("agribot-sim", ""),
 }
 ELSEWHERE = {
+    "board flash": "needs avrdude and a board: test_board.py",
     "doctor": "says of every package whether it is there: test_doctor.py",
     "map remove": "deletes what map import brings",
     "bench nav": "drives a model without the simulator, for minutes",

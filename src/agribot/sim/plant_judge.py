@@ -7,10 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from agribot.core.messages import FloatArray, MappedPlant, PlantClass, Row
 from agribot.core.row_shape import project_on_row, row_length_m
@@ -92,6 +88,11 @@ def find_pairs(places_m: FloatArray, others_m: FloatArray, radius_m: float) -> P
     the indices of the pairs, (K, 2). Each group of places that are linked by such pairs is matched
     by itself: a whole field has thousands, and a table of all distances would not fit the memory.
     """
+    from scipy.optimize import linear_sum_assignment
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
     none: Pairs = np.zeros((0, 2), dtype=np.intp)
     if not len(places_m) or not len(others_m):
         return none

@@ -14,11 +14,12 @@ from torch import Tensor, nn
 from agribot.autonomy.perceive.stems import CELL_PX, PlantMaps
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.lab.train.fit import LOG, Trainer, TrainingPlan
+from agribot.lab.train.judged_figures import MIOU, STEM_F1
 from agribot.lab.train.network import CropWeedNet
 from agribot.lab.train.plant_network import PlantNet
 from agribot.lab.train.plant_targets import HEAT, WAY, WAY_UNIT_PX, make_targets
 from agribot.lab.train.plant_truth import DrawnView, PlantTruth
-from agribot.lab.train.standing import MIOU, STEM_F1, BestSoFar, Judgement
+from agribot.lab.train.standing import BestSoFar, Judgement
 from agribot.lab.train.validation import HeldOutPictures, count_stems
 from tests.lab.train.drawn_images import SHAPE, batch_of_four, drawn_image
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.lab.train.evaluate import CLASS_NAMES
+from agribot.lab.train.judged_figures import FIGURES
 from agribot.lab.train.network_scores import NetworkScores, Thumbnail
-from agribot.lab.train.standing import FIGURES
 
 # Red weed, green crop, blue soil, as in masks; darker, so that they read on white.
 INK = ("#c62828", "#2e7d32", "#1e5fa8")

@@ -18,12 +18,13 @@ from torch import Tensor, nn
 from agribot.core.errors import AgribotError
 from agribot.core.whole_file import make_at_once
 from agribot.lab.train.architectures import find_architecture
+from agribot.lab.train.judged_figures import FIGURES
 from agribot.lab.train.loader import BatchLoader, BatchSource
 from agribot.lab.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, segmentation_loss
 from agribot.lab.train.plant_loss import joint_loss
 from agribot.lab.train.plant_network import PlantNet
 from agribot.lab.train.processes import TrainingGroup
-from agribot.lab.train.standing import FIGURES, BestSoFar, Judge
+from agribot.lab.train.standing import BestSoFar, Judge
 from agribot.lab.train.start import IMAGENET, load_imagenet, start_from
 
 Progress = Callable[[str], None]

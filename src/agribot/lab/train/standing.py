@@ -13,9 +13,6 @@ from torch import Tensor, nn
 Judgement = dict[str, float]
 Judge = Callable[[nn.Module], Judgement]
 
-MIOU, STEM_F1 = "valid_miou", "valid_stem_f1"
-FIGURES = (MIOU, STEM_F1)
-
 
 def compute_score(judged: Judgement) -> float:
     """Make one number of all figures: their mean."""

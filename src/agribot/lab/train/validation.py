@@ -16,8 +16,9 @@ from agribot.lab.train.data import LabelledImage
 from agribot.lab.train.evaluate import compute_scores, count_confusion, resize_nearest
 from agribot.lab.train.export import DeployedNet, make_deployed
 from agribot.lab.train.features import centred_rgb
+from agribot.lab.train.judged_figures import MIOU, STEM_F1
 from agribot.lab.train.plant_truth import DrawnView, PlantTruth
-from agribot.lab.train.standing import MIOU, STEM_F1, Judgement
+from agribot.lab.train.standing import Judgement
 from agribot.sim.plant_judge import find_pairs
 
 Counts = npt.NDArray[np.int64]

@@ -1,0 +1,4 @@
+"""Names of the figures, in a training's log, of what is judged on pictures set aside."""
+
+MIOU, STEM_F1 = "valid_miou", "valid_stem_f1"
+FIGURES = (MIOU, STEM_F1)
