@@ -50,7 +50,7 @@ def test_a_state_and_the_weeds_come_back_from_the_wire_as_they_were() -> None:
 
 def test_a_weed_costs_no_more_than_its_columns() -> None:
     row = msgspec.json.decode(msgspec.json.encode(make_weed(3)))
-    assert row == [3, 0, 1.0, 2.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, None]
+    assert row == [3, 0, 1.0, 2.0, 0.02, 0.9, 0.001, 4, 1.0, 2.0, None, ""]
 
 
 @pytest.mark.parametrize(
