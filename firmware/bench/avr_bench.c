@@ -346,9 +346,11 @@ int bench_send(bench_t *bench, const uint8_t *bytes, int count) {
 
 int bench_waiting(const bench_t *bench) { return bench->to_head - bench->to_tail; }
 
-/* Let the program hang where it is: an instruction that jumps to itself. */
+/* Let the program hang at its next instruction that an interrupt may come between: one that jumps
+ * to itself. */
 void bench_hang(bench_t *bench) {
   avr_t *avr = bench->avr;
+  while (!avr->sreg[S_I] && avr->state == cpu_Running) avr_run(avr);
   bench->saved_at = avr->pc;
   memcpy(bench->saved, avr->flash + avr->pc, 2);
   avr->flash[avr->pc] = 0xFF;

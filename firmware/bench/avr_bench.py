@@ -220,7 +220,7 @@ class AvrBench:
         return int(self._library.bench_get_register(self._bench, chip, which))
 
     def hang(self) -> None:
-        """Let the program hang where it is, until it is reset."""
+        """Let the program hang, its interrupts on, until it is reset."""
         self._library.bench_hang(self._bench)
 
     def reset(self) -> None:

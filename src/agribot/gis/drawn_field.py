@@ -15,7 +15,7 @@ from agribot.core.messages import FloatArray, MapPoint
 
 # So much ground to both sides of its track the robot needs for a plan that turns there; a camera
 # sees a metre of it. Hollows narrower than twice CLOSED_M belong to the field, too.
-BESIDE_TRACK_M, CLOSED_M = 1.3, 1.2
+BESIDE_TRACK_M, CLOSED_M = 1.4, 1.2
 # A line keeps this close to what the robot drove: so it has few corners, a straight one two.
 SIMPLIFIED_M = 0.02
 DECIMALS = 9  # a tenth of a millimetre
