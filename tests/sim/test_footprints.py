@@ -99,7 +99,7 @@ def test_grid_finds_the_same_plants_as_a_search_over_all(
     seed: int, yaw_rad: float, x_m: float, y_m: float
 ) -> None:
     xy = np.random.default_rng(seed).uniform(-2.0, 2.0, (200, 2))
-    grid = build_plant_grid([_plant(x, y) for x, y in xy.tolist()], np.full(200, 0.02))
+    grid = build_plant_grid(xy, np.full(200, 0.02))
     feet = Footprints(np.array([[0.3, 0.1]]), 0.25, 0.1, 0.28)
     row = np.zeros(HISTORY_COLUMNS)
     row[:7] = x_m, y_m, 0.28, math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)

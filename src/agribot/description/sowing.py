@@ -113,7 +113,7 @@ def leave_out_crop(
 ) -> list[Plant]:
     """Leave out so many metres of crop in every row, from a place inside of it on.
 
-    A row that is too short for that keeps its first and its last quarter.
+    A row that is too short for that loses half of its length.
     """
     gaps = []
     for row in rows:

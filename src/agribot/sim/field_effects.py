@@ -29,6 +29,7 @@ from agribot.sim.footprints import (
     Footprints,
     PlantGrid,
     build_plant_grid,
+    list_places_m,
     mark_swept,
     project_to_ground,
 )
@@ -72,9 +73,8 @@ class PlantDamage:
         plants = world.plants
         self.states = PlantStates(len(plants)) if states is None else states
         self._is_crop = np.array([p.plant == PlantClass.CROP for p in plants], dtype=bool)
-        self._grid = build_plant_grid(
-            plants, np.array([p.stem_radius_m for p in plants], dtype=float)
-        )
+        stems_m = np.array([p.stem_radius_m for p in plants], dtype=float)
+        self._grid = build_plant_grid(list_places_m(plants), stems_m)
         self._hit_s = np.full(len(plants), np.nan)
         self._active = np.ones(4, dtype=bool)
         drive = robot.drive

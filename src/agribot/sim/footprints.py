@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from agribot.core.messages import FloatArray
+from agribot.core.world import Plant
 from agribot.sim.jit import compile_exact
 
 CELL_M = 0.5
@@ -44,20 +45,15 @@ class Footprints(NamedTuple):
     base_height_m: float
 
 
-class Place(Protocol):
-    """Where something stands in the map."""
-
-    @property
-    def x_map_m(self) -> float: ...
-    @property
-    def y_map_m(self) -> float: ...
+def list_places_m(plants: Sequence[Plant]) -> FloatArray:
+    """List where plants stand in the map, (N, 2)."""
+    return np.array([(p.x_map_m, p.y_map_m) for p in plants], dtype=np.float64).reshape(-1, 2)
 
 
-def build_plant_grid(plants: Sequence[Place], radius_m: FloatArray) -> PlantGrid:
-    """Sort plants into cells; `radius_m` (N,) are the radii of their stems."""
-    x = np.array([plant.x_map_m for plant in plants], dtype=np.float64)
-    y = np.array([plant.y_map_m for plant in plants], dtype=np.float64)
-    if not plants:
+def build_plant_grid(places_m: FloatArray, radius_m: FloatArray) -> PlantGrid:
+    """Sort plants by their places (N, 2) into cells; `radius_m` (N,) are those of their stems."""
+    x, y = np.ascontiguousarray(places_m.T)
+    if not len(places_m):
         none = np.zeros(0, dtype=np.int64)
         return PlantGrid(x, y, radius_m, none, np.zeros(2, dtype=np.int64), 1, 1, 0.0, 0.0)
     x_min, y_min = float(x.min()), float(y.min())

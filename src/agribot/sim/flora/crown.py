@@ -13,6 +13,7 @@ from agribot.sim.flora.habit import GOLDEN_ANGLE_RAD
 from agribot.sim.flora.species import STAGES, find_nearest_stage, find_species
 
 LEAVES = 48  # equal shares of the leaf area, each at a point
+HEART_M = 0.02  # radius of the place from which a young crop plant grows
 # Radius over height in the growth stages; a test compares them with the meshes.
 RADIUS_RATIO: dict[str, tuple[float, float, float]] = {
     "sugar_beet": (1.48, 1.39, 1.42), "maize": (0.82, 0.71, 0.61), "lettuce": (1.29, 1.24, 1.25),

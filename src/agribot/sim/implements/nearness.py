@@ -8,7 +8,7 @@ import numpy.typing as npt
 from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.world import WorldSpec
-from agribot.sim.footprints import Footprints, project_to_ground
+from agribot.sim.footprints import Footprints, list_places_m, project_to_ground
 
 NEAR_M = 0.1  # farther off, the section works for another weed
 
@@ -18,9 +18,8 @@ class SectionNearness:
 
     def __init__(self, spec: ImplementSpec, world: WorldSpec, base_height_m: float) -> None:
         self._index = [i for i, p in enumerate(world.plants) if p.plant == PlantClass.WEED]
-        weeds = [world.plants[i] for i in self._index]
-        self._xy_m = np.array([(w.x_map_m, w.y_map_m) for w in weeds]).reshape(-1, 2)
-        self._least_m = np.full(len(weeds), np.inf)
+        self._xy_m = list_places_m([world.plants[i] for i in self._index])
+        self._least_m = np.full(len(self._xy_m), np.inf)
         self._feet = Footprints(
             np.array([(spec.x_body_m, y_m) for y_m in spec.section_y_body_m()]),
             0.0,

@@ -16,9 +16,9 @@ from agribot.core.implement.kind import Pull
 from agribot.core.implement.point import PointSpec, read_aim
 from agribot.core.messages import FloatArray, ImplementCommand, PlantClass
 from agribot.core.world import WorldSpec
-from agribot.sim.footprints import Footprints, project_to_ground
+from agribot.sim.flora.crown import HEART_M
+from agribot.sim.footprints import Footprints, list_places_m, project_to_ground
 from agribot.sim.implements.sections import SAME_TIME_S, DelayedSections
-from agribot.sim.implements.sprayer import HEART_M
 
 
 class PointEffect:
@@ -35,7 +35,7 @@ class PointEffect:
         self._is_lit = np.zeros(spec.section_count, dtype=bool)
         self._feet = Footprints(np.zeros((0, 2)), 0.0, 0.0, base_height_m)
         plants = world.plants
-        self._xy_m = np.array([(p.x_map_m, p.y_map_m) for p in plants]).reshape(-1, 2)
+        self._xy_m = list_places_m(plants)
         self._is_crop = np.array([p.plant == PlantClass.CROP for p in plants], dtype=bool)
         self._reach_m = spec.spot_radius_m + np.where(self._is_crop, HEART_M, 0.0)
         self._heat_s = np.zeros(len(plants))

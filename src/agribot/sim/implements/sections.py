@@ -12,7 +12,7 @@ from agribot.core.errors import PlatformError
 from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.world import WorldSpec
-from agribot.sim.footprints import Footprints, Place, build_plant_grid, mark_swept
+from agribot.sim.footprints import Footprints, build_plant_grid, list_places_m, mark_swept
 
 SAME_TIME_S = 1e-9
 
@@ -52,22 +52,23 @@ class DelayedSections:
 class SectionSwath:
     """The ground under the sections, and those plants of a world that they touch.
 
-    `length_m` is how far along the way a section works at once; a plant is touched when its disc of
-    `radius_m` (N,) meets that ground. `index` (N,) are the plants' places in the world.
+    `length_m` is how far along the way a section works at once; a plant at `places_m` (N, 2) is
+    touched when its disc of `radius_m` (N,) meets that ground. `index` (N,) are the plants' numbers
+    in the world.
     """
 
     def __init__(
         self,
         spec: ImplementSpec,
-        plants: Sequence[Place],
+        places_m: FloatArray,
         radius_m: FloatArray,
         length_m: float,
         base_height_m: float,
         index: Sequence[int] | None = None,
     ) -> None:
-        self._index = range(len(plants)) if index is None else index
-        self._grid = build_plant_grid(plants, radius_m)
-        self._hit_s = np.full(len(plants), np.nan)
+        self._index = range(len(places_m)) if index is None else index
+        self._grid = build_plant_grid(places_m, radius_m)
+        self._hit_s = np.full(len(places_m), np.nan)
         self._feet = Footprints(
             np.array([(spec.x_body_m, y_m) for y_m in spec.section_y_body_m()]),
             length_m / 2.0,
@@ -88,7 +89,7 @@ class SectionSwath:
         index = [i for i, plant in enumerate(world.plants) if plant.plant == wanted]
         plants = [world.plants[i] for i in index]
         radius_m = np.array([plant.stem_radius_m for plant in plants], dtype=float)
-        return cls(spec, plants, radius_m, length_m, base_height_m, index)
+        return cls(spec, list_places_m(plants), radius_m, length_m, base_height_m, index)
 
     def sweep(self, t_s: float, before: FloatArray, after: FloatArray, is_on: Mask) -> float:
         """Work the ground between two rows of the physics history; returns its area in m2."""

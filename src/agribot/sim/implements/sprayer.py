@@ -6,29 +6,21 @@ disc of `HEART_M` about its stem. Leaves of crop that get wet are counted on the
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from agribot.core.implement.kind import Pull
 from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import FloatArray, ImplementCommand, PlantClass
-from agribot.core.world import WorldSpec
-from agribot.sim.flora.crown import LEAVES, find_crown_radius_m, make_leaf_places
+from agribot.core.world import Plant, WorldSpec
+from agribot.sim.flora.crown import HEART_M, LEAVES, find_crown_radius_m, make_leaf_places
+from agribot.sim.footprints import list_places_m
 from agribot.sim.implements.nearness import SectionNearness
 from agribot.sim.implements.sections import DelayedSections, SectionSwath
 
 # A flat-fan nozzle wets a thin line across the direction of travel.
 SPRAY_FAN_LENGTH_M = 0.04
-HEART_M = 0.02  # from where a young crop plant grows
-
-
-class _LeafPlace(NamedTuple):
-    """An equal share of the leaf area of a plant."""
-
-    x_map_m: float
-    y_map_m: float
 
 
 class SprayEffect:
@@ -39,12 +31,13 @@ class SprayEffect:
         self._valves = DelayedSections(spec)
         is_crop = np.array([p.plant == PlantClass.CROP for p in world.plants], dtype=bool)
         hearts_m = np.where(is_crop, HEART_M, 0.0)
-        self._swath = SectionSwath(spec, world.plants, hearts_m, SPRAY_FAN_LENGTH_M, base_height_m)
+        places_m = list_places_m(world.plants)
+        self._swath = SectionSwath(spec, places_m, hearts_m, SPRAY_FAN_LENGTH_M, base_height_m)
         self._nearness = SectionNearness(spec, world, base_height_m)
         self._crops = np.flatnonzero(is_crop)
-        places = _grow_leaves(world, self._crops)
+        leaves_m = _grow_leaves([world.plants[i] for i in self._crops.tolist()])
         self._leaves = SectionSwath(
-            spec, places, np.zeros(len(places)), SPRAY_FAN_LENGTH_M, base_height_m
+            spec, leaves_m, np.zeros(len(leaves_m)), SPRAY_FAN_LENGTH_M, base_height_m
         )
 
     def command(self, t_s: float, command: ImplementCommand) -> None:
@@ -79,13 +72,8 @@ class SprayEffect:
         return {index: count / LEAVES for index, count in wet_by_crop if count}
 
 
-def _grow_leaves(world: WorldSpec, crops: npt.NDArray[np.int64]) -> list[_LeafPlace]:
-    """Place the shares of leaf area of all crops, `LEAVES` for each, in their order."""
+def _grow_leaves(crops: Sequence[Plant]) -> FloatArray:
+    """Place the shares of leaf area of all crops, `LEAVES` for each in their order, (N, 2)."""
+    radius_m = np.array([find_crown_radius_m(p.species, p.size_m) for p in crops], dtype=float)
     shares = make_leaf_places()[:, :2]
-    places = []
-    for index in crops.tolist():
-        plant = world.plants[index]
-        radius_m = find_crown_radius_m(plant.species, plant.size_m)
-        at_m = shares * radius_m + (plant.x_map_m, plant.y_map_m)
-        places += [_LeafPlace(x_m, y_m) for x_m, y_m in at_m.tolist()]
-    return places
+    return (shares * radius_m[:, None, None] + list_places_m(crops)[:, None]).reshape(-1, 2)
