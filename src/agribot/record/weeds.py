@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
-from agribot.autonomy.implements.sprayer import CROP_STEM_M
+from agribot.autonomy.implements.crop_guard import CROP_STEM_M
 from agribot.autonomy.implements.zones import ZoneMap
 from agribot.autonomy.weeds.judge_plants import judge_plants
 from agribot.autonomy.weeds.plant_table import PlantTable, round_rows, tabulate_plants

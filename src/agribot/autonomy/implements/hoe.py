@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 
+from agribot.autonomy.implements.crop_guard import CROP_STEM_M
 from agribot.autonomy.implements.delay import StepMeter
 from agribot.autonomy.implements.leaves import spare_leaves
 from agribot.autonomy.implements.tool_frame import ToolPose, predict_tool
@@ -21,7 +22,6 @@ from agribot.core.implement.kind import ReportLine
 from agribot.core.implement.plants import KnownPlant, PlantMap
 from agribot.core.messages import Estimate, ImplementCommand, PlantClass
 
-CROP_STEM_M = 0.02  # radius of a young stem
 BLADE_M = 0.03  # length of a blade along the way
 HIT_M = BLADE_M / 2.0
 

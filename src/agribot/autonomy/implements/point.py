@@ -9,13 +9,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from agribot.autonomy.implements.crop_guard import (
+    CROP_STEM_M,
+    STEM_MARGIN_M,
+    find_keep_off_m,
+    find_pose_margin_m,
+)
 from agribot.autonomy.implements.leaves import spare_leaves
-from agribot.autonomy.implements.sprayer import CROP_STEM_M, LEAST_POSE_M, STEM_MARGIN_M
 from agribot.autonomy.implements.tool_frame import (
     Placed,
     ToolPose,
     find_near,
-    find_spread_m,
     move_on,
 )
 from agribot.core.arithmetic import clamp
@@ -102,14 +106,11 @@ class Pointer:
         """Say which part of a crop forbids the spot; empty where none does."""
         spot_m = self._spec.spot_radius_m
         for crop in crops:
-            unsure_m = 2.0 * max(find_spread_m(crop.plant.seen_std_m, estimate))
-            most_m = max(self._config.crop_guard_m, STEM_MARGIN_M)
-            keep_off_m = CROP_STEM_M + spot_m + clamp(unsure_m, STEM_MARGIN_M, most_m)
+            keep_off_m = find_keep_off_m(crop.plant, estimate, self._config) + spot_m
             if math.hypot(crop.x_m - weed.x_m, crop.y_m - weed.y_m) < keep_off_m:
                 return "beside a crop"
-        pose_m = clamp(find_spread_m(0.0, estimate)[1], LEAST_POSE_M, self._config.margin_m)
         place = ToolPose(weed.plant.x_map_m, weed.plant.y_map_m, estimate.yaw_map_rad)
-        half_m = spot_m + pose_m
+        half_m = spot_m + find_pose_margin_m(estimate, self._config)
         rule = self._config.leaves
         (is_bare,) = spare_leaves((True,), (0.0,), place, half_m, half_m, plants, rule)
         return "" if is_bare else "leaf of crop"

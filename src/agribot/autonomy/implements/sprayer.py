@@ -14,6 +14,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from agribot.autonomy.implements.crop_guard import (
+    CROP_STEM_M,
+    SURE_SIGMA,
+    find_keep_off_m,
+    find_pose_margin_m,
+)
 from agribot.autonomy.implements.delay import SectionHistory, StepMeter
 from agribot.autonomy.implements.leaves import spare_leaves
 from agribot.autonomy.implements.tool_frame import (
@@ -23,21 +29,16 @@ from agribot.autonomy.implements.tool_frame import (
     move_on,
     predict_tool,
 )
-from agribot.core.arithmetic import clamp
 from agribot.core.config import TreatmentConfig
 from agribot.core.implement.kind import ReportLine
 from agribot.core.implement.plants import KnownPlant, PlantMap
 from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import Estimate, ImplementCommand, PlantClass
 
-CROP_STEM_M = 0.02  # radius of a young stem
-STEM_MARGIN_M = 0.03  # the spray's edge keeps off a stem by this, if its place is well known
 FAN_M = 0.04  # length of the spray on the ground along the way
 # Off leaves it is half that length and a cell of the ground under crop.
 LEAF_MARGIN_M = 0.03
-LEAST_POSE_M = 0.01  # by which the place of leaves is always uncertain
 HIT_M = 0.015  # a flat fan wets a line a few centimetres long: so near to its middle is a hit
-SURE_SIGMA = 2.0
 
 
 class SpotSprayer:
@@ -141,7 +142,7 @@ class SpotSprayer:
         if not targets:
             return self._closed
         crops = [
-            (p.x_m, p.y_m, self._find_keep_off_m(p.plant, estimate))
+            (p.x_m, p.y_m, find_keep_off_m(p.plant, estimate, self._config))
             for p in near
             if p.plant.plant == PlantClass.CROP
         ]
@@ -197,7 +198,7 @@ class SpotSprayer:
         self, is_open: tuple[bool, ...], estimate: Estimate, step_m: float, plants: PlantMap
     ) -> tuple[bool, ...]:
         spec = self._spec
-        pose_m = clamp(find_spread_m(0.0, estimate)[1], LEAST_POSE_M, self._config.margin_m)
+        pose_m = find_pose_margin_m(estimate, self._config)
         return spare_leaves(
             is_open,
             self._y_body_m,
@@ -216,9 +217,3 @@ class SpotSprayer:
         along_m, across_m = find_spread_m(weed.seen_std_m, estimate)
         most_m = self._config.margin_m
         return min(SURE_SIGMA * along_m, most_m), min(SURE_SIGMA * across_m, most_m)
-
-    def _find_keep_off_m(self, crop: KnownPlant, estimate: Estimate) -> float:
-        """How far from a crop's place the spray's edge stays: by 5 cm, or where it is less sure."""
-        unsure_m = SURE_SIGMA * max(find_spread_m(crop.seen_std_m, estimate))
-        most_m = max(self._config.crop_guard_m, STEM_MARGIN_M)
-        return CROP_STEM_M + clamp(unsure_m, STEM_MARGIN_M, most_m)
