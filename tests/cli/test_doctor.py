@@ -155,7 +155,7 @@ def test_the_first_line_comes_before_anything_is_loaded() -> None:
         "from agribot.cli import doctor\n"
         "class Stop(Exception): pass\n"
         "def stop(text): raise Stop\n"
-        "doctor._print_line = stop\n"
+        "doctor.print_line = stop\n"
         "try: doctor.run(None)\n"
         "except Stop: print(*{'numpy', 'msgspec', 'onnxruntime', 'socket'} & sys.modules.keys())\n"
     )

@@ -7,6 +7,7 @@ import json
 import sys
 
 from agribot.cli.ranges import finite
+from agribot.cli.standard_error import print_line
 from agribot.cli.word_list import parse_names
 from agribot.core.errors import ConfigError
 from agribot.description.conditions import load_condition_preset
@@ -62,14 +63,9 @@ def run(options: argparse.Namespace) -> int:
     load_condition_preset(options.preset)
     wanted = closed_loop.conditions(fields, lights, ratios, read_seeds(options.seeds))
     result = closed_loop.run_conditions(
-        wanted, options.seconds, options.model, _print_line, options.preset
+        wanted, options.seconds, options.model, print_line, options.preset
     )
-    _print_line("\n" + closed_loop.format_table(result))
+    print_line("\n" + closed_loop.format_table(result))
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     return 0 if closed_loop.meets_limits(result) else 1
-
-
-def _print_line(text: str) -> None:
-    sys.stderr.write(text + "\n")
-    sys.stderr.flush()

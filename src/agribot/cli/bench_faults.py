@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from agribot.app.workers import usable_cpus
+from agribot.cli.ranges import check_workers
 from agribot.cli.sweep import drive_all
 from agribot.cli.word_list import parse_names
 from agribot.core import extras
@@ -96,8 +97,7 @@ def run(options: argparse.Namespace) -> int:
 def _choose(options: argparse.Namespace) -> tuple[tuple[FaultScenario, ...], tuple[SweepJob, ...]]:
     """Choose what is driven, each scenario and each run of it."""
     names = parse_names("--faults", options.faults, faults.list_fault_names(options.platform))
-    if not 1 <= options.workers <= 1024:
-        raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
+    check_workers(options.workers)
     count = options.fault_free
     if count is None:
         scenarios = faults.choose_scenarios(

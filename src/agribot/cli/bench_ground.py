@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 
+from agribot.cli.standard_error import print_line
 from agribot.core import extras
 from agribot.core.errors import ConfigError
 
@@ -33,12 +34,7 @@ def run(options: argparse.Namespace) -> int:
     extras.require("sim", "agribot bench ground")
     from agribot.lab.bench.ground import measure
 
-    result = measure(options.soil, options.moisture, _print_line)
+    result = measure(options.soil, options.moisture, print_line)
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     return 0
-
-
-def _print_line(text: str) -> None:
-    sys.stderr.write(text + "\n")
-    sys.stderr.flush()

@@ -7,9 +7,10 @@ import json
 import sys
 from pathlib import Path
 
+from agribot.cli.ranges import check_workers
 from agribot.cli.sweep import drive, status
 from agribot.core import extras
-from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.errors import RecordingError
 from agribot.core.whole_file import write_at_once
 from agribot.lab.sweep.plan import read_seeds
 
@@ -41,8 +42,7 @@ def run(options: argparse.Namespace) -> int:
     from agribot.lab.sweep.execution import ProcessExecutor
     from agribot.lab.sweep.tables import SweepFolder
 
-    if not 1 <= options.workers <= 1024:
-        raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
+    check_workers(options.workers)
     extras.require("sim", "agribot bench long")
     out = options.out.resolve()
     text = long_mission.make_plan(options.km)

@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 
 from agribot.app.workers import usable_cpus
+from agribot.cli.ranges import check_workers
 from agribot.cli.sweep import drive, status
 from agribot.cli.word_list import parse_names
 from agribot.core import extras
-from agribot.core.errors import ConfigError
 from agribot.description.conditions import load_condition_preset
 from agribot.lab.bench import missions
 from agribot.lab.sweep.plan import read_seeds
@@ -48,8 +48,7 @@ def run(options: argparse.Namespace) -> int:
     from agribot.lab.sweep.tables import SweepFolder
 
     profiles = parse_names("--profiles", options.profiles, PROFILES)
-    if not 1 <= options.workers <= 1024:
-        raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
+    check_workers(options.workers)
     extras.require("sim", "agribot bench missions")
     load_condition_preset(options.preset)
     seeds = read_seeds(options.seeds) if options.seeds else None

@@ -13,7 +13,7 @@ import msgspec
 
 from agribot.app.workers import usable_cpus
 from agribot.cli.counting import CountProgress
-from agribot.cli.ranges import finite
+from agribot.cli.ranges import check_workers, finite
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.errors import ConfigError
@@ -55,8 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     if not 0.1 <= options.speed <= MAX_SPEED_MPS:
         raise ConfigError(f"--speed {options.speed:g}: must be from 0.1 to {MAX_SPEED_MPS:g} m/s")
-    if not 1 <= options.workers <= 1024:
-        raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
+    check_workers(options.workers)
     if options.plot:
         extras.require("report", "--plot")
     from agribot.lab.bench.nav.plot import plot

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from agribot.cli.ranges import seed, whole
+from agribot.cli.standard_error import print_line
 from agribot.cli.word_list import parse_names
 from agribot.core import extras
 from agribot.core.errors import RecordingError
@@ -45,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
 
     scenes = [SCENES[name] for name in names]
     result = plants.judge_scenes(
-        scenes, options.model, options.preset, options.frames, options.seed, _print_line
+        scenes, options.model, options.preset, options.frames, options.seed, print_line
     )
     if options.out is not None:
         _write(options.out, "plants.md", format_table(plants.list_scores(result)))
@@ -64,8 +65,3 @@ def _write(folder: Path, name: str, text: str) -> None:
             f"cannot write {folder / name}: {error.strerror or error}; make room and run the same "
             "command again"
         ) from error
-
-
-def _print_line(text: str) -> None:
-    sys.stderr.write(text + "\n")
-    sys.stderr.flush()

@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 
+from agribot.cli.standard_error import print_line
 from agribot.cli.word_list import parse_names
 
 
@@ -21,12 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from agribot.lab.bench.sim import FIGURES, measure
 
-    result = measure(parse_names("--only", options.only, FIGURES), _print_line)
+    result = measure(parse_names("--only", options.only, FIGURES), print_line)
     if options.json:
         sys.stdout.write(json.dumps(result) + "\n")
     return 0
-
-
-def _print_line(text: str) -> None:
-    sys.stderr.write(text + "\n")
-    sys.stderr.flush()

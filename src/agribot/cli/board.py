@@ -8,6 +8,7 @@ import time
 from typing import TYPE_CHECKING
 
 from agribot.cli.ranges import finite
+from agribot.cli.standard_error import print_line
 from agribot.core import extras
 from agribot.core.errors import ConfigError
 
@@ -96,12 +97,12 @@ def _find(uri: SourceUri, wanted: object, seconds: float) -> FoundBoard:
 
 def _print_on(probe: BoardProbe, found: FoundBoard, seconds: float) -> FoundBoard:
     """Print a board, and go on with a line a second; gives the last of it."""
-    _print_line(_describe(found))
+    print_line(_describe(found))
     until_s = time.monotonic() + seconds
     try:
         while time.monotonic() < until_s:
             found = probe.listen(PERIOD_S) or found
-            _print_line(_describe(found))
+            print_line(_describe(found))
     except KeyboardInterrupt:
         pass
     return found
@@ -149,7 +150,3 @@ def _print_json(found: FoundBoard) -> None:
     import msgspec
 
     sys.stdout.write(msgspec.json.encode(found).decode() + "\n")
-
-
-def _print_line(text: str) -> None:
-    sys.stderr.write(text + "\n")

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from agribot.cli.standard_error import print_line
 from agribot.core.version import __version__
 
 if TYPE_CHECKING:
@@ -29,23 +30,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    _print_line(f"agribot {__version__}, looking at this machine ...")
+    print_line(f"agribot {__version__}, looking at this machine ...")
     from agribot.cli import doctor_machine
     from agribot.cli.doctor_findings import format_line
 
     machine = doctor_machine.describe_machine()
-    _print_line(_format_machine(machine))
+    print_line(_format_machine(machine))
     findings: list[CheckResult] = []
     for check in _list_checks(is_full=options.full):
         for finding in check():
             findings.append(finding)
-            _print_line(format_line(finding))
+            print_line(format_line(finding))
     if options.full:
-        _print_line(DRIVING)
+        print_line(DRIVING)
         findings.append(_drive_farm(findings))
-        _print_line(format_line(findings[-1]))
+        print_line(format_line(findings[-1]))
     ok = all(finding.state != "bad" for finding in findings)
-    _print_line("OK" if ok else "NOT OK: mend what is called bad above")
+    print_line("OK" if ok else "NOT OK: mend what is called bad above")
     if options.json:
         _print_json(ok, machine, findings)
     return 0 if ok else 1
@@ -67,7 +68,7 @@ def _list_checks(*, is_full: bool) -> Iterator[Check]:
     from agribot.cli import doctor_packages as packages
 
     if is_full:
-        _print_line(LOADING)
+        print_line(LOADING)
     yield lambda: packages.check_packages(loads=is_full)
     yield packages.check_caches
     yield packages.check_weights
@@ -98,8 +99,3 @@ def _format_machine(machine: dict[str, Any]) -> str:
         f"{machine['system']}\n{name}, {machine['architecture']}, "
         f"{machine['cpus_usable']} usable CPUs, {memory} GiB"
     )
-
-
-def _print_line(text: str) -> None:
-    sys.stderr.write(text + "\n")
-    sys.stderr.flush()

@@ -17,6 +17,7 @@ import numpy as np
 
 from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import threads
+from agribot.cli.standard_error import print_line
 from agribot.core import extras
 from agribot.core.errors import ConfigError
 
@@ -67,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     if args.data == "folder" and args.ids is None:
         check_sample(pairs, folder)
     for text in problems:
-        _print_line(f"left out: {text}")
+        print_line(f"left out: {text}")
     network_scores, plant_judge = NetworkScores(), PicturePlantJudge()
     cpu_s = _evaluate(network_scores, plant_judge, segmenter, pairs, tile_px, problems)
     if not network_scores.images:
@@ -153,7 +154,7 @@ def _evaluate(
             plants = read_plants(pair.mask, truth)
         except PictureError as error:
             problems.append(str(error))
-            _print_line(f"left out: {error}")
+            print_line(f"left out: {error}")
             continue
         seen = see_picture(segmenter, image_rgb) if tile_px is None else None
         guess = classify(segmenter, image_rgb, tile_px) if seen is None else seen.classes
@@ -164,7 +165,7 @@ def _evaluate(
         segmenter.segment(image_rgb)
         cpu_s.append(time.process_time() - started_s)
         score = network_scores.add(str(pair.image), image_rgb, truth, guess)
-        _print_line(f"{pair.image.name}: mIoU {score.miou:.3f}")
+        print_line(f"{pair.image.name}: mIoU {score.miou:.3f}")
     return cpu_s
 
 
@@ -180,8 +181,4 @@ def _write(folder: Path, summary: dict[str, Any], network_scores: Any, problems:
         "problems": problems,
     }
     (folder / "eval.json").write_text(json.dumps(details, indent=2) + "\n", encoding="utf-8")
-    _print_line(f"figures and eval.json in {folder}")
-
-
-def _print_line(text: str) -> None:
-    sys.stderr.write(text + "\n")
+    print_line(f"figures and eval.json in {folder}")

@@ -16,6 +16,7 @@ import numpy as np
 
 from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import finite
+from agribot.cli.standard_error import print_line
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import ByteArray
 
@@ -102,9 +103,9 @@ def _export_automatically(args: argparse.Namespace, problems: list[str]) -> int:
         pictures = _read_pictures(args.calibrate, problems)
     with tempfile.TemporaryDirectory() as folder:
         pairs = _JudgedPairs(args, problems)
-        trial = Trial(source, Path(folder), pairs, measure_cpu_ms, _print_line)
+        trial = Trial(source, Path(folder), pairs, measure_cpu_ms, print_line)
         chosen = choose_export(trial, args.most_loss, pictures, args.out)
-    _print_line(f"{args.out}: {chosen.describe()}")
+    print_line(f"{args.out}: {chosen.describe()}")
     if args.json:
         tried = [{**one._asdict(), "path": one.path.name} for one in trial.tried]
         summary = {"file": str(args.out), "chosen": chosen.path.name, "tried": tried}
@@ -129,10 +130,6 @@ class _JudgedPairs:
         from agribot.lab.train.photographs import read_pairs
 
         return read_pairs(self._pairs, self._problems.append)
-
-
-def _print_line(text: str) -> None:
-    sys.stderr.write(text + "\n")
 
 
 def _convert(args: argparse.Namespace, source: Path, before: Any, problems: list[str]) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 
 from agribot.cli.ranges import finite
+from agribot.cli.standard_error import print_line
 from agribot.core import extras
 from agribot.core.errors import ConfigError
 from agribot.core.geo import compass_deg_from_yaw
@@ -75,7 +76,7 @@ def _show(options: argparse.Namespace) -> int:
     require_extras({"gnss": uri})
     summary = _Summary()
     network = RosNetwork(lambda: 0, str, str)
-    with SourceContext(load_robot(), network, _print_line) as context:
+    with SourceContext(load_robot(), network, print_line) as context:
         source = open_source("gnss", uri, context)
         try:
             begun_s = next_s = time.monotonic()
@@ -84,13 +85,13 @@ def _show(options: argparse.Namespace) -> int:
                 summary.add(source.take(now_s - begun_s), more)
                 if now_s >= next_s:
                     next_s += PERIOD_S
-                    _print_line(summary.describe())
+                    print_line(summary.describe())
                 time.sleep(POLL_S)
         except KeyboardInterrupt:
             pass
         finally:
             source.close()
-    _print_line(summary.describe())
+    print_line(summary.describe())
     if options.json:
         sys.stdout.write(msgspec.json.encode(summary.as_result()).decode() + "\n")
     return 0 if summary.fix is not None else 1
@@ -114,7 +115,7 @@ class _Summary:
         for status in more.get("gnss_status", ()):
             self.status = status
         for note in more.get("events", ()):
-            _print_line(note.text)
+            print_line(note.text)
 
     def describe(self) -> str:
         words = ["no fix yet"]
@@ -182,7 +183,7 @@ def _configure(options: argparse.Namespace) -> int:
             f"{uri.name}: no u-blox receiver answers there; check baud (?baud=9600 of an M8 on its "
             "UART), and that it takes UBX"
         )
-    _print_line(
+    print_line(
         f"{version.model} (protocol {version.protocol:g}): {setup.accepted} settings taken, "
         f"{len(setup.refused)} refused as not there"
     )
@@ -212,7 +213,3 @@ def _talk(setup: Any, stream: Any) -> None:
         raise ConfigError(f"the line broke: {error.strerror or error}; try again") from error
     finally:
         stream.close()
-
-
-def _print_line(text: str) -> None:
-    sys.stderr.write(text + "\n")

@@ -6,7 +6,10 @@ import argparse
 import math
 from collections.abc import Callable
 
+from agribot.core.errors import ConfigError
+
 MOST_SEED = 2**63 - 1  # what JSON, TOML and NumPy all hold
+MOST_WORKERS = 1024
 MOST_DIGITS = 40  # a longer word is shortened in a message
 
 
@@ -61,6 +64,15 @@ positive = above(0.0)
 seed = whole(0)
 threads = whole(1, 1024)
 port = whole(0, 65535)
+
+
+def check_workers(count: int) -> None:
+    """Refuse a number of worker processes that no machine has use for.
+
+    Raises: ConfigError: it is not from 1 to 1024.
+    """
+    if not 1 <= count <= MOST_WORKERS:
+        raise ConfigError(f"--workers {count}: must be from 1 to {MOST_WORKERS}")
 
 
 def _describe_range(kind: str, least: float, most: float) -> str:

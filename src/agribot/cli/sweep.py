@@ -11,9 +11,9 @@ from typing import Any
 
 from agribot.app.workers import usable_cpus
 from agribot.cli.counting import CountProgress
+from agribot.cli.ranges import check_workers
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
-from agribot.core.errors import ConfigError
 from agribot.lab.sweep.execution import (
     Assignment,
     Executor,
@@ -43,8 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    if not 1 <= options.workers <= 1024:
-        raise ConfigError(f"--workers {options.workers}: must be from 1 to 1024")
+    check_workers(options.workers)
     if not options.ray:
         extras.require("sim", "a sweep on this machine")
     jobs = plan(options.profile, read_seeds(options.seeds), options.set, options.vary)
