@@ -12,10 +12,11 @@ from agribot.autonomy.perceive.pictures import SeenPicture
 from agribot.autonomy.perceive.pieces import find_windows
 from agribot.autonomy.perceive.stem_plants import LEAST_SCORE
 from agribot.autonomy.perceive.stems import find_owners, find_stems, share_kinds
+from agribot.core.config import PerceptionConfig
 from agribot.core.messages import FloatArray, PlantClass
 
-# As `perception.min_confidence`: a stem that is less sure of its class is of neither.
-LEAST_SHARE = 0.6
+# A stem that is less sure of its class is of neither, as on the robot.
+LEAST_SHARE = PerceptionConfig().min_confidence
 
 
 class PictureStem(msgspec.Struct, frozen=True, kw_only=True):

@@ -15,7 +15,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray
 from agribot.lab.dataset.classes import read_ids
 from agribot.lab.train.architectures import find_architecture
-from agribot.lab.train.data import DataSet, LabelledImage
+from agribot.lab.train.data import LabelledImage
 from agribot.lab.train.farm import draw_row_crop
 from agribot.lab.train.fit import Progress, TrainingPlan
 from agribot.lab.train.loader import BatchSource
@@ -35,14 +35,18 @@ from agribot.lab.train.plant_targets import tell_classes_alone
 from agribot.lab.train.plant_truth import DrawnView
 from agribot.lab.train.precision import sample_pictures
 from agribot.lab.train.simulated import (
-    ROUGH_VIEWS_PER_SCENE,
-    VIEWS_PER_SCENE,
     draw_random_field,
 )
-from agribot.lab.train.sources import FOLDERS, SIM_TEXT, TrainingSource, make_plant_batches
+from agribot.lab.train.sources import (
+    SIM_TEXT,
+    TrainingSource,
+    WantedSet,
+    draw_set,
+    make_plant_batches,
+)
 from agribot.lab.train.standing import Judge
 from agribot.lab.train.validation import HeldOutPictures, shrink_pair
-from agribot.sim.random_scenes import DENSE
+from agribot.sim.random_scenes import DENSE, STANDARD
 
 # Order weed, crop, soil; crop is the rarest class of the photographs.
 PHOTO_WEIGHTS = (1.0, 2.0, 0.6)
@@ -194,14 +198,8 @@ def _make_photo_batches(
         return photos
     if find_architecture(args.model).finds_plants:
         return _mix_with_plants(photos, _draw_plants(args, progress), aside, recipe)
-    drawn = DataSet(
-        folder=args.cache or args.out / "images",
-        name="train-random",
-        stream=0,
-        seed=args.seed,
-        views_per_scene=VIEWS_PER_SCENE,
-    )
-    drawn.draw(args.with_sim, draw_random_field, progress)
+    wanted = WantedSet("train-random", 0, draw_random_field, STANDARD, args.with_sim)
+    drawn = draw_set(args, wanted, progress)
     images = list(drawn.read(args.with_sim))
     simulated = PhotoBatches(
         images, scale([label.shape[1] for _, label in images]), aside, recipe.crop_px
@@ -216,22 +214,15 @@ def _make_photo_batches(
 def _draw_plants(args: argparse.Namespace, progress: Progress) -> list[DrawnView]:
     """Draw dense fields, half of them seen by the robot along rows: what keeps stems in mind."""
     masts = args.with_sim // 2
-    views: list[DrawnView] = []
-    for name, stream, drawer, count in (
-        ("train-random", 0, draw_random_field, masts),
-        ("train-rows", 1, draw_row_crop, args.with_sim - masts),
-    ):
-        drawn = DataSet(
-            folder=(args.cache or args.out / "images") / FOLDERS[DENSE],
-            name=name,
-            stream=stream,
-            seed=args.seed,
-            views_per_scene=ROUGH_VIEWS_PER_SCENE,
-            has_plants=True,
-        )
-        drawn.draw(count, partial(drawer, variety=DENSE), progress)
-        views += drawn.read_views(count)
-    return views
+    sets = (
+        WantedSet("train-random", 0, draw_random_field, DENSE, masts),
+        WantedSet("train-rows", 1, draw_row_crop, DENSE, args.with_sim - masts),
+    )
+    return [
+        view
+        for one in sets
+        for view in draw_set(args, one, progress, has_plants=True).read_views(one.images)
+    ]
 
 
 def _mix_with_plants(

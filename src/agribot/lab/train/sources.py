@@ -6,6 +6,7 @@ import argparse
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -35,6 +36,16 @@ VariedDrawer = Callable[..., Iterator[DrawnView]]  # of a scene; all but one of 
 CROP_PX = 320
 VALIDATION = ("valid-random", "valid-rows")
 FOLDERS = {one: "" if one is STANDARD else name for name, one in VARIETIES.items()}
+
+
+class WantedSet(NamedTuple):
+    """A set of images to be drawn, each of its own stream of random numbers."""
+
+    name: str
+    stream: int
+    drawer: VariedDrawer
+    variety: Variety
+    images: int
 
 
 class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
@@ -144,40 +155,50 @@ def _draw_sets(
     own = VARIETIES[args.variety]
     masts, rows = _split_validation(args)
     usual = STANDARD if own.rough_share else own  # a test set that others have too
-    wanted: list[tuple[str, int, VariedDrawer, Variety, int]] = [
-        ("train-random", 0, draw_random_field, own, counts["train-random"]),
-        ("train-rows", 1, draw_row_crop, own, counts["train-rows"]),
-        ("train-turns", 2, draw_turn, own, counts["train-turns"]),
-        ("valid-random", 109, draw_random_field, own, masts),
-        ("valid-rows", 110, draw_row_crop, own, rows),
-        ("random-fields", 101, draw_random_field, usual, args.test_images),
-        ("farm", 102, draw_farm, usual, args.test_images),
-        ("row-crops", 103, draw_row_crop, usual, args.test_images),
-        ("turns", 106, draw_turn, usual, args.test_images),
+    wanted = [
+        WantedSet("train-random", 0, draw_random_field, own, counts["train-random"]),
+        WantedSet("train-rows", 1, draw_row_crop, own, counts["train-rows"]),
+        WantedSet("train-turns", 2, draw_turn, own, counts["train-turns"]),
+        WantedSet("valid-random", 109, draw_random_field, own, masts),
+        WantedSet("valid-rows", 110, draw_row_crop, own, rows),
+        WantedSet("random-fields", 101, draw_random_field, usual, args.test_images),
+        WantedSet("farm", 102, draw_farm, usual, args.test_images),
+        WantedSet("row-crops", 103, draw_row_crop, usual, args.test_images),
+        WantedSet("turns", 106, draw_turn, usual, args.test_images),
     ]
     if sets_aside:
         wanted += [
-            ("aside-random", 104, draw_random_field, own, _count_aside(args)),
-            ("aside-rows", 105, draw_row_crop, own, _count_aside(args)),
+            WantedSet("aside-random", 104, draw_random_field, own, _count_aside(args)),
+            WantedSet("aside-rows", 105, draw_row_crop, own, _count_aside(args)),
         ]
     if own.rough_share:
         wanted += [
-            (f"{args.variety}-fields", 107, draw_random_field, own, args.test_images),
-            (f"{args.variety}-rows", 108, draw_row_crop, own, args.test_images),
+            WantedSet(f"{args.variety}-fields", 107, draw_random_field, own, args.test_images),
+            WantedSet(f"{args.variety}-rows", 108, draw_row_crop, own, args.test_images),
         ]
-    sets = {}
-    for name, stream, drawer, variety, count in wanted:
-        sets[name] = DataSet(
-            folder=(args.cache or args.out / "images") / FOLDERS[variety],
-            name=name,
-            stream=stream,
-            seed=args.seed,
-            views_per_scene=ROUGH_VIEWS_PER_SCENE if variety.rough_share else VIEWS_PER_SCENE,
-            has_plants=has_plants and variety is own,
-        )
-        varied = drawer if drawer is draw_farm else partial(drawer, variety=variety)
-        sets[name].draw(count, varied, progress)
-    return sets
+    return {
+        one.name: draw_set(args, one, progress, has_plants=has_plants and one.variety is own)
+        for one in wanted
+    }
+
+
+def draw_set(
+    args: argparse.Namespace, wanted: WantedSet, progress: Progress, *, has_plants: bool = False
+) -> DataSet:
+    """Draw the images of a set that are not in its folder yet."""
+    name, stream, drawer, variety, images = wanted
+    drawn = DataSet(
+        folder=(args.cache or args.out / "images") / FOLDERS[variety],
+        name=name,
+        stream=stream,
+        seed=args.seed,
+        views_per_scene=ROUGH_VIEWS_PER_SCENE if variety.rough_share else VIEWS_PER_SCENE,
+        has_plants=has_plants,
+    )
+    drawn.draw(
+        images, drawer if drawer is draw_farm else partial(drawer, variety=variety), progress
+    )
+    return drawn
 
 
 def _load(

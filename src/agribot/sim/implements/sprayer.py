@@ -76,4 +76,5 @@ def _grow_leaves(crops: Sequence[Plant]) -> FloatArray:
     """Place the shares of leaf area of all crops, `LEAVES` for each in their order, (N, 2)."""
     radius_m = np.array([find_crown_radius_m(p.species, p.size_m) for p in crops], dtype=float)
     shares = make_leaf_places()[:, :2]
-    return (shares * radius_m[:, None, None] + list_places_m(crops)[:, None]).reshape(-1, 2)
+    leaves_m: FloatArray = shares * radius_m[:, None, None] + list_places_m(crops)[:, None]
+    return leaves_m.reshape(-1, 2)
