@@ -203,7 +203,7 @@ def test_the_area_turns_with_the_robot_and_forgets_what_lies_far_behind() -> Non
 def test_a_recording_that_tells_no_cover_sprays_as_its_map_says() -> None:
     weed_map = WeedMap(WeedConfig())
     for step in range(6):
-        weed_map.track_pose(make_estimate(0.1 * step, 0.0, 0.0, 0.0))
+        weed_map.track_pose(make_estimate(0.1 * step, 0.0, 0.0, 0.0, v_mps=0.0))
         weed_map.add(make_scene(0.1 * step, (make_plant(1.0, 0.0),), view=()))
     truth = Field(sprayer=BOOM, latency_s=BOOM.latency_s, plants={"weed": (1.0, 0.0)})
     drive_over(Treatment(TreatmentConfig(), BOOM), weed_map, truth)

@@ -29,7 +29,7 @@ def look(weed_map: WeedMap, frames: range, seen: Callable[[int], tuple[GroundPla
     """Let a robot standing at the map's origin see plants in these frames."""
     for index in frames:
         t_s = FRAME_S * index
-        weed_map.track_pose(make_estimate(t_s, 0.0, 0.0, 0.0))
+        weed_map.track_pose(make_estimate(t_s, 0.0, 0.0, 0.0, v_mps=0.0))
         weed_map.add(make_scene(t_s, seen(index), view=()))
 
 

@@ -88,7 +88,7 @@ def add_sightings(
     seen += [make_plant(x, y, PlantClass.CROP, std_m=0.01) for x, y in crops_m]
     for i in range(times):
         t_s = from_s + 0.1 * i
-        weed_map.track_pose(make_estimate(t_s, 0.0, 0.0, 0.0))
+        weed_map.track_pose(make_estimate(t_s, 0.0, 0.0, 0.0, v_mps=0.0))
         weed_map.add(make_scene(t_s, tuple(seen), view=()))
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from agribot.autonomy.weeds.pose_shifts import UNSHIFTED
 from agribot.autonomy.weeds.poses import PoseAt
 from agribot.core.implement.plants import Disc
 from agribot.core.messages import CropCover, FloatArray
@@ -42,27 +43,32 @@ class CropGround:
         self._owner = np.full((2, *shape), np.iinfo(np.int64).min)
         self._explained = np.zeros(shape, dtype=np.float32)
         self._stems_m = np.full((4, *shape), np.nan)  # x, y of two; of the last look that told them
+        self._grid_from_map = UNSHIFTED
+
+    def shift(self, shift: Pose2) -> None:
+        """Move all cells by a correction of the pose that they were seen from."""
+        self._grid_from_map = self._grid_from_map.compose(shift.inverse())
 
     def add(self, cover: CropCover, pose: PoseAt) -> None:
         """Take in what one frame shows; cells that it does not show keep what is known of them."""
         rows, columns = cover.rows, cover.columns
         seen, crop = _grid(cover.seen, rows, columns), _grid(cover.crop, rows, columns)
-        stems_m = _place_owners(cover, crop, pose)
+        stems_m = _place_owners(cover, crop, self._grid_from_map.compose(pose.map_from_body))
         if cover.unknown:
             crop = crop | _grid(cover.unknown, rows, columns)
-        map_from_body = pose.map_from_body
+        grid_from_body = self._grid_from_map.compose(pose.map_from_body)
         corners = [
             (cover.x_body_m + at_row * cover.cell_m, cover.y_body_m + at_column * cover.cell_m)
             for at_row in (0, rows)
             for at_column in (0, columns)
         ]
-        xs, ys = zip(*(map_from_body.transform(x, y) for x, y in corners), strict=True)
+        xs, ys = zip(*(grid_from_body.transform(x, y) for x, y in corners), strict=True)
         i, j = np.meshgrid(
             np.arange(math.floor(min(xs) / CELL_M), math.floor(max(xs) / CELL_M) + 1),
             np.arange(math.floor(min(ys) / CELL_M), math.floor(max(ys) / CELL_M) + 1),
             indexing="ij",
         )
-        x_m, y_m = map_from_body.locate((i + 0.5) * CELL_M, (j + 0.5) * CELL_M)
+        x_m, y_m = grid_from_body.locate((i + 0.5) * CELL_M, (j + 0.5) * CELL_M)
         row = np.floor((x_m - cover.x_body_m) / cover.cell_m).astype(np.int64)
         column = np.floor((y_m - cover.y_body_m) / cover.cell_m).astype(np.int64)
         shown = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
@@ -101,13 +107,15 @@ class CropGround:
         point into the discs `stems` and nowhere else: of those plants only the stems are spared.
         """
         along_m, across_m = _steps(half_x_m)[:, None], _steps(half_y_m)[None, :]
-        i, j = self._crop(*Pose2(x_map_m, y_map_m, yaw_map_rad).transform(along_m, across_m))
+        box = self._grid_from_map.compose(Pose2(x_map_m, y_map_m, yaw_map_rad))
+        i, j = self._crop(*box.transform(along_m, across_m))
         is_unknown = np.ones(len(i), dtype=bool)
-        for disc in known:
+        for disc in self._bring(known):
             dx_m, dy_m = (i + 0.5) * CELL_M - disc.x_map_m, (j + 0.5) * CELL_M - disc.y_map_m
             is_unknown &= np.hypot(dx_m, dy_m) > disc.radius_m
         if stems and is_unknown.any():
-            is_unknown &= ~self._is_explained(i % SIDE_CELLS, j % SIDE_CELLS, stems)
+            here = self._bring(stems)
+            is_unknown &= ~self._is_explained(i % SIDE_CELLS, j % SIDE_CELLS, here)
         return bool(is_unknown.any())
 
     def _is_explained(self, i: IndexArray, j: IndexArray, stems: Sequence[Disc]) -> Mask:
@@ -123,7 +131,8 @@ class CropGround:
     ) -> bool:
         """Whether all of a box on the ground was looked at, with half sides as in `covers`."""
         along_m, across_m = _steps(half_x_m)[:, None], _steps(half_y_m)[None, :]
-        x_m, y_m = Pose2(x_map_m, y_map_m, yaw_map_rad).transform(along_m, across_m)
+        box = self._grid_from_map.compose(Pose2(x_map_m, y_map_m, yaw_map_rad))
+        x_m, y_m = box.transform(along_m, across_m)
         i, j = np.floor(x_m / CELL_M).astype(np.int64), np.floor(y_m / CELL_M).astype(np.int64)
         at = (i % SIDE_CELLS, j % SIDE_CELLS)
         return bool(((self._owner[0][at] == i) & (self._owner[1][at] == j)).all())
@@ -132,16 +141,22 @@ class CropGround:
         """Whether hardly any crop grows around the disc: its leaves are those of one plant."""
         angle_rad = np.linspace(0.0, math.tau, RING_STEPS, endpoint=False)[None, :]
         radius_m = plant.radius_m + np.linspace(CELL_M, RING_M, 3)[:, None]
+        (here,) = self._bring([plant])
         i, _ = self._crop(
-            plant.x_map_m + radius_m * np.cos(angle_rad),
-            plant.y_map_m + radius_m * np.sin(angle_rad),
+            here.x_map_m + radius_m * np.cos(angle_rad),
+            here.y_map_m + radius_m * np.sin(angle_rad),
         )
         return len(i) <= ALONE_RATIO * angle_rad.size * radius_m.size
 
-    def _crop(self, x_map_m: FloatArray, y_map_m: FloatArray) -> tuple[IndexArray, IndexArray]:
+    def _bring(self, discs: Sequence[Disc]) -> list[Disc]:
+        """Bring discs of the map to the grid."""
+        move = self._grid_from_map.transform
+        return [Disc(*move(disc.x_map_m, disc.y_map_m), disc.radius_m) for disc in discs]
+
+    def _crop(self, x_m: FloatArray, y_m: FloatArray) -> tuple[IndexArray, IndexArray]:
         """Find the cells of places (...,) that crop covers, once for every place."""
-        i = np.floor(x_map_m / CELL_M).astype(np.int64)
-        j = np.floor(y_map_m / CELL_M).astype(np.int64)
+        i = np.floor(x_m / CELL_M).astype(np.int64)
+        j = np.floor(y_m / CELL_M).astype(np.int64)
         at = (i % SIDE_CELLS, j % SIDE_CELLS)
         is_held = (self._owner[0][at] == i) & (self._owner[1][at] == j)
         is_crop = is_held & self._is_closed[at]
@@ -154,15 +169,15 @@ def _grid(bits: bytes, rows: int, columns: int) -> Mask:
     return grid
 
 
-def _place_owners(cover: CropCover, crop: Mask, pose: PoseAt) -> FloatArray:
-    """Place the two stems of each cell of crop in the map: (4, rows, columns), NaN where unknown.
+def _place_owners(cover: CropCover, crop: Mask, grid_from_body: Pose2) -> FloatArray:
+    """Place the two stems of each cell of crop in the grid: (4, rows, columns), NaN where unknown.
 
     A cell whose leaves do not all point to a stem has none.
     """
     stems_m = np.full((4, *crop.shape), np.nan)
     if not cover.owners:
         return stems_m
-    x_m, y_m = pose.map_from_body.transform(*np.array(cover.stems_body_m).reshape(-1, 2).T)
+    x_m, y_m = grid_from_body.transform(*np.array(cover.stems_body_m).reshape(-1, 2).T)
     x_m, y_m = np.append(np.nan, x_m), np.append(np.nan, y_m)
     first, last = np.frombuffer(cover.owners, dtype=np.uint8).reshape(-1, 2).T
     stems_m[:, crop] = x_m[first], y_m[first], x_m[last], y_m[last]

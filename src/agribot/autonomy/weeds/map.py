@@ -8,12 +8,14 @@ from collections.abc import Iterable, Iterator
 
 from agribot.autonomy.weeds.cells import CellIndex
 from agribot.autonomy.weeds.crop_ground import CropGround
+from agribot.autonomy.weeds.pose_shifts import UNSHIFTED, PoseShifts
 from agribot.autonomy.weeds.poses import PoseAt, PoseHistory
 from agribot.autonomy.weeds.track import GONE_LOGIT, PlantSighting, Track, new_track, sighting
 from agribot.autonomy.weeds.view import GroundView
 from agribot.core.config import WeedConfig
 from agribot.core.implement.plants import REASONS
 from agribot.core.messages import Estimate, MappedPlant, PlantClass, Scene
+from agribot.core.pose import Pose2
 
 GATE_CHI2 = 13.8  # 99.9 % of two degrees of freedom
 REACH_SIGMA = 3.0
@@ -24,6 +26,10 @@ VIEW_INSET_M = 0.05  # between a plant's outline and the edge of the view; neare
 DOUBLE_RADIUS_RATIO = 0.75
 DOUBLE_SIGHTINGS_RATIO = 2
 TENTATIVE_S = 20.0  # a plant not confirmed by then is forgotten
+# From the last sight of a plant to the tool, and a little more: on this way it stands where it was
+# seen from the robot, however the pose is corrected; farther on, where the map then had it.
+NEAR_WAY_M = 1.0
+LEAST_SHIFT_M = 0.0005
 
 
 class WeedMap:
@@ -37,6 +43,9 @@ class WeedMap:
     def __init__(self, config: WeedConfig) -> None:
         self._config = config
         self._poses = PoseHistory()
+        self._shifts = PoseShifts()
+        self._shifted = UNSHIFTED  # the corrections that the plants near the robot followed
+        self._near: dict[int, float] = {}  # plants seen lately, and the way driven until then
         self._tracks: dict[int, Track] = {}
         self._cells = CellIndex(max(0.25, config.merge_radius_m))
         self._tentative: deque[tuple[float, int]] = deque()
@@ -46,12 +55,22 @@ class WeedMap:
         self.scenes_dropped = 0
 
     def track_pose(self, estimate: Estimate) -> None:
-        """Remember where the robot is; call it every tick."""
+        """Remember where the robot is; call it every tick.
+
+        What was seen lately follows the corrections of the pose.
+        """
         self._poses.add(estimate)
+        self._shifts.add(estimate)
+        shift = self._shifts.total.compose(self._shifted.inverse())
+        x_m, y_m = shift.transform(estimate.x_map_m, estimate.y_map_m)
+        moved_m = math.hypot(x_m - estimate.x_map_m, y_m - estimate.y_map_m)
+        if moved_m + NEAR_WAY_M * abs(shift.yaw_rad) >= LEAST_SHIFT_M:
+            self._shift_near(shift)
 
     def add(self, scene: Scene, pose: PoseAt | None = None) -> None:
         """Take in a scene, seen from `pose` or else from the remembered pose at its capture."""
-        pose = pose or self._poses.at(scene.t_s)
+        if pose is None and (pose := self._poses.at(scene.t_s)) is not None:
+            pose = self._shifts.follow(pose, self._shifted)
         if pose is None:
             self.scenes_dropped += 1
             return
@@ -155,9 +174,21 @@ class WeedMap:
                 continue
             else:
                 track = self._start(plant, t_s)
+            self._near[track.id] = self._shifts.way_m
             self._settle(track)
             touched.append(track)
         return touched
+
+    def _shift_near(self, shift: Pose2) -> None:
+        """Let the plants and the crop ground near the robot follow a correction of its pose."""
+        self._shifted = self._shifts.total
+        self.crop_ground.shift(shift)
+        seen_since_m = self._shifts.way_m - NEAR_WAY_M
+        self._near = {id: way_m for id, way_m in self._near.items() if way_m >= seen_since_m}
+        for id in self._near:
+            if (track := self._tracks.get(id)) is not None:
+                track.shift(shift)
+                self._cells.place(track)
 
     def _around(self, x_m: float, y_m: float, radius_m: float) -> Iterator[Track]:
         return self._cells.inside(x_m - radius_m, y_m - radius_m, x_m + radius_m, y_m + radius_m)

@@ -3,7 +3,8 @@
 A position error has two parts. What differs from frame to frame (pixels, the plant's outline)
 averages out with every sighting. What the frames share (the robot's own pose error, the camera
 mount) does not, however often the plant is seen. Keeping the parts apart is what makes the
-covariance of the map honest: split covariance, Julier and Uhlmann 2001.
+covariance of the map honest: split covariance, Julier and Uhlmann 2001. Within a pass, in which a
+plant follows the corrections of the pose, the shared part is that of the pose now.
 """
 
 from __future__ import annotations
@@ -15,9 +16,14 @@ from agribot.autonomy.weeds.poses import PoseAt
 from agribot.core.arithmetic import clamp
 from agribot.core.implement.plants import REASONS
 from agribot.core.messages import GroundPlant, MappedPlant, PlantClass
+from agribot.core.pose import Pose2
 
 SHARED_STD_M = 0.01  # camera mount and flat-ground error that no sighting averages out
 MIN_OWN_STD_M = 0.01  # a plant's outline has no better defined centre
+
+# A plant that comes into view again after so long is seen on another pass, with another error of
+# the pose.
+LATER_PASS_S = 5.0
 
 # Log-odds of existence. A network misses the same plant in several frames on end, so one miss
 # says less than an independent one would: detection 0.5, clutter 0.05 per gate and frame.
@@ -115,8 +121,16 @@ class Track:
         return (dx * dx * yy - 2.0 * dx * dy * xy + dy * dy * xx) / (xx * yy - xy * xy)
 
     def update(self, seen: PlantSighting, t_s: float) -> None:
-        """Take in one more sighting of this plant."""
-        self._fuse(seen)
+        """Take in one more sighting of this plant.
+
+        What the sightings of a pass share is one and the same error, that of the pose now; between
+        two passes it is another, so that the first tells the place no better than its pose was.
+        """
+        if t_s - self.last_seen_s > LATER_PASS_S:
+            self.own_var_m2 += (self.xx_m2 + self.yy_m2) / 2.0
+        gain = self.own_var_m2 / (self.own_var_m2 + seen.own_var_m2)
+        self._move_towards(seen, gain)
+        self.xx_m2, self.xy_m2, self.yy_m2 = seen.xx_m2, seen.xy_m2, seen.yy_m2
         self.weed_logit = clamp(
             self.weed_logit + seen.weed_logit, -MAX_CLASS_LOGIT, MAX_CLASS_LOGIT
         )
@@ -124,6 +138,10 @@ class Track:
         self.sightings += 1
         self.area_m2 += (seen.area_m2 - self.area_m2) / self.sightings
         self.last_seen_s = t_s
+
+    def shift(self, shift: Pose2) -> None:
+        """Follow a correction of the pose that it was seen from."""
+        self.x_map_m, self.y_map_m = shift.transform(self.x_map_m, self.y_map_m)
 
     def miss(self) -> None:
         """Count that it stood in full view and was not seen."""
@@ -174,8 +192,8 @@ class Track:
             left=REASONS[self.left] if self.treated_s is None else "",
         )
 
-    def _fuse(self, other: PlantSighting | Track) -> None:
-        """Move towards a second position by the gain that makes the bound of the error least.
+    def _fuse(self, other: Track) -> None:
+        """Move towards another track by the gain that makes the bound of the error least.
 
         With gain k the own parts are independent, (1-k)^2 own + k^2 own', and the shared ones
         may be one and the same error, of which (1-k) shared + k shared' is a bound for any
@@ -184,13 +202,18 @@ class Track:
         shared_gap_m2 = (self.xx_m2 + self.yy_m2 - other.xx_m2 - other.yy_m2) / 4.0
         gain = (self.own_var_m2 + shared_gap_m2) / (self.own_var_m2 + other.own_var_m2)
         gain = clamp(gain, 0.0, 1.0)
+        self._move_towards(other, gain)
+        rest = 1.0 - gain
+        self.xx_m2 = rest * self.xx_m2 + gain * other.xx_m2
+        self.xy_m2 = rest * self.xy_m2 + gain * other.xy_m2
+        self.yy_m2 = rest * self.yy_m2 + gain * other.yy_m2
+
+    def _move_towards(self, other: PlantSighting | Track, gain: float) -> None:
+        """Go so far of the way to a second position whose own error is another one."""
         rest = 1.0 - gain
         self.x_map_m += gain * (other.x_map_m - self.x_map_m)
         self.y_map_m += gain * (other.y_map_m - self.y_map_m)
         self.own_var_m2 = rest * rest * self.own_var_m2 + gain * gain * other.own_var_m2
-        self.xx_m2 = rest * self.xx_m2 + gain * other.xx_m2
-        self.xy_m2 = rest * self.xy_m2 + gain * other.xy_m2
-        self.yy_m2 = rest * self.yy_m2 + gain * other.yy_m2
 
 
 def sighting(plant: GroundPlant, pose: PoseAt) -> PlantSighting:
