@@ -186,7 +186,7 @@ class WeedConfig(Config, frozen=True):
     min_confidence: Ratio = 0.5  # of a plant in the map
 
 
-LeafRule = Literal["mapped", "alone", "never"]
+LeafRule = Literal["rows", "mapped", "alone", "never"]
 
 
 class TreatmentConfig(Config, frozen=True):
@@ -194,7 +194,7 @@ class TreatmentConfig(Config, frozen=True):
     margin_m: NonNegative = 0.04  # most that is treated around a weed, where its place is unsure
     crop_guard_m: NonNegative = 0.05  # around the stem of a crop plant, which is never treated
     # Leaves of crop that a nozzle may open over: of plants that stand alone in the map, of all
-    # whose stem is mapped, or none.
+    # whose stem is mapped, these and those beside the row, or none.
     leaves: LeafRule = "alone"
     prescription: str = ""  # file of zones with rates, outside of which nothing is treated
     prescription_column: str = ""  # which has litres per hectare; empty: by its usual names

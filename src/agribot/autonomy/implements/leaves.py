@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from agribot.autonomy.implements.beside_rows import REACH_M, RowCrop, is_beside_rows
 from agribot.autonomy.implements.tool_frame import ToolPose
 from agribot.core.config import LeafRule
 from agribot.core.implement.plants import Disc, KnownPlant, PlantMap
@@ -30,28 +31,44 @@ def spare_leaves(
     Boxes reach `half_x_m` along and `half_y_m` across around the middle of a section, `section_y_m`
     to the left of the tool point. By the rule `alone`, leaves of a plant that stands alone in the
     map do not count: its stem is spared by its place. By `mapped`, those of every plant to whose
-    stem in the map they point do not count either; by `never`, all leaves do.
+    stem in the map they point do not count either, and by `rows` those beside a row, too, where no
+    heart of a crop can stand; by `never`, all leaves do.
     """
     if not any(is_on):
         return is_on
     x_m, y_m, yaw_rad = tool
     map_from_tool = Pose2(x_m, y_m, yaw_rad)
-    reach_m = half_x_m + section_y_m[0] + half_y_m + MAX_LEAVES_M
+    reach_m = max(half_x_m + section_y_m[0] + half_y_m + MAX_LEAVES_M, REACH_M)
     ground = plants.crop_ground
+    around = [
+        plant
+        for plant in plants.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
+        if plant.plant == PlantClass.CROP
+    ]
     crops = [
         Disc(plant.x_map_m, plant.y_map_m, _leaf_reach_m(plant))
-        for plant in plants.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
-        if plant.is_confirmed and plant.plant == PlantClass.CROP
+        for plant in around
+        if plant.is_confirmed
     ]
     known = [] if leaves == "never" else [crop for crop in crops if ground.is_alone(crop)]
-    stems = [crop._replace(radius_m=STEM_VOTE_M) for crop in crops] if leaves == "mapped" else []
+    by_stem = leaves in ("mapped", "rows")
+    stems = [crop._replace(radius_m=STEM_VOTE_M) for crop in crops] if by_stem else []
+    rows = [_see_from(map_from_tool, plant) for plant in around] if leaves == "rows" else []
+
+    def is_dry(left_m: float) -> bool:
+        place_m = map_from_tool.transform(0.0, left_m)
+        is_beside = is_beside_rows(left_m, half_x_m, half_y_m, rows)
+        dry = [Disc(*place_m, 2.0 * (half_x_m + half_y_m))] if is_beside else known
+        return ground.covers(*place_m, yaw_rad, half_x_m, half_y_m, dry, stems)
+
     return tuple(
-        works
-        and not ground.covers(
-            *map_from_tool.transform(0.0, left_m), yaw_rad, half_x_m, half_y_m, known, stems
-        )
-        for works, left_m in zip(is_on, section_y_m, strict=True)
+        works and not is_dry(left_m) for works, left_m in zip(is_on, section_y_m, strict=True)
     )
+
+
+def _see_from(map_from_tool: Pose2, plant: KnownPlant) -> RowCrop:
+    x_m, y_m = map_from_tool.locate(plant.x_map_m, plant.y_map_m)
+    return RowCrop(x_m, y_m, plant.is_confirmed)
 
 
 def _leaf_reach_m(plant: KnownPlant) -> float:

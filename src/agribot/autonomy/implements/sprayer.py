@@ -2,7 +2,7 @@
 
 Crop is spared twice: around the stems in the map, also those seen but once, and wherever the last
 frames showed its leaves, so that a row whose plants nobody can tell apart is spared as well. By
-`treatment.leaves`, leaves may be sprayed of plants whose stem is on the map.
+`treatment.leaves`, leaves may be sprayed of plants whose stem is on the map, and beside a row.
 
 A nozzle answers `latency_s` after its command, so a command is about where the boom will be
 then. What really flowed is the command of `latency_s` ago: a weed counts as treated only when

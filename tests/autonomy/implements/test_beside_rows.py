@@ -1,0 +1,102 @@
+"""Leaves beside a row of the map may be sprayed: no heart of a crop stands there."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from agribot.autonomy.implements.beside_rows import RowCrop, is_beside_rows
+from agribot.autonomy.implements.treatment import Treatment
+from agribot.autonomy.implements.zones import ZoneMap
+from agribot.core.config import LeafRule, TreatmentConfig
+from agribot.core.implement.sprayer import SprayerSpec
+from tests.autonomy.implements.looks import seen_on_the_way
+from tests.autonomy.implements.spray_ground import Field, drive_over
+
+FINE = SprayerSpec(
+    x_body_m=-0.35, section_count=27, section_spacing_m=0.04, section_width_m=0.04, latency_s=0.05
+)
+ROW = [(0.75 + 0.25 * i, 0.0) for i in range(9)]
+BESIDE = [(1.3 + 0.2 * i, 0.25) for i in range(4)]
+Places = list[tuple[float, float]]
+
+
+def wide_leaves(x_m: float, y_m: float) -> bool:
+    """Leaves that touch, and reach far beside the row."""
+    return abs(y_m) <= 0.34
+
+
+def spray(
+    mapped: Places, truth: Places, leaves: LeafRule = "rows", zones: ZoneMap | None = None
+) -> set[str]:
+    """What gets wet of crops and of weeds beside their row, all under leaves that tell no stem."""
+    crops = {f"crop{i}": place for i, place in enumerate(truth)}
+    weeds = {f"weed{i}": place for i, place in enumerate(BESIDE)}
+    field = Field(sprayer=FINE, latency_s=FINE.latency_s, plants=crops | weeds)
+    weed_map = seen_on_the_way(BESIDE, wide_leaves, mapped)
+    treatment = Treatment(TreatmentConfig(leaves=leaves), FINE, zones)
+    drive_over(treatment, weed_map, field, way_m=3.5)
+    return set(field.hit)
+
+
+def test_weeds_under_leaves_beside_a_row_of_the_map_are_sprayed() -> None:
+    assert spray(ROW, ROW) == {f"weed{i}" for i in range(len(BESIDE))}
+
+
+@pytest.mark.parametrize("leaves", ["mapped", "alone", "never"])
+def test_no_other_rule_sprays_leaves_that_tell_no_stem(leaves: LeafRule) -> None:
+    assert not spray(ROW, ROW, leaves)
+
+
+def test_every_other_plant_of_a_row_may_be_missing_from_the_map() -> None:
+    """A crop that nobody found stands in line with those that were found: it stays dry."""
+    assert spray(ROW[::2], ROW) == {f"weed{i}" for i in range(len(BESIDE))}
+
+
+def test_two_plants_make_no_row() -> None:
+    assert not spray(ROW[2:4], ROW)
+
+
+def test_a_row_seen_but_once_beside_the_first_keeps_its_leaves_dry() -> None:
+    crops = [RowCrop(x, y, True) for x, y in ((-0.3, 0.0), (0.0, 0.0), (0.3, 0.0))]
+    assert is_beside_rows(0.25, 0.05, 0.03, crops)
+    assert not is_beside_rows(0.25, 0.05, 0.03, [*crops, RowCrop(0.6, 0.3, False)])
+
+
+def test_plants_that_were_seen_but_once_make_no_row() -> None:
+    crops = [RowCrop(0.3 * i, 0.0, i != 0) for i in (-1, 0, 1)]
+    assert not is_beside_rows(0.25, 0.05, 0.03, crops)
+
+
+@pytest.mark.parametrize("turn_deg", [-3.0, 0.0, 3.0])
+@pytest.mark.parametrize("along_m", [-0.12, 0.0, 0.12])
+def test_no_heart_of_a_row_lies_in_a_box_beside_it_though_the_robot_drives_askew(
+    turn_deg: float, along_m: float
+) -> None:
+    """Hearts of a sown row, 2 cm wide and up to 2 cm beside its line, with every third unknown."""
+    rng = np.random.default_rng(7)
+    cos, sin = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
+    for _ in range(200):
+        beside_m = rng.uniform(-0.5, 0.5)
+        hearts = [
+            (cos * s - sin * off, beside_m + sin * s + cos * off)
+            for s, off in zip(
+                0.25 * np.arange(-4, 5) + along_m, rng.normal(0, 0.01, 9), strict=True
+            )
+        ]
+        known = [RowCrop(x, y, True) for i, (x, y) in enumerate(hearts) if i % 3 != 1]
+        for left_m in np.arange(-0.52, 0.53, 0.04):
+            if is_beside_rows(left_m, 0.05, 0.03, known):
+                gaps_m = [
+                    math.hypot(max(abs(x) - 0.05, 0.0), max(abs(y - left_m) - 0.03, 0.0))
+                    for x, y in hearts
+                ]
+                assert min(gaps_m) > 0.02
+
+
+def test_a_zone_that_is_spared_stays_dry_beside_the_row_as_well() -> None:
+    rates = np.full((40, 80), 150.0, dtype=np.float32)
+    rates[:, :] = 0.0
+    assert not spray(ROW, ROW, zones=ZoneMap(-1.0, -2.0, 0.1, rates))
