@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from agribot.autonomy.implements.sprayer import WAY_STD_M
 from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import TreatmentConfig, WeedConfig
@@ -64,7 +65,8 @@ def test_latency_and_speed_are_led_so_that_the_spray_is_centred_on_the_weed(
     assert "weed" in truth.hit
     assert np.mean(wet_x_m) == pytest.approx(1.0, abs=0.5 * v_mps * TICK_S + 0.005)
     (weed,) = weed_map.list_confirmed()
-    reach_m = 2.0 * 2.0 * weed.seen_std_m  # before and behind the weed, as well as it is known
+    # Before and behind the weed, as well as it is known and the way to it is.
+    reach_m = 2.0 * 2.0 * math.hypot(weed.seen_std_m, WAY_STD_M)
     assert max(wet_x_m) - min(wet_x_m) == pytest.approx(reach_m, abs=2.5 * v_mps * TICK_S)
     assert weed_map.weeds()[0].treated_s is not None
 
@@ -114,7 +116,7 @@ def test_a_weed_between_two_nozzles_opens_both() -> None:
     weed_map = make_map([(1.0, 0.103)])
     (weed,) = weed_map.list_confirmed()
     drive_over(treatment, weed_map, truth)
-    one_m2 = 0.1 * (4.0 * weed.seen_std_m + 0.01)
+    one_m2 = 0.1 * (4.0 * math.hypot(weed.seen_std_m, WAY_STD_M) + 0.01)
     assert 1.7 * one_m2 < figure(treatment, "sprayed") < 2.3 * one_m2
 
 
