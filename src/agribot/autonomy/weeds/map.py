@@ -69,15 +69,16 @@ class WeedMap:
 
     def add(self, scene: Scene, pose: PoseAt | None = None) -> None:
         """Take in a scene, seen from `pose` or else from the remembered pose at its capture."""
-        if pose is None and (pose := self._poses.at(scene.t_s)) is not None:
-            pose = self._shifts.follow(pose, self._shifted)
+        then = None
+        if pose is None and (known := self._poses.at(scene.t_s)) is not None:
+            then, pose = known.map_from_body, self._shifts.follow(known, self._shifted)
         if pose is None:
             self.scenes_dropped += 1
             return
         self.scenes_used += 1
         if scene.crop_cover is not None:
             self.crop_ground.add(scene.crop_cover, pose)
-        seen = [sighting(p, pose) for p in scene.plants if p.plant != PlantClass.SOIL]
+        seen = [sighting(p, pose, then) for p in scene.plants if p.plant != PlantClass.SOIL]
         view = GroundView(scene.view_body_m, pose)
         touched = self._associate(seen, view, scene.t_s)
         self._count_misses(view, scene.t_s)
@@ -174,7 +175,8 @@ class WeedMap:
                 continue
             else:
                 track = self._start(plant, t_s)
-            self._near[track.id] = self._shifts.way_m
+            if track.is_here:
+                self._near[track.id] = self._shifts.way_m
             self._settle(track)
             touched.append(track)
         return touched
@@ -184,10 +186,12 @@ class WeedMap:
         self._shifted = self._shifts.total
         self.crop_ground.shift(shift)
         seen_since_m = self._shifts.way_m - NEAR_WAY_M
-        self._near = {id: way_m for id, way_m in self._near.items() if way_m >= seen_since_m}
-        for id in self._near:
-            if (track := self._tracks.get(id)) is not None:
-                track.shift(shift)
+        for id, way_m in list(self._near.items()):
+            track = self._tracks.get(id)
+            if track is None or way_m < seen_since_m:
+                del self._near[id]
+            if track is not None:
+                track.shift(shift) if way_m >= seen_since_m else track.rest()
                 self._cells.place(track)
 
     def _around(self, x_m: float, y_m: float, radius_m: float) -> Iterator[Track]:

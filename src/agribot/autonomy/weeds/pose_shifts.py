@@ -12,11 +12,37 @@ import math
 from bisect import bisect_left
 
 from agribot.autonomy.weeds.poses import MAX_GAP_S, SPAN_S, PoseAt
+from agribot.core.arithmetic import clamp
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import Estimate
 from agribot.core.pose import Pose2
 
 UNSHIFTED = Pose2(0.0, 0.0, 0.0)
+# What corrections take from the way over so many metres, or add to it, is an error of the wheels'
+# and nothing that a receiver wanders; of one correction no more counts than that.
+SCALE_MEMORY_M, LEAST_WAY_M = 20.0, 5.0
+MAX_SCALE_RATIO, MAX_LOST_M = 0.03, 0.02
+# A tighter curve makes the wheels slip otherwise than along a row.
+STRAIGHT_RADPM = 0.2
+
+
+class WayScale:
+    """By which ratio the way is longer than the wheels say, from the corrections along it."""
+
+    def __init__(self) -> None:
+        self._way_m = LEAST_WAY_M
+        self._gained_m = 0.0
+
+    @property
+    def ratio(self) -> float:
+        return clamp(self._gained_m / self._way_m, -MAX_SCALE_RATIO, MAX_SCALE_RATIO)
+
+    def learn(self, way_m: float, gained_m: float) -> None:
+        """Take in that a correction added so much to a way of the wheels."""
+        kept = math.exp(-abs(way_m) / SCALE_MEMORY_M)
+        gained_m = clamp(gained_m, -MAX_LOST_M, MAX_LOST_M)
+        self._way_m = LEAST_WAY_M + kept * (self._way_m - LEAST_WAY_M) + abs(way_m)
+        self._gained_m = kept * self._gained_m + math.copysign(1.0, way_m) * gained_m
 
 
 class PoseShifts:
@@ -27,6 +53,7 @@ class PoseShifts:
         self._last: Estimate | None = None
         self._times_s: list[float] = []
         self._totals: list[Pose2] = []
+        self._scale = WayScale()
         self.total = UNSHIFTED  # of all corrections so far
         self.way_m = 0.0  # driven so far
 
@@ -38,7 +65,7 @@ class PoseShifts:
         dt_s = estimate.t_s - before.t_s
         self.way_m += abs(estimate.v_mps) * min(dt_s, MAX_GAP_S)
         if dt_s <= MAX_GAP_S:
-            self.total = _find_correction(before, estimate).compose(self.total)
+            self.total = self._find_correction(before, estimate).compose(self.total)
         self._times_s.append(estimate.t_s)
         self._totals.append(self.total)
         if estimate.t_s - self._times_s[0] > 2.0 * self._span_s:
@@ -61,17 +88,20 @@ class PoseShifts:
             cov=pose.cov,
         )
 
-
-def _find_correction(before: Estimate, after: Estimate) -> Pose2:
-    """Find the shift from where wheels and gyro lead to where the estimate is."""
-    dt_s = after.t_s - before.t_s
-    way_m = (before.v_mps + after.v_mps) / 2.0 * dt_s
-    turn_rad = (before.yaw_rate_radps + after.yaw_rate_radps) / 2.0 * dt_s
-    course_rad = before.yaw_map_rad + after.slip_rad + turn_rad / 2.0
-    led = Pose2(
-        before.x_map_m + way_m * math.cos(course_rad),
-        before.y_map_m + way_m * math.sin(course_rad),
-        wrap_rad(before.yaw_map_rad + turn_rad),
-    )
-    now = Pose2(after.x_map_m, after.y_map_m, after.yaw_map_rad)
-    return now.compose(led.inverse())
+    def _find_correction(self, before: Estimate, after: Estimate) -> Pose2:
+        """Find the shift from where wheels and gyro lead to where the estimate is."""
+        dt_s = after.t_s - before.t_s
+        wheels_m = (before.v_mps + after.v_mps) / 2.0 * dt_s
+        way_m = wheels_m * (1.0 + self._scale.ratio)
+        turn_rad = (before.yaw_rate_radps + after.yaw_rate_radps) / 2.0 * dt_s
+        course_rad = before.yaw_map_rad + after.slip_rad + turn_rad / 2.0
+        led = Pose2(
+            before.x_map_m + way_m * math.cos(course_rad),
+            before.y_map_m + way_m * math.sin(course_rad),
+            wrap_rad(before.yaw_map_rad + turn_rad),
+        )
+        if abs(turn_rad) < STRAIGHT_RADPM * abs(wheels_m):
+            ahead_m, _ = led.locate(after.x_map_m, after.y_map_m)
+            self._scale.learn(wheels_m, ahead_m + way_m - wheels_m)
+        now = Pose2(after.x_map_m, after.y_map_m, after.yaw_map_rad)
+        return now.compose(led.inverse())

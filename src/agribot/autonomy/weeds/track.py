@@ -22,8 +22,10 @@ SHARED_STD_M = 0.01  # camera mount and flat-ground error that no sighting avera
 MIN_OWN_STD_M = 0.01  # a plant's outline has no better defined centre
 
 # A plant that comes into view again after so long is seen on another pass, with another error of
-# the pose.
+# the pose. Its place is told anew by looks whose own variance is at most this share of what the
+# poses of both passes leave open; looks from the next row tell it worse than a good receiver.
 LATER_PASS_S = 5.0
+TELLING_SHARE = 0.5
 
 # Log-odds of existence. A network misses the same plant in several frames on end, so one miss
 # says less than an independent one would: detection 0.5, clutter 0.05 per gate and frame.
@@ -55,6 +57,7 @@ class PlantSighting:
     weed_logit: float
     area_m2: float
     is_stem: bool = False
+    rest_m: tuple[float, float] | None = None  # by the pose as it was known at the capture
 
 
 @dataclass(slots=True, eq=False)
@@ -77,6 +80,11 @@ class Track:
     treated_s: float | None = None
     is_confirmed: bool = False
     left: int = 0  # index into REASONS
+    is_here: bool = True  # its place was seen on this pass
+    # Where the map has it once the robot has left it: the mean place of all sightings, by the pose
+    # as it was known then, the nearest looks first.
+    rest_m: tuple[float, float] | None = None
+    rest_weight: float = 0.0
 
     @property
     def plant(self) -> PlantClass:
@@ -126,11 +134,16 @@ class Track:
         What the sightings of a pass share is one and the same error, that of the pose now; between
         two passes it is another, so that the first tells the place no better than its pose was.
         """
-        if t_s - self.last_seen_s > LATER_PASS_S:
+        self._mean_rest(seen.rest_m, seen.own_var_m2**-2)
+        self.is_here &= t_s - self.last_seen_s <= LATER_PASS_S
+        open_m2 = (self.xx_m2 + self.yy_m2 + seen.xx_m2 + seen.yy_m2) / 2.0
+        if not self.is_here and seen.own_var_m2 <= TELLING_SHARE * open_m2:
             self.own_var_m2 += (self.xx_m2 + self.yy_m2) / 2.0
-        gain = self.own_var_m2 / (self.own_var_m2 + seen.own_var_m2)
-        self._move_towards(seen, gain)
-        self.xx_m2, self.xy_m2, self.yy_m2 = seen.xx_m2, seen.xy_m2, seen.yy_m2
+            self.is_here = True
+        if self.is_here:
+            gain = self.own_var_m2 / (self.own_var_m2 + seen.own_var_m2)
+            self._move_towards(seen, gain)
+            self.xx_m2, self.xy_m2, self.yy_m2 = seen.xx_m2, seen.xy_m2, seen.yy_m2
         self.weed_logit = clamp(
             self.weed_logit + seen.weed_logit, -MAX_CLASS_LOGIT, MAX_CLASS_LOGIT
         )
@@ -142,6 +155,20 @@ class Track:
     def shift(self, shift: Pose2) -> None:
         """Follow a correction of the pose that it was seen from."""
         self.x_map_m, self.y_map_m = shift.transform(self.x_map_m, self.y_map_m)
+
+    def rest(self) -> None:
+        """Stand where the poses of all its sightings had it, now that the robot has left it."""
+        if self.rest_m is not None:
+            self.x_map_m, self.y_map_m = self.rest_m
+
+    def _mean_rest(self, other_m: tuple[float, float] | None, weight: float) -> None:
+        """Take a place, or another track's mean, into the mean place of all sightings."""
+        if other_m is None or not weight:
+            return
+        x_m, y_m = self.rest_m or other_m
+        self.rest_weight += weight
+        gain = weight / self.rest_weight
+        self.rest_m = x_m + gain * (other_m[0] - x_m), y_m + gain * (other_m[1] - y_m)
 
     def miss(self) -> None:
         """Count that it stood in full view and was not seen."""
@@ -157,6 +184,8 @@ class Track:
         total = self.sightings + other.sightings
         self.area_m2 += (other.area_m2 - self.area_m2) * other.sightings / total
         self.sightings = total
+        self.is_here |= other.is_here
+        self._mean_rest(other.rest_m, other.rest_weight)
         self.first_seen_s = min(self.first_seen_s, other.first_seen_s)
         self.last_seen_s = max(self.last_seen_s, other.last_seen_s)
         if self.treated_s is None:
@@ -216,8 +245,11 @@ class Track:
         self.own_var_m2 = rest * rest * self.own_var_m2 + gain * gain * other.own_var_m2
 
 
-def sighting(plant: GroundPlant, pose: PoseAt) -> PlantSighting:
-    """Place a plant of the body frame in the map, with both parts of its error."""
+def sighting(plant: GroundPlant, pose: PoseAt, then: Pose2 | None = None) -> PlantSighting:
+    """Place a plant of the body frame in the map, with both parts of its error.
+
+    `then` is the pose `map_from_body` as it was known at the capture, before any correction.
+    """
     east_m, north_m = pose.map_from_body.rotate(plant.x_body_m, plant.y_body_m)
     c = pose.cov
     # d(map)/d(yaw) = (-north, east): a heading error swings the plant around the robot.
@@ -238,6 +270,7 @@ def sighting(plant: GroundPlant, pose: PoseAt) -> PlantSighting:
         weed_logit=logit if plant.plant == PlantClass.WEED else -logit,
         area_m2=plant.area_m2,
         is_stem=plant.seen_height_m == 0.0,
+        rest_m=None if then is None else then.transform(plant.x_body_m, plant.y_body_m),
     )
 
 
@@ -256,6 +289,8 @@ def new_track(id: int, seen: PlantSighting, t_s: float) -> Track:
         sightings=1,
         first_seen_s=t_s,
         last_seen_s=t_s,
+        rest_m=seen.rest_m,
+        rest_weight=seen.own_var_m2**-2,
     )
 
 
