@@ -212,7 +212,7 @@ class VescBoard:
             ),
             board=BoardSample(
                 t_s=0.0, inputs=("battery", "motors"),
-                faults=tuple(f"controller {_name(one)}: {_name_fault(v.fault)}"
+                faults=tuple(f"controller {_name(one)}: {name_fault(v.fault)}"
                              for one, v in zip(self._ids, ours, strict=True) if v.fault),
             ),
         )  # fmt: skip
@@ -260,7 +260,7 @@ def _name(one: int) -> str:
     return "on the line" if one == LOCAL else str(one)
 
 
-def _name_fault(fault: int) -> str:
+def name_fault(fault: int) -> str:
     return FAULTS[fault] if fault < len(FAULTS) else f"fault {fault}"
 
 
