@@ -169,6 +169,20 @@ def test_a_silent_line_hears_nothing_and_makes_nobody_ill(desk: Desk) -> None:
     assert line.hear() == b""
 
 
+def test_a_line_that_is_to_be_asked_and_is_not_there_is_told(desk: Desk) -> None:
+    (finding,) = desk.probe(ask=["/dev/ttyAMA7"]).check_lines()
+    assert (finding.what, finding.state) == ("at /dev/ttyAMA7", "warning")
+
+
+def test_without_the_package_for_lines_that_is_said_and_nothing_opened(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk.plug("ttyUSB0", "1a86:7523")
+    monkeypatch.setattr("agribot.core.extras.has", lambda extra: False)
+    (finding,) = desk.probe(open_line=refuse_to_open).check_lines()
+    assert finding.state == "missing" and "agribot[hardware]" in finding.detail
+
+
 def test_the_rules_name_each_board_by_what_it_said_it_is(desk: Desk) -> None:
     imu, motor = desk.plug("ttyUSB0", "1a86:7523"), desk.plug("ttyACM0", "2341:0042")
     for name, number, database in (("ttyUSB0", "188:0", CH340), ("ttyACM0", "166:0", MEGA)):

@@ -6,6 +6,7 @@ import random
 
 import pytest
 
+from agribot.drivers.imu_devices import BEGINS_S
 from agribot.drivers.line_answers import LineAnswer
 from agribot.drivers.line_probe import (
     LIMIT_S,
@@ -56,6 +57,12 @@ def test_the_probe_gives_a_board_no_speed_and_clears_no_stop() -> None:
     mega = MegaWithMotorBoard()
     probe(mega, 250_000)
     assert (mega.board.commands, mega.board.clears) == ([], 0)
+
+
+def test_what_an_arduino_said_before_it_was_reset_brings_it_no_question_in_its_bootloader() -> None:
+    answer, line = probe(SpeakingReceiver(lambda at: written.make_nmea(at)[1], 0.2), 250_000)
+    assert answer.kind == "receiver"
+    assert line.first_sent_s >= BEGINS_S
 
 
 def test_what_is_silent_is_told_nothing_at_all() -> None:

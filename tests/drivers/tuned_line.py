@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 import random
 from collections.abc import Callable
 
@@ -19,6 +20,7 @@ class TunedLine:
     def __init__(self, device: Device, baud: int) -> None:
         self._device, self._baud, self._rng = device, baud, random.Random(1)
         self.t_s, self.sent = 0.0, b""
+        self.first_sent_s = math.inf
         self.bauds: list[int] = []
         self._waiting = b""
 
@@ -38,6 +40,7 @@ class TunedLine:
 
     def write(self, data: bytes) -> None:
         self.sent += data
+        self.first_sent_s = min(self.first_sent_s, self.t_s)
         is_right = self.bauds[-1] == self._baud
         self._waiting += data if is_right else self._rng.randbytes(len(data))
 

@@ -62,8 +62,13 @@ class DeviceProbe:
     def check_lines(self) -> Iterator[CheckResult]:
         """Open each serial line that nobody else has, and say what answers."""
         lines = [one for one in find_serial_lines(self._root, self._access) if one.is_usable]
-        if lines:
-            extras.require("hardware", "agribot doctor --probe")
+        if lines and not extras.has("hardware"):
+            detail = f"were not opened: {extras.format_install('hardware')}"
+            yield CheckResult(what="serial lines", state="missing", detail=detail)
+            return
+        for node in set(self._ask) - {name for one in lines for name in (one.node, one.path)}:
+            detail = "--ask names no serial line that was found, or that you may use"
+            yield CheckResult(what=f"at {node}", state="warning", detail=detail)
         for device in lines:
             what = f"at {device.node}"
             taken = self._explain_taken(device)
@@ -153,11 +158,12 @@ class DeviceProbe:
 
     def _probe(self, device: FoundDevice) -> LineAnswer:
         bauds = order_bauds(device.what)
+        is_named = bool({device.node, device.path} & set(self._ask))
         line = self._open_line(str(self._root / device.node.lstrip("/")), bauds[0])
         try:
             probe = LineProbe(
                 line, self._now_s, lambda text: print_line(f"  {text} ..."),
-                may_ask=may_ask_silent(device.what) or device.node in self._ask,
+                may_ask=is_named or may_ask_silent(device.what),
             )  # fmt: skip
             return probe.find(bauds)
         finally:

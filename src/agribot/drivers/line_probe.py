@@ -103,8 +103,9 @@ class LineProbe:
                     break
             elif self._now_s() - begun_s > span_s:
                 return None
-            for speaker in speakers:
-                self._send(speaker.take_to_send(self._now_s()))
+            if self._now_s() - self._opened_s >= BEGINS_S:  # no bootloader listens any more
+                for speaker in speakers:
+                    self._send(speaker.take_to_send(self._now_s()))
         return heard.answer(baud) if heard is not None else None
 
     def _make_speakers(self) -> list[Speaker]:
