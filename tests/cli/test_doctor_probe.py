@@ -163,8 +163,10 @@ def test_a_line_that_is_locked_by_whom_nobody_sees_is_told(desk: Desk) -> None:
 
 def test_a_silent_line_hears_nothing_and_makes_nobody_ill(desk: Desk) -> None:
     line = desk.plug("ttyUSB0", "1a86:7523")
-    (finding,) = desk.probe().check_lines()
+    probe = desk.probe()
+    (finding,) = probe.check_lines()
     assert finding.state == "missing" and "silent" in finding.detail
+    assert probe.write_command() == ("", "a motor board and a receiver")
     assert "--ask /dev/ttyUSB0" in finding.detail
     assert line.hear() == b""
 

@@ -106,7 +106,8 @@ def _probe(options: argparse.Namespace, findings: list[CheckResult]) -> DevicePr
     command, lacks = probe.write_command()
     if lacks:
         print_line(f"a robot needs {lacks}, which did not answer")
-    print_line(command)
+    if command:
+        print_line(command)
     return probe
 
 

@@ -98,7 +98,10 @@ class DeviceProbe:
             yield self._check_camera(device, take)
 
     def write_command(self) -> tuple[str, str]:
-        """Write the command that runs the robot of what was found, and what it lacks, in words."""
+        """Write the command that runs the robot of what was found, and what it lacks, in words.
+
+        The command is empty where nothing of use was found.
+        """
         chosen = {
             sensor: one.source
             for sensor in (*ONE_EACH, "camera")
@@ -121,7 +124,7 @@ class DeviceProbe:
             for sensor, text in (("base", "a motor board"), ("gnss", "a receiver"))
             if sensor not in chosen
         ]
-        return shlex.join(words), " and ".join(lacks)
+        return shlex.join(words) if chosen else "", " and ".join(lacks)
 
     def write_rules(self) -> list[str]:
         """Write the rules of udev that name what was found; a comment where one cannot be told."""
