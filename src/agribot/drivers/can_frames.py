@@ -59,7 +59,7 @@ class CanStream:
         import can
 
         self._can: Any = can
-        options = {"bitrate": bitrate} if bitrate else {}
+        options: dict[str, Any] = {"bitrate": bitrate} if bitrate else {}
         try:
             self._bus = can.Bus(channel=channel, interface=interface, **options)
         except (can.CanError, ValueError, NotImplementedError) as error:
