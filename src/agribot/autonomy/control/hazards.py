@@ -15,6 +15,7 @@ from agribot.autonomy.control.battery_watch import BatteryWatch
 from agribot.autonomy.control.bumper import Bumper
 from agribot.autonomy.control.fence import Fence, FieldFence
 from agribot.autonomy.control.input_watch import InputWatch
+from agribot.autonomy.control.power_cut import PowerCut
 from agribot.autonomy.control.sensor_watch import SensorWatch
 from agribot.autonomy.control.wheel_watch import Found, name_motors
 from agribot.core.config import SafetyConfig
@@ -39,6 +40,7 @@ class Situation(NamedTuple):
     sensors: SensorWatch
     inputs: InputWatch
     motion: Found
+    power: PowerCut
     stuck: str
     bumper: Bumper
     touch: str
@@ -154,7 +156,13 @@ def _tool_at_rest(now: Situation) -> str:
 def _runs_away(now: Situation) -> str:
     if not now.motion.runaway:
         return ""
+    if now.power.is_cut and not now.power.does_not_open:
+        return f"RUNAWAY, the motors' power is cut: {now.motion.runaway}"
     return f"RUNAWAY, cut the power with the red button: {now.motion.runaway}"
+
+
+def _cut_off(now: Situation) -> str:
+    return now.motion.runaway if now.power.is_cut else ""
 
 
 HAZARDS = (
@@ -165,6 +173,18 @@ HAZARDS = (
            limit="pressed", reaction="latch", for_hand="yes",
            find=lambda now: now.inputs.button(), check="red button", at_rest=True,
            faults=("button.pressed",)),
+    Hazard(name="wheels turn on though they are to stand, of a robot with a contactor",
+           seen_by="encoders; the contactor takes the motors' power",
+           limit="0.4 s after the time in which they have to stand", reaction="latch",
+           for_hand="yes", find=_cut_off, at_rest=True, faults=("motor.runaway",)),
+    Hazard(name="contactor does not answer, or does not do what it is told",
+           seen_by="what it tells, and the encoders",
+           limit="`safety.sensor_timeout_s`, 1 s to open and to close", reaction="latch",
+           for_hand="yes", find=lambda now: now.power.fault(), check="contactor",
+           faults=("contactor.welded", "contactor.silent")),
+    Hazard(name="wheels turn without power", seen_by="encoders, after the contactor opened",
+           limit="0.2 rad/s", reaction="latch", for_hand="yes",
+           find=lambda now: now.power.still_turns(), at_rest=True),
     Hazard(name="clock goes back, stands or jumps; the program stood still",
            seen_by="time of the tick", limit="`safety.clock_jump_s`", reaction="latch",
            for_hand="yes", find=lambda now: now.sensors.clock_fault, check="clock",
@@ -230,6 +250,9 @@ HAZARDS = (
     Hazard(name="safety input never spoke", seen_by="what the motor board tells of it",
            limit="once, of each of `safety.must_report`", reaction="wait", for_hand="yes",
            find=lambda now: now.inputs.unheard(), check="safety inputs"),
+    Hazard(name="motors without power", seen_by="contactor",
+           limit="until the wheels stood for 0.5 s after the stop was cleared", reaction="wait",
+           for_hand="yes", find=lambda now: now.power.waiting()),
     Hazard(name="no position", seen_by="estimate", limit="its own", reaction="wait",
            find=_pose_missing, check="position",
            faults=("gnss.outage", "start.aside", "start.turned")),
@@ -317,6 +340,7 @@ _COUNTING = {
     for reaction in _REACTIONS
     for is_by_hand in (False, True)
 }
+CONTACTOR, NO_CONTACTOR = "contactor", "none: nothing but the red button takes the motors' power"
 OF_BOARD = ("red button", "safety inputs")  # items that only a motor board can tell of
 CHECKS = tuple(dict.fromkeys(hazard.check for hazard in HAZARDS if hazard.check))
 _BY_CHECK = {
@@ -333,5 +357,6 @@ def check_start(now: Situation) -> tuple[Check, ...]:
         if name in absent:
             continue
         found = next((told for find in _BY_CHECK[name] if (told := find(now))), "")
-        checks.append(Check(name=name, is_ok=not found, text=found))
+        remark = NO_CONTACTOR if name == CONTACTOR and not now.power.is_there else ""
+        checks.append(Check(name=name, is_ok=not found, text=found or remark))
     return tuple(checks)

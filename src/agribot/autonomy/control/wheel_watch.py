@@ -55,6 +55,7 @@ class Found(NamedTuple):
     """Faults in words, empty where there is none.
 
     `wheels` go where nobody told them; `runaway` are wheels that turn on though they are to stand.
+    `fastest_radps` is the fastest of the wheels, either way round; None where no encoder was read.
     A dead motor, a frozen IMU and a wrong turn a person who drives need not mind, but who relies
     on odometry and gyro must.
     """
@@ -64,6 +65,7 @@ class Found(NamedTuple):
     dead_motor: str = ""
     frozen_imu: str = ""
     wrong_turn: str = ""
+    fastest_radps: float | None = None
 
 
 class WheelWatch:
@@ -105,6 +107,7 @@ class WheelWatch:
             dead_motor=self._dead_motor(batch.wheels[-1], elapsed_s),
             frozen_imu=self._frozen_imu(speeds, batch),
             wrong_turn=self._wrong_turn(speeds, elapsed_s),
+            fastest_radps=max(abs(speed) for speed in speeds),
         )
 
     def _follow_board(self, sent: DriveCommand, t_s: float, dt_s: float) -> None:

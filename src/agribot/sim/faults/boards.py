@@ -27,6 +27,20 @@ class PressedButton:
         return msgspec.structs.replace(batch, board=(*batch.board, told))
 
 
+class SilentContactor:
+    """The relay of the contactor is pulled from its socket: nobody tells of it any more.
+
+    It falls off, and the motors lose their power.
+    """
+
+    def __init__(self, fault: Fault) -> None:
+        self._fault = fault
+
+    def alter(self, batch: SensorBatch) -> SensorBatch:
+        kept = tuple(sample for sample in batch.contactor if not self._fault.is_on(sample.t_s))
+        return msgspec.structs.replace(batch, contactor=kept)
+
+
 class UnpluggedImu:
     """The chip of IMU and magnetometer says nothing."""
 

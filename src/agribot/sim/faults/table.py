@@ -11,7 +11,7 @@ from agribot.core.messages import WHEEL_NAMES
 from agribot.core.suggestions import suggest_name
 
 Part = Literal["gnss", "compass", "imu", "wheels", "motors", "ground", "camera", "network",
-               "bumper", "button", "battery", "clock", "link", "disk", "start",
+               "bumper", "button", "contactor", "battery", "clock", "link", "disk", "start",
                "robot", "crop"]  # fmt: skip
 
 
@@ -119,6 +119,10 @@ FAULTS = (
               about="the bumper in front says that it touches something"),
     FaultKind(name="button.pressed", part="button", words=("red button",),
               about="somebody presses the red button"),
+    FaultKind(name="contactor.silent", part="contactor", words=("contactor",),
+              about="the relay of the contactor is pulled out: it falls off, and tells nothing"),
+    FaultKind(name="contactor.welded", part="contactor", words=("contactor",),
+              about="the contactor's contacts are welded: told to open, they stay closed"),
     FaultKind(name="obstacle.unmapped", part="robot", words=("bumper", "obstacle"),
               is_momentary=True,
               about="a pole stands 2 m ahead of the robot, in the physics and in the picture"),
