@@ -9,10 +9,10 @@ import pytest
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import RobotCommand
-from agribot.core.platform import SourceThatActs
+from agribot.core.platform import SensorSource, SourceThatActs
 from agribot.drivers import schemes
 from agribot.drivers.lcus_relay import LcusContactor, make_switch
-from tests.drivers.lines import Line, open_source
+from tests.drivers.lines import Line, Opened
 from tests.waiting import wait_for
 
 ON, OFF = bytes.fromhex("A00101A2"), bytes.fromhex("A00100A1")
@@ -26,6 +26,10 @@ def test_a_channel_is_switched_by_four_bytes_whose_last_is_the_sum_of_the_others
             head, number, state, checksum = make_switch(channel, is_on=is_on)
             assert (head, number, state) == (0xA0, channel, is_on)
             assert checksum == (head + number + state) % 256
+
+
+def open_source(name: str, uri: str) -> SensorSource:
+    return Opened().open(name, uri)
 
 
 class Relay:

@@ -22,7 +22,7 @@ from agribot.drivers.uri_options import UriOptions
 BAUD, HEAD = 9600, 0xA0
 CHANNELS = 8  # of the largest of the family
 REPEAT_S = 0.1  # what was lost on the line is said again
-STUCK_S = 0.5  # a line that takes nothing for so long is lost
+STUCK_S = 1.0  # a line that takes nothing for so long is lost
 
 
 def make_switch(channel: int, *, is_on: bool) -> bytes:
