@@ -113,8 +113,12 @@ def test_another_channel_of_a_larger_relay_is_switched(line: Line) -> None:
     source = open_source("contactor", f"lcus:{line.path}?channel=4")
     try:
         heard = bytearray()
-        wait_for(lambda: heard.extend(line.hear()) or bytes(heard) == make_switch(4, is_on=False),
-                 "channel 4 to be switched off")  # fmt: skip
+
+        def is_told() -> bool:
+            heard.extend(line.hear())
+            return bytes(heard) == make_switch(4, is_on=False)
+
+        wait_for(is_told, "channel 4 to be switched off")
     finally:
         source.close()
 

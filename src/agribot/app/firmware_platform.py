@@ -37,6 +37,8 @@ from agribot.drivers.agribot_board import TOOL_OUTPUTS, make_board
 from agribot.drivers.board_link import BoardLink
 from agribot.drivers.schemes import SourceUri
 from agribot.drivers.uri_options import UriOptions
+from agribot.sim.faults.boards import hush_inputs
+from agribot.sim.faults.programs import join_batches
 
 if TYPE_CHECKING:
     from agribot.app.run_setup import RunSetup
@@ -144,12 +146,14 @@ class FirmwarePlatform:
             self._link.feed(self._faults.bring(self._bench.receive()), self._t_s)
         events, hand = self.inbox.drain(self._t_s)
         told = self._link.take(self._t_s)
+        if self._faults.are_inputs_silent:
+            told |= hush_inputs(told)
         told["mag"] = tuple(each for each in told["mag"] if each.t_s >= self._field_from_s)
         self._send(self._link.clear(self._t_s, events, told["board"]))
         told |= self._receiver.take(self._t_s)
         events = (*told.pop("events"), *self._link.watch_line(self._t_s), *events)
         return msgspec.structs.replace(
-            _join(batches), t_s=self._t_s, events=events, hand=hand, **told
+            join_batches(batches), t_s=self._t_s, events=events, hand=hand, **told
         )
 
     def write(self, command: RobotCommand) -> None:
@@ -208,16 +212,6 @@ class FirmwarePlatform:
         if batch.battery:
             self._battery_v = batch.battery[-1].voltage_v
         bench.set_battery(self._faults.drain(self._battery_v))
-
-
-def _join(batches: list[SensorBatch]) -> SensorBatch:
-    """Put the batches of a tick together."""
-    fields = [name for name in SensorBatch.__struct_fields__ if name != "t_s"]
-    joined = {
-        name: tuple(sample for batch in batches for sample in getattr(batch, name))
-        for name in fields
-    }
-    return msgspec.structs.replace(batches[-1], **joined)
 
 
 def open_firmware(

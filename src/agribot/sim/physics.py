@@ -173,6 +173,10 @@ class Physics:
         self._bristle_m[:] = 0.0
         self.is_held = True
 
+    def twist(self, torque_nm: float) -> None:
+        """Let a torque act on the body about its width until the next call, its front up."""
+        self._engine.twist_base(-torque_nm * read_rotation(self.history[-1])[:, 1])
+
     def let_go(self) -> None:
         """Let the robot stand on its own wheels again."""
         self._engine.hold_base(None)

@@ -12,6 +12,7 @@ from agribot.core.messages import (
     BoardSample,
     ContactorSample,
     DriveCommand,
+    MissionState,
     OperatorAction,
     RobotCommand,
     SensorBatch,
@@ -36,7 +37,7 @@ class Machine:
 
     def go(
         self, seconds: float, drive: DriveCommand = FORWARD, *actions: OperatorAction,
-        state: str = "running",
+        state: MissionState = "running",
     ) -> RobotCommand:  # fmt: skip
         for tick in range(round(seconds / TICK_S)):
             batch = self.sense()
@@ -45,7 +46,7 @@ class Machine:
                 drive,
                 batch=batch,
                 state=state,
-                actions=acts,  # type: ignore[arg-type]
+                actions=acts,
             )
             self.is_closed = self.is_welded or not self.sent.is_power_cut
         return self.sent
