@@ -291,7 +291,9 @@ def test_the_red_button_stops_the_motors_for_as_long_as_it_is_pressed(
         assert sample.inputs == ("red button",)
     assert len(pressed.list("board")) == len(pressed.batches)
     assert pressed.true_at(FROM_S).v_mps == pytest.approx(0.4, abs=0.05)
-    assert pressed.true_at(FROM_S + 0.5).v_mps == pytest.approx(0.0, abs=0.01)
+    # Its first contact carries the current of the contactor: without power no motor brakes.
+    assert 0.1 < pressed.true_at(FROM_S + 0.5).v_mps < 0.35
+    assert pressed.true_at(UNTIL_S).v_mps == pytest.approx(0.0, abs=0.02)
     assert pressed.true_at(END_S).v_mps == pytest.approx(0.4, abs=0.05)
 
 
