@@ -176,6 +176,7 @@ def test_every_package_that_is_imported_is_declared() -> None:
         "foxglove_sdk": "foxglove",
         "rerun_sdk": "rerun",
         "pyserial": "serial",
+        "python_can": "can",
         "pyshp": "shapefile",
         "ruamel.yaml": "ruamel",
     }

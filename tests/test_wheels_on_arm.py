@@ -38,9 +38,9 @@ def resolve(python: str, requirement: Path, index: dict[str, str]) -> tuple[int,
     done = subprocess.run(
         [
             Path(sys.executable).with_name("uv"), "pip", "compile", requirement,
-            "--extra", "hardware", "--extra", "ui", "--only-binary", ":all:", "--no-header",
-            "--constraint", "constraints.txt", "--no-emit-index-url", "--no-emit-find-links",
-            "--python-version", python, "--python-platform", MACHINE,
+            "--extra", "hardware", "--extra", "can", "--extra", "ui", "--only-binary", ":all:",
+            "--no-header", "--constraint", "constraints.txt", "--no-emit-index-url",
+            "--no-emit-find-links", "--python-version", python, "--python-platform", MACHINE,
         ],
         cwd=ROOT, env={**os.environ, **index}, capture_output=True, text=True, check=False,
         timeout=TIMEOUT_S,
@@ -58,6 +58,7 @@ def test_a_robot_with_drivers_and_page_installs_from_wheels_on_64_bit_arm(
     status, said = resolve(python, ROOT / "pyproject.toml", index)
     assert status == 0, said
     assert "pyserial==" in said
+    assert "python-can==" in said
     assert "onnxruntime==" in said
 
 
@@ -66,7 +67,9 @@ def test_a_package_without_a_wheel_for_it_would_be_found(
 ) -> None:
     project = tmp_path / "pyproject.toml"
     needs = '[project]\nname = "x"\nversion = "1"\ndependencies = ["cyclonedds"]\n'
-    project.write_text(needs + "[project.optional-dependencies]\nhardware = []\nui = []\n")
+    project.write_text(
+        needs + "[project.optional-dependencies]\nhardware = []\ncan = []\nui = []\n"
+    )
     status, said = resolve("3.14", project, index)
     assert status != 0
     assert "cyclonedds" in said

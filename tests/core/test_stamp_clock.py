@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -72,6 +74,13 @@ def test_lines_that_come_in_heaps_are_known_to_their_period() -> None:
     for k in range(40):
         clock.note_message(0.0, 1.0 + 0.3 * (k // 4))
     assert 0.5 * 0.075 < clock.uncertainty_s < 2.0 * 0.075
+
+
+def test_lines_that_all_come_at_once_tell_nothing_of_when_they_were_sent() -> None:
+    clock = StampClock()
+    for _ in range(5):
+        clock.note_message(0.0, 1.0)
+    assert clock.uncertainty_s == math.inf
 
 
 def test_a_board_that_began_with_the_robot_is_not_taken_for_the_robots_own_clock() -> None:

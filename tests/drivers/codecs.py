@@ -10,15 +10,19 @@ from typing import Any
 from agribot.drivers import ntrip, rtcm
 from agribot.drivers.board_codec import BoardDecoder, encode
 from agribot.drivers.letter_imu import LetterImuDecoder, read_axes
+from agribot.drivers.motor_board import MotorBoard
 from agribot.drivers.nmea import write_sentence
 from agribot.drivers.odrive import OdriveBoard
+from agribot.drivers.odrive_can import OdriveCanBoard
 from agribot.drivers.receiver import GpsdDecoder, ReceiverDecoder
 from agribot.drivers.rosserial import RosserialHost
 from agribot.drivers.ubx import UbxDecoder, make_frame
 from agribot.drivers.ubx_setup import ACK, CFG_VALSET, NAK, ReceiverSetup, SetupPlan
 from agribot.drivers.vesc import LOCAL, VescBoard
+from agribot.drivers.vesc_can import VescCanBoard
 from tests.drivers import board_bytes, rosserial_bytes
 from tests.drivers import receiver_bytes as written
+from tests.drivers.can_fakes import FakeOdriveBus, FakeVescBus
 from tests.drivers.caster import STATION, TABLE, YES, chunk, make_observation
 from tests.drivers.esc_fakes import FakeVesc
 
@@ -30,6 +34,8 @@ BAUD = {
     "ubx": 115_200, "nmea": 115_200, "ubx_setup": 115_200, "gpsd": 115_200, "rtcm": 115_200,
     "ntrip": 115_200, "letter_imu": 57_600, "rosserial": 57_600, "board": 250_000,
     "vesc": 115_200, "odrive": 115_200,
+    # 16 bytes for each frame of 150 bits with what is stuffed, at 500 kbit/s.
+    "vesc_can": 533_000, "odrive_can": 533_000,
 }  # fmt: skip
 
 
@@ -98,6 +104,14 @@ def open_odrive() -> Feed:
     return feed
 
 
+def open_vesc_can() -> Feed:
+    return VescCanBoard((11, 12), 7, 10.0).feed
+
+
+def open_odrive_can() -> Feed:
+    return OdriveCanBoard((0, 1), 10.0).feed
+
+
 def open_setup() -> Feed:
     """What is sent to the receiver is one frame."""
     frames, setup = UbxDecoder(), ReceiverSetup(SetupPlan())
@@ -122,6 +136,8 @@ CODECS: dict[str, Callable[[], Feed]] = {
     "rosserial": open_rosserial,
     "vesc": open_vesc,
     "odrive": open_odrive,
+    "vesc_can": open_vesc_can,
+    "odrive_can": open_odrive_can,
     "ubx_setup": open_setup,
 }
 
@@ -134,6 +150,15 @@ def write_vesc() -> bytes:
     fake.erpm[3] = -4000
     fake.advance(0.02)
     return said + fake.answer(driver.poll())
+
+
+def write_bus(fake: FakeVescBus | FakeOdriveBus, driver: MotorBoard) -> bytes:
+    """Write what two nodes say within a fifth of a second."""
+    said = b""
+    for _ in range(10):
+        fake.advance(0.02)
+        said += fake.answer(driver.poll())
+    return said
 
 
 def write_seeds(codec: str) -> list[bytes]:
@@ -155,6 +180,8 @@ OF_BOARDS = {
     "letter_imu": b"A-7576B2476C-14524D-749E-4615F-459G\r\nA0B0C16384D0E0F131G\r\n",
     "rosserial": rosserial_bytes.make_topic() + b"text\r\n" + rosserial_bytes.make_message(),
     "vesc": write_vesc(),
+    "vesc_can": write_bus(FakeVescBus((11, 12)), VescCanBoard((11, 12), 7, 10.0)),
+    "odrive_can": write_bus(FakeOdriveBus(), OdriveCanBoard((0, 1), 10.0)),
     "odrive": b"0.5 1.0\r\n-0.5 -1.0\r\n0\r\n64\r\n8\r\n1\r\n24.3\r\n0.6 1.0\r\n-0.6 -1.0\r\n"
     b"invalid property\r\n",
 }

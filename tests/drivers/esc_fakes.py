@@ -39,6 +39,10 @@ class FakeVesc:
             if command[0] == 8:
                 (self.erpm[one],) = struct.unpack(">i", command[1:5])
                 self._silent_s[one] = 0.0
+            elif command[0] == 0:
+                out += make_packet(b"\x00\x06\x05" + b"60_MK6\0" + bytes(12))
+            elif command[0] == 62 and one == self._local:
+                out += make_packet(bytes((62, *(other for other in self.erpm if other != one))))
             elif command[0] == 50:
                 out += make_packet(self._tell(one, *struct.unpack(">I", command[1:5])))
         return out
@@ -64,7 +68,8 @@ class FakeOdrive:
     watchdog without time has expired before the next one.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, firmware: tuple[int, int] = (0, 5)) -> None:
+        self.firmware = firmware
         self.restart()
 
     def restart(self) -> None:
@@ -77,6 +82,11 @@ class FakeOdrive:
         self.is_broken = False  # it has an error again as soon as it was cleared
         self.clears = 0
         self.lets_go: list[int] = []  # axes that were put into a state
+
+    @property
+    def _error(self) -> str:
+        """What this firmware calls the errors of an axis."""
+        return "active_errors" if self.firmware >= (0, 6) else "error"
 
     def speed(self, axis: int) -> float:
         return self._speeds[axis] if self.states[axis] == CLOSED_LOOP else 0.0
@@ -92,7 +102,7 @@ class FakeOdrive:
         *lines, self._line = (self._line + data).split(b"\n")
         said = b""
         for line in lines:
-            said += self._do(line.decode().split())
+            said += self._do(line.decode("ascii", "replace").split())
             self._check()
         return said
 
@@ -111,18 +121,25 @@ class FakeOdrive:
                 self._left_s[int(axis)] = self.timeouts_s[int(axis)]
             case ["f", axis]:
                 return f"{self._turns[int(axis)]:f} {self.speed(int(axis)):f}\r\n".encode()
-            case ["r", "vbus_voltage"]:
-                return b"24.3\r\n"
-            case ["r", name] if name.endswith(".error"):
-                return f"{self.errors[int(name[4])]}\r\n".encode()
-            case ["r", name] if name.endswith(".current_state"):
-                return f"{self.states[int(name[4])]}\r\n".encode()
+            case ["r", name]:
+                return f"{self._read(name)}\r\n".encode()
             case ["w", name, value]:
                 self._write(name, value)
             case ["sc"]:
                 self.clears += 1
                 self.errors = [0x200 * self.is_broken] * 2
         return b""
+
+    def _read(self, name: str) -> str:
+        axis = int(name[4]) if name.startswith("axis") else 0
+        known = {
+            "vbus_voltage": "24.3",
+            "fw_version_major": self.firmware[0],
+            "fw_version_minor": self.firmware[1],
+            f"axis{axis}.current_state": self.states[axis],
+            f"axis{axis}.{self._error}": self.errors[axis],
+        }
+        return str(known.get(name, "invalid property"))
 
     def _write(self, name: str, value: str) -> None:
         axis = int(name[4])

@@ -187,3 +187,25 @@ def test_corrections_that_a_receiver_tells_of_in_two_messages_count_once() -> No
     pair = written.make_ubx_rtcm(use=2) + written.make_ubx_cor(use=2)
     assert use_of(sky, *[pair] * 5, written.make_ubx_cor(use=1)) == (5, 1)
     assert use_of(sky, written.make_ubx_cor(use=2, protocol=2)) == (None, None)
+
+
+@pytest.mark.parametrize(
+    "satellite", ['"PRN":1e9990', '"PRN":1e300', '"PRN":-5', '"PRN":5,"gnssid":1e9990']
+)
+def test_a_satellite_with_a_number_that_none_has_is_refused_and_gpsd_read_on(
+    satellite: str,
+) -> None:
+    refused: list[str] = []
+    decoder = GpsdDecoder(refused.append)
+    sky = f'{{"class":"SKY","device":"/dev/a","hdop":0.9,"satellites":[{{{satellite}}}]}}\n'
+    decoder.feed(sky.encode())
+    assert len(refused) == 1 and "SKY" in refused[0]
+    (sample,) = decoder.feed(sky.replace(satellite, '"PRN":5').encode(), 2.0)
+    assert isinstance(sample[1], GnssStatus) and sample[1].satellites[0].number == 5
+
+
+def test_a_satellite_of_nmea_has_no_more_than_three_digits() -> None:
+    refused: list[str] = []
+    decoder = ReceiverDecoder(refused.append)
+    decoder.feed(write_sentence("GPGSV,1,1,01,99999999999999999999,71,210,44,1"))
+    assert len(refused) == 1 and "GSV" in refused[0]

@@ -37,9 +37,12 @@ def open_board(options: str) -> MotorBoard:
 class Linked:
     """A board behind its link; `told` is what it told of itself since it was last emptied."""
 
-    def __init__(self, fake: FakeOdrive | FakeVesc, options: str = ODRIVE) -> None:
+    def __init__(
+        self, fake: FakeOdrive | FakeVesc, options: str = ODRIVE, board: MotorBoard | None = None
+    ) -> None:
         self.fake, self.now_s = fake, 0.0
-        self.link = BoardLink(open_board(options), ROBOT.drive, lambda: self.now_s)
+        board = board or open_board(options)
+        self.link = BoardLink(board, ROBOT.drive, lambda: self.now_s)
         self.told: list[BoardSample] = []
         self.speeds: list[tuple[float, ...]] = []
         self.sizes: list[tuple[int, int]] = []

@@ -362,6 +362,18 @@ def test_in_mud_the_wheels_spin_and_the_robot_hardly_gains_speed(
     assert mud < 0.03 * 9.8 * 0.9 * 1.1 < 0.4 * firm
 
 
+def test_mud_fills_a_hollow_beyond_which_the_ground_is_firm(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    drive = Drive(rover, meadow, "soil.mud=0.01@0", drive=DriveCommand(v_mps=1.0), end_s=9.0)
+    start_m = drive.truth[0].x_map_m
+    way_m = [truth.x_map_m - start_m for truth in drive.truth]
+    deep, out = (drive.truth[int(np.searchsorted(way_m, place_m))] for place_m in (1.9, 2.4))
+    # Coulomb in the hollow: v^2 = 2 a s, with no more than friction times gravity.
+    assert deep.v_mps < 1.1 * math.sqrt(2.0 * 0.01 * 9.8 * 1.9)
+    assert out.v_mps > deep.v_mps + 0.2
+
+
 def test_a_robot_is_lifted_carried_to_its_left_and_set_down(
     rover: RobotSpec, meadow: WorldSpec
 ) -> None:

@@ -72,6 +72,7 @@ def run(options: argparse.Namespace) -> int:
     page = None if options.markdown is None else _read_page(options.markdown, _name(options))
     path = options.out or Path("runs") / f"faults{_find_ending(options)}"
     folder = SweepFolder(path.resolve(), jobs)
+    jobs = folder.jobs
     errors = drive_all(folder, faults.FaultExecutor(options.workers))
     reports = folder.read_finished()
     rows = make_rows(scenarios, jobs, reports)

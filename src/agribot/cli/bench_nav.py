@@ -20,7 +20,7 @@ from agribot.core.errors import ConfigError
 from agribot.lab.sweep.plan import read_seeds
 
 if TYPE_CHECKING:
-    from agribot.lab.bench.nav.suite import Job
+    from agribot.lab.bench.nav.job import Job
 
 MAX_SPEED_MPS = 1.0
 
@@ -47,6 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers", type=int, default=usable_cpus(), help="processes (default: one for each CPU)"
     )
+    parser.add_argument(
+        "--keep", type=Path, metavar="FILE",
+        help="put finished missions there, and drive none again that is there already",
+    )  # fmt: skip
     parser.add_argument("--plot", type=Path, metavar="PNG", help="draw all missions there")
     parser.add_argument("--markdown", action="store_true", help="write the table as Markdown")
     parser.add_argument("--json", action="store_true", help="print the results as the last line")
@@ -58,6 +62,7 @@ def run(options: argparse.Namespace) -> int:
     check_workers(options.workers)
     if options.plot:
         extras.require("report", "--plot")
+    from agribot.lab.bench.nav.kept import KeptMissions
     from agribot.lab.bench.nav.plot import plot
     from agribot.lab.bench.nav.suite import drive_all
     from agribot.lab.bench.nav.table import level_text, text
@@ -67,16 +72,17 @@ def run(options: argparse.Namespace) -> int:
         msgspec.structs.replace(job, has_level=options.integrity)
         for job in _list_jobs(options, seeds)
     ]
+    kept = None if options.keep is None else KeptMissions(options.keep)
     progress = CountProgress(sum(len(job.seeds) for job in jobs), "missions")
     count = 0
     with stop_on_signal() as stop:
 
-        def done(block: Job) -> None:
+        def done(seeds: Sequence[int]) -> None:
             nonlocal count
-            count += len(block.seeds)
+            count += len(seeds)
             progress(count)
 
-        results = list(drive_all(jobs, options.workers, lambda: bool(stop), done))
+        results = list(drive_all(jobs, options.workers, lambda: bool(stop), done, kept))
         progress.close()
         interrupted = bool(stop)
     lines = [entry for entry, _ in results]
@@ -94,6 +100,9 @@ def run(options: argparse.Namespace) -> int:
         }
         sys.stdout.write(json.dumps(content) + "\n")
     if interrupted:
+        if options.keep:
+            sys.stderr.write("agribot: interrupted; finished missions are kept, the same command "
+                             "drives the rest\n")  # fmt: skip
         return 130
     own = [entry for entry in lines if not entry.name.startswith("original")]
     return 0 if all(entry.missions_ok >= 0.95 * entry.missions for entry in own) else 1

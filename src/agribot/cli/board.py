@@ -14,7 +14,6 @@ from agribot.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from agribot.drivers.board_probe import BoardProbe, FoundBoard
-    from agribot.drivers.board_protocol import BoardState
     from agribot.drivers.schemes import SourceUri
 
 PERIOD_S = 1.0  # of a line
@@ -97,12 +96,14 @@ def _find(uri: SourceUri, wanted: object, seconds: float) -> FoundBoard:
 
 def _print_on(probe: BoardProbe, found: FoundBoard, seconds: float) -> FoundBoard:
     """Print a board, and go on with a line a second; gives the last of it."""
-    print_line(_describe(found))
+    from agribot.drivers.board_probe import describe_board
+
+    print_line(describe_board(found))
     until_s = time.monotonic() + seconds
     try:
         while time.monotonic() < until_s:
             found = probe.listen(PERIOD_S) or found
-            print_line(_describe(found))
+            print_line(describe_board(found))
     except KeyboardInterrupt:
         pass
     return found
@@ -112,38 +113,6 @@ def _fits(found: FoundBoard) -> bool:
     from agribot.drivers.board_protocol import LAYOUT
 
     return found.version.layout == LAYOUT
-
-
-def _describe(found: FoundBoard) -> str:
-    version = found.version
-    words = [f"{version.board.name.lower()} board, firmware {'.'.join(map(str, version.firmware))}"]
-    if not _fits(found):
-        words.append(
-            f"of another table of messages (layout {version.layout:#06x}); flash it: agribot board "
-            f"flash {version.board.name.lower()}"
-        )
-    if found.state is not None:
-        words += _describe_state(found.state)
-    if found.imu is not None:
-        x, y, z = found.imu.accel_mps2
-        words.append(f"acceleration {x:.2f}, {y:.2f}, {z:.2f} m/s2")
-        words.append("turns at {:.2f}, {:.2f}, {:.2f} rad/s".format(*found.imu.gyro_radps))
-    elif version.board.name == "IMU":
-        words.append("its chip does not answer; check the wires of the IMU")
-    return ", ".join(words)
-
-
-def _describe_state(state: BoardState) -> list[str]:
-    from agribot.drivers.agribot_board import CAUSES
-
-    causes = [text for cause, text in CAUSES.items() if cause in state.stop_causes]
-    flags = [flag.name or "" for flag in type(state.flags) if flag in state.flags]
-    return [
-        f"battery {state.battery_v:.1f} V",
-        f"stopped: {' and '.join(causes)}" if causes else "not stopped",
-        *(name.lower().replace("_", " ") for name in flags if name != "STOP_LATCHED"),
-        f"counts {' '.join(map(str, state.counts))}",
-    ]
 
 
 def _print_json(found: FoundBoard) -> None:

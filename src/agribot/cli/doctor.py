@@ -13,6 +13,7 @@ from agribot.core.version import __version__
 
 if TYPE_CHECKING:
     from agribot.cli.doctor_findings import CheckResult
+    from agribot.cli.doctor_probe import DeviceProbe
 
 LOADING = "loading every package; this takes some seconds ..."
 DRIVING = "driving for one second on the farm; the first time on a machine takes half a minute ..."
@@ -27,10 +28,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="load every package, and drive on the simulated farm for a second",
     )
+    parser.add_argument(
+        "--probe",
+        action="store_true",
+        help="open each serial line and camera that nobody uses, and say what answers; this resets "
+        "Arduinos",
+    )
+    parser.add_argument(
+        "--udev",
+        action="store_true",
+        help="with --probe: print rules that name the boards by what they said they are",
+    )
+    parser.add_argument(
+        "--ask",
+        action="append",
+        default=[],
+        metavar="NODE",
+        help="with --probe: a line such as /dev/ttyAMA0 to be asked though it is silent, for a "
+        "VESC or an ODrive; never one with an Arduino",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
+    """Check the machine.
+
+    Raises: ConfigError: options that belong together, or a missing extra.
+    """
     print_line(f"agribot {__version__}, looking at this machine ...")
+    _check_options(options)
     from agribot.cli import doctor_machine
     from agribot.cli.doctor_findings import format_line
 
@@ -45,11 +70,57 @@ def run(options: argparse.Namespace) -> int:
         print_line(DRIVING)
         findings.append(_drive_farm(findings))
         print_line(format_line(findings[-1]))
+    probe = _probe(options, findings) if options.probe else None
     ok = all(finding.state != "bad" for finding in findings)
     print_line("OK" if ok else "NOT OK: mend what is called bad above")
     if options.json:
-        _print_json(ok, machine, findings)
+        _print_json(ok, machine, findings, probe)
+    elif options.udev and probe is not None:
+        _print_rules(probe)
     return 0 if ok else 1
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    """Refuse what --probe alone can do.
+
+    Raises: ConfigError: it is not there.
+    """
+    from agribot.core.errors import ConfigError
+
+    for name in ("udev", "ask"):
+        if getattr(options, name) and not options.probe:
+            raise ConfigError(f"--{name} says what to do with what --probe finds; add --probe")
+
+
+def _probe(options: argparse.Namespace, findings: list[CheckResult]) -> DeviceProbe:
+    """Open the devices, add to the findings what they are, and say what to run."""
+    from agribot.cli.doctor_findings import format_line
+    from agribot.cli.doctor_probe import DeviceProbe
+    from agribot.drivers.gpsd_probe import ask_gpsd
+
+    probe = DeviceProbe(gpsd=ask_gpsd(), ask=options.ask)
+    for check in (probe.check_lines, probe.check_cameras):
+        for finding in check():
+            findings.append(finding)
+            print_line(format_line(finding))
+    command, lacks = probe.write_command()
+    if lacks:
+        print_line(f"a robot needs {lacks}, which did not answer")
+    if command:
+        print_line(command)
+    return probe
+
+
+def _print_rules(probe: DeviceProbe) -> None:
+    from agribot.drivers.udev_names import RULES_FILE
+
+    rules = probe.write_rules()
+    sys.stdout.write("".join(f"{rule}\n" for rule in rules))
+    if any(not rule.startswith("#") for rule in rules):
+        print_line(
+            f"put these lines into {RULES_FILE}, then: sudo udevadm control --reload && "
+            "sudo udevadm trigger --subsystem-match=tty"
+        )
 
 
 def _list_checks(*, is_full: bool) -> Iterator[Check]:
@@ -80,7 +151,9 @@ def _drive_farm(findings: list[CheckResult]) -> CheckResult:
     return doctor_packages.drive_farm(findings)
 
 
-def _print_json(ok: bool, machine: dict[str, Any], findings: list[CheckResult]) -> None:
+def _print_json(
+    ok: bool, machine: dict[str, Any], findings: list[CheckResult], probe: DeviceProbe | None
+) -> None:
     import msgspec
 
     result = {
@@ -89,6 +162,14 @@ def _print_json(ok: bool, machine: dict[str, Any], findings: list[CheckResult]) 
         "machine": machine,
         "findings": msgspec.to_builtins(findings),
     }
+    if probe is not None:
+        command, lacks = probe.write_command()
+        result["probe"] = {
+            "devices": msgspec.to_builtins(probe.found),
+            "command": command,
+            "lacks": lacks,
+            "udev_rules": probe.write_rules(),
+        }
     sys.stdout.write(json.dumps(result) + "\n")
 
 

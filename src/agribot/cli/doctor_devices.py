@@ -105,8 +105,8 @@ def _explain_use(device: FoundDevice) -> str:
         return f"--source gnss=serial:{device.path}"
     if "Arduino" in device.what:
         return (
-            f"its lasting name is {device.path}; which board it is: "
-            f"agribot board show serial:{device.path}"
+            f"its lasting name is {device.path}; which board it is, by opening it: "
+            "agribot doctor --probe"
         )
     return f"its lasting name is {device.path}"
 

@@ -16,18 +16,12 @@ from agribot.cli.standard_error import print_line
 from agribot.core import extras
 from agribot.core.errors import ConfigError
 from agribot.core.geo import compass_deg_from_yaw
-from agribot.core.messages import GnssFix, GnssHeading, GnssQuality, GnssStatus
+from agribot.core.messages import GnssFix, GnssHeading, GnssStatus
 
 PERIOD_S = 1.0  # of a line
 POLL_S = 0.05
 PATIENCE_S = 10.0  # for the answers to all settings
 RATES_HZ = 1.0, 20.0
-_NAMES = {
-    GnssQuality.SINGLE: "single",
-    GnssQuality.DGNSS: "DGNSS",
-    GnssQuality.RTK_FIXED: "RTK fixed",
-    GnssQuality.RTK_FLOAT: "RTK float",
-}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -118,11 +112,13 @@ class _Summary:
             print_line(note.text)
 
     def describe(self) -> str:
+        from agribot.drivers.receiver_speaker import QUALITY_NAMES
+
         words = ["no fix yet"]
         if self.fix is not None:
             words = [
                 f"{self.fix.lat_deg:.8f}, {self.fix.lon_deg:.8f}, {self.fix.alt_m:.2f} m",
-                f"{_NAMES.get(self.fix.quality, 'none')} +-{self.fix.pos_std_m:.3f} m",
+                f"{QUALITY_NAMES.get(self.fix.quality, 'none')} +-{self.fix.pos_std_m:.3f} m",
                 f"{self._find_rate_hz():.1f} Hz",
             ]
         if self.status is not None:

@@ -19,6 +19,7 @@ MODULE_OF = {
     "opencv-python-headless": "cv2",
     "pillow": "PIL",
     "pyserial": "serial",
+    "python-can": "can",
     "pyshp": "shapefile",
     "rerun-sdk": "rerun",
     "ruamel-yaml": "ruamel.yaml",

@@ -90,7 +90,7 @@ def measure_scatter_s(arrivals_s: list[float]) -> float:
 
     Each interval is off by the difference of two delays, which for delays of an exponential law
     has their mean as its mean deviation. One that is a multiple of the usual, because messages in
-    between were lost, counts as that. Infinite of fewer than three messages.
+    between were lost, counts as that. Infinite of fewer than three messages, and of a single heap.
     """
     intervals_s = [later - earlier for earlier, later in pairwise(arrivals_s)]
     if len(intervals_s) < 2:
@@ -98,6 +98,8 @@ def measure_scatter_s(arrivals_s: list[float]) -> float:
     usual_s = sorted(intervals_s)[len(intervals_s) // 2]
     if usual_s <= 0.0:  # they come in heaps
         usual_s = sum(intervals_s) / len(intervals_s)
+    if usual_s <= 0.0:  # all in one heap: nothing is known of when they were sent
+        return math.inf
     off_s = [abs(each - max(round(each / usual_s), 1) * usual_s) for each in intervals_s]
     return sum(off_s) / len(off_s)
 

@@ -11,8 +11,9 @@ from agribot.core.named_functions import find_function
 from agribot.core.robot import RobotSpec
 from agribot.core.suggestions import suggest_name
 from agribot.drivers.byte_streams import OpenStream, SerialStream, TcpStream
+from agribot.drivers.can_frames import CanStream
 from agribot.drivers.motor_board import MotorBoard
-from agribot.drivers.schemes import BASE, SourceUri, read_uri
+from agribot.drivers.schemes import BASE, CAN, SourceUri, read_uri
 from agribot.drivers.stream_sources import read_address
 from agribot.drivers.uri_options import UriOptions
 
@@ -36,6 +37,10 @@ _KINDS: dict[str, _Kind] = {
     "agribot": _Kind("agribot.drivers.agribot_board:make_board", 250_000),
     "vesc": _Kind("agribot.drivers.vesc:make_board", 115_200),
     "odrive": _Kind("agribot.drivers.odrive:make_board", 115_200),
+}
+_CAN_KINDS: dict[str, MakeBoard | str] = {
+    "vesc": "agribot.drivers.vesc_can:make_board",
+    "odrive": "agribot.drivers.odrive_can:make_board",
 }
 EXAMPLE = "--source base=serial:/dev/ttyACM0?board=agribot"
 
@@ -69,8 +74,14 @@ def open_board(uri_text: str, robot: RobotSpec) -> BoardLine:
             f"{', '.join(_KINDS)}"
         )
     kind = _KINDS[name]
+    if uri.scheme == CAN and name not in _CAN_KINDS:
+        raise ConfigError(
+            f"--source {BASE}={uri_text}: board={name} is on no CAN bus; boards there: "
+            f"{', '.join(f'board={one}' for one in _CAN_KINDS)}"
+        )
     open_stream = _find_line(uri, options, kind.baud)
-    maker: MakeBoard = find_function(kind.maker, f"board={name}")
+    found = _CAN_KINDS[name] if uri.scheme == CAN else kind.maker
+    maker: MakeBoard = find_function(found, f"board={name}")
     board = maker(robot, options)
     options.check_empty()
     return BoardLine(board, open_stream, uri.name)
@@ -80,10 +91,15 @@ def _find_line(uri: SourceUri, options: UriOptions, default_baud: int) -> OpenSt
     if uri.scheme == "tcp":
         host, port = read_address(uri, None)
         return lambda: TcpStream(host, port)
+    if uri.scheme == CAN:
+        extras.require("can", f"--source {BASE}={CAN}:{uri.path.strip('/')}")
+        interface = options.pop_text("interface", "socketcan")
+        bitrate = int(options.pop_number("bitrate", 0.0, 0.0, 1e6))
+        return lambda: CanStream(uri.path.strip("/"), interface, bitrate)
     if uri.scheme != "serial":
         raise ConfigError(
-            f"--source {BASE}={uri.scheme}:{uri.name}: a motor board is on a serial line or a TCP "
-            f"port: {EXAMPLE}, or tcp://HOST:PORT"
+            f"--source {BASE}={uri.scheme}:{uri.name}: a motor board is on a serial line, a TCP "
+            f"port or a CAN bus: {EXAMPLE}, tcp://HOST:PORT or can:can0?board=vesc"
         )
     extras.require("hardware", f"--source {BASE}=serial:{uri.path}")
     baud = int(options.pop_number("baud", default_baud, 300, 4_000_000))

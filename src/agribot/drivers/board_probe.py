@@ -7,8 +7,10 @@ from collections.abc import Callable
 
 import msgspec
 
+from agribot.drivers.agribot_board import CAUSES
 from agribot.drivers.board_codec import BoardDecoder, BoardEncoder
 from agribot.drivers.board_protocol import (
+    LAYOUT,
     AskVersion,
     BoardImu,
     BoardKind,
@@ -33,54 +35,40 @@ class FoundBoard(msgspec.Struct, frozen=True, kw_only=True):
     imu: BoardImu | None = None
 
 
-class BoardProbe:
-    """A line that was just opened, and what the board says there.
+class BoardListener:
+    """What a board says on a line that was just opened, and what it may be asked.
 
     Nothing is sent to what is silent: it may be a board in its bootloader. An IMU board that was
     asked goes on in frames.
     """
 
-    def __init__(self, stream: ByteStream, now_s: Callable[[], float]) -> None:
-        self._stream, self._now_s, self._opened_s = stream, now_s, now_s()
-        self._asked_s = self._opened_s + BEGINS_S - ASK_AGAIN_S
+    def __init__(self, opened_s: float) -> None:
+        self._asked_s = opened_s + BEGINS_S - ASK_AGAIN_S
         self._decoder, self._encoder = BoardDecoder(), BoardEncoder()
         self._text = b""
+        self._speaks = False
         self._said: dict[type[BoardMessage], BoardMessage] = {}
+        self.has_printed = self.has_framed = False
 
-    def ask(self, patience_s: float = PATIENCE_S) -> FoundBoard | None:
-        """Ask the board what it is; None where none speaks that understands.
-
-        Raises: OSError: the line broke.
-        """
-        while self._now_s() - self._opened_s < patience_s:
-            speaks = self._hear()
-            if speaks and self._now_s() - self._asked_s >= ASK_AGAIN_S:
-                self._asked_s = self._now_s()
-                self._stream.write(b"\0" + self._encoder.encode(AskVersion())[1])
-            found = self._find()
-            if found is not None and (found.state or found.imu):
-                return found
-        return self._find()
-
-    def listen(self, seconds: float) -> FoundBoard | None:
-        """Go on hearing for a while, and tell what was said last.
-
-        Raises: OSError: the line broke.
-        """
-        until_s = self._now_s() + seconds
-        while self._now_s() < until_s:
-            self._hear()
-        return self._find()
-
-    def _hear(self) -> bool:
-        """Take what came; whether that was a board of ours."""
-        data = self._stream.read()
+    def feed(self, data: bytes) -> None:
+        """Take what came, which may be nothing."""
         frames = self._decoder.feed(data)
         self._said.update({type(frame.message): frame.message for frame in frames})
         self._text = (self._text + data)[-LONGEST_LINE:] if data else b""
-        return bool(frames) or _LINE.search(self._text) is not None
+        is_printing = _LINE.search(self._text) is not None
+        self._speaks = bool(frames) or is_printing
+        self.has_framed |= bool(frames)
+        self.has_printed |= is_printing
 
-    def _find(self) -> FoundBoard | None:
+    def take_to_send(self, now_s: float) -> bytes:
+        """Make the question for its version, if it speaks now and was not just asked."""
+        if not self._speaks or now_s - self._asked_s < ASK_AGAIN_S:
+            return b""
+        self._asked_s = now_s
+        return b"\0" + self._encoder.encode(AskVersion())[1]
+
+    def find(self) -> FoundBoard | None:
+        """Tell what it is; None before it told its version."""
         version = self._said.get(BoardVersion)
         state, imu = self._said.get(BoardState), self._said.get(BoardImu)
         if not isinstance(version, BoardVersion):
@@ -90,3 +78,67 @@ class BoardProbe:
             state=state if isinstance(state, BoardState) else None,
             imu=imu if isinstance(imu, BoardImu) else None,
         )
+
+
+class BoardProbe:
+    """A line that was just opened, and what the board says there."""
+
+    def __init__(self, stream: ByteStream, now_s: Callable[[], float]) -> None:
+        self._stream, self._now_s, self._opened_s = stream, now_s, now_s()
+        self._board = BoardListener(self._opened_s)
+
+    def ask(self, patience_s: float = PATIENCE_S) -> FoundBoard | None:
+        """Ask the board what it is; None where none speaks that understands.
+
+        Raises: OSError: the line broke.
+        """
+        while self._now_s() - self._opened_s < patience_s:
+            self._board.feed(self._stream.read())
+            question = self._board.take_to_send(self._now_s())
+            if question:
+                self._stream.write(question)
+            found = self._board.find()
+            if found is not None and (found.state or found.imu):
+                return found
+        return self._board.find()
+
+    def listen(self, seconds: float) -> FoundBoard | None:
+        """Go on hearing for a while, and tell what was said last.
+
+        Raises: OSError: the line broke.
+        """
+        until_s = self._now_s() + seconds
+        while self._now_s() < until_s:
+            self._board.feed(self._stream.read())
+        return self._board.find()
+
+
+def describe_board(found: FoundBoard) -> str:
+    """Say in words which board it is, its firmware, and how it is."""
+    version = found.version
+    words = [f"{version.board.name.lower()} board, firmware {'.'.join(map(str, version.firmware))}"]
+    if version.layout != LAYOUT:
+        words.append(
+            f"of another table of messages (layout {version.layout:#06x}); flash it: agribot board "
+            f"flash {version.board.name.lower()}"
+        )
+    if found.state is not None:
+        words += _describe_state(found.state)
+    if found.imu is not None:
+        x, y, z = found.imu.accel_mps2
+        words.append(f"acceleration {x:.2f}, {y:.2f}, {z:.2f} m/s2")
+        words.append("turns at {:.2f}, {:.2f}, {:.2f} rad/s".format(*found.imu.gyro_radps))
+    elif version.board is BoardKind.IMU:
+        words.append("its chip does not answer; check the wires of the IMU")
+    return ", ".join(words)
+
+
+def _describe_state(state: BoardState) -> list[str]:
+    causes = [text for cause, text in CAUSES.items() if cause in state.stop_causes]
+    flags = [flag.name or "" for flag in type(state.flags) if flag in state.flags]
+    return [
+        f"battery {state.battery_v:.1f} V",
+        f"stopped: {' and '.join(causes)}" if causes else "not stopped",
+        *(name.lower().replace("_", " ") for name in flags if name != "STOP_LATCHED"),
+        f"counts {' '.join(map(str, state.counts))}",
+    ]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import socket
+import termios
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
@@ -74,6 +75,19 @@ class SerialStream:
             self._port.write(data)
         except (serial.SerialException, TypeError) as error:
             raise OSError(errno.EIO, str(error)) from error
+
+    def set_baud(self, baud: int) -> None:
+        """Go on at another speed, without opening the line anew, which would reset an Arduino.
+
+        Raises: OSError: the line does not know that speed, or broke.
+        """
+        import serial
+
+        try:
+            self._port.baudrate = baud
+            self._port.reset_input_buffer()  # what came at the old one makes no sense
+        except (serial.SerialException, ValueError, termios.error) as error:
+            raise OSError(errno.EIO, f"{baud} baud: {error}") from error
 
     def close(self) -> None:
         self._port.close()

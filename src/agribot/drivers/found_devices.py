@@ -33,6 +33,8 @@ RELAY_CHIP = "1a86:7523"  # CH340, of an LCUS relay and of many an Arduino alike
 RECEIVERS = ("u-blox receiver", "Septentrio receiver")
 # UARTs on the pins of small computers; those of a PC (ttyS) are left out, for most have no plug.
 BOARD_UARTS = ("ttyAMA", "ttyTHS", "serial0", "serial1")
+# Links of /etc/udev/rules.d/71-agribot-boards.rules, one for each board that was probed.
+BOARD_NAMES = ("agribot-motor", "agribot-imu", "agribot-receiver")
 LEVELS_TO_USB = 8  # folders of /sys between an interface and its USB device, at the most
 
 
@@ -71,8 +73,9 @@ def find_devices(root: Path = Path("/"), access: Access = os.access) -> list[Fou
 
 def find_serial_lines(root: Path, access: Access = os.access) -> Iterator[FoundDevice]:
     """Find the serial lines over USB, and those on the pins of a small computer."""
-    names = _read_stable_names(root, "dev/serial/by-id")
-    for name in _list(root / "dev", r"tty(USB|ACM)\d+"):
+    lines = _list(root / "dev", r"tty(USB|ACM)\d+")
+    names = _name_serial_lines(root, lines)
+    for name in lines:
         vendor, product = _read_usb_ids(root / "sys/class/tty" / name / "device")
         known = SERIAL_MAKERS.get((vendor, product)) or SERIAL_MAKERS.get((vendor, ""))
         what = known or _read_usb_text(root / "sys/class/tty" / name / "device") or "serial line"
@@ -131,12 +134,36 @@ def _list(folder: Path, pattern: str) -> list[str]:
     return sorted(names, key=lambda name: (len(name), name))
 
 
-def _read_stable_names(root: Path, folder: str) -> dict[str, str]:
+def _read_stable_names(root: Path, folder: str, pattern: str = ".+") -> dict[str, str]:
     """Return for each node's name the link that keeps pointing to the same device."""
     return {
-        os.path.basename(os.path.realpath(root / folder / link)): f"/{folder}/{link}"
-        for link in reversed(_list(root / folder, ".+"))
+        os.path.basename(os.readlink(root / folder / link)): f"/{folder}/{link}"
+        for link in reversed(_list(root / folder, pattern))
+        if os.path.islink(root / folder / link)
     }
+
+
+def _name_serial_lines(root: Path, lines: list[str]) -> dict[str, str]:
+    """Return the lasting name of each line: one of a rule for boards, by its number, or its socket.
+
+    Two devices of one kind without serial numbers have the same name by-id, of which the one
+    plugged in last has the link; their sockets tell them apart.
+    """
+    by_id = _read_stable_names(root, "dev/serial/by-id")
+    by_path = _read_stable_names(root, "dev/serial/by-path")
+    by_rule = _read_stable_names(root, "dev", "|".join(BOARD_NAMES))
+    about = {name: root / "sys/class/tty" / name / "device" for name in lines}
+    ids = {name: (*_read_usb_ids(at), _read_usb_serial(at)) for name, at in about.items()}
+    twins = {name for name in lines if list(ids.values()).count(ids[name]) > 1}
+    single = {name: link for name, link in by_id.items() if name not in twins}
+    return {**by_id, **by_path, **single, **by_rule}
+
+
+def _read_usb_serial(interface: Path) -> str:
+    for folder in _climb(interface):
+        if (folder / "idVendor").exists():
+            return _read(folder / "serial")
+    return ""
 
 
 def _read_usb_ids(interface: Path) -> tuple[str, str]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import NamedTuple
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import (
@@ -52,7 +53,7 @@ class OdriveBoard:
     def __init__(self, axes: tuple[int, int], gear_ratio: float, error: str = "error") -> None:
         """`error` is what a firmware calls the faults of an axis: 0.6 has `active_errors`."""
         self._axes, self._gear = axes, gear_ratio
-        self._expired = WATCHDOG_EXPIRED[error]
+        self._sides = SideAxes(axes, gear_ratio, WATCHDOG_EXPIRED[error])
         self._errors = {f"axis{axis}.{error}": axis for axis in axes}
         self._state_names = {f"axis{axis}.current_state": axis for axis in axes}
         self._asked: deque[str] = deque()
@@ -152,7 +153,10 @@ class OdriveBoard:
         axis = int(name)
         self._motion[axis] = values[0], values[1]
         is_known = len(self._motion) == len(self._faults) == len(self._states) == 2
-        return self._report() if axis == self._axes[-1] and is_known else None
+        if axis != self._axes[-1] or not is_known:
+            return None
+        states = {one: AxisState(self._faults[one], self._states[one]) for one in self._axes}
+        return self._sides.report(self._motion, states, self._voltage_v)
 
     def _take_property(self, name: str, value: float) -> None:
         """Take a value of the round in, and all of them with the last: none is another's then."""
@@ -166,43 +170,70 @@ class OdriveBoard:
         self._states = {axis: int(told[one]) for one, axis in self._state_names.items()}
         self._voltage_v, self._is_changing = value, False
 
-    def _report(self) -> BoardReport:
-        """Make a reading of the last answers; a wheel that turns is the wheel of its side."""
-        right, left = (self._motion[axis] for axis in self._axes)
+
+class AxisState(NamedTuple):
+    """Errors of an axis, 0 for none, and what it does."""
+
+    error: int
+    state: int
+
+
+class SideAxes:
+    """What two axes, right and left, tell of the robot; a wheel is the wheel of its side."""
+
+    def __init__(
+        self, axes: tuple[int, int], gear_ratio: float, expired: int, word: str = "axis"
+    ) -> None:
+        """`expired` are the bits of an error that mean a watchdog; `word` is what an axis is."""
+        self._axes, self._gear, self._expired, self._word = axes, gear_ratio, expired, word
+
+    def report(
+        self, motion: dict[int, tuple[float, float]], states: dict[int, AxisState],
+        voltage_v: float,
+    ) -> BoardReport:  # fmt: skip
+        """Make a reading of positions and velocities in turns; no voltage is NaN."""
+        right, left = (motion[axis] for axis in self._axes)
         to_rad = math.tau / self._gear
         right_rad, left_rad = right[0] * to_rad, left[0] * to_rad
         v_right, v_left = right[1] * to_rad, left[1] * to_rad
-        bad = [bool(self._faults[axis]) for axis in self._axes]
+        bad = [bool(states[axis].error) for axis in self._axes]
+        is_known = not math.isnan(voltage_v)
         return BoardReport(
             wheels=WheelSample(
                 t_s=0.0, angle_rad=(right_rad, left_rad, right_rad, left_rad),
                 speed_radps=(v_right, v_left, v_right, v_left),
                 faults=tuple(name for k, name in enumerate(WHEEL_NAMES) if bad[k % 2]),
             ),
-            battery=None if math.isnan(self._voltage_v) else BatterySample(
-                t_s=0.0, voltage_v=self._voltage_v, current_a=math.nan, charge_ratio=math.nan
-            ),
+            battery=BatterySample(
+                t_s=0.0, voltage_v=voltage_v, current_a=math.nan, charge_ratio=math.nan
+            ) if is_known else None,
             board=BoardSample(
-                t_s=0.0,
-                inputs=("motors",) if math.isnan(self._voltage_v) else ("battery", "motors"),
-                stopped=" and ".join(filter(None, map(self._why_standing, self._axes))),
-                faults=tuple(filter(None, map(self._name_error, self._axes))),
+                t_s=0.0, inputs=("battery", "motors") if is_known else ("motors",),
+                stopped=" and ".join(
+                    filter(None, (self._why_standing(axis, states[axis]) for axis in self._axes))
+                ),
+                faults=tuple(
+                    filter(None, (self._name_error(axis, states[axis]) for axis in self._axes))
+                ),
             ),
         )  # fmt: skip
 
-    def _name_error(self, axis: int) -> str:
-        error = self._faults[axis]
-        expired = " (its watchdog heard no command in time)" if error & self._expired else ""
-        return f"axis {axis}: error {error:#x}{expired}" if error else ""
+    def is_standing(self, state: AxisState | None) -> bool:
+        """Tell whether an axis does not drive its wheels, as far as is known."""
+        return state is None or bool(state.error) or state.state != CLOSED_LOOP
 
-    def _why_standing(self, axis: int) -> str:
+    def _name_error(self, axis: int, state: AxisState) -> str:
+        expired = " (its watchdog heard no command in time)" if state.error & self._expired else ""
+        return f"{self._word} {axis}: error {state.error:#x}{expired}" if state.error else ""
+
+    def _why_standing(self, axis: int, state: AxisState) -> str:
         """Say why an axis does not drive its wheels; empty where it does."""
-        state = self._states[axis]
-        if self._faults[axis]:
-            return f"axis {axis} has an error"
-        if state == CLOSED_LOOP:
+        if state.error:
+            return f"{self._word} {axis} has an error"
+        if not self.is_standing(state):
             return ""
-        return f"axis {axis} is {'idle' if state == IDLE else f'in state {state}'}"
+        does = "idle" if state.state == IDLE else f"in state {state.state}"
+        return f"{self._word} {axis} is {does}"
 
 
 def make_board(robot: RobotSpec, options: UriOptions) -> OdriveBoard:

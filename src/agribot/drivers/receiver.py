@@ -152,7 +152,7 @@ class GpsdDecoder:
             try:
                 if report.get("class") == "SKY":
                     self.sky.add_sky(report)
-            except (KeyError, ValueError, TypeError, AttributeError) as error:
+            except (KeyError, ValueError, TypeError, AttributeError, OverflowError) as error:
                 self._refuse(f"SKY that cannot be read: {error}")
             fix = self._fixes.add(report)
             if fix is not None:

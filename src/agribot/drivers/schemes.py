@@ -23,6 +23,7 @@ from agribot.drivers.ntrip import check_no_login
 
 Opened = TypeVar("Opened")
 BASE = "base"  # the motor board, which `platform = "hardware"` opens itself
+CAN = "can"  # of motor boards alone
 _SENSOR_OF: dict[str, Sensor] = {"camera": "frames"}  # settings name it for people
 
 
@@ -105,6 +106,7 @@ _KINDS: dict[str, SourceKind] = {
     "lcus": SourceKind(
         "agribot.drivers.lcus_relay:open_relay", "hardware", "lcus:/dev/serial/by-path/..."
     ),
+    CAN: SourceKind(f"{_STREAMS}refuse_can", "", "can:can0 (base)"),
     "v4l2": SourceKind(_CAMERA, "", "v4l2:/dev/video0"),
     "video": SourceKind(_CAMERA, "", "video:FILE"),
     "rtsp": SourceKind(_CAMERA, "", "rtsp://HOST/PATH", is_verbatim=True),

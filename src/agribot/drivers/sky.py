@@ -31,6 +31,7 @@ _GLONASS_NUMBERS = range(65, 97)
 _AGE_LIMITS_S = (None, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0)
 _OLDEST_S = 300.0
 _MOST_SATELLITES = 200
+_MOST_NUMBER = 999  # of a satellite: three digits, in NMEA and in gpsd
 _DOP_NAMES = ("gdop", "pdop", "hdop", "vdop", "tdop")
 _COR_BYTES, _RTCM_BYTES = 12, 8
 _IS_RTCM3 = 1  # of RXM-COR's protocol
@@ -112,7 +113,7 @@ class Sky:
     def add_sky(self, report: Mapping[str, Any]) -> None:
         """Add a SKY of gpsd, which tells satellites, dilutions, or both.
 
-        Raises: ValueError, TypeError, KeyError: it is none.
+        Raises: ValueError, TypeError, KeyError, OverflowError: it is none.
         """
         for name in _DOP_NAMES:
             if name in report:
@@ -220,8 +221,8 @@ def _read_gsv_satellite(
     talker: str, number: str, elevation: str, azimuth: str, snr: str
 ) -> Satellite:
     return Satellite(
-        system=_guess_system(talker, int(number)),
-        number=int(number),
+        system=_guess_system(talker, _read_satellite(number)),
+        number=_read_satellite(number),
         elevation_deg=_read_number(elevation, -90.0, 90.0),
         azimuth_deg=_read_number(azimuth, 0.0, 360.0),
         snr_db=_read_number(snr or "0", 0.0, 99.0),
@@ -242,12 +243,16 @@ def _read_ubx_satellite(payload: bytes, index: int) -> Satellite:
 def _read_gpsd_satellite(told: Mapping[str, Any]) -> Satellite:
     return Satellite(
         system=_UBX_SYSTEMS.get(int(told.get("gnssid", 0)), "?"),
-        number=int(told["PRN"]),
+        number=_read_satellite(told["PRN"]),
         elevation_deg=_read_number(told.get("el", 0.0), -90.0, 90.0),
         azimuth_deg=_read_number(told.get("az", 0.0), 0.0, 360.0),
         snr_db=_read_number(told.get("ss", 0.0), 0.0, 99.0),
         is_used=bool(told.get("used", False)),
     )
+
+
+def _read_satellite(number: str | float) -> int:
+    return int(_read_number(number, 0.0, _MOST_NUMBER))
 
 
 def _read_number(text: str | float, least: float, most: float) -> float:

@@ -74,6 +74,17 @@ def open_gpsd_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> 
     )  # fmt: skip
 
 
+def refuse_can(sensor: Sensor, uri: SourceUri, context: SourceContext) -> SensorSource:
+    """Refuse a sensor on a CAN bus.
+
+    Raises: ConfigError: always.
+    """
+    raise ConfigError(
+        f"{sensor} from {uri.scheme}:{uri.name}: of a CAN bus motor boards can be read, as in "
+        "base=can:can0?board=vesc&ids=11,12"
+    )
+
+
 def open_receiver_line(uri: SourceUri) -> ByteStream:
     """Open the line of a receiver to set it up, by the URI that a run reads it by.
 

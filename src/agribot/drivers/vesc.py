@@ -140,7 +140,7 @@ class VescBoard:
         self._electrical_turns = pole_pairs * gear_ratio  # for a turn of the wheel
         self._decoder = VescDecoder()
         self._values: dict[int, VescValues] = {}
-        self._counts: dict[int, _Turns] = {}
+        self._counts: dict[int, CounterOf32Bits] = {}
 
     @property
     def broken(self) -> int:
@@ -187,7 +187,7 @@ class VescBoard:
         if one not in self._ids:
             return None
         self._values[one] = values
-        self._counts.setdefault(one, _Turns()).add(values.tachometer)
+        self._counts.setdefault(one, CounterOf32Bits()).add(values.tachometer)
         if len(self._values) < len(self._ids):
             return None
         report = self._report()
@@ -212,13 +212,13 @@ class VescBoard:
             ),
             board=BoardSample(
                 t_s=0.0, inputs=("battery", "motors"),
-                faults=tuple(f"controller {_name(one)}: {_name_fault(v.fault)}"
+                faults=tuple(f"controller {_name(one)}: {name_fault(v.fault)}"
                              for one, v in zip(self._ids, ours, strict=True) if v.fault),
             ),
         )  # fmt: skip
 
 
-class _Turns:
+class CounterOf32Bits:
     """A counter of 32 bits that goes on where it wraps around."""
 
     def __init__(self) -> None:
@@ -236,16 +236,24 @@ def make_board(robot: RobotSpec, options: UriOptions) -> VescBoard:
 
     Raises: ConfigError: an option that is none.
     """
-    text = options.pop_text("ids", "local")
-    ids = tuple(_read_id(word.strip()) for word in text.split(","))
-    if len(ids) not in (2, 4) or len(set(ids)) != len(ids):
-        raise ConfigError(
-            f"ids={text}: name two controllers, right and left, or four, right rear, left rear, "
-            "right front and left front, such as ids=local,12"
-        )
+    ids = read_ids(options.pop_text("ids", "local"), "ids=local,12")
     pole_pairs = options.pop_number("pole_pairs", 7.0, 1.0, 100.0)
     gear = options.pop_number("gear", robot.drive.gear_ratio, 0.1, 1000.0)
     return VescBoard(ids, round(pole_pairs), gear)
+
+
+def read_ids(text: str, example: str) -> tuple[int, ...]:
+    """Read two or four controllers of which each is named once.
+
+    Raises: ConfigError: it names others.
+    """
+    ids = tuple(_read_id(word.strip()) for word in text.split(",") if text)
+    if len(ids) not in (2, 4) or len(set(ids)) != len(ids):
+        raise ConfigError(
+            f"ids={text}: name two controllers, right and left, or four, right rear, left rear, "
+            f"right front and left front, such as {example}"
+        )
+    return ids
 
 
 def _read_id(word: str) -> int:
@@ -260,7 +268,7 @@ def _name(one: int) -> str:
     return "on the line" if one == LOCAL else str(one)
 
 
-def _name_fault(fault: int) -> str:
+def name_fault(fault: int) -> str:
     return FAULTS[fault] if fault < len(FAULTS) else f"fault {fault}"
 
 

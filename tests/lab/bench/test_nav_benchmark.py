@@ -5,14 +5,19 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
 from agribot.cli.main import main
+from agribot.core.errors import ConfigError
 from agribot.description.loader import load_robot
-from agribot.lab.bench.nav.judge import FleetJudge, LevelJudge
+from agribot.lab.bench.nav import suite
+from agribot.lab.bench.nav.job import Job
+from agribot.lab.bench.nav.judge import FleetJudge, LevelJudge, Outcome
+from agribot.lab.bench.nav.kept import KeptMissions
 from agribot.lab.bench.nav.missions import run_missions
 from agribot.lab.bench.nav.original import OriginalController
 from agribot.lab.bench.nav.plant import RoverFleet
@@ -229,3 +234,43 @@ def test_the_error_is_beyond_its_level_no_more_often_than_promised(seeds: tuple[
         assert sum(level.exceeded_m for level in levels) <= 2e-3 * row_m
         assert sum(level.misled for level in levels) == 0
         assert sum(level.available_m for level in levels) > 0.85 * row_m
+
+
+def test_missions_that_are_kept_are_not_driven_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    what = scenario("rtk", vision=False, speed_mps=0.8, variant="nominal")
+    job = suite.chosen((1, 2, 3), load_robot(), what)
+    driven: list[int] = []
+
+    def drive_nothing(block: Job, stop: suite.Stop) -> tuple[Job, list[Outcome]]:
+        driven.extend(block.seeds)
+        return block, [make_outcome(seed) for seed in block.seeds]
+
+    monkeypatch.setattr(suite, "drive", drive_nothing)
+    path = tmp_path / "missions.jsonl"
+    KeptMissions(path).add(job, [make_outcome(1), make_outcome(3)])
+    with path.open("ab") as file:
+        file.write(b'{"version": "0')  # the program was killed while it wrote
+    seen: list[int] = []
+    ((line, outcomes),) = suite.drive_all([job], 1, lambda: False, seen.extend, KeptMissions(path))
+    assert driven == [2] and sorted(seen) == [1, 2, 3]
+    assert [outcome.seed for outcome in outcomes] == [1, 2, 3] and line.missions == 3
+    assert sorted(KeptMissions(path).find(job)) == [1, 2, 3]
+    other = msgspec.structs.replace(job, scenario=msgspec.structs.replace(what, speed_mps=0.5))
+    assert not KeptMissions(path).find(other)
+    assert not KeptMissions(path).find(msgspec.structs.replace(job, has_level=True))
+
+
+def test_a_file_that_holds_no_missions_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "missions.jsonl"
+    path.write_text("seed,success\n1,true\n")
+    with pytest.raises(ConfigError, match="line 1 holds no missions"):
+        KeptMissions(path)
+
+
+def make_outcome(seed: int) -> Outcome:
+    return Outcome(
+        seed=seed, success=True, finished=True, rows_ok=ROWS, xte_rms_m=0.01, xte_p95_m=0.02,
+        xte_max_m=0.03, crushed=0, time_s=300.0, nees=1.0, nees_pose=3.0, paused_s=0.0,
+    )  # fmt: skip

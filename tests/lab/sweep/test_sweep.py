@@ -22,7 +22,13 @@ from agribot.core import config
 from agribot.core.errors import ConfigError
 from agribot.lab.sweep.execution import Assignment, RayExecutor, RunOutcome
 from agribot.lab.sweep.plan import SweepJob, plan, read_seeds
-from agribot.lab.sweep.tables import flatten, format_markdown, pooled_rms_m, summarise
+from agribot.lab.sweep.tables import (
+    SweepFolder,
+    flatten,
+    format_markdown,
+    pooled_rms_m,
+    summarise,
+)
 from agribot.record.report import Report, TimeReport, TrackingReport, read_report
 
 SHORT = ("duration_s=2", "record.enabled=false", "perception.enabled=false")
@@ -134,6 +140,23 @@ def test_another_sweep_does_not_mix_into_the_folder(
 ) -> None:
     assert main(["sweep", "farm", *FIXED, "--seeds", "1", "--out", str(swept)]) == 2
     assert "--out" in capsys.readouterr().err
+
+
+def test_a_folder_takes_more_seeds_and_keeps_what_is_finished(tmp_path: Path) -> None:
+    few = plan("farm", [1, 2], [], ["sim.sensors=rtk,ideal"])
+    many = plan("farm", range(1, 12), [], ["sim.sensors=rtk,ideal"])
+    first = SweepFolder(tmp_path, few)
+    report = Report(profile="farm", seed=2, sensors="ideal", version="0", ok=True, reason="")
+    first.keep(few[3], report)
+    grown = SweepFolder(tmp_path, many)
+    (name,) = grown.read_finished()
+    (kept,) = (job for job in grown.jobs if job.name == name)
+    assert (kept.seed, kept.settings) == (2, ("sim.sensors=ideal",))
+    assert len({job.name for job in grown.jobs}) == len(many)
+    assert SweepFolder(tmp_path, many).jobs == grown.jobs  # also when it is opened again
+    assert set(SweepFolder(tmp_path, few).read_finished()) == {name}
+    with pytest.raises(ConfigError, match="another sweep"):
+        SweepFolder(tmp_path, plan("farm", [1, 99], [], ["sim.sensors=rtk,ideal"]))
 
 
 def test_a_wrong_setting_is_refused_before_anything_runs(

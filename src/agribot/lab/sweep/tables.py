@@ -25,32 +25,39 @@ COUNTED = ("safety.stops", "safety.noticed", "safety.faults", "safety.gate", "sa
 Value = str | int | float | bool | None
 
 
+class _SweepPlan(msgspec.Struct, frozen=True, kw_only=True):
+    """What `sweep.json` holds."""
+
+    version: str
+    jobs: tuple[SweepJob, ...]
+
+
 class SweepFolder:
     """`sweep.json` lists the runs that belong to it, `results/` holds those that are finished."""
 
     def __init__(self, path: Path, jobs: Sequence[SweepJob]) -> None:
-        """Open a sweep's folder, or make it.
+        """Open a sweep's folder, or make it; one with more runs takes the place of one with fewer.
+
+        `jobs` has the names that the folder has for the same runs.
 
         Raises: ConfigError: the folder holds another sweep. RecordingError: no such folder.
         """
         self.path = path
-        self.jobs = tuple(jobs)
-        plan = {"version": __version__, "jobs": self.jobs}
         about = path / "sweep.json"
         try:
             (path / "results").mkdir(parents=True, exist_ok=True)
-            if not about.is_file():
-                write_at_once(about, _encode_json(plan))
-            found = about.read_bytes()
+            found = about.read_bytes() if about.is_file() else None
+            known = () if found is None else _read_jobs(about, found)
+            self.jobs = _name_as_known(jobs, known)
+            if not set(self.jobs) <= set(known):
+                is_longer = set(known) <= set(self.jobs)
+                if not is_longer or len({job.name for job in self.jobs}) < len(self.jobs):
+                    raise _tell_other_sweep(path)
+                write_at_once(about, _encode_json(_SweepPlan(version=__version__, jobs=self.jobs)))
         except OSError as error:
             raise RecordingError(
                 f"cannot write into {path}: {error.strerror or error}; choose another --out folder"
             ) from error
-        if found != _encode_json(plan):
-            raise ConfigError(
-                f"{path} holds another sweep (its sweep.json differs); give the same options "
-                "again or another --out folder"
-            )
 
     def run_dir(self, job: SweepJob) -> Path:
         return self.path / "runs" / job.name
@@ -101,6 +108,35 @@ class SweepFolder:
 
     def _result(self, job: SweepJob) -> Path:
         return self.path / "results" / f"{job.name}.json"
+
+
+def _read_jobs(about: Path, content: bytes) -> tuple[SweepJob, ...]:
+    try:
+        known = msgspec.json.decode(content, type=_SweepPlan)
+    except msgspec.MsgspecError:
+        raise _tell_other_sweep(about.parent) from None
+    if known.version != __version__:
+        raise _tell_other_sweep(about.parent)
+    return known.jobs
+
+
+def _name_as_known(jobs: Sequence[SweepJob], known: Sequence[SweepJob]) -> tuple[SweepJob, ...]:
+    """Give jobs the names of the same ones among `known`: a longer list numbers them otherwise."""
+    names = {_name_nothing(job): job.name for job in known}
+    return tuple(
+        msgspec.structs.replace(job, name=names.get(_name_nothing(job), job.name)) for job in jobs
+    )
+
+
+def _name_nothing(job: SweepJob) -> SweepJob:
+    return msgspec.structs.replace(job, name="")
+
+
+def _tell_other_sweep(path: Path) -> ConfigError:
+    return ConfigError(
+        f"{path} holds another sweep (its sweep.json differs); give the same options again, with "
+        "more seeds or values if wanted, or another --out folder"
+    )
 
 
 def summarise(jobs: Sequence[SweepJob], reports: dict[str, Report]) -> list[dict[str, Any]]:

@@ -16,6 +16,7 @@ from agribot.sim.faults.schedule import Fault
 from agribot.sim.faults.tipping import Tipping
 from agribot.sim.physics import Physics
 
+MUD_RADIUS_M = 2.0  # of the hollow around the place where the mud begins
 POLE_AHEAD_M, POLE_RADIUS_M, POLE_HEIGHT_M = 2.0, 0.05, 1.2
 
 
@@ -35,12 +36,13 @@ class BodyFaults:
         }
         self._tippings = [Tipping(f, robot) for f in self._faults if f.name == "robot.tipped"]
         self._placed: set[int] = set()
+        self._hollows_map_m: dict[int, tuple[float, float]] = {}
 
     def step(self, t_s: float, physics: Physics) -> Obstacle | None:
         """Let the faults at a time act; return an obstacle that has appeared, or None."""
         on = [fault for fault in self._faults if fault.is_on(t_s)]
         self._limit_torques(on, physics)
-        ratio = math.prod(fault.number for fault in on if fault.name == "soil.mud")
+        ratio = self._find_friction_ratio(t_s, physics)
         if ratio != self._friction_ratio:
             self._friction_ratio = ratio
             physics.set_mud(ratio)
@@ -66,6 +68,18 @@ class BodyFaults:
         """Whether the board hears commands."""
         deaf = ("board.silent", "motor.runaway", "button.pressed")
         return not any(fault.name in deaf and fault.is_on(t_s) for fault in self._faults)
+
+    def _find_friction_ratio(self, t_s: float, physics: Physics) -> float:
+        """Find what share of its friction the ground has where the robot is; 1 out of all mud."""
+        ratio = 1.0
+        for number, fault in enumerate(self._faults):
+            if fault.name != "soil.mud" or not fault.is_on(t_s):
+                continue
+            x_map_m, y_map_m, _ = physics.find_place_map_m(0.0)
+            middle_map_m = self._hollows_map_m.setdefault(number, (x_map_m, y_map_m))
+            if math.dist(middle_map_m, (x_map_m, y_map_m)) < MUD_RADIUS_M:
+                ratio *= fault.number
+        return ratio
 
     def _limit_torques(self, on: Sequence[Fault], physics: Physics) -> None:
         shares = list_torque_shares(on, self._weak_wheel)

@@ -95,7 +95,7 @@ FAULTS = (
               about="the board drives ahead at full speed, whatever it is told"),
     FaultKind(name="soil.mud", part="ground", words=("slip", "stuck", "ground", "soil"),
               typical="0.1", value=Span(unit="", low=0.01, high=1.0),
-              about="the ground's strength and friction are this share of what they were"),
+              about="the ground within 2 m has this share of its strength and friction"),
     FaultKind(name="camera.black", part="camera", words=_CAMERA, about="all pixels are black"),
     FaultKind(name="camera.frozen", part="camera", words=_CAMERA,
               about="the pixels repeat, the time stamps go on"),

@@ -8,29 +8,18 @@ import msgspec
 
 from agribot.app.workers import results
 from agribot.core.robot import RobotSpec
+from agribot.lab.bench.nav.job import Job
 from agribot.lab.bench.nav.judge import Outcome
+from agribot.lab.bench.nav.kept import KeptMissions
 from agribot.lab.bench.nav.missions import run_missions
 from agribot.lab.bench.nav.original import run_original
 from agribot.lab.bench.nav.scenario import Receiver, Scenario, Variant, scenario
 from agribot.lab.bench.nav.table import Line, line
 
-# So many robots share one set of arrays: more would not fit the cache, fewer cost more each.
-BLOCK = 125
+# So many robots share one set of arrays: each costs a third of what it does among the least. More
+# save little and come back late.
+MOST_IN_BLOCK, LEAST_IN_BLOCK = 1000, 125
 Stop = Callable[[], bool]
-
-
-class Job(msgspec.Struct, frozen=True, kw_only=True):
-    scenario: Scenario
-    seeds: tuple[int, ...]
-    robot: RobotSpec
-    is_original: bool = False
-    has_level: bool = False  # judges the protection level as well
-
-    @property
-    def name(self) -> str:
-        if self.is_original:
-            return f"original robot, {self.scenario.receiver}, {self.scenario.variant}"
-        return self.scenario.name
 
 
 # What `agribot bench nav` drives when nothing is chosen: the published table.
@@ -89,20 +78,39 @@ def drive(job: Job, stop: Stop) -> tuple[Job, list[Outcome]]:
 
 
 def drive_all(
-    jobs: Sequence[Job], workers: int, stop: Stop, done: Callable[[Job], None]
+    jobs: Sequence[Job],
+    workers: int,
+    stop: Stop,
+    done: Callable[[Sequence[int]], None],
+    kept: KeptMissions | None = None,
 ) -> Iterator[tuple[Line, list[Outcome]]]:
-    """One line per job, in their order, once all its seeds are driven; none after a stop."""
-    blocks = [
-        msgspec.structs.replace(job, seeds=job.seeds[first : first + BLOCK])
-        for job in jobs
-        for first in range(0, len(job.seeds), BLOCK)
-    ]
+    """One line per job, in their order, once all its seeds are driven; none after a stop.
+
+    `done` hears the seeds of every block, also of those that `kept` has from before.
+    """
     collected: dict[str, list[Outcome]] = {job.name: [] for job in jobs}
+    blocks: list[Job] = []
+    for job in jobs:
+        found = {} if kept is None else kept.find(job)
+        collected[job.name] = [found[seed] for seed in job.seeds if seed in found]
+        done([outcome.seed for outcome in collected[job.name]])
+        blocks += _split(job, [seed for seed in job.seeds if seed not in found], workers)
     for block, outcomes in results(drive, blocks, workers, stop):
         if not stop():
             collected[block.name] += outcomes
-            done(block)
+            if kept is not None:
+                kept.add(block, outcomes)
+            done(block.seeds)
     for job in jobs:
         outcomes = sorted(collected[job.name], key=lambda outcome: outcome.seed)
         if len(outcomes) == len(job.seeds):
             yield line(job.name, outcomes), outcomes
+
+
+def _split(job: Job, seeds: Sequence[int], workers: int) -> list[Job]:
+    """Split seeds into blocks, one at least for each worker if there are enough of them."""
+    each = min(MOST_IN_BLOCK, max(LEAST_IN_BLOCK, -(-len(seeds) // workers)))
+    return [
+        msgspec.structs.replace(job, seeds=tuple(seeds[first : first + each]))
+        for first in range(0, len(seeds), each)
+    ]

@@ -1,0 +1,134 @@
+"""ODrives on a CAN bus by CANSimple: `can:can0?board=odrive&nodes=0,1`, a node for each side.
+
+Source: ODrive's documentation, "CAN Protocol" (firmware 0.5 and 0.6): identifiers of 11 bits, node
+and five bits of the command; numbers have their low byte first. Heartbeats come by themselves;
+what else is asked for by remote frames comes once for each. A watchdog is switched on with the
+maker's program, for CANSimple cannot do it; a velocity feeds it.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+
+from agribot.core.errors import ConfigError
+from agribot.core.messages import Four, ImplementCommand, SafetyInput
+from agribot.core.robot import RobotSpec
+from agribot.drivers.can_frames import CanDecoder, CanFrame
+from agribot.drivers.motor_board import StampedReport
+from agribot.drivers.odrive import CLOSED_LOOP, ROUND_TICKS, WATCHDOG_EXPIRED, AxisState, SideAxes
+from agribot.drivers.uri_options import UriOptions
+
+HEARTBEAT, SET_STATE, ESTIMATES, SET_VELOCITY, BUS_VOLTAGE, CLEAR_ERRORS = (
+    0x01, 0x07, 0x09, 0x0D, 0x17, 0x18,
+)  # fmt: skip
+COMMAND_BITS = 5
+MOST_NODES = 0x3F
+_HEARTBEAT, _TWO, _STATE = struct.Struct("<IB"), struct.Struct("<ff"), struct.Struct("<I")
+
+
+class OdriveCanBoard:
+    """`nodes` are those of the right and the left side.
+
+    It drives no wheel before both axes are in closed loop, and holds a stop until then.
+    """
+
+    inputs: frozenset[SafetyInput] = frozenset({"battery", "motors"})
+    latency_s = 0.002
+    trouble = ""
+
+    def __init__(self, nodes: tuple[int, int], gear_ratio: float, error: str = "error") -> None:
+        """`error` is what a firmware calls the faults of an axis: 0.6 has `active_errors`."""
+        self._nodes, self._gear = nodes, gear_ratio
+        self._sides = SideAxes(nodes, gear_ratio, WATCHDOG_EXPIRED[error], "node")
+        self.open()
+
+    def open(self) -> bytes:
+        self._decoder = CanDecoder()
+        self._states: dict[int, AxisState] = {}
+        self._motion: dict[int, tuple[float, float]] = {}
+        self._told_s: set[int] = set()  # nodes whose heartbeat came since they were last told
+        self._voltage_v, self._polls, self._is_changing = math.nan, 0, False
+        return b""
+
+    def poll(self) -> bytes:
+        wanted = [ESTIMATES, *([BUS_VOLTAGE] if self._polls % ROUND_TICKS == 0 else [])]
+        self._polls += 1
+        return b"".join(
+            CanFrame(node << COMMAND_BITS | one, is_remote=True).pack()
+            for node in self._nodes
+            for one in wanted
+        )
+
+    def feed(self, data: bytes) -> list[StampedReport]:
+        found = []
+        for frame in self._decoder.feed(data):
+            node, command = divmod(frame.identifier, 1 << COMMAND_BITS)
+            if frame.is_extended or frame.is_remote or node not in self._nodes:
+                continue
+            self._take(node, command, frame.data)
+            if len(self._motion) == len(self._states) == 2:
+                motion, self._motion = self._motion, {}
+                report = self._sides.report(motion, self._states, self._voltage_v)
+                found.append(StampedReport(0.0, report))
+        return found
+
+    def drive(self, speeds_radps: Four, implement: ImplementCommand) -> bytes:
+        to_turns = self._gear / math.tau
+        return b"".join(
+            self._write(node, SET_VELOCITY, _TWO.pack(speed * to_turns, 0.0))
+            for node, speed in zip(self._nodes, speeds_radps[:2], strict=True)
+        )
+
+    def clear_stop(self) -> bytes:
+        """Clear the errors of nodes that stand, and put them in closed loop.
+
+        They are told nothing more before both have told their state again.
+        """
+        if self._is_changing:
+            return b""
+        self._is_changing, self._told_s = True, set()
+        standing = [n for n in self._nodes if self._sides.is_standing(self._states.get(n))]
+        return b"".join(
+            self._write(node, SET_VELOCITY, _TWO.pack(0.0, 0.0))
+            + self._write(node, CLEAR_ERRORS, b"\0")
+            + self._write(node, SET_STATE, _STATE.pack(CLOSED_LOOP))
+            for node in standing
+        )
+
+    def _take(self, node: int, command: int, data: bytes) -> None:
+        if command == HEARTBEAT and len(data) >= _HEARTBEAT.size:
+            self._states[node] = AxisState(*_HEARTBEAT.unpack_from(data))
+            self._told_s.add(node)
+            self._is_changing &= len(self._told_s) < 2
+        elif command in (ESTIMATES, BUS_VOLTAGE) and len(data) >= _TWO.size:
+            first, second = _TWO.unpack_from(data)
+            if not math.isfinite(first + second):
+                return
+            if command == ESTIMATES:
+                self._motion[node] = first, second
+            else:
+                self._voltage_v = first
+
+    @staticmethod
+    def _write(node: int, command: int, data: bytes) -> bytes:
+        return CanFrame(node << COMMAND_BITS | command, data).pack()
+
+
+def make_board(robot: RobotSpec, options: UriOptions) -> OdriveCanBoard:
+    """Make it of `nodes`, `gear` and `errors`.
+
+    Raises: ConfigError: an option that is none.
+    """
+    text = options.pop_text("nodes", "0,1")
+    words = text.split(",")
+    nodes = tuple(int(word) for word in words if word.strip().isdecimal())
+    if len(words) != 2 or len(set(nodes)) != 2 or max(nodes) > MOST_NODES:
+        raise ConfigError(
+            f"nodes={text}: name two nodes up to {MOST_NODES}, right and left, such as nodes=0,1"
+        )
+    error = options.pop_text("errors", "error")
+    if error not in WATCHDOG_EXPIRED:
+        raise ConfigError(f"errors={error}: firmware 0.5 has error, 0.6 active_errors")
+    gear = options.pop_number("gear", robot.drive.gear_ratio, 0.1, 1000.0)
+    return OdriveCanBoard((nodes[0], nodes[1]), gear, error)

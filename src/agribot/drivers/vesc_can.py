@@ -1,0 +1,119 @@
+"""VESC motor controllers on a CAN bus: `can:can0?board=vesc&ids=11,12`.
+
+Each tells its status by itself, as often as it is set up to; wheel speeds go out as electrical
+revolutions a minute. Source: the CAN packets of VESC firmware 5 and later (vedderb/bldc:
+comm/comm_can.c): CAN_PACKET_SET_RPM, STATUS, STATUS_4 and STATUS_5, in identifiers of 29 bits whose
+lowest eight are the controller's; numbers have their high byte first. They tell no faults there.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+
+from agribot.core.errors import ConfigError
+from agribot.core.messages import (
+    BatterySample,
+    BoardSample,
+    Four,
+    ImplementCommand,
+    SafetyInput,
+    WheelSample,
+)
+from agribot.core.robot import RobotSpec
+from agribot.drivers.can_frames import CanDecoder, CanFrame
+from agribot.drivers.motor_board import BoardReport, StampedReport
+from agribot.drivers.uri_options import UriOptions
+from agribot.drivers.vesc import LOCAL, STEPS_PER_ELECTRICAL_TURN, CounterOf32Bits, read_ids
+
+SET_RPM, STATUS, STATUS_4, STATUS_5 = 3, 9, 16, 27
+_SPEED, _CURRENT, _COUNT = struct.Struct(">i"), struct.Struct(">4xh"), struct.Struct(">ih")
+
+
+class VescCanBoard:
+    """Two controllers, right and left, or four for the wheels in the order of WHEEL_NAMES.
+
+    A reading is whole when each has told its speed, its tachometer and its voltage anew: one that
+    is silent makes the board silent.
+    """
+
+    inputs: frozenset[SafetyInput] = frozenset({"battery"})
+    latency_s = 0.002
+    trouble = ""
+
+    def __init__(self, ids: tuple[int, ...], pole_pairs: int, gear_ratio: float) -> None:
+        self._ids, self._wheels = ids, ids if len(ids) == 4 else (*ids, *ids)
+        self._electrical_turns = pole_pairs * gear_ratio  # for a turn of the wheel
+        self._counts: dict[int, CounterOf32Bits] = {}
+        self.open()
+
+    def open(self) -> bytes:
+        self._decoder = CanDecoder()
+        self._erpm: dict[int, float] = {}
+        self._volts: dict[int, float] = {}
+        self._amperes: dict[int, float] = {}
+        return b""
+
+    def poll(self) -> bytes:
+        return b""  # they tell without being asked
+
+    def feed(self, data: bytes) -> list[StampedReport]:
+        found = []
+        for frame in self._decoder.feed(data):
+            if frame.is_extended and not frame.is_remote:
+                self._take(frame.identifier >> 8, frame.identifier & 0xFF, frame.data)
+            if len(self._erpm) == len(self._volts) == len(self._ids):
+                found.append(StampedReport(0.0, self._report()))
+                self._erpm.clear()
+                self._volts.clear()
+        return found
+
+    def drive(self, speeds_radps: Four, implement: ImplementCommand) -> bytes:
+        to_erpm = 60.0 / math.tau * self._electrical_turns
+        return b"".join(
+            CanFrame(SET_RPM << 8 | one, _SPEED.pack(round(speed * to_erpm)), True).pack()
+            for one, speed in zip(self._ids, speeds_radps, strict=False)
+        )
+
+    def clear_stop(self) -> bytes:
+        return b""  # it holds none: after a silence it takes the next speed
+
+    def _take(self, kind: int, one: int, data: bytes) -> None:
+        if one not in self._ids:
+            return
+        if kind == STATUS and len(data) >= 8:
+            self._erpm[one] = float(_SPEED.unpack_from(data)[0])
+        elif kind == STATUS_4 and len(data) >= 6:
+            self._amperes[one] = _CURRENT.unpack_from(data)[0] / 10.0
+        elif kind == STATUS_5 and len(data) >= 6:
+            count, voltage_dv = _COUNT.unpack_from(data)
+            self._volts[one] = voltage_dv / 10.0
+            self._counts.setdefault(one, CounterOf32Bits()).add(count)
+
+    def _report(self) -> BoardReport:
+        turns = self._electrical_turns
+        steps = STEPS_PER_ELECTRICAL_TURN * turns / math.tau
+        a, b, c, d = (self._counts[one].total / steps for one in self._wheels)
+        e, f, g, h = (self._erpm[one] * math.tau / 60.0 / turns for one in self._wheels)
+        has_currents = len(self._amperes) == len(self._ids)
+        return BoardReport(
+            wheels=WheelSample(t_s=0.0, angle_rad=(a, b, c, d), speed_radps=(e, f, g, h)),
+            battery=BatterySample(
+                t_s=0.0, voltage_v=min(self._volts.values()), charge_ratio=math.nan,
+                current_a=sum(self._amperes.values()) if has_currents else math.nan,
+            ),
+            board=BoardSample(t_s=0.0, inputs=("battery",)),
+        )  # fmt: skip
+
+
+def make_board(robot: RobotSpec, options: UriOptions) -> VescCanBoard:
+    """Make it of `ids`, `pole_pairs` and `gear`.
+
+    Raises: ConfigError: an option that is none, or no ids.
+    """
+    ids = read_ids(options.pop_text("ids", ""), "ids=11,12")
+    if LOCAL in ids:
+        raise ConfigError("ids: 'local' is the controller on a serial line; on CAN each has an id")
+    pole_pairs = options.pop_number("pole_pairs", 7.0, 1.0, 100.0)
+    gear = options.pop_number("gear", robot.drive.gear_ratio, 0.1, 1000.0)
+    return VescCanBoard(ids, round(pole_pairs), gear)
