@@ -158,7 +158,8 @@ def _runs_away(now: Situation) -> str:
         return ""
     if now.power.is_cut and not now.power.does_not_open:
         return f"RUNAWAY, the motors' power is cut: {now.motion.runaway}"
-    return f"RUNAWAY, cut the power with the red button: {now.motion.runaway}"
+    why = "the contactor does not open, " if now.power.is_cut else ""
+    return f"RUNAWAY, cut the power with the red button: {why}{now.motion.runaway}"
 
 
 def _cut_off(now: Situation) -> str:
