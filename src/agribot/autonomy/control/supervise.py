@@ -193,7 +193,7 @@ class Supervisor:
         motion = self._wheels.watch(self.sent, batch, self._sensors.dt_s)
         demand = self._inputs.button() or motion.runaway
         is_stopped = bool(self._latch.reason)
-        self._power.update(batch, motion.fastest_radps, demand, is_stopped=is_stopped)
+        self._power.update(batch, self._wheels.fastest_radps, demand, is_stopped=is_stopped)
         is_early = not self._machine.is_started
         return Situation(
             config=self._config, command=command, estimate=estimate, batch=batch, goal=goal,

@@ -55,7 +55,6 @@ class Found(NamedTuple):
     """Faults in words, empty where there is none.
 
     `wheels` go where nobody told them; `runaway` are wheels that turn on though they are to stand.
-    `fastest_radps` is the fastest of the wheels, either way round; None where no encoder was read.
     A dead motor, a frozen IMU and a wrong turn a person who drives need not mind, but who relies
     on odometry and gyro must.
     """
@@ -65,11 +64,16 @@ class Found(NamedTuple):
     dead_motor: str = ""
     frozen_imu: str = ""
     wrong_turn: str = ""
-    fastest_radps: float | None = None
 
 
 class WheelWatch:
-    """One call a tick, with what was sent in the tick before."""
+    """One call a tick, with what was sent in the tick before.
+
+    `fastest_radps` is then how fast the fastest wheel turns, either way round; None where no
+    encoder was read.
+    """
+
+    fastest_radps: float | None = None
 
     def __init__(self, drive: DriveSpec, delay_s: float) -> None:
         """`delay_s` is that of command and encoder together which is no fault."""
@@ -93,12 +97,14 @@ class WheelWatch:
         self._read.extend(batch.wheels)
         self._update_imu(batch)
         self._unjudged_s = min(self._unjudged_s + dt_s, MOST_OF_ONE_S)
+        self.fastest_radps = None
         if not batch.wheels:
             return Found(runaway=self._runaway)
         elapsed_s, self._unjudged_s = self._unjudged_s, 0.0
         speeds = self._measure()
         if speeds is None:
             return Found()
+        self.fastest_radps = max(abs(speed) for speed in speeds)
         wheels = self._wrong_wheels(speeds, elapsed_s)
         self._runaway = wheels if self._runs_on else ""
         return Found(
@@ -107,7 +113,6 @@ class WheelWatch:
             dead_motor=self._dead_motor(batch.wheels[-1], elapsed_s),
             frozen_imu=self._frozen_imu(speeds, batch),
             wrong_turn=self._wrong_turn(speeds, elapsed_s),
-            fastest_radps=max(abs(speed) for speed in speeds),
         )
 
     def _follow_board(self, sent: DriveCommand, t_s: float, dt_s: float) -> None:
