@@ -26,6 +26,7 @@ from agribot.core.messages import OperatorEvent, TickRecord
 from agribot.drivers.board_protocol import StopCause
 from agribot.record.replay import read_ticks
 from tests.drivers.hardware_bench import HardwareBench
+from tests.drivers.lines import Line, Opened
 from tests.waiting import wait_for
 
 pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
@@ -204,6 +205,68 @@ def test_a_board_that_was_unplugged_is_driven_again_when_it_is_back_and_cleared(
         assert drive(run, 1.0).command.drive.v_mps > 0.1
     told = (tmp_path / "run" / "events.jsonl").read_text()
     assert "is lost" in told and "is back" in told
+
+
+class Relay:
+    """An LCUS-1 whose contacts hold the contactor of the bench's motors."""
+
+    def __init__(self, line: Line, bench: HardwareBench) -> None:
+        self.line, self._bench, self._heard = line, bench, b""
+
+    def follow(self, _: TickRecord) -> bool:
+        """Switch as told, and say whether it holds."""
+        self._heard += self.line.hear()
+        for k in range(0, len(self._heard) - 3, 4):
+            self._bench.board.has_power = self._heard[k : k + 4] == bytes.fromhex("A00101A2")
+        self._heard = self._heard[len(self._heard) // 4 * 4 :]
+        return self._bench.board.has_power
+
+
+@pytest.fixture
+def relay(bench: HardwareBench, tmp_path: Path) -> Iterator[Relay]:
+    bench.board.has_power = False
+    line = Line(tmp_path)
+    yield Relay(line, bench)
+    line.unplug()
+
+
+def with_contactor(bench: HardwareBench, relay: Relay, out: Path) -> Run:
+    """A robot that is driven by hand, with a relay in its motors' supply."""
+    run = open_bench(bench, out, is_armed=True)
+    run.take_sensors([Opened().open("contactor", f"lcus:{relay.line.path}")])
+    until(run, relay.follow)
+    until(run, lambda r: r.batch.board and not r.batch.board[-1].stopped)
+    assert drive(run).command.drive.v_mps > 0.1
+    return run
+
+
+def test_a_board_that_runs_away_loses_its_motors_power_until_it_stands_and_is_cleared(
+    bench: HardwareBench, relay: Relay, tmp_path: Path
+) -> None:
+    with with_contactor(bench, relay, tmp_path / "run") as run:
+        bench.board.runaway_countps = 3.0 * max(bench.board.speed_countps)
+        record = until(run, lambda r: not relay.follow(r), by_hand=True)
+        assert record.command.is_power_cut and record.status.stopped
+        bench.board.runaway_countps = 0.0
+
+        def is_cleared(record: TickRecord) -> bool:
+            if record.status.stopped:  # also anew, for as long as a wheel still turns
+                run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))
+            return relay.follow(record)
+
+        until(run, is_cleared)
+        assert not any(map(round, bench.board.speed_countps))
+    wait_for(lambda: not relay.follow(record), "the relay to fall off with the program's end")
+
+
+def test_a_relay_that_is_pulled_out_stops_the_robot_and_is_named(
+    bench: HardwareBench, relay: Relay, tmp_path: Path
+) -> None:
+    with with_contactor(bench, relay, tmp_path / "run") as run:
+        relay.line.unplug()
+        record = until(run, lambda r: r.status.stopped, by_hand=True)
+        assert "the contactor does not answer: its line" in record.status.stopped
+        assert str(relay.line.path) in record.status.stopped
 
 
 def test_a_stop_outlives_the_program_until_a_person_clears_it(

@@ -19,7 +19,7 @@ def test_each_device_comes_with_the_words_that_use_it(tmp_path: Path) -> None:
     plug_camera(tmp_path, "video2", "HD Camera")
     plug_gamepad(tmp_path, "js0", "Pad")
     found = {f.what: f for f in doctor_devices.check_devices(tmp_path)}
-    assert {f.state for f in found.values()} == {"ok"}
+    assert {f.state for f in found.values() if f.what != "contactor"} == {"ok"}
     assert "--source gnss=serial:/dev/serial/by-id/usb-receiver" in (
         found["serial /dev/ttyACM0"].detail
     )
@@ -29,7 +29,17 @@ def test_each_device_comes_with_the_words_that_use_it(tmp_path: Path) -> None:
 
 def test_a_machine_without_devices_is_not_ill(tmp_path: Path) -> None:
     found = list(doctor_devices.check_devices(tmp_path))
-    assert [f.state for f in found] == ["missing"] * 3
+    assert [f.state for f in found] == ["missing"] * 4
+
+
+def test_a_contactor_counts_as_absent_also_where_a_relay_may_be_plugged_in(tmp_path: Path) -> None:
+    for is_chip_there in (False, True):
+        if is_chip_there:
+            plug_serial(tmp_path, "ttyUSB0", "1a86:7523")
+        found = {f.what: f for f in doctor_devices.check_devices(tmp_path)}["contactor"]
+        assert found.state == "missing"
+        assert "nothing but the red button takes the motors' power" in found.detail
+        assert ("/dev/ttyUSB0 may be one" in found.detail) is is_chip_there
 
 
 def test_a_plugged_in_board_that_may_not_be_used_is_bad_but_a_spare_uart_is_not(

@@ -19,7 +19,8 @@ class BoardEmulator:
     """`feed` takes the bytes of the host, `advance` lives through a tick and gives the board's.
 
     The wheels follow the command within the acceleration of the configuration. `gyro_radps` and
-    `accel_mps2` are what the IMU feels.
+    `accel_mps2` are what the IMU feels. One that runs away drives all wheels at
+    `runaway_countps`, for as long as its motors have power.
     """
 
     def __init__(
@@ -30,6 +31,7 @@ class BoardEmulator:
         self.battery_v, self.motor_faults = 25.2, 0
         self.gyro_radps, self.accel_mps2 = (0.0, 0.0, 0.0), (0.0, 0.0, 9.81)
         self.mag_t = (0.0, 3e-5, -3e-5)
+        self.runaway_countps, self.has_power = 0.0, True
         self.commands: list[wire.WheelCommand] = []
         self.clears = 0
         self._layout, self._timeout_s = layout, timeout_s
@@ -101,6 +103,7 @@ class BoardEmulator:
         step = TICK_S * (config.max_accel_countps2 if config else 0)
         for k in range(4):
             aim = wanted.speed_countps[k] if wanted and self.may_work else 0.0
+            aim = (self.runaway_countps or aim) if self.has_power else 0.0
             speed = self.speed_countps[k]
             self.speed_countps[k] = speed + min(max(aim - speed, -step), step)
             self._counts[k] += self.speed_countps[k] * TICK_S

@@ -122,6 +122,19 @@ def test_a_board_that_hangs_is_reset_by_its_watchdog_and_the_robot_stands_until_
     assert max(speeds) < 0.1
 
 
+def test_a_program_that_stands_still_leaves_the_wheels_to_the_boards_watchdog(
+    tmp_path: Path,
+) -> None:
+    ticks, _ = drive(tmp_path / "run", "firmware", 5.5, "faults=program.stalled=2@3")
+    (back,) = [t for t in ticks if t.batch.t_s > 2.9 and len(t.batch.wheels) > 150]
+    before = [t for t in ticks if t.batch.t_s < back.batch.t_s][-1]
+    assert before.command.drive.v_mps > 0.2
+    speeds = [max(map(abs, sample.speed_radps)) for sample in back.batch.wheels]
+    since_s = [sample.t_s - before.batch.t_s for sample in back.batch.wheels]
+    assert max(t_s for t_s, speed in zip(since_s, speeds, strict=True) if speed > 0.2) < 0.8
+    assert "the robot's program stood still" in ticks[-1].status.stopped
+
+
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
@@ -132,6 +145,8 @@ def test_a_board_that_hangs_is_reset_by_its_watchdog_and_the_robot_stands_until_
         ("button.pressed@3", ("the red button is pressed",)),
         ("imu.unplugged@3", ("IMU silent",)),
         ("board.hung@3", ("motor board: it hung, and its watchdog reset it",)),
+        ("inputs.silent@3", ("the red button is not reported",)),
+        ("contactor.silent@3", ("the contactor does not answer",)),
     ],
 )
 def test_faults_at_and_below_the_board_stop_the_robot_and_are_named(

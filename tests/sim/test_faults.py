@@ -291,7 +291,9 @@ def test_the_red_button_stops_the_motors_for_as_long_as_it_is_pressed(
         assert sample.inputs == ("red button",)
     assert len(pressed.list("board")) == len(pressed.batches)
     assert pressed.true_at(FROM_S).v_mps == pytest.approx(0.4, abs=0.05)
-    assert pressed.true_at(FROM_S + 0.5).v_mps == pytest.approx(0.0, abs=0.01)
+    # Its first contact carries the current of the contactor: without power no motor brakes.
+    assert 0.1 < pressed.true_at(FROM_S + 0.5).v_mps < 0.35
+    assert pressed.true_at(UNTIL_S).v_mps == pytest.approx(0.0, abs=0.02)
     assert pressed.true_at(END_S).v_mps == pytest.approx(0.4, abs=0.05)
 
 
@@ -529,7 +531,7 @@ def test_a_run_that_goes_on_has_its_faults_on_its_own_clock() -> None:
 
 
 def test_every_fault_says_what_it_is_and_its_typical_value_can_be_given() -> None:
-    assert len({kind.name for kind in FAULTS}) == len(FAULTS) == 40
+    assert len({kind.name for kind in FAULTS}) == len(FAULTS) == 45
     for kind in FAULTS:
         assert kind.about and kind.words
         value = f"={kind.typical}" if kind.value is not None else ""

@@ -129,14 +129,14 @@ DRIVE = load_robot("agribot").drive
 
 
 def stop_from(judge: SafetyJudge, speeds_mps: list[float]) -> float:
-    """Let a robot at 0.4 m/s be stopped, with these speeds since; return how far it rolls."""
+    """Let a robot at 0.4 m/s be stopped at the first of these speeds; return how far it rolls."""
     x_m = 0.0
     for k, v_mps in enumerate([0.4] * 5 + speeds_mps + [0.0, 0.0]):
         x_m += 0.02 * v_mps
         is_stopped = k >= 5
         record = tick(0.0 if is_stopped else 0.4, "bumper" if is_stopped else "")
         judge.look(record, truth(0.02 * k, x_m, v_mps))
-    return 0.02 * sum(speeds_mps)
+    return 0.02 * sum(speeds_mps[1:])
 
 
 def test_the_way_of_a_stop_counts_from_the_command_until_it_stands() -> None:
@@ -148,6 +148,15 @@ def test_the_way_of_a_stop_counts_from_the_command_until_it_stands() -> None:
     assert score.stop_allowed_m == pytest.approx(promised_m)
     assert rolled_m < promised_m
     assert score.stops_too_long == 0
+
+
+def test_what_a_robot_drove_while_its_program_stood_still_is_no_way_of_the_stop() -> None:
+    judge = SafetyJudge(None, DRIVE)
+    judge.look(tick(0.4), truth(1.0, 0.0, 0.4))
+    judge.look(tick(0.0, "clock"), truth(4.0, 0.24, 0.0))  # its board had stopped it long before
+    judge.look(tick(0.0, "clock"), truth(4.02, 0.24, 0.0))
+    score = judge.score(set())
+    assert (score.stop_distance_m_max, score.stops_too_long) == (0.0, 0)
 
 
 def test_a_robot_that_rolls_on_has_not_kept_what_its_drive_promises() -> None:

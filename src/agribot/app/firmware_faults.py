@@ -25,7 +25,7 @@ ROUNDING_S = 1e-9
 
 # What is done to samples on the simulator's own board, and here to what makes them.
 BELOW_THE_SAMPLES = ("wheels.stuck", "wheels.reversed", "board.silent", "link.noise", "imu.late",
-                     "imu.unplugged", "button.pressed", "board.hung")  # fmt: skip
+                     "imu.unplugged", "button.pressed", "board.hung", "inputs.silent")  # fmt: skip
 EMPTY = "battery.empty"
 EMPTYING_VPS = 0.03  # an empty pack that still feeds falls on, until the board lets go
 FRAMES = 2  # that the board sends in a hundredth of a second
@@ -101,6 +101,11 @@ class BoardFaults:
     @property
     def is_button_pressed(self) -> bool:
         return any(fault.name == "button.pressed" for fault in self._on())
+
+    @property
+    def are_inputs_silent(self) -> bool:
+        """Whether nothing is told of red button, bumper, battery and motors."""
+        return any(fault.name == "inputs.silent" for fault in self._on())
 
     @property
     def has_imu(self) -> bool:

@@ -37,6 +37,8 @@ from agribot.drivers.agribot_board import TOOL_OUTPUTS, make_board
 from agribot.drivers.board_link import BoardLink
 from agribot.drivers.schemes import SourceUri
 from agribot.drivers.uri_options import UriOptions
+from agribot.sim.faults.boards import hush_inputs
+from agribot.sim.faults.programs import join_batches
 
 if TYPE_CHECKING:
     from agribot.app.run_setup import RunSetup
@@ -60,10 +62,12 @@ class FirmwareMotors:
     """The board on its bench between the wheels' encoders and the motors.
 
     A motor is V = R I + k w and T = k I behind its gear; with no duty it is shorted, and brakes.
+    Without power no current flows, and it rolls.
     """
 
     def __init__(self, bench: Any, drive: DriveSpec, faults: BoardFaults) -> None:
         self._bench, self._drive, self._faults = bench, drive, faults
+        self.has_power = True
 
     def drive(self, dt_s: float, speed_radps: Four) -> Four:
         """Run the firmware for `dt_s`; gives the torques at the wheels, Nm."""
@@ -78,6 +82,8 @@ class FirmwareMotors:
                 for duty, speed in zip(duties, speed_radps, strict=True)
             ]
         )
+        if not self.has_power:
+            currents = [0.0] * len(currents)
         torques = []
         for current_a, speed in zip(currents, speed_radps, strict=True):
             torque_nm = constant * current_a
@@ -93,7 +99,7 @@ class FirmwarePlatform:
 
     def __init__(
         self, config: RunConfig, robot: RobotSpec, simulator: SimPlatform, bench: Any,
-        faults: BoardFaults, gnss_noise: LineNoise,
+        motors: FirmwareMotors, faults: BoardFaults, gnss_noise: LineNoise,
     ) -> None:  # fmt: skip
         """Switch the board on, and wait until it has spoken.
 
@@ -107,6 +113,7 @@ class FirmwarePlatform:
             )
         self.inbox = Inbox()
         self._simulator, self._bench, self._faults = simulator, bench, faults
+        self._motors = motors
         if simulator.faults is not None:
             simulator.faults.leave(BELOW_THE_SAMPLES)
         self._t_s = 0.0
@@ -116,7 +123,7 @@ class FirmwarePlatform:
         options = UriOptions(SourceUri("firmware", "", "", OPTIONS))
         self._link = BoardLink(make_board(robot, options), robot.drive, lambda: self._t_s)
         self._receiver = FirmwareReceiver(simulator.gnss_latency_s, gnss_noise, lambda: self._t_s)
-        self._implement = ImplementCommand()
+        self._implement, self._is_power_cut = ImplementCommand(), False
         self._boot()
         # A person who starts a simulation has armed it.
         self.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="start-up"))
@@ -130,20 +137,23 @@ class FirmwarePlatform:
         """
         batches = []
         for _ in range(int(self._ticks)):
-            self._simulator.write(self._command_tool())
+            self._simulator.write(self._command_simulator())
             batches.append(self._simulator.read())
             self._feel(batches[-1])
+            self._motors.has_power = self._simulator.has_power
             self._t_s = self._faults.t_s = batches[-1].t_s
             self._receiver.carry(batches[-1])
             self._link.feed(self._faults.bring(self._bench.receive()), self._t_s)
         events, hand = self.inbox.drain(self._t_s)
         told = self._link.take(self._t_s)
+        if self._faults.are_inputs_silent:
+            told |= hush_inputs(told)
         told["mag"] = tuple(each for each in told["mag"] if each.t_s >= self._field_from_s)
         self._send(self._link.clear(self._t_s, events, told["board"]))
         told |= self._receiver.take(self._t_s)
         events = (*told.pop("events"), *self._link.watch_line(self._t_s), *events)
         return msgspec.structs.replace(
-            _join(batches), t_s=self._t_s, events=events, hand=hand, **told
+            join_batches(batches), t_s=self._t_s, events=events, hand=hand, **told
         )
 
     def write(self, command: RobotCommand) -> None:
@@ -151,7 +161,7 @@ class FirmwarePlatform:
 
         Raises: PlatformError: a number is not finite.
         """
-        self._implement = command.implement
+        self._implement, self._is_power_cut = command.implement, command.is_power_cut
         self._send(self._link.command(command))
 
     def close(self) -> None:
@@ -174,15 +184,15 @@ class FirmwarePlatform:
         why = self._link.board.trouble or f"it says nothing for {BOOT_S:g} s"
         raise PlatformError(f"the firmware does not begin: {why}; build it anew")
 
-    def _command_tool(self) -> RobotCommand:
-        """Make the command of the tool: of what it was told, what the board lets it do."""
+    def _command_simulator(self) -> RobotCommand:
+        """Make the command of tool and contactor: of the tool, what the board lets it do."""
         bits = self._bench.tool
         sections = tuple(
             is_on and (k >= TOOL_OUTPUTS or bool(bits >> k & 1))
             for k, is_on in enumerate(self._implement.sections_on)
         )
         implement = msgspec.structs.replace(self._implement, sections_on=sections)
-        return RobotCommand(t_s=self._t_s, implement=implement)
+        return RobotCommand(t_s=self._t_s, implement=implement, is_power_cut=self._is_power_cut)
 
     def _feel(self, batch: SensorBatch) -> None:
         """Let the board's inputs be what the simulator's sensors say."""
@@ -202,16 +212,6 @@ class FirmwarePlatform:
         if batch.battery:
             self._battery_v = batch.battery[-1].voltage_v
         bench.set_battery(self._faults.drain(self._battery_v))
-
-
-def _join(batches: list[SensorBatch]) -> SensorBatch:
-    """Put the batches of a tick together."""
-    fields = [name for name in SensorBatch.__struct_fields__ if name != "t_s"]
-    joined = {
-        name: tuple(sample for batch in batches for sample in getattr(batch, name))
-        for name in fields
-    }
-    return msgspec.structs.replace(batches[-1], **joined)
 
 
 def open_firmware(
@@ -234,12 +234,13 @@ def open_firmware(
         draw_weak_wheel(config.seed),
     )  # fmt: skip
     noise = LineNoise(found, make_stream(config.seed, "fault of the receiver's line"))
+    motors = FirmwareMotors(bench, described.drive, faults)
     simulator = SimPlatform(
         msgspec.structs.replace(config, tick_hz=BOARD_HZ), described, world,
         board=setup.robot.drive, began_s=began_s,
-        driver=FirmwareMotors(bench, described.drive, faults),
+        driver=motors,
     )  # fmt: skip
-    return simulator, FirmwarePlatform(config, setup.robot, simulator, bench, faults, noise)
+    return simulator, FirmwarePlatform(config, setup.robot, simulator, bench, motors, faults, noise)
 
 
 def find_firmware() -> Path:

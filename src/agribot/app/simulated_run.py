@@ -69,6 +69,7 @@ class SimulatedRun(Run):
             self.referee.take_true_rows(lay_rows(setup.config.field))
         if self.simulator.faults is not None:
             stack.perception = self._let_hang(stack.perception, self.simulator.faults)
+            platform = _let_stall(platform, self.simulator.faults)
         stack.mask_taps.append(self.referee.judge_mask)
         truth_log = TruthLog(self.simulator, self.world, self._log)
         taps = (self._show_truth, self.referee, truth_log)
@@ -148,6 +149,15 @@ def _open_simulator(
         setup.config, described, world, board=setup.robot.drive, began_s=setup.earlier.sim_s
     )
     return simulator, simulator
+
+
+def _let_stall(platform: Platform, layer: FaultLayer) -> Platform:
+    """Put what stalls the robot's program between the platform and the stack."""
+    if not any(fault.name == "program.stalled" for fault in layer.faults):
+        return platform
+    from agribot.sim.faults.programs import StalledProgram
+
+    return StalledProgram(platform, layer.faults)
 
 
 def _find_bounds(task: Task, setup: RunSetup) -> FieldBounds | None:

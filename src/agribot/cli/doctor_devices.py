@@ -42,6 +42,7 @@ def check_devices(root: Path = Path("/"), access: Access = os.access) -> Iterato
         yield from map(_tell_device, mine)
         if not mine:
             yield CheckResult(what=what, state="missing", detail=detail)
+    yield _tell_contactor([device for device in devices if device.may_be_relay])
     if any(device.usb for device in devices):
         yield from _check_meddlers(root)
 
@@ -66,6 +67,20 @@ def check_gpsd(
             "the line itself is taken"
         )
         yield CheckResult(what="gpsd", state="ok", detail=detail)
+
+
+def _tell_contactor(chips: Sequence[FoundDevice]) -> CheckResult:
+    """Tell what may be a contactor's relay: it says nothing, so that only a person knows."""
+    detail = "nothing but the red button takes the motors' power unless a run names a relay: "
+    if not chips:
+        detail += "--source contactor=lcus:PATH"
+        return CheckResult(what="contactor", state="missing", detail=detail)
+    paths = ", ".join(chip.node for chip in chips)
+    detail += (
+        f"--source contactor=lcus:PATH; {paths} may be one, or a board with the same chip: two of "
+        "them are told apart by /dev/serial/by-path"
+    )
+    return CheckResult(what="contactor", state="missing", detail=detail)
 
 
 def _tell_device(device: FoundDevice) -> CheckResult:

@@ -29,7 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SENSOR=URI",
         help=f"take a sensor ({names}) from elsewhere: gnss=serial:/dev/ttyACM0?baud=38400, "
         "gnss=gpsd:, gnss=tcp://HOST:PORT, gnss=ros2:/fix, imu=ros1:/imu/data, "
-        "camera=v4l2:/dev/video0, camera=pipe:COMMAND, base=serial:/dev/ttyACM1?board=agribot; "
+        "camera=v4l2:/dev/video0, camera=pipe:COMMAND, contactor=lcus:/dev/ttyUSB3, "
+        "base=serial:/dev/ttyACM1?board=agribot; "
         "ros2://HOST:PORT/fix and ros1://HOST:PORT/fix name router or master",
     )
 

@@ -220,6 +220,8 @@ class SourceConfig(Config, frozen=True):
     wheels: str = ""  # encoders
     camera: str = ""  # pictures
     base: str = ""  # the motor board of `platform = "hardware"`: serial:/dev/ttyACM0?board=agribot
+    # What cuts the motors' power beside the red button: lcus:/dev/ttyUSB3; empty: nothing does.
+    contactor: str = ""
     others: str = ""  # what has no name of its own here: `OtherSample`
 
 
@@ -238,6 +240,7 @@ class SimConfig(Config, frozen=True):
     actuation: Literal["servo", "effort"] = "servo"
     # A second receiver at the world's pole, with errors of its own or sharing the slow ones.
     base_station: Literal["off", "independent", "common"] = "off"
+    has_contactor: bool = True  # in the motors' supply, beside the red button; opened by the gate
     imu: str = ""  # another IMU than the sensor preset's: ideal, hector, mpu9265
     declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] = 0.0  # of the true field
 

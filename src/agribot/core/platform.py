@@ -16,7 +16,7 @@ from agribot.core.messages import (
 )
 
 # Fields of a SensorBatch that may come from elsewhere.
-Sensor = Literal["gnss", "imu", "mag", "wheels", "frames", "others"]
+Sensor = Literal["gnss", "imu", "mag", "wheels", "frames", "others", "contactor"]
 SILENCE_S = 2.0
 
 
@@ -85,6 +85,15 @@ class SourceOfMore(SensorSource, Protocol):
         ...
 
 
+@runtime_checkable
+class SourceThatActs(SensorSource, Protocol):
+    """A source whose device also does something, such as a contactor."""
+
+    def write(self, command: RobotCommand) -> None:
+        """Do one's part of a command; must not wait for a line."""
+        ...
+
+
 class MixedPlatform:
     """A platform with some sensors from elsewhere; its own samples of these are dropped.
 
@@ -116,6 +125,9 @@ class MixedPlatform:
         return msgspec.structs.replace(batch, **samples, events=(*notes, *batch.events))
 
     def write(self, command: RobotCommand) -> None:
+        for source in self._sources:
+            if isinstance(source, SourceThatActs):
+                source.write(command)
         self._platform.write(command)
 
     def close(self) -> None:

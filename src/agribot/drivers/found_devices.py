@@ -23,12 +23,13 @@ SERIAL_MAKERS = {
     ("2a03", "0042"): "Arduino Mega 2560",
     ("2341", ""): "Arduino",
     ("2a03", ""): "Arduino",
-    ("1a86", ""): "USB to serial chip CH340, often an Arduino",
+    ("1a86", ""): "USB to serial chip CH340, often an Arduino, or a relay",
     ("0403", ""): "USB to serial chip of FTDI",
     ("10c4", ""): "USB to serial chip CP210x, often a receiver",
     ("0483", "5740"): "STM32 board, such as a VESC",
     ("1209", "0d32"): "ODrive",
 }
+RELAY_CHIP = "1a86:7523"  # CH340, of an LCUS relay and of many an Arduino alike
 RECEIVERS = ("u-blox receiver", "Septentrio receiver")
 # UARTs on the pins of small computers; those of a PC (ttyS) are left out, for most have no plug.
 BOARD_UARTS = ("ttyAMA", "ttyTHS", "serial0", "serial1")
@@ -51,6 +52,10 @@ class FoundDevice(msgspec.Struct, frozen=True, kw_only=True):
     usb: str = ""
     is_usable: bool
     group: str
+
+    @property
+    def may_be_relay(self) -> bool:
+        return self.usb == RELAY_CHIP
 
     @property
     def is_receiver(self) -> bool:

@@ -103,6 +103,9 @@ _KINDS: dict[str, SourceKind] = {
     "serial": SourceKind(f"{_STREAMS}open_serial_source", "hardware", "serial:/dev/ttyACM0"),
     "tcp": SourceKind(f"{_STREAMS}open_tcp_source", "", "tcp://HOST:PORT", needs_path=False),
     "gpsd": SourceKind(f"{_STREAMS}open_gpsd_source", "", "gpsd:", needs_path=False),
+    "lcus": SourceKind(
+        "agribot.drivers.lcus_relay:open_relay", "hardware", "lcus:/dev/serial/by-path/..."
+    ),
     CAN: SourceKind(f"{_STREAMS}refuse_can", "", "can:can0 (base)"),
     "v4l2": SourceKind(_CAMERA, "", "v4l2:/dev/video0"),
     "video": SourceKind(_CAMERA, "", "video:FILE"),

@@ -236,10 +236,14 @@ class EventSieve:
 def describe_checks(checks: Sequence[Check]) -> str:
     """Say what the list before the start found, in one line."""
     bad = [f"{check.name}: {check.text}" for check in checks if not check.is_ok]
-    good = ", ".join(check.name for check in checks if check.is_ok)
+    good = ", ".join(_name_good(check) for check in checks if check.is_ok)
     if not bad:
         return f"before the start all is good: {good}"
     return f"before the start not good: {'; '.join(bad)}" + (f". Good: {good}" if good else "")
+
+
+def _name_good(check: Check) -> str:
+    return f"{check.name} ({check.text})" if check.text else check.name
 
 
 class EventLog:

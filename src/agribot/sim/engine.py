@@ -96,6 +96,10 @@ class Engine:
             views.xfrc_applied[BASE_BODY, :3] = force_map_n
             views.xfrc_applied[BASE_BODY, 3:] = np.cross(arm_m, force_map_n)
 
+    def twist_base(self, torque_map_nm: FloatArray) -> None:
+        """Let a torque (3,) act on the base until the next call."""
+        self._used.views.xfrc_applied[BASE_BODY, 3:] = torque_map_nm
+
     def add_obstacle(self, obstacle: Obstacle) -> None:
         """Put up an obstacle; the model with obstacles is built anew when one is near."""
         obstacles = (*self._world.obstacles, obstacle)

@@ -81,6 +81,8 @@ class Physics:
         self._world, self._dry_friction = world, self._tyre.ground_friction.values.copy()
         self._soil = self._make_soil_law(1.0)
         self._is_pulled = self.is_held = False
+        self._limits_nm = [robot.drive.wheel_torque_nm] * len(WHEEL_NAMES)
+        self._has_power = True
         self._bristle_m = np.zeros((4, 2))
         self._soil_state = np.zeros((4, kernel.SOIL_STATES))
         self._motor = _make_motor(robot.drive)
@@ -117,7 +119,23 @@ class Physics:
         """
         if wheel not in WHEEL_NAMES:
             raise PlatformError(f"no wheel '{wheel}'; there are: {', '.join(WHEEL_NAMES)}")
-        self._engine.limit_torque(WHEEL_NAMES.index(wheel), torque_nm)
+        self._limits_nm[WHEEL_NAMES.index(wheel)] = torque_nm
+        self._apply_limits()
+
+    def switch_power(self, *, is_on: bool) -> None:
+        """Give the motors their power or take it, as a contactor does; without it, wheels roll.
+
+        Who gets it back begins anew: the board's controllers have wound up meanwhile.
+        """
+        if is_on == self._has_power:
+            return
+        self._has_power = is_on
+        self._board_state[kernel.BOARD_HOLD] = 0.0
+        self._apply_limits()
+
+    def _apply_limits(self) -> None:
+        for number, limit_nm in enumerate(self._limits_nm):
+            self._engine.limit_torque(number, limit_nm if self._has_power else 0.0)
 
     def set_mud(self, ratio: float) -> None:
         """Let the ground have this share of its strength and friction from now on; 1 is no mud."""
@@ -154,6 +172,10 @@ class Physics:
         self._engine.hold_base(felt_mps2 * self._engine.mass_kg)
         self._bristle_m[:] = 0.0
         self.is_held = True
+
+    def twist(self, torque_nm: float) -> None:
+        """Let a torque act on the body about its width until the next call, its front up."""
+        self._engine.twist_base(-torque_nm * read_rotation(self.history[-1])[:, 1])
 
     def let_go(self) -> None:
         """Let the robot stand on its own wheels again."""

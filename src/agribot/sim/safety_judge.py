@@ -74,13 +74,13 @@ class StopWatch:
         """Look at the middle and the speed; `is_stopped` where the supervisor wants a stop."""
         is_moving = abs(v_mps) > STANDING_MPS
         if is_stopped and self._way_m is None and self._was_moving:
-            self._way_m = 0.0
+            self._way_m = 0.0  # the way of this tick is from before the stop
             self._promised_m = (
                 math.inf if self._drive is None else self._drive.promise_stop_m(v_mps)
             )
         elif not is_stopped or not is_moving:
             self._way_m = None
-        if self._way_m is not None and self._last_xy is not None:
+        elif self._way_m is not None and self._last_xy is not None:
             self._go_on(self._way_m, self._way_m + math.dist(xy_m, self._last_xy))
         self._last_xy, self._was_moving = xy_m, is_moving and not is_stopped
 

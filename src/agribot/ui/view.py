@@ -133,7 +133,9 @@ class RunView:
         if gate.state != before.state or self.record is None:
             self._gate_since_s = t_s
         if gate.checks and gate.checks is not before.checks:
-            self._checks = [wire.StartCheck(name=c.name, wrong=c.text) for c in gate.checks]
+            self._checks = [
+                wire.StartCheck(name=c.name, wrong="" if c.is_ok else c.text) for c in gate.checks
+            ]
 
     def _show_gate(self, said: str) -> wire.ShownGate:
         """Show the gate, less a reason that is `said` already."""

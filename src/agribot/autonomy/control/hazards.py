@@ -15,6 +15,7 @@ from agribot.autonomy.control.battery_watch import BatteryWatch
 from agribot.autonomy.control.bumper import Bumper
 from agribot.autonomy.control.fence import Fence, FieldFence
 from agribot.autonomy.control.input_watch import InputWatch
+from agribot.autonomy.control.power_cut import PowerCut
 from agribot.autonomy.control.sensor_watch import SensorWatch
 from agribot.autonomy.control.wheel_watch import Found, name_motors
 from agribot.core.config import SafetyConfig
@@ -39,6 +40,7 @@ class Situation(NamedTuple):
     sensors: SensorWatch
     inputs: InputWatch
     motion: Found
+    power: PowerCut
     stuck: str
     bumper: Bumper
     touch: str
@@ -154,7 +156,14 @@ def _tool_at_rest(now: Situation) -> str:
 def _runs_away(now: Situation) -> str:
     if not now.motion.runaway:
         return ""
-    return f"RUNAWAY, cut the power with the red button: {now.motion.runaway}"
+    if now.power.is_cut and not now.power.does_not_open:
+        return f"RUNAWAY, the motors' power is cut: {now.motion.runaway}"
+    why = "the contactor does not open, " if now.power.is_cut else ""
+    return f"RUNAWAY, cut the power with the red button: {why}{now.motion.runaway}"
+
+
+def _cut_off(now: Situation) -> str:
+    return now.motion.runaway if now.power.is_cut else ""
 
 
 HAZARDS = (
@@ -165,10 +174,22 @@ HAZARDS = (
            limit="pressed", reaction="latch", for_hand="yes",
            find=lambda now: now.inputs.button(), check="red button", at_rest=True,
            faults=("button.pressed",)),
+    Hazard(name="wheels turn on though they are to stand, of a robot with a contactor",
+           seen_by="encoders; the contactor takes the motors' power",
+           limit="0.4 s after the time in which they have to stand", reaction="latch",
+           for_hand="yes", find=_cut_off, at_rest=True, faults=("motor.runaway",)),
+    Hazard(name="contactor does not answer, or does not do what it is told",
+           seen_by="what it tells, and the encoders",
+           limit="`safety.sensor_timeout_s`, 1 s to open and to close", reaction="latch",
+           for_hand="yes", find=lambda now: now.power.fault(), check="contactor",
+           faults=("contactor.welded", "contactor.silent")),
+    Hazard(name="wheels turn without power", seen_by="encoders, after the contactor opened",
+           limit="0.2 rad/s", reaction="latch", for_hand="yes",
+           find=lambda now: now.power.still_turns(), at_rest=True),
     Hazard(name="clock goes back, stands or jumps; the program stood still",
            seen_by="time of the tick", limit="`safety.clock_jump_s`", reaction="latch",
            for_hand="yes", find=lambda now: now.sensors.clock_fault, check="clock",
-           faults=("clock.step",)),
+           faults=("clock.step", "program.stalled")),
     Hazard(name="wheel encoders or IMU silent, or no numbers", seen_by="their samples",
            limit="`safety.sensor_timeout_s`", reaction="latch", for_hand="yes",
            find=lambda now: now.sensors.silence(now.batch.t_s), check="wheels and IMU",
@@ -176,7 +197,7 @@ HAZARDS = (
     Hazard(name="safety input silent", seen_by="age of what the motor board tells of it",
            limit="`safety.sensor_timeout_s`, 5 s for the battery, of each of `safety.must_report`",
            reaction="latch", for_hand="yes", find=lambda now: now.inputs.silence(),
-           check="safety inputs"),
+           check="safety inputs", faults=("inputs.silent",)),
     Hazard(name="IMU sends numbers that cannot be", seen_by="range of its numbers",
            limit="3 in 5 s beyond 160 m/s^2 or 40 rad/s", reaction="latch", for_hand="yes",
            find=lambda now: now.sensors.spoilt_line(), check="wheels and IMU",
@@ -209,7 +230,8 @@ HAZARDS = (
            reaction="latch", find=_still_touches, check="bumper",
            faults=("bumper.contact",)),
     Hazard(name="tilt", seen_by="accelerometer, over 0.5 s", limit="`safety.max_tilt_rad`",
-           reaction="latch", find=lambda now: now.sensors.tilt(), check="upright"),
+           reaction="latch", find=lambda now: now.sensors.tilt(), check="upright",
+           faults=("robot.tipped",)),
     Hazard(name="motor without torque whose wheel rolls along",
            seen_by="torque of each wheel", limit="none for 0.5 s while the others work",
            reaction="latch", find=lambda now: now.motion.dead_motor, faults=("motor.dead",)),
@@ -230,6 +252,9 @@ HAZARDS = (
     Hazard(name="safety input never spoke", seen_by="what the motor board tells of it",
            limit="once, of each of `safety.must_report`", reaction="wait", for_hand="yes",
            find=lambda now: now.inputs.unheard(), check="safety inputs"),
+    Hazard(name="motors without power", seen_by="contactor",
+           limit="until the wheels stood for 0.5 s after the stop was cleared", reaction="wait",
+           for_hand="yes", find=lambda now: now.power.waiting()),
     Hazard(name="no position", seen_by="estimate", limit="its own", reaction="wait",
            find=_pose_missing, check="position",
            faults=("gnss.outage", "start.aside", "start.turned")),
@@ -281,7 +306,7 @@ HAZARDS = (
            limit="`safety.on_operator_lost`", reaction="wait", find=None),
     Hazard(name="the robot's program dies or hangs", seen_by="motor board",
            limit="no command for its timeout, 0.3 to 0.5 s (`drive.command_timeout_s`)",
-           reaction="wait", for_hand="yes", find=None),
+           reaction="wait", for_hand="yes", find=None, faults=("program.stalled",)),
     Hazard(name="a second program drives the same robot or writes the same run",
            seen_by="a lock for each folder and each platform, free once its holder is dead",
            limit="one", reaction="wait", for_hand="yes", find=None),
@@ -317,6 +342,7 @@ _COUNTING = {
     for reaction in _REACTIONS
     for is_by_hand in (False, True)
 }
+CONTACTOR, NO_CONTACTOR = "contactor", "none: nothing but the red button takes the motors' power"
 OF_BOARD = ("red button", "safety inputs")  # items that only a motor board can tell of
 CHECKS = tuple(dict.fromkeys(hazard.check for hazard in HAZARDS if hazard.check))
 _BY_CHECK = {
@@ -333,5 +359,6 @@ def check_start(now: Situation) -> tuple[Check, ...]:
         if name in absent:
             continue
         found = next((told for find in _BY_CHECK[name] if (told := find(now))), "")
-        checks.append(Check(name=name, is_ok=not found, text=found))
+        remark = NO_CONTACTOR if name == CONTACTOR and not now.power.is_there else ""
+        checks.append(Check(name=name, is_ok=not found, text=found or remark))
     return tuple(checks)

@@ -16,6 +16,7 @@ from agribot.autonomy.control.fence import Fence, FieldFence, PathFence
 from agribot.autonomy.control.gate_machine import GateMachine, Seen
 from agribot.autonomy.control.hazards import Situation, check_start, find_hazard
 from agribot.autonomy.control.input_watch import InputWatch
+from agribot.autonomy.control.power_cut import PowerCut
 from agribot.autonomy.control.progress_watch import ProgressWatch
 from agribot.autonomy.control.sensor_watch import SensorWatch
 from agribot.autonomy.control.wheel_watch import WheelWatch
@@ -63,6 +64,7 @@ class Supervisor:
         self._sensors = SensorWatch(config)
         self._inputs = InputWatch(config)
         self._wheels = WheelWatch(robot.drive, config.sensor_timeout_s)
+        self._power = PowerCut(config.sensor_timeout_s)
         self._progress = ProgressWatch(robot.drive)
         self._bumper = Bumper()
         self._battery = BatteryWatch(config)
@@ -130,7 +132,10 @@ class Supervisor:
             stopped=self._latch.reason, hand=hand, held=held, idle=_describe_idle(goal.status),
             limited=limited, cleared_by=self._cleared_by,
         ), told)  # fmt: skip
-        return RobotCommand(t_s=command.t_s, drive=drive, implement=implement), reason
+        sent = RobotCommand(
+            t_s=command.t_s, drive=drive, implement=implement, is_power_cut=self._power.is_cut
+        )
+        return sent, reason
 
     def _tell(self, now: Situation) -> tuple[str, str]:
         """Say what is told of a robot that may drive, and of wheels that turn on regardless."""
@@ -185,11 +190,15 @@ class Supervisor:
         self._inputs.update(batch)
         self._battery.update(batch)
         self._camera.update(batch, scenes)
+        motion = self._wheels.watch(self.sent, batch, self._sensors.dt_s)
+        demand = self._inputs.button() or motion.runaway
+        is_stopped = bool(self._latch.reason)
+        self._power.update(batch, self._wheels.fastest_radps, demand, is_stopped=is_stopped)
         is_early = not self._machine.is_started
         return Situation(
             config=self._config, command=command, estimate=estimate, batch=batch, goal=goal,
             sensors=self._sensors, inputs=self._inputs,
-            motion=self._wheels.watch(self.sent, batch, self._sensors.dt_s),
+            motion=motion, power=self._power,
             stuck=self._progress.watch(batch),
             bumper=self._bumper, touch=self._bumper.feel(batch),
             battery=self._battery, camera_fault=self._camera.fault,

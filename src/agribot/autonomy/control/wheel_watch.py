@@ -67,7 +67,13 @@ class Found(NamedTuple):
 
 
 class WheelWatch:
-    """One call a tick, with what was sent in the tick before."""
+    """One call a tick, with what was sent in the tick before.
+
+    `fastest_radps` is then how fast the fastest wheel turns, either way round; None where no
+    encoder was read.
+    """
+
+    fastest_radps: float | None = None
 
     def __init__(self, drive: DriveSpec, delay_s: float) -> None:
         """`delay_s` is that of command and encoder together which is no fault."""
@@ -91,12 +97,14 @@ class WheelWatch:
         self._read.extend(batch.wheels)
         self._update_imu(batch)
         self._unjudged_s = min(self._unjudged_s + dt_s, MOST_OF_ONE_S)
+        self.fastest_radps = None
         if not batch.wheels:
             return Found(runaway=self._runaway)
         elapsed_s, self._unjudged_s = self._unjudged_s, 0.0
         speeds = self._measure()
         if speeds is None:
             return Found()
+        self.fastest_radps = max(abs(speed) for speed in speeds)
         wheels = self._wrong_wheels(speeds, elapsed_s)
         self._runaway = wheels if self._runs_on else ""
         return Found(

@@ -51,6 +51,7 @@ from agribot.core.messages.sensors import (
     BoardSample,
     BumperSample,
     CameraFrame,
+    ContactorSample,
     GnssFix,
     GnssHeading,
     GnssQuality,
@@ -68,6 +69,7 @@ from agribot.core.messages.tick import TickRecord, Tracking
 __all__ = [
     "ALL_FINE", "FINE", "INBOX_LIMIT", "LIVE_SETTINGS", "SENSOR_WATCH", "STOP", "WHEEL_NAMES",
     "BaseFix", "BatterySample", "BoardSample", "BumperSample", "ByteArray", "CameraFrame", "Check",
+    "ContactorSample",
     "CropCover", "DriveCommand", "Estimate", "FloatArray", "Four", "GateState", "GateStatus",
     "GnssFix", "GnssHeading", "GnssQuality", "GnssStatus", "Goal", "GroundPlant", "HandDrive",
     "ImplementCommand", "ImuSample", "Inbox", "MagSample", "MapPoint", "MappedPlant",

@@ -40,11 +40,15 @@ class ImplementCommand(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=
 
 
 class RobotCommand(msgspec.Struct, frozen=True, kw_only=True):
-    """What a platform is to do from now on."""
+    """What a platform is to do from now on.
+
+    `is_power_cut` opens the contactor in the motors' supply, where the robot has one.
+    """
 
     t_s: float
     drive: DriveCommand = DriveCommand()
     implement: ImplementCommand = ImplementCommand()
+    is_power_cut: bool = False
 
 
 STOP = DriveCommand()

@@ -14,7 +14,7 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     is_ok: bool
-    text: str = ""  # what is wrong
+    text: str = ""  # what is wrong; of one that is good, what is to be known of it
 
 
 class GateStatus(msgspec.Struct, frozen=True, kw_only=True):

@@ -180,6 +180,17 @@ class BoardSample(msgspec.Struct, frozen=True, kw_only=True):
     faults: tuple[str, ...] = ()
 
 
+class ContactorSample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What the contactor in the motors' supply tells: whether it feeds them, as far as it knows.
+
+    `trouble` says why it does not do, or cannot be told, what it is to; empty where it can.
+    """
+
+    t_s: float
+    is_closed: bool = True
+    trouble: str = ""
+
+
 class OtherSample(msgspec.Struct, frozen=True, kw_only=True):
     """What a sensor without a field of its own in the batch measured.
 
@@ -210,3 +221,4 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     others: tuple[OtherSample, ...] = ()
     board: tuple[BoardSample, ...] = ()
     gnss_status: tuple[GnssStatus, ...] = ()
+    contactor: tuple[ContactorSample, ...] = ()

@@ -26,7 +26,20 @@ STANDING_MPS = 0.02
 IN_ROW_S = {"rows-10x12": 20.0, "farm": 32.0, "hills": 32.0, "beet": 20.0}
 DEFAULT_SEEDS = "1-5"
 # What happens to the motor board, to what is wired to it and to its line.
-BELOW_THE_STACK = ("imu", "mag", "wheels", "motor", "bumper", "button", "battery", "board", "link")
+BELOW_THE_STACK = (
+    "imu",
+    "mag",
+    "wheels",
+    "motor",
+    "bumper",
+    "button",
+    "battery",
+    "board",
+    "link",
+    "contactor",
+    "inputs",
+    "program",
+)
 PLATFORMS = ("sim", "firmware")
 ENDED = "ended by an error: "
 # What on board needs so long to hold evidence of a fault; a crop crushed later need not have been.
@@ -94,6 +107,7 @@ class FaultScenario(NamedTuple):
             f"duration_s={in_row_s + AFTER_S:g}",
             f"faults=[{texts}]",
             f"platform={self.platform}",
+            *(('safety.must_report=["red button"]',) if "inputs.silent" in self.faults else ()),
         )
 
 
@@ -121,7 +135,9 @@ SCENARIOS = (
     FaultScenario("motor.weak=0.05", is_detectable=False),  # it is never asked for more in a row
     *_all("motor.runaway soil.mud=0.1 soil.mud=0.03"),
     *_all("bumper.contact obstacle.unmapped battery.empty"),
-    *_all("button.pressed imu.unplugged board.hung"),
+    *_all("button.pressed imu.unplugged board.hung inputs.silent contactor.silent"),
+    *_all("program.stalled=3 robot.tipped=40"),
+    FaultScenario("contactor.welded", also="motor.runaway"),
     *_all("clock.step=0.2 clock.step=2 clock.step=-2 link.noise=0.01 link.noise=0.2"),
     *_all("board.silent disk.full start.aside=0.3 start.aside=1 start.turned=20"),
     *_all("start.turned=30 start.turned=90 carried=0.3 carried=1 crop.gap=5"),

@@ -73,6 +73,8 @@ def make_readers(sensor: Sensor, robot: RobotSpec) -> Mapping[str, ReadSample]:
         }
     if sensor == "others":
         raise ConfigError("others: no type of ROS message stands for them; write a source for it")
+    if sensor == "contactor":
+        raise ConfigError("contactor: it is switched, not heard; use contactor=lcus:/dev/...")
     images = ImageReader(robot)
     return {
         "sensor_msgs/msg/Image": images.read_raw,

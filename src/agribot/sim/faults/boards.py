@@ -6,9 +6,12 @@ where the same faults act at its pins.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any, get_args
+
 import msgspec
 
-from agribot.core.messages import BoardSample, SensorBatch
+from agribot.core.messages import BoardSample, SafetyInput, SensorBatch
 from agribot.sim.faults.schedule import Fault
 
 # Of the firmware: its watchdog, and until it speaks again and has been told what it drives.
@@ -25,6 +28,41 @@ class PressedButton:
         is_pressed = self._fault.is_on(batch.t_s)
         told = BoardSample(t_s=batch.t_s, inputs=("red button",), is_button_pressed=is_pressed)
         return msgspec.structs.replace(batch, board=(*batch.board, told))
+
+
+class SilentInputs:
+    """A board that told of its inputs in every tick tells of them no more; the rest goes on."""
+
+    def __init__(self, fault: Fault) -> None:
+        self._fault = fault
+
+    def alter(self, batch: SensorBatch) -> SensorBatch:
+        told = BoardSample(t_s=batch.t_s, inputs=get_args(SafetyInput))
+        batch = msgspec.structs.replace(batch, board=(told, *batch.board))
+        if not self._fault.is_on(batch.t_s):
+            return batch
+        heard = {"board": batch.board, "bumper": batch.bumper, "battery": batch.battery}
+        return msgspec.structs.replace(batch, **hush_inputs(heard))
+
+
+def hush_inputs(told: Mapping[str, tuple[Any, ...]]) -> dict[str, tuple[Any, ...]]:
+    """Take what a board tells of its safety inputs out of what it tells."""
+    mute = (msgspec.structs.replace(one, inputs=()) for one in told["board"])
+    return {"board": tuple(mute), "bumper": (), "battery": ()}
+
+
+class SilentContactor:
+    """The relay of the contactor is pulled from its socket: nobody tells of it any more.
+
+    It falls off, and the motors lose their power.
+    """
+
+    def __init__(self, fault: Fault) -> None:
+        self._fault = fault
+
+    def alter(self, batch: SensorBatch) -> SensorBatch:
+        kept = tuple(sample for sample in batch.contactor if not self._fault.is_on(sample.t_s))
+        return msgspec.structs.replace(batch, contactor=kept)
 
 
 class UnpluggedImu:

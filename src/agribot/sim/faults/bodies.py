@@ -8,11 +8,12 @@ from collections.abc import Sequence
 import msgspec
 
 from agribot.core.messages import STOP, WHEEL_NAMES, DriveCommand
-from agribot.core.robot import DriveSpec, Origin, Shape
+from agribot.core.robot import Origin, RobotSpec, Shape
 from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim.faults.carrying import Carrying
 from agribot.sim.faults.motors import draw_weak_wheel, list_torque_shares
 from agribot.sim.faults.schedule import Fault
+from agribot.sim.faults.tipping import Tipping
 from agribot.sim.physics import Physics
 
 MUD_RADIUS_M = 2.0  # of the hollow around the place where the mud begins
@@ -22,7 +23,8 @@ POLE_AHEAD_M, POLE_RADIUS_M, POLE_HEIGHT_M = 2.0, 0.05, 1.2
 class BodyFaults:
     """All faults that act in the physics; call `step` before each advance."""
 
-    def __init__(self, faults: Sequence[Fault], drive: DriveSpec, seed: int) -> None:
+    def __init__(self, faults: Sequence[Fault], robot: RobotSpec, seed: int) -> None:
+        drive = robot.drive
         self._faults, self._drive = tuple(faults), drive
         self._weak_wheel = draw_weak_wheel(seed)
         self._limits_nm = dict.fromkeys(WHEEL_NAMES, drive.wheel_torque_nm)
@@ -32,6 +34,7 @@ class BodyFaults:
             for number, fault in enumerate(self._faults)
             if fault.name == "carried"
         }
+        self._tippings = [Tipping(f, robot) for f in self._faults if f.name == "robot.tipped"]
         self._placed: set[int] = set()
         self._hollows_map_m: dict[int, tuple[float, float]] = {}
 
@@ -47,6 +50,8 @@ class BodyFaults:
             physics.command(DriveCommand(v_mps=self._drive.max_speed_mps))
         if any(fault.name == "button.pressed" for fault in on):
             physics.command(STOP)
+        for tipping in self._tippings:
+            tipping.step(t_s, physics)
         found = None
         for number, fault in enumerate(self._faults):
             if not fault.is_on(t_s):

@@ -15,7 +15,13 @@ from agribot.core.config import RunConfig
 from agribot.core.messages import STOP, SensorBatch
 from agribot.core.robot import RobotSpec
 from agribot.core.world import Obstacle, WorldSpec
-from agribot.sim.faults.boards import HungBoard, PressedButton, UnpluggedImu
+from agribot.sim.faults.boards import (
+    HungBoard,
+    PressedButton,
+    SilentContactor,
+    SilentInputs,
+    UnpluggedImu,
+)
 from agribot.sim.faults.bodies import BodyFaults
 from agribot.sim.faults.links import NoisyLink, SilentBoard, SteppedClock
 from agribot.sim.faults.motions import (
@@ -70,7 +76,7 @@ class FaultLayer:
             for fault in sorted(self.faults, key=_choose_place)
             if fault.name in MAKERS
         ]
-        self._body = BodyFaults(self.faults, robot.drive, config.seed)
+        self._body = BodyFaults(self.faults, robot, config.seed)
         self._on: set[int] = set()
         self._changes: list[FaultChange] = []
 
@@ -84,6 +90,10 @@ class FaultLayer:
     def find_mount_shift_m(self, t_s: float) -> float:
         """Find how far to the left of its place the camera's mount is."""
         return find_mount_shift_m(self.faults, t_s)
+
+    def list_names(self, t_s: float) -> tuple[str, ...]:
+        """List the names of the faults that are on."""
+        return tuple(fault.name for fault in self.faults if fault.is_on(t_s))
 
     def hears(self, t_s: float) -> bool:
         """Whether the board hears commands."""
@@ -159,6 +169,8 @@ MAKERS: dict[str, Callable[[Fault, FaultMaterial], BatchFault]] = {
     "link.noise": lambda fault, around: NoisyLink(fault, around.rng),
     "clock.step": lambda fault, _: SteppedClock(fault),
     "board.silent": lambda fault, _: SilentBoard(fault),
+    "inputs.silent": lambda fault, _: SilentInputs(fault),
+    "contactor.silent": lambda fault, _: SilentContactor(fault),
     "board.hung": lambda fault, _: HungBoard(fault),
 }
 

@@ -21,7 +21,7 @@ NUMBERS = {
     "battery": ("voltage_v", "charge_ratio"),
 }
 STAMPED = ("wheels", "imu", "mag", "gnss", "frames", "events", "base", "headings", "bumper",
-           "battery", "board", "hand", "gnss_status")  # fmt: skip
+           "battery", "board", "hand", "gnss_status", "contactor")  # fmt: skip
 Stamped = TypeVar("Stamped", bound=msgspec.Struct)
 
 

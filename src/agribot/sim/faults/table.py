@@ -11,8 +11,8 @@ from agribot.core.messages import WHEEL_NAMES
 from agribot.core.suggestions import suggest_name
 
 Part = Literal["gnss", "compass", "imu", "wheels", "motors", "ground", "camera", "network",
-               "bumper", "button", "battery", "clock", "link", "disk", "start",
-               "robot", "crop"]  # fmt: skip
+               "bumper", "button", "contactor", "battery", "clock", "link", "disk", "start",
+               "robot", "crop", "inputs", "program"]  # fmt: skip
 
 
 class Span(msgspec.Struct, frozen=True, kw_only=True):
@@ -119,6 +119,13 @@ FAULTS = (
               about="the bumper in front says that it touches something"),
     FaultKind(name="button.pressed", part="button", words=("red button",),
               about="somebody presses the red button"),
+    FaultKind(name="inputs.silent", part="inputs", words=("reported", "red button"),
+              about="the board tells no more of red button, bumper, battery and motors; the rest "
+                    "goes on (the robot must have them: `safety.must_report`)"),
+    FaultKind(name="contactor.silent", part="contactor", words=("contactor",),
+              about="the relay of the contactor is pulled out: it falls off, and tells nothing"),
+    FaultKind(name="contactor.welded", part="contactor", words=("contactor",),
+              about="the contactor's contacts are welded: told to open, they stay closed"),
     FaultKind(name="obstacle.unmapped", part="robot", words=("bumper", "obstacle"),
               is_momentary=True,
               about="a pole stands 2 m ahead of the robot, in the physics and in the picture"),
@@ -134,6 +141,9 @@ FAULTS = (
               about="no wheel samples come, and commands are not heard"),
     FaultKind(name="board.hung", part="motors", words=("wheel", "board"), is_momentary=True,
               about="the board's program hangs, until its watchdog resets it"),
+    FaultKind(name="program.stalled", part="program", words=("program", "clock"), typical="3",
+              value=Span(unit="s", low=0.1, high=60.0), is_momentary=True,
+              about="the robot's program stands still for so long, and the board hears nothing"),
     FaultKind(name="disk.full", part="disk", words=("recording", "disk"),
               about="the disk has no room left for the recording"),
     FaultKind(name="start.aside", part="start", words=("start", "mark", "which row"), typical="0.3",
@@ -144,6 +154,9 @@ FAULTS = (
               value=Span(unit="deg", low=0.01, high=180.0, is_signed=True),
               is_momentary=True, at_start=True,
               about="the robot stands turned by so much at its start, counter-clockwise"),
+    FaultKind(name="robot.tipped", part="robot", words=("tilted",), typical="40",
+              value=Span(unit="deg", low=1.0, high=50.0),
+              about="the robot's front is lifted, in 2 s, until it is tilted by so much"),
     FaultKind(name="carried", part="robot", words=("carried",), typical="0.5",
               value=Span(unit="m", low=1e-3, high=100.0, is_signed=True), is_momentary=True,
               about="the robot is lifted, moved so far to its left and set down: in a second, or "

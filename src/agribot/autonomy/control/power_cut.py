@@ -1,0 +1,119 @@
+"""When the contactor takes the motors' power, and when it may give it back.
+
+It is the way to stop a motor board that drives on whatever it is told. Motors without power do not
+brake either: the robot rolls out, and downhill on.
+"""
+
+from __future__ import annotations
+
+import math
+
+from agribot.core.messages import ContactorSample, SensorBatch
+
+REST_RADPS, REST_S = 0.2, 0.5  # wheels that turn no faster, for so long, stand
+# A contactor that opened has let go by then, and a wheel that nothing drives is slower.
+OPENING_S, SLOWER_RATIO = 1.0, 0.8
+CLOSING_S = 1.0  # and one that was told to close has closed
+BLIND_S = 1.0  # wheels of a stopped robot that nobody sees for so long may turn
+
+
+class PowerCut:
+    """One call of `update` a tick; `is_cut` is what the contactor is to be told.
+
+    A robot that begins stopped begins without power. What is cut stays cut until the stop is
+    cleared and all wheels stand. Where no contactor ever spoke, nothing is cut.
+    """
+
+    def __init__(self, timeout_s: float) -> None:
+        """`timeout_s` is how long a contactor may be silent."""
+        self._timeout_s = timeout_s
+        self._last: ContactorSample | None = None
+        self._t_s = self._heard_s = self._cut_s = self._seen_s = -math.inf
+        self._rest_s = math.inf  # since when the wheels stand
+        self._open_s = math.inf  # since when it is open though it is to be closed
+        self._fastest_radps = self._cut_radps = 0.0
+        self.is_cut = False
+
+    @property
+    def is_there(self) -> bool:
+        """Whether a contactor has spoken."""
+        return self._last is not None
+
+    def update(
+        self, batch: SensorBatch, fastest_radps: float | None, demand: str, *, is_stopped: bool
+    ) -> None:
+        """Take in a tick: the fastest wheel (None: not seen), and why power is to be cut."""
+        is_first = not self.is_there
+        t_s = self._t_s = batch.t_s
+        if batch.contactor:
+            self._last, self._heard_s = batch.contactor[-1], t_s
+        self._see(fastest_radps)
+        if self._last is None:
+            return
+        demand = demand or self._deafness() or self._last.trouble
+        begins_stopped = is_first and is_stopped
+        is_blind = is_stopped and t_s - self._seen_s > BLIND_S
+        if not self.is_cut and (demand or begins_stopped or is_blind):
+            self.is_cut, self._cut_s, self._cut_radps = True, t_s, self._fastest_radps
+        elif self.is_cut and not (demand or is_stopped) and self.is_at_rest:
+            self.is_cut = False
+        is_wrongly_open = not (self.is_cut or self._last.is_closed)
+        self._open_s = min(self._open_s, t_s) if is_wrongly_open else math.inf
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether all wheels are seen to stand."""
+        return self._t_s - self._rest_s >= REST_S
+
+    def still_turns(self) -> str:
+        """Tell of a robot without power whose wheels are seen to turn."""
+        if not self.is_cut or math.isfinite(self._rest_s) or self._t_s - self._seen_s > BLIND_S:
+            return ""
+        return (
+            f"the motors have no power, and the wheels turn at {self._fastest_radps:.1f} rad/s; "
+            "wait until the robot stands"
+        )
+
+    def fault(self) -> str:
+        """Tell of a contactor that does not do what it is told, or does not answer."""
+        last = self._last
+        if last is None:
+            return ""
+        if trouble := self._deafness() or last.trouble:
+            return f"the contactor does not answer: {trouble}; check its line and its plug"
+        if self.does_not_open:
+            how = "it says that it is closed" if last.is_closed else "the wheels turn on"
+            return f"the contactor was told to open, and {how}; switch the robot off"
+        if self._t_s - self._open_s > CLOSING_S:
+            return "the contactor stays open; check what else holds its coil, and its fuse"
+        return ""
+
+    def _deafness(self) -> str:
+        """Tell of a contactor that is silent."""
+        silent_s = self._t_s - self._heard_s
+        if silent_s <= self._timeout_s:
+            return ""
+        return f"silent for {silent_s:.2f} s > {self._timeout_s:.2f} s"
+
+    def waiting(self) -> str:
+        """Tell of motors that have no power yet."""
+        last = self._last
+        if last is None or (last.is_closed and not self.is_cut):
+            return ""
+        return "the motors have no power yet; the contactor closes once the wheels stand"
+
+    @property
+    def does_not_open(self) -> bool:
+        """Whether the contactor tells so, or wheels turn on as if driven."""
+        if not self.is_cut or self._last is None or self._t_s - self._cut_s <= OPENING_S:
+            return False
+        is_driven = self._fastest_radps > max(SLOWER_RATIO * self._cut_radps, 3.0 * REST_RADPS)
+        return self._last.is_closed or is_driven
+
+    def _see(self, fastest_radps: float | None) -> None:
+        if fastest_radps is None:
+            if self._t_s - self._seen_s > BLIND_S:
+                self._rest_s = math.inf
+            return
+        self._seen_s, self._fastest_radps = self._t_s, fastest_radps
+        self._rest_s = min(self._rest_s, self._t_s) if fastest_radps <= REST_RADPS else math.inf

@@ -1,0 +1,49 @@
+"""The contactor in the supply of the simulated robot's motors."""
+
+from __future__ import annotations
+
+import math
+
+from agribot.core.messages import ContactorSample
+
+# From the command until the contacts are apart: four bytes at 9600 baud to a relay (4 ms), the
+# relay (SRD-05VDC-SL-C: 10 ms at most), and the contactor that it holds (Schneider LC1D09BD: 16 to
+# 24 ms); from the data sheets, rounded up.
+OPENS_S = 0.04
+ROUNDING_S = 1e-9
+CLOSES_S = 0.09  # the same, with 54 to 72 ms of that contactor
+
+
+class SimContactor:
+    """Told every command; `is_closed` follows it after its time."""
+
+    def __init__(self) -> None:
+        self.is_closed = self._has_current = True
+        self._is_cut = self._is_open_due = False
+        self._since_s = -math.inf
+
+    def command(self, t_s: float, *, is_cut: bool) -> None:
+        """Open, or close; being told again changes nothing."""
+        self._is_cut = is_cut
+        self._decide(t_s)
+
+    def step(self, t_s: float, *, has_current: bool = True, is_welded: bool = False) -> None:
+        """Move the contacts as far as they are at a time.
+
+        Its coil `has_current` unless something else interrupts it, such as the red button; contacts
+        that are welded stay closed.
+        """
+        self._has_current = has_current
+        self._decide(t_s)
+        delay_s = OPENS_S if self._is_open_due else CLOSES_S
+        if t_s - self._since_s >= delay_s - ROUNDING_S:
+            self.is_closed = not self._is_open_due or (is_welded and self.is_closed)
+
+    def read(self, t_s: float) -> ContactorSample:
+        """Tell of its auxiliary contact, which moves with the others."""
+        return ContactorSample(t_s=t_s, is_closed=self.is_closed)
+
+    def _decide(self, t_s: float) -> None:
+        is_open_due = self._is_cut or not self._has_current
+        if is_open_due != self._is_open_due:
+            self._is_open_due, self._since_s = is_open_due, t_s

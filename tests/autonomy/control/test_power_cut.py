@@ -1,0 +1,238 @@
+"""The contactor's side of the gate: when the motors lose their power, and when it comes back."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from agribot.autonomy.control.hazards import CONTACTOR, NO_CONTACTOR
+from agribot.autonomy.control.power_cut import BLIND_S, OPENING_S, REST_S
+from agribot.core.messages import (
+    STOP,
+    BoardSample,
+    ContactorSample,
+    DriveCommand,
+    MissionState,
+    OperatorAction,
+    RobotCommand,
+    SensorBatch,
+)
+from tests.autonomy.control.kinematic_rover import TICK_S
+from tests.autonomy.control.test_supervisor import FORWARD, Gate
+
+FULL = DriveCommand(v_mps=1.0)
+
+
+class Machine:
+    """A robot with a contactor that does as it is told; `wheels` turn as they like, if not None."""
+
+    def __init__(self, *, has_contactor: bool = True) -> None:
+        self.gate = Gate()
+        self.has_contactor, self.is_closed, self.is_welded = has_contactor, True, False
+        self.trouble, self.is_silent, self.are_wheels_seen = "", False, True
+        self.wheels: DriveCommand | None = None
+        self.button = False
+        self.sent = RobotCommand(t_s=0.0)
+        self.reason = ""
+
+    def go(
+        self, seconds: float, drive: DriveCommand = FORWARD, *actions: OperatorAction,
+        state: MissionState = "running",
+    ) -> RobotCommand:  # fmt: skip
+        for tick in range(round(seconds / TICK_S)):
+            batch = self.sense()
+            acts = actions if tick == 0 else ()
+            self.sent, self.reason = self.gate.send(
+                drive,
+                batch=batch,
+                state=state,
+                actions=acts,
+            )
+            self.is_closed = self.is_welded or not self.sent.is_power_cut
+        return self.sent
+
+    def sense(self) -> SensorBatch:
+        rover = self.gate.rover
+        if self.wheels is not None:
+            rover.turn_wheels(self.wheels)
+        batch = rover.batch()
+        told = ContactorSample(t_s=batch.t_s, is_closed=self.is_closed, trouble=self.trouble)
+        board = BoardSample(t_s=batch.t_s, inputs=("red button",), is_button_pressed=self.button)
+        return msgspec.structs.replace(
+            batch, t_s=rover.t_s + TICK_S,
+            contactor=(told,) if self.has_contactor and not self.is_silent else (),
+            board=(board,), wheels=batch.wheels if self.are_wheels_seen else (),
+        )  # fmt: skip
+
+    @property
+    def stopped(self) -> str:
+        gate = self.gate.supervisor.gate
+        return gate.reason if gate.state == "stopped" else ""
+
+
+@pytest.fixture
+def machine() -> Machine:
+    machine = Machine()
+    machine.go(1.0)
+    assert machine.sent.drive == FORWARD and not machine.sent.is_power_cut
+    return machine
+
+
+def run_away(machine: Machine, drive: DriveCommand = FULL) -> None:
+    machine.wheels = drive
+    machine.go(1.3)
+
+
+def test_wheels_that_turn_on_though_they_are_to_stand_lose_their_power(machine: Machine) -> None:
+    run_away(machine)
+    assert machine.sent.is_power_cut
+    assert machine.stopped and machine.sent.drive == STOP
+    assert "RUNAWAY, the motors' power is cut: wheels turn too fast" in machine.reason
+
+
+def test_a_robot_without_a_contactor_is_told_of_the_red_button_and_cuts_nothing() -> None:
+    machine = Machine(has_contactor=False)
+    machine.go(1.0)
+    run_away(machine)
+    assert not machine.sent.is_power_cut
+    assert "RUNAWAY, cut the power with the red button" in machine.reason
+
+
+def test_a_board_that_obeys_its_stop_keeps_its_power_to_brake_with(machine: Machine) -> None:
+    machine.wheels = FULL
+    machine.go(0.7)
+    assert machine.stopped, "too fast: the robot is stopped"
+    machine.wheels = None
+    machine.go(5.0)
+    assert not machine.sent.is_power_cut
+
+
+def test_the_power_comes_back_once_the_stop_is_cleared_and_all_wheels_stand(
+    machine: Machine,
+) -> None:
+    run_away(machine)
+    machine.wheels = DriveCommand(v_mps=0.05)  # it rolls out, slower than what is told as running
+    machine.go(0.5, STOP, state="paused")
+    machine.go(0.5, STOP, "clear_stop", state="paused")
+    assert machine.sent.is_power_cut
+    assert machine.stopped and "the motors have no power, and the wheels turn" in machine.stopped
+    machine.wheels = None
+    machine.go(2.0, STOP, state="paused")
+    assert machine.sent.is_power_cut, "it stands, and nobody has cleared the stop"
+    machine.go(REST_S + 0.5, STOP, "clear_stop", state="paused")
+    assert not machine.stopped and not machine.sent.is_power_cut
+    assert machine.go(1.0).drive == FORWARD
+
+
+def test_a_wheel_that_people_push_while_the_power_is_off_keeps_it_off(machine: Machine) -> None:
+    run_away(machine)
+    machine.wheels = None
+    machine.go(2.0, STOP, state="paused")  # it had stood: no wheel counts as driven any more
+    machine.wheels = DriveCommand(v_mps=-0.3)
+    machine.go(0.5, STOP, "clear_stop", state="paused")
+    assert machine.sent.is_power_cut and machine.stopped
+
+
+def test_no_command_passes_before_the_contactor_is_closed(machine: Machine) -> None:
+    machine.gate.send(STOP, state="paused", actions=("stop",), batch=machine.sense())
+    machine.go(0.1, STOP, "clear_stop", state="paused")
+    machine.is_closed = False
+    machine.gate.send(batch=machine.sense())
+    assert machine.gate.supervisor.gate.reason.startswith("the motors have no power yet")
+
+
+def test_the_red_button_opens_the_contactor_until_it_is_released_and_cleared(
+    machine: Machine,
+) -> None:
+    machine.button = True
+    machine.go(0.1)
+    assert machine.sent.is_power_cut and "red button" in machine.stopped
+    machine.go(2.0, STOP, "clear_stop", state="paused")
+    assert machine.sent.is_power_cut, "it is still pressed"
+    machine.button = False
+    machine.go(1.0, STOP, "clear_stop", state="paused")
+    assert not machine.sent.is_power_cut
+
+
+def test_a_stopped_robot_whose_wheels_nobody_sees_loses_its_power(machine: Machine) -> None:
+    machine.are_wheels_seen = False
+    machine.go(0.6)
+    assert "silent" in machine.stopped and not machine.sent.is_power_cut
+    machine.go(BLIND_S)
+    assert machine.sent.is_power_cut
+    machine.go(2.0, STOP, "clear_stop", state="paused")
+    assert machine.sent.is_power_cut, "nobody knows that they stand"
+
+
+def test_a_robot_that_begins_stopped_begins_without_power_and_others_with_it() -> None:
+    begun = Machine()
+    begun.go(TICK_S, STOP, "stop", state="paused")
+    assert begun.sent.is_power_cut
+    begun.go(1.0, STOP, "clear_stop", state="paused")
+    assert not begun.sent.is_power_cut
+    assert not Machine().go(TICK_S).is_power_cut
+
+
+@pytest.mark.parametrize(
+    ("harm", "words"),
+    [
+        ({"is_silent": True}, "the contactor does not answer: silent for"),
+        ({"trouble": "its line is lost"}, "the contactor does not answer: its line is lost"),
+    ],
+)
+def test_a_contactor_that_does_not_answer_stops_the_robot_and_is_named(
+    harm: dict[str, object], words: str, machine: Machine
+) -> None:
+    for name, value in harm.items():
+        setattr(machine, name, value)
+    machine.go(1.0)
+    assert words in machine.stopped
+    assert machine.sent.is_power_cut
+    before = machine.stopped
+    for name, value in harm.items():
+        setattr(machine, name, type(value)())
+    machine.go(2.0)
+    assert machine.stopped == before, "it answers again, and the stop stays"
+    machine.go(1.0, STOP, "clear_stop", state="paused")
+    assert not machine.sent.is_power_cut and not machine.stopped
+
+
+def test_a_contactor_that_stays_open_is_named(machine: Machine) -> None:
+    machine.gate.send(STOP, state="paused", actions=("stop",), batch=machine.sense())
+    for _ in range(round(2.0 / TICK_S)):
+        machine.is_closed = False
+        machine.gate.send(batch=machine.sense(), actions=("clear_stop",))
+    assert "the contactor stays open" in machine.gate.supervisor.gate.reason
+
+
+@pytest.mark.parametrize("is_told", [True, False])
+def test_a_contactor_that_does_not_open_calls_for_the_red_button(
+    is_told: bool, machine: Machine
+) -> None:
+    machine.is_welded = is_told
+    run_away(machine)
+    machine.go(OPENING_S + 0.5)
+    assert machine.sent.is_power_cut
+    assert "RUNAWAY, cut the power with the red button" in machine.reason
+
+
+def test_a_wheel_that_rolls_out_slows_down_and_is_no_welded_contactor(machine: Machine) -> None:
+    run_away(machine)
+    for v_mps in (0.9, 0.75, 0.6, 0.4, 0.2):
+        machine.wheels = DriveCommand(v_mps=v_mps)
+        machine.go(0.4)
+        assert "red button" not in machine.reason
+
+
+def test_the_list_before_the_start_says_that_there_is_no_contactor() -> None:
+    machine = Machine(has_contactor=False)
+    machine.go(TICK_S, STOP, state="waiting")
+    batch = machine.sense()
+    machine.gate.send(batch=batch)
+    (item,) = (c for c in machine.gate.supervisor.gate.checks if c.name == CONTACTOR)
+    assert (item.is_ok, item.text) == (True, NO_CONTACTOR)
+    with_one = Machine()
+    with_one.trouble = "its line is lost"
+    with_one.go(TICK_S, STOP, state="waiting")
+    with_one.gate.send(batch=with_one.sense())
+    assert with_one.gate.supervisor.gate.state == "stopped"

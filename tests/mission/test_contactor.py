@@ -1,0 +1,89 @@
+"""A motor board that drives on whatever it is told, and the contactor that takes its power."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from agribot.app.simulated_run import SimulatedRun, simulate
+from agribot.core.config import load
+from agribot.core.messages import OperatorEvent, TickRecord
+
+IN_ROW_S, FAULT_S = 21.0, 8.0  # the second is in the first turn
+QUICK = ["perception.enabled=false", "record.enabled=false", "sim.sensors='rtk'", "seed=1"]
+
+
+class Drive(NamedTuple):
+    run: SimulatedRun
+    ticks: list[TickRecord]
+    way_m: list[float]  # from where the robot was when it was stopped
+
+
+def drive(out: Path, fault: str, *more: str, from_s: float = FAULT_S) -> Drive:
+    """Drive the farm until so long after a fault, and clear the stop 1.5 s before the end."""
+    until_s = from_s + 7.0
+    settings = load("farm", [*QUICK, f"faults={fault}", f"duration_s={until_s}", *more])
+    ticks, way_m, stop_xy = [], [], None
+    with simulate(settings, out) as run:
+        for record in run.ticks():
+            ticks.append(record)
+            truth = run.simulator.truth()
+            if stop_xy is None and record.status.stopped:
+                stop_xy = truth.x_map_m, truth.y_map_m
+            if stop_xy is not None:
+                way_m.append(math.dist(stop_xy, (truth.x_map_m, truth.y_map_m)))
+            if abs(record.batch.t_s - (until_s - 1.5)) < 0.005:
+                run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))
+        run.finish()
+    return Drive(run, ticks, way_m)
+
+
+def test_a_board_that_runs_away_is_stopped_by_the_contactor_within_two_metres(
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "run"
+    run, ticks, way_m = drive(out, f"motor.runaway@{IN_ROW_S}+5", from_s=IN_ROW_S)
+    cut = [tick for tick in ticks if tick.command.is_power_cut]
+    assert 0.5 < cut[0].batch.t_s - IN_ROW_S < 1.5
+    assert "RUNAWAY, the motors' power is cut" in cut[0].reason
+    assert 0.2 < max(way_m) < 2.0
+    at_rest = [tick for tick in ticks if IN_ROW_S + 4.5 < tick.batch.t_s < IN_ROW_S + 5.4]
+    assert all(tick.batch.contactor[-1].is_closed is False for tick in at_rest)
+    assert run.referee.crushed == set()
+    report = json.loads((out / "report.json").read_text())
+    (told,) = report["safety"]["faults"]
+    assert told["reaction"] == "stopped"
+    assert report["safety"]["outside_m_max"] == 0.0
+    assert not ticks[-1].command.is_power_cut, "cleared at rest, it closes again"
+    assert ticks[-1].batch.contactor[-1].is_closed
+
+
+def test_without_a_contactor_nothing_stops_it_but_the_red_button(tmp_path: Path) -> None:
+    fault = f"motor.runaway@{FAULT_S}"
+    _, ticks, way_m = drive(tmp_path / "run", fault, "sim.has_contactor=false")
+    assert not any(tick.command.is_power_cut or tick.batch.contactor for tick in ticks)
+    assert way_m[-1] > 3.0
+    assert any("RUNAWAY, cut the power with the red button" in tick.reason for tick in ticks)
+
+
+def test_a_welded_contactor_does_not_stop_it_and_calls_for_the_red_button(tmp_path: Path) -> None:
+    faults = f"motor.runaway@{FAULT_S};contactor.welded@1"
+    _, ticks, way_m = drive(tmp_path / "run", faults)
+    assert way_m[-1] > 3.0
+    assert any(tick.command.is_power_cut for tick in ticks)
+    asked = "RUNAWAY, cut the power with the red button: the contactor does not open"
+    assert any(asked in tick.reason for tick in ticks)
+
+
+@pytest.mark.parametrize("fault", ["contactor.silent", "button.pressed"])
+def test_a_robot_that_loses_its_power_rolls_out_and_says_why(fault: str, tmp_path: Path) -> None:
+    run, ticks, way_m = drive(tmp_path / "run", f"{fault}@{FAULT_S}+4")
+    why = {"contactor.silent": "the contactor does not answer: silent"}.get(fault, "red button is")
+    assert any(why in tick.status.stopped for tick in ticks)
+    assert 0.01 < max(way_m) < 1.0
+    assert run.referee.crushed == set()
+    assert not ticks[-1].command.is_power_cut
