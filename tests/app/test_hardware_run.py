@@ -291,6 +291,36 @@ def test_a_stop_outlives_the_program_until_a_person_clears_it(
     assert not list((tmp_path / "home" / "stops").glob("*.json"))
 
 
+def test_a_run_that_was_killed_in_a_stop_goes_on_once_a_person_has_cleared_it(
+    bench: HardwareBench, places: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    killed, again = tmp_path / "killed", tmp_path / "again"
+    options = words(bench, killed, "--arm", "--waypoints", str(places))
+    with subprocess.Popen(
+        [sys.executable, "-m", "agribot.cli", *options], stderr=subprocess.DEVNULL
+    ) as robot:
+        wait_for(lambda: bench.pose[1] - START[1] > 0.3, "the robot to be on its way")
+        bench.board.is_button_pressed = True
+        wait_for(
+            lambda: "red button" in (killed / "mission.json").read_text(), "the stop in its folder"
+        )
+        robot.send_signal(signal.SIGKILL)
+    bench.board.is_button_pressed = False
+    bench.board.commands.clear()
+    resume = ["run", "--resume", str(killed), "--arm", "--headless", "--for", "90"]
+    assert main([*resume, "--out", str(tmp_path / "refused")]) == 2
+    told = capsys.readouterr().err
+    assert "the red button is pressed" in told and "--clear-stop" in told
+    assert not bench.board.commands
+    assert main([*resume, "--clear-stop", "--out", str(again)]) == 0, capsys.readouterr().err
+    assert "None" not in capsys.readouterr().err  # of what only a simulator knows
+    report = json.loads((again / "report.json").read_text())
+    assert report["mission"]["waypoints_reached"] == 1
+    assert [Path(run["folder"]).name for run in report["job"]["runs"]] == ["killed", "again"]
+    x_m, y_m, _ = bench.pose
+    assert math.hypot(x_m - START[0], y_m - START[1] - AHEAD_M) < 0.2
+
+
 def test_a_robot_that_nobody_could_arm_is_refused(
     bench: HardwareBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
