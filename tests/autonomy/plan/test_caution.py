@@ -130,11 +130,13 @@ class Ride:
         level_m: float = 0.1,
         contradiction: str = "",
         action: OperatorAction | None = None,
+        reason: str = "",
     ) -> Goal:
         self.t_s += 0.02
         estimate = msgspec.structs.replace(
             at(*point_at(self.path, s_m), self.t_s, True),
-            across_protection_m=level_m, contradiction=contradiction,
+            across_protection_m=level_m, protection_m=level_m, contradiction=contradiction,
+            reason=reason,
         )  # fmt: skip
         return self.mission.step(estimate, [event(action)] if action else [])
 
@@ -180,6 +182,24 @@ def test_on_the_headland_the_level_may_be_anything() -> None:
     last_m = float(ride.path.s_m[ride.path.row == 0][-1])
     ride.drive_to(last_m + 0.9)
     assert ride.be_at(last_m + 0.9, 2.0).max_speed_mps > 0.1
+
+
+def test_where_a_sensor_fails_it_stands_on_the_headland_before_it_may_be_in_the_crop() -> None:
+    probe, silent = Ride(), "GNSS silent for 25 s, dead reckoning"
+    last_m = float(probe.path.s_m[probe.path.row == 0][-1])
+    probe.drive_to(last_m + 0.9)
+    crop_m = last_m + 0.9
+    while probe.be_at(crop_m, 0.6).max_speed_mps:
+        crop_m += 0.02
+    assert crop_m > last_m + 1.4
+    ride, before_m = Ride(), crop_m - 0.4
+    ride.drive_to(before_m)
+    assert ride.be_at(before_m, 0.25, reason=silent).max_speed_mps > 0.1
+    assert ride.be_at(before_m, 0.6).max_speed_mps > 0.1
+    stands = ride.be_at(before_m, 0.6, reason=silent)
+    assert stands.max_speed_mps == 0.0
+    assert "off the row" in stands.status.reason
+    assert ride.be_at(before_m, 0.1).max_speed_mps > 0.1  # the fix is back
 
 
 def test_sensors_that_contradict_each_other_pause_a_mission_until_a_person_resumes_it() -> None:

@@ -80,20 +80,27 @@ class Watch:
     def check_crop(
         self, route: Route, estimate: Estimate, rows: Sequence[Row], limit_m: float
     ) -> str:
-        """Slow down in crop where the robot may drive over it, and stop it there."""
-        if not self._crosses_crop(route, rows):
+        """Slow down in crop where the robot may drive over it, and stop it there.
+
+        A robot one of whose sensors fails may be farther on than it believes: it stands before its
+        way leads into crop, on the headland, and waits there.
+        """
+        ahead_m = estimate.protection_m if estimate.reason else 0.0
+        if not self._crosses_crop(route, rows, ahead_m):
             self._guard.leave()
             return ""
         reason = self._guard.judge(estimate, limit_m)
         self.caution = min(self.caution, self._guard.ratio)
         return reason
 
-    def _crosses_crop(self, route: Route, rows: Sequence[Row]) -> bool:
-        """Whether the path has crop beside it where the robot is."""
+    def _crosses_crop(self, route: Route, rows: Sequence[Row], ahead_m: float) -> bool:
+        """Whether the path has crop beside it where the robot is, or so far ahead."""
         known = self._in_crop
         if known is None or known[0] is not route.path or known[1] is not rows:
             self._in_crop = known = route.path, rows, _find_crop(route.path, rows)
-        return known[2][route.progress.index]
+        first, s_m = route.progress.index, route.path.s_m
+        last = int(np.searchsorted(s_m, s_m[first] + ahead_m)) if ahead_m else first
+        return any(known[2][first : last + 1])
 
     def check_headway(self, route: Route, t_s: float, reason: str) -> str:
         if not self._stall.is_stalled(route.progress.s_m, t_s):
