@@ -248,6 +248,13 @@ def test_rows_sum_up_their_own_ticks_and_weeds() -> None:
     assert all(row.distance_m == 0.0 and row.speed_mps is None for row in rest)
 
 
+def test_a_visit_of_places_has_weeds_and_no_rows(tmp_path: Path) -> None:
+    data = msgspec.structs.replace(_data(), rows=())
+    assert data.plants and summarise_rows(data) == ()
+    write_run_files(tmp_path, _report(), data)
+    assert (tmp_path / "report.html").is_file()
+
+
 def test_without_truth_the_rows_use_what_the_robot_believes() -> None:
     first = summarise_rows(_data(truth=False))[0]
     assert first.cross_track_rms_m == pytest.approx(0.01, rel=0.2)

@@ -29,6 +29,8 @@ class RowSummary(msgspec.Struct, frozen=True, kw_only=True):
 
 def summarise_rows(data: RunData) -> tuple[RowSummary, ...]:
     """Summarise each row of the field; a weed belongs to the row that it is nearest to."""
+    if not data.rows:  # a visit of places
+        return ()
     series = data.series
     across_m = true_cross_track_m(series, data.rows)
     if not np.isfinite(across_m).any():
