@@ -367,7 +367,7 @@ def test_a_robot_that_nobody_could_arm_is_refused(
     ("base", "why"),
     [
         ("", "needs its motor board"),
-        ("base=gpsd:", "serial line or a TCP port"),
+        ("base=gpsd:", "serial line, a TCP port or a CAN bus"),
         ("base=serial:/dev/nothing", "plugged in"),
         ("base=serial:{path}?board=vesc&ids=1,2", "cannot read the red button"),
     ],
