@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -26,9 +26,12 @@ from agribot.core import config
 from agribot.core.messages import OperatorEvent, TickRecord
 from agribot.drivers.board_protocol import StopCause
 from agribot.record.replay import read_ticks
+from agribot.ui import wire
 from tests.drivers.hardware_bench import HardwareBench
 from tests.drivers.lines import Line, Opened
-from tests.waiting import wait_for
+from tests.ui.client import Page
+from tests.ui.page.robots import resumed_with_page
+from tests.waiting import PATIENCE_S, wait_for
 
 pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
 SETTINGS = [
@@ -353,6 +356,64 @@ def test_a_run_that_was_killed_in_a_stop_goes_on_once_a_person_has_cleared_it(
     assert [Path(run["folder"]).name for run in report["job"]["runs"]] == ["killed", "again"]
     x_m, y_m, _ = bench.pose
     assert math.hypot(x_m - START[0], y_m - START[1] - AHEAD_M) < 0.2
+
+
+def test_a_run_that_was_killed_in_a_stop_stands_with_it_until_its_operator_clears_and_resumes(
+    bench: HardwareBench, places: Path, tmp_path: Path
+) -> None:
+    killed, again = tmp_path / "killed", tmp_path / "again"
+    options = words(bench, killed, "--arm", "--waypoints", str(places))
+    with subprocess.Popen(
+        [sys.executable, "-m", "agribot.cli", *options], stderr=subprocess.DEVNULL
+    ) as robot:
+        wait_for(lambda: bench.pose[1] - START[1] > 0.3, "the robot to be on its way")
+        bench.board.is_bumper_pressed = True
+        wait_for(lambda: "bump" in (killed / "mission.json").read_text(), "the stop in its folder")
+        robot.send_signal(signal.SIGKILL)
+    bench.board.is_bumper_pressed = False
+    why = json.loads((killed / "mission.json").read_text())["stopped"]
+    assert "the bumper touches something" in why
+    wait_for(lambda: not any(bench.board.speed_countps), "the wheels to stand")
+    left = bench.pose
+    bench.board.commands.clear()
+    with (
+        resumed_with_page(killed, again, ["--arm"]) as resumed,
+        Page(int(resumed.address.rpartition(":")[2])) as page,
+    ):
+        page.take_seat()
+        assert why in receive_state(page, lambda state: state.stop).stop
+        page.ask(wire.ControlMission(action="resume"))
+        receive_state(page, lambda state: "clear the stop first" in tell_refusal(state))
+        hear_more(bench)
+        assert why in page.receive(wire.State).stop
+        assert page.ask(wire.ClearStop()).ok
+        receive_state(page, lambda state: not state.stop)
+        hear_more(bench)
+        assert bench.pose == left
+        assert {command.speed_countps for command in bench.board.commands} == {(0, 0, 0, 0)}
+        assert page.ask(wire.ControlMission(action="resume")).ok
+        resumed.process.communicate(timeout=PATIENCE_S)
+        assert resumed.process.returncode == 0
+    report = json.loads((again / "report.json").read_text())
+    assert report["mission"]["waypoints_reached"] == 1
+    x_m, y_m, _ = bench.pose
+    assert math.hypot(x_m - START[0], y_m - START[1] - AHEAD_M) < 0.2
+
+
+def receive_state(page: Page, is_so: Callable[[wire.State], object]) -> wire.State:
+    while not is_so(state := page.receive(wire.State)):
+        pass
+    return state
+
+
+def tell_refusal(state: wire.State) -> str:
+    return "" if state.mission is None else state.mission.refusal
+
+
+def hear_more(bench: HardwareBench, commands: int = 50) -> None:
+    """Let the robot tell its board this many commands more."""
+    count = len(bench.board.commands) + commands
+    wait_for(lambda: len(bench.board.commands) >= count, "commands to the board")
 
 
 def test_a_robot_that_nobody_could_arm_is_refused(

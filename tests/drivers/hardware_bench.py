@@ -56,10 +56,13 @@ class Plug:
 class HardwareBench:
     """Lives in a thread: wheels turn as told, and the robot moves as they turn.
 
-    `pose` is where it is in the map (x, y, yaw).
+    `pose` is where it is in the map (x, y, yaw), `pace` that of its time over real time.
     """
 
-    def __init__(self, folder: Path, pose: tuple[float, float, float], field: FieldConfig) -> None:
+    def __init__(
+        self, folder: Path, pose: tuple[float, float, float], field: FieldConfig, pace: float = 1.0
+    ) -> None:
+        self._tick_s = TICK_S / pace
         self.board = BoardEmulator(timeout_s=PATIENT_S)
         self.base, self.gnss = Plug(folder / "ttyBASE"), Plug(folder / "ttyGNSS")
         self._robot = MovingRobot(pose, field)
@@ -88,7 +91,7 @@ class HardwareBench:
     def _run(self) -> None:
         next_s, tick = time.monotonic(), 0
         while not self._ended.wait(max(next_s - time.monotonic(), 0.0)):
-            next_s, tick = next_s + TICK_S, tick + 1
+            next_s, tick = next_s + self._tick_s, tick + 1
             self.board.feed(self.base.exchange(self.board.advance()))
             right, left, *_ = turn_of(self.board, COUNTS_PER_TURN)
             self._robot.roll(right, left, TICK_S)

@@ -6,7 +6,6 @@ import ctypes
 import json
 import math
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -25,6 +24,7 @@ from tests import machine
 from tests.drivers.gpsd_daemon import Daemon
 from tests.drivers.lines import Line
 from tests.drivers.moving_robot import MovingRobot
+from tests.drivers.slow_clock import PACES, run_agribot
 from tests.firmware.robot_on_line import RobotOnLine
 
 OPTIONS = "counts_per_turn=2048&full_speed_radps=30"
@@ -70,18 +70,7 @@ SETTINGS = [
 ]  # fmt: skip
 START = (-2.0, 0.0, math.pi / 2.0)  # the mark of the farm
 PLACES = ((-2.0, 1.2), (-0.8, 1.2))  # ahead, then to the right
-# A machine that is too busy for a board in real time gets more time: clocks that are slower.
-PACES, LATE_S = (1.0, 0.25, 0.1), 0.2
-SLOWLY = """
-import runpy, sys, time
-pace, sleep = float(sys.argv.pop(1)), time.sleep
-def slow(clock):
-    begun_s = clock()
-    return lambda *_: begun_s + (clock() - begun_s) * pace
-time.monotonic, time.time = slow(time.monotonic), slow(time.time)
-time.sleep = lambda seconds: sleep(seconds / pace)
-runpy.run_module("agribot.cli", run_name="__main__")
-"""
+LATE_S = 0.2
 
 
 def write_places(file: Path) -> Path:
@@ -105,10 +94,7 @@ def start_as_a_builder(
              "--source", f"gnss=gpsd://127.0.0.1:{port}", *sets, "--headless",
              "--waypoints", str(write_places(out.parent / "places.geojson")),
              "--for", "40", "--out", str(out)]  # fmt: skip
-    program = ["-m", "agribot.cli"] if pace == 1.0 else ["-c", SLOWLY, str(pace)]
-    return subprocess.run(
-        [sys.executable, *program, *words], capture_output=True, text=True, check=False
-    )
+    return run_agribot(words, pace)
 
 
 @pytest.fixture

@@ -68,7 +68,11 @@ def _gated(index: int, gate: GateStatus, reason: str = "") -> TickRecord:
 
 def test_the_gate_is_shown_since_it_is_so_and_its_reason_once() -> None:
     view = RunView(load("farm"))
-    checks = (Check(name="clock", is_ok=True), Check(name="field", is_ok=False, text="outside"))
+    checks = (
+        Check(name="clock", is_ok=True),
+        Check(name="field", is_ok=False, text="outside"),
+        Check(name="contactor", is_ok=True, text="none"),
+    )
     view(_gated(0, GateStatus(state="checking", reason="outside", checks=checks)))
     for index in range(1, 9):
         held = "no position" if index > 4 else "position is old"
@@ -80,6 +84,7 @@ def test_the_gate_is_shown_since_it_is_so_and_its_reason_once() -> None:
         assert shown.checks == [
             wire.StartCheck(name="clock"),
             wire.StartCheck(name="field", wrong="outside"),
+            wire.StartCheck(name="contactor", remark="none"),
         ]
 
 

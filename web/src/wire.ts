@@ -258,18 +258,24 @@ export interface ShownGate {
   reason: string
 }
 
-/** An item of the list before the start, and what is wrong with it; good where nothing is. */
+/**
+ * An item of the list before the start, and what is wrong with it; good where nothing is.
+ *
+ * `remark` is what is to be known of one that is good.
+ */
 export interface StartCheck {
   name: string
   wrong: string
+  remark: string
 }
 
-export type StartCheckRow = [name: string, wrong: string]
+export type StartCheckRow = [name: string, wrong: string, remark: string]
 
 export function readStartCheck(row: StartCheckRow): StartCheck {
   return {
     name: row[0],
     wrong: row[1],
+    remark: row[2],
   }
 }
 

@@ -41,9 +41,9 @@ test('since when is told as long ago as matters', () => {
 
 test('the list before the start is open while it holds the robot, and has what is wrong first', () => {
   const checks = [
-    ['clock', ''],
-    ['position', 'no position yet'],
-    ['camera', ''],
+    ['clock', '', ''],
+    ['position', 'no position yet', ''],
+    ['camera', '', ''],
   ]
   const open = readStartList(shown({ checks, gate: gate('checking') }))
   assert.deepEqual([open?.isOpen, open?.isGood, open?.title], [true, false, 'Before the start: 2 of 3 good'])
@@ -61,9 +61,24 @@ test('the list before the start is open while it holds the robot, and has what i
   for (const state of ['driving', 'slowed', 'held', 'by hand'] as const) {
     assert.equal(readStartList(shown({ checks, gate: gate(state) }))?.isOpen, false, state)
   }
-  const good = readStartList(shown({ checks: [['clock', '']], gate: gate('standby') }))
+  const good = readStartList(shown({ checks: [['clock', '', '']], gate: gate('standby') }))
   assert.deepEqual([good?.isOpen, good?.title], [false, 'Before the start: all 1 good'])
   assert.equal(readStartList(shown({ gate: gate('standby') })), null, 'nothing was gone through')
+})
+
+test('what is to be known of a good item stands with it, after what is wrong', () => {
+  const checks = [
+    ['clock', '', ''],
+    ['contactor', '', 'none: only the red button'],
+    ['field', 'outside', ''],
+  ]
+  const list = readStartList(shown({ checks, gate: gate('checking') }))
+  assert.deepEqual(list?.items, [
+    { name: 'field', isGood: false, reason: 'Outside' },
+    { name: 'contactor', isGood: true, reason: 'None: only the red button' },
+    { name: 'clock', isGood: true, reason: '' },
+  ])
+  assert.equal(list?.title, 'Before the start: 2 of 3 good')
 })
 
 test('sensors that are not fine come first, with since when and a reason that stands nowhere else', () => {

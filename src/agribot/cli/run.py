@@ -262,20 +262,7 @@ def _format_summary(report: Report, out_dir: Path) -> str:
         nearest_m = _format_number(report.safety.person_distance_min_m, unit=" m")
         lines.append(f"nearest to a person {nearest_m}")
     if weeds.mapped is not None:
-        lines.append(
-            f"weeds mapped along the rows {weeds.mapped}, true ones {weeds.truth}: "
-            f"precision {_format_number(weeds.precision)}, recall {_format_number(weeds.recall)}, "
-            f"treated {weeds.treated}"
-        )
-        lines += _format_crops(weeds)
-        verb = report.implement.verb if report.implement else "treated"
-        lines.append(
-            f"{_format_number(weeds.treated_true)} weeds {verb}, "
-            f"{_format_number(weeds.crops_hit)} crops hit"
-        )
-        if weeds.left:
-            reasons = ", ".join(f"{count} {reason}" for reason, count in weeds.left.items())
-            lines.append(f"mapped weeds left {sum(weeds.left.values())}: {reasons}")
+        lines += _format_weeds(weeds, report.implement.verb if report.implement else "treated")
     lines.append(
         f"{_format_number(spent.sim_s, unit=' s')} of the robot's time in "
         f"{_format_number(spent.wall_s, unit=' s')}, "
@@ -299,6 +286,22 @@ def _format_drive(mission: MissionReport, tracking: TrackingReport) -> str:
     if tracking.plants_brushed:
         parts.append(f"{tracking.plants_brushed} brushed")
     return ", ".join(parts)
+
+
+def _format_weeds(weeds: WeedReport, verb: str) -> list[str]:
+    """Format what was mapped and treated, held against the true plants where they are known."""
+    line = f"weeds mapped along the rows {weeds.mapped}"
+    if weeds.truth is not None:
+        line += f", true ones {weeds.truth}: precision {_format_number(weeds.precision)}"
+        line += f", recall {_format_number(weeds.recall)}"
+    lines = [f"{line}, treated {weeds.treated}", *_format_crops(weeds)]
+    if weeds.treated_true is not None:
+        hit = _format_number(weeds.crops_hit)
+        lines.append(f"{_format_number(weeds.treated_true)} weeds {verb}, {hit} crops hit")
+    if weeds.left:
+        reasons = ", ".join(f"{count} {reason}" for reason, count in weeds.left.items())
+        lines.append(f"mapped weeds left {sum(weeds.left.values())}: {reasons}")
+    return lines
 
 
 def _format_crops(weeds: WeedReport) -> list[str]:

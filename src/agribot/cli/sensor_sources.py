@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from agribot.cli.bridging import print_line, read_domain, read_master, read_router
+from agribot.cli.bridging import read_domain, read_master, read_router
+from agribot.cli.standard_error import print_line
 from agribot.core.config import SourceConfig
 from agribot.core.errors import ConfigError
 from agribot.core.robot import RobotSpec

@@ -13,6 +13,7 @@ from agribot.core.implement.plants import REASONS
 from agribot.core.implement.spec import ImplementSpec, describe_command
 from agribot.core.messages import (
     BatterySample,
+    Check,
     Estimate,
     GateStatus,
     GnssFix,
@@ -133,9 +134,7 @@ class RunView:
         if gate.state != before.state or self.record is None:
             self._gate_since_s = t_s
         if gate.checks and gate.checks is not before.checks:
-            self._checks = [
-                wire.StartCheck(name=c.name, wrong="" if c.is_ok else c.text) for c in gate.checks
-            ]
+            self._checks = [_show_check(check) for check in gate.checks]
 
     def _show_gate(self, said: str) -> wire.ShownGate:
         """Show the gate, less a reason that is `said` already."""
@@ -239,6 +238,12 @@ def _mission(status: MissionStatus) -> wire.MissionProgress:
         leg=status.leg,
         refusal=status.refusal,
     )
+
+
+def _show_check(check: Check) -> wire.StartCheck:
+    if check.is_ok:
+        return wire.StartCheck(name=check.name, remark=check.text)
+    return wire.StartCheck(name=check.name, wrong=check.text)
 
 
 def _doubts(verdicts: SensorVerdicts) -> list[wire.SensorDoubt]:

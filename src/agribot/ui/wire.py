@@ -273,10 +273,14 @@ class ShownGate(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class StartCheck(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
-    """An item of the list before the start, and what is wrong with it; good where nothing is."""
+    """An item of the list before the start, and what is wrong with it; good where nothing is.
+
+    `remark` is what is to be known of one that is good.
+    """
 
     name: str
     wrong: str = ""
+    remark: str = ""
 
 
 class SensorDoubt(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,4 +1,4 @@
-"""A robot in the simulator with its page, as a user starts it: a process of its own."""
+"""A robot with its page, as a user starts it: a process of its own."""
 
 from __future__ import annotations
 
@@ -34,6 +34,14 @@ def robot_with_page(
     """`what` is a profile, or a recording to be shown; `pace` is simulated over real time."""
     command = ["ui", what] if pace == 1.0 else ["run", what, "--ui", "--stay", f"--speed={pace}"]
     with _serving([*command, "--out", str(out_dir), *words]) as process:
+        yield Robot(process=process, address=_address(process), out_dir=out_dir)
+
+
+@contextmanager
+def resumed_with_page(folder: Path, out_dir: Path, words: Sequence[str] = ()) -> Iterator[Robot]:
+    """A run that goes on where that of `folder` was cut off."""
+    command = ["run", "--resume", str(folder), "--ui", "--out", str(out_dir)]
+    with _serving([*command, *words]) as process:
         yield Robot(process=process, address=_address(process), out_dir=out_dir)
 
 

@@ -7,7 +7,10 @@ from pathlib import Path
 
 from playwright.sync_api import BrowserContext, expect
 
-from tests.ui.page.conftest import WITHOUT_GL, until
+from agribot.autonomy.control.hazards import NO_CONTACTOR
+from agribot.ui import wire
+from tests.ui.page.conftest import WITHOUT_GL, OpenPage, until
+from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.robots import robot_with_page
 
 BLIND = [
@@ -37,3 +40,17 @@ def test_a_jump_of_the_receiver_is_told_once_with_state_sensor_and_the_list_befo
         expect(page.get_by_text("GNSS jumped by")).to_have_count(1)
         expect(page.locator(".mission .reason")).to_contain_text("resume to believe GNSS")
         expect(listed.get_by_text("Wheels and IMU")).to_be_visible()
+
+
+def test_what_is_to_be_known_of_a_good_item_of_the_list_before_the_start_stands_under_it(
+    server: FakeServer, open_page: OpenPage
+) -> None:
+    server.robot.checks.append(wire.StartCheck(name="contactor", remark=NO_CONTACTOR))
+    listed = open_page("drive").locator(".start-list")
+    count = len(server.robot.checks)
+    expect(listed).to_contain_text(f"Before the start: all {count} good")
+    listed.locator("summary").click()
+    first = listed.locator("li").first
+    expect(first).to_contain_text("Contactor")
+    expect(first.locator(".reason")).to_have_text(NO_CONTACTOR.capitalize())
+    expect(listed.locator("li .reason")).to_have_count(1)

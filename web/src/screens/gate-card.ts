@@ -53,7 +53,7 @@ export function tellSince(t_s: number, since_s: number | null | undefined): stri
 
 export interface StartList {
   title: string
-  /** What is wrong first. */
+  /** What is wrong first, with the reason; then what is good but has a remark. */
   items: { name: string; isGood: boolean; reason: string }[]
   isGood: boolean
   /** While the robot waits for it. */
@@ -67,14 +67,13 @@ export function readStartList(state: State): StartList | null {
   const said = sayings(state)
   const all = checks.map(readStartCheck)
   const bad = all.filter((each) => each.wrong)
+  const good = all.filter((each) => !each.wrong)
   const waits = gate?.state === 'standby' || gate?.state === 'stopped'
   return {
     title: `Before the start: ${bad.length ? `${all.length - bad.length} of` : 'all'} ${all.length} good`,
-    items: [...bad, ...all.filter((each) => !each.wrong)].map(({ name, wrong }) => ({
-      name,
-      isGood: !wrong,
-      reason: tellAnew(wrong, said),
-    })),
+    items: [...bad, ...good.filter(({ remark }) => remark), ...good.filter(({ remark }) => !remark)].map(
+      ({ name, wrong, remark }) => ({ name, isGood: !wrong, reason: tellAnew(wrong || remark, said) }),
+    ),
     isGood: !bad.length,
     isOpen: gate?.state === 'checking' || (waits && bad.length > 0),
   }
@@ -188,7 +187,7 @@ export class GateCard {
 function checkLine({ name, isGood, reason }: StartList['items'][number]): HTMLElement {
   return el(
     'li',
-    { class: isGood ? 'good' : 'bad' },
+    { class: `${isGood ? 'good' : 'bad'}${reason && ' told'}` },
     icon(isGood ? 'check' : 'warning', 16),
     el('span', {}, words(name), reason !== '' && el('span', { class: 'reason' }, reason)),
     el('span', { class: 'visually-hidden' }, isGood ? 'good' : 'not good'),
