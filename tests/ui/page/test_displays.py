@@ -109,6 +109,10 @@ def has_rgb(page: Page, x_m: float, y_m: float, rgb: tuple[int, int, int]) -> bo
     return is_rgb(page, pixel_of(page, x_m, y_m), rgb)
 
 
+def wait_for_rgb(page: Page, x_m: float, y_m: float, rgb: tuple[int, int, int]) -> None:
+    wait_for(lambda: has_rgb(page, x_m, y_m, rgb), f"{rgb} at {x_m}, {y_m}")
+
+
 def test_fixes_are_tracks_of_arrows_and_points(page: Page) -> None:
     """P6 and P13; a GPSFix heads east where its track says 90 degrees."""
     assert wait_drawn(page, "gps", 0.0, -7.0)[0]["color"] == "#c40000"
@@ -162,7 +166,7 @@ def test_a_deleted_marker_is_gone(page: Page) -> None:
 
 def test_an_occupancy_grid_lies_where_its_origin_says(page: Page) -> None:
     """P14: white is free, black occupied, grey unknown."""
-    wait_rgb(page, pixel_of(page, 12.5, -7.5), (255, 255, 255))
+    wait_for_rgb(page, 12.5, -7.5, (255, 255, 255))
     assert has_rgb(page, 13.5, -7.5, (0, 0, 0))
     assert has_rgb(page, 13.5, -6.25, (146, 163, 155))
 
@@ -199,9 +203,9 @@ def test_a_pose_and_a_frame_show_their_heading(page: Page) -> None:
 
 def test_a_textured_marker_and_the_robots_picture_lie_on_the_ground(page: Page) -> None:
     """P24 and P21: 2 m x 1 m each; the robot's is turned to the north."""
-    wait_rgb(page, pixel_of(page, 18.8, -11.4), messages.RED)
+    wait_for_rgb(page, 18.8, -11.4, messages.RED)
     assert not has_rgb(page, 18.8, -10.2, messages.RED)
-    wait_rgb(page, pixel_of(page, 8.0, -10.2), messages.BLUE)
+    wait_for_rgb(page, 8.0, -10.2, messages.BLUE)
     assert not has_rgb(page, 8.8, -11.0, messages.BLUE)
 
 
@@ -307,7 +311,7 @@ def test_a_drawn_polygon_is_sent_and_stays(page: Page, server: FakeServer) -> No
             "points": [list(corner) for corner in shape.corners_map_m]
         }
     red, green, blue = (177, 18, 138)
-    wait_rgb(page, pixel_of(page, 18.0, -14.0), (red, green, blue))
+    wait_for_rgb(page, 18.0, -14.0, (red, green, blue))
 
 
 def test_a_route_begins_at_the_robot_and_is_sent(page: Page, server: FakeServer) -> None:

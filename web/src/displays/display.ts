@@ -162,17 +162,14 @@ export class Display implements LayerGroup {
     const laid = await this.type.lay(this.state as never, this.setting)
     if (!laid) return
     const { map, app } = this.host
-    const url = laid.image.toDataURL()
     const coordinates = laid.corners.map(([x, y]) => app.projection.toLonLat(x, y)) as [
       [number, number],
       [number, number],
       [number, number],
       [number, number],
     ]
-    const known = map.getSource<ImageSource>(this.id)
-    if (known) known.updateImage({ url, coordinates })
-    else {
-      map.addSource(this.id, { type: 'image', url, coordinates })
+    if (!map.getSource(this.id)) {
+      map.addSource(this.id, { type: 'image', coordinates })
       map.addLayer(
         {
           id: this.layers[0],
@@ -184,5 +181,7 @@ export class Display implements LayerGroup {
       )
       this.host.adopt(this)
     }
+    // Not by its address: that loads later, and a new picture would end the loading of the last one.
+    map.getSource<ImageSource>(this.id)?.updateImage({ image: laid.image, coordinates })
   }
 }
