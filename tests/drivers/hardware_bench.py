@@ -22,33 +22,41 @@ PATIENT_S = 3.0  # with a busy machine
 
 
 class Plug:
-    """A line with a device at the far end; `path` stays while it is pulled and put in."""
+    """A line with a device at the far end; `path` is the same whenever it is put in.
+
+    It is pulled and put in by one thread while another one speaks.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path, self._far = path, -1
+        self._lock = threading.Lock()
         self.put_in()
 
     def put_in(self) -> None:
-        self._far, near = pty.openpty()
-        for end in (self._far, near):
+        far, near = pty.openpty()
+        for end in (far, near):
             tty.setraw(end)
+        os.set_blocking(far, False)
         self.path.unlink(missing_ok=True)
         self.path.symlink_to(os.ttyname(near))
         os.close(near)
+        with self._lock:
+            self._far = far
 
     def pull(self) -> None:
-        if self._far >= 0:
-            os.close(self._far)
-        self._far = -1
+        """Take the device away with its node: the terminal's number is soon another one's."""
+        self.path.unlink(missing_ok=True)
+        with self._lock:
+            if self._far >= 0:
+                os.close(self._far)
+            self._far = -1
 
     def exchange(self, data: bytes) -> bytes:
         """Say `data`, and hear what waits; nothing where nobody has the other end open."""
-        if self._far < 0:
-            return b""
-        with contextlib.suppress(OSError):  # nobody listens, or too slowly
-            if data and select.select([], [self._far], [], 0.0)[1]:
+        with self._lock, contextlib.suppress(OSError):  # nobody listens, or too slowly
+            if data and self._far >= 0:
                 os.write(self._far, data)
-            if select.select([self._far], [], [], 0.0)[0]:
+            if self._far >= 0 and select.select([self._far], [], [], 0.0)[0]:
                 return os.read(self._far, 4096)
         return b""
 

@@ -22,7 +22,7 @@ from tests.waiting import wait_for
 
 
 class Line:
-    """A serial line with a device at the far end; `path` stays while devices come and go."""
+    """A serial line with a device at the far end; `path` is the same whenever there is one."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / "ttyDEVICE"
@@ -57,6 +57,8 @@ class Line:
             return b""
 
     def unplug(self) -> None:
+        """Take the device away with its node: the terminal's number is soon another one's."""
+        self.path.unlink(missing_ok=True)
         if self._far >= 0:
             os.close(self._far)
         self._far = -1
