@@ -5,6 +5,7 @@ The motor board is emulated by its table of messages; bytes, lines, threads and 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -296,15 +297,24 @@ def test_a_stop_outlives_the_program_until_a_person_clears_it(
     assert not list((tmp_path / "home" / "stops").glob("*.json"))
 
 
-def test_a_run_that_was_killed_in_a_stop_goes_on_once_a_person_has_cleared_it(
-    bench: HardwareBench, places: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    killed, again = tmp_path / "killed", tmp_path / "again"
-    options = words(bench, killed, "--arm", "--waypoints", str(places))
+@contextlib.contextmanager
+def on_its_way(
+    bench: HardwareBench, places: Path, folder: Path
+) -> Iterator[subprocess.Popen[bytes]]:
+    """Start a robot of its own process that drives to a place, and is under way."""
+    options = words(bench, folder, "--arm", "--waypoints", str(places))
     with subprocess.Popen(
         [sys.executable, "-m", "agribot.cli", *options], stderr=subprocess.DEVNULL
     ) as robot:
         wait_for(lambda: bench.pose[1] - START[1] > 0.3, "the robot to be on its way")
+        yield robot
+
+
+def test_a_run_that_was_killed_in_a_stop_goes_on_once_a_person_has_cleared_it(
+    bench: HardwareBench, places: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    killed, again = tmp_path / "killed", tmp_path / "again"
+    with on_its_way(bench, places, killed) as robot:
         bench.board.is_button_pressed = True
         wait_for(
             lambda: "red button" in (killed / "mission.json").read_text(), "the stop in its folder"
@@ -330,11 +340,7 @@ def test_a_run_that_was_killed_in_a_stop_stands_with_it_until_its_operator_clear
     bench: HardwareBench, places: Path, tmp_path: Path
 ) -> None:
     killed, again = tmp_path / "killed", tmp_path / "again"
-    options = words(bench, killed, "--arm", "--waypoints", str(places))
-    with subprocess.Popen(
-        [sys.executable, "-m", "agribot.cli", *options], stderr=subprocess.DEVNULL
-    ) as robot:
-        wait_for(lambda: bench.pose[1] - START[1] > 0.3, "the robot to be on its way")
+    with on_its_way(bench, places, killed) as robot:
         bench.board.is_bumper_pressed = True
         wait_for(lambda: "bump" in (killed / "mission.json").read_text(), "the stop in its folder")
         robot.send_signal(signal.SIGKILL)

@@ -32,13 +32,13 @@ from agribot.core.messages import (
     RobotCommand,
     SensorBatch,
 )
+from agribot.core.messages.sensors import join_batches
 from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.drivers.agribot_board import TOOL_OUTPUTS, make_board
 from agribot.drivers.board_link import BoardLink
 from agribot.drivers.schemes import SourceUri
 from agribot.drivers.uri_options import UriOptions
 from agribot.sim.faults.boards import hush_inputs
-from agribot.sim.faults.programs import join_batches
 
 if TYPE_CHECKING:
     from agribot.app.run_setup import RunSetup

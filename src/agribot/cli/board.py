@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
     found = _find(uri, wanted, getattr(options, "seconds", 0.0))
     if options.json:
         _print_json(found)
-    return 0 if _fits(found) else 1
+    return 0 if found.is_understood else 1
 
 
 def _find(uri: SourceUri, wanted: object, seconds: float) -> FoundBoard:
@@ -107,12 +107,6 @@ def _print_on(probe: BoardProbe, found: FoundBoard, seconds: float) -> FoundBoar
     except KeyboardInterrupt:
         pass
     return found
-
-
-def _fits(found: FoundBoard) -> bool:
-    from agribot.drivers.board_protocol import LAYOUT
-
-    return found.version.layout == LAYOUT
 
 
 def _print_json(found: FoundBoard) -> None:

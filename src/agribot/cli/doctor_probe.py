@@ -153,11 +153,13 @@ class DeviceProbe:
         named = {os.path.realpath(self._root / path.lstrip("/")) for path in paths}
         if real in named:
             return "ok", "is left alone: gpsd reads it; take it by --source gnss=gpsd:"
-        holders = find_holders(device.node, self._root)
-        if holders:
-            names = ", ".join(map(str, sorted(holders)))
-            return "warning", f"is left alone: {names} has it; end that to have it probed"
-        return None
+        held = self._explain_held(device)
+        return ("warning", held) if held else None
+
+    def _explain_held(self, device: FoundDevice) -> str:
+        """Say which other programs have a device open; empty where none has."""
+        holders = ", ".join(map(str, sorted(find_holders(device.node, self._root))))
+        return f"is left alone: {holders} has it; end that to have it probed" if holders else ""
 
     def _probe(self, device: FoundDevice) -> LineAnswer:
         bauds = order_bauds(device.what)
@@ -191,11 +193,8 @@ class DeviceProbe:
 
     def _check_camera(self, device: FoundDevice, take: TakePictures) -> CheckResult:
         what = f"at {device.node}"
-        holders = find_holders(device.node, self._root)
-        if holders:
-            names = ", ".join(map(str, sorted(holders)))
-            detail = f"is left alone: {names} has it; end that to have it probed"
-            return CheckResult(what=what, state="warning", detail=detail)
+        if held := self._explain_held(device):
+            return CheckResult(what=what, state="warning", detail=held)
         print_line(f"opening {device.node} ({device.what}) ...")
         try:
             seen = take(str(self._root / device.node.lstrip("/")))

@@ -34,6 +34,11 @@ class FoundBoard(msgspec.Struct, frozen=True, kw_only=True):
     state: BoardState | None = None
     imu: BoardImu | None = None
 
+    @property
+    def is_understood(self) -> bool:
+        """Whether its program has the table of messages that this one has."""
+        return self.version.layout == LAYOUT
+
 
 class BoardListener:
     """What a board says on a line that was just opened, and what it may be asked.
@@ -117,7 +122,7 @@ def describe_board(found: FoundBoard) -> str:
     """Say in words which board it is, its firmware, and how it is."""
     version = found.version
     words = [f"{version.board.name.lower()} board, firmware {'.'.join(map(str, version.firmware))}"]
-    if version.layout != LAYOUT:
+    if not found.is_understood:
         words.append(
             f"of another table of messages (layout {version.layout:#06x}); flash it: agribot board "
             f"flash {version.board.name.lower()}"

@@ -6,7 +6,7 @@ import math
 import re
 
 from agribot.drivers.board_probe import BoardListener, FoundBoard, describe_board
-from agribot.drivers.board_protocol import LAYOUT, BoardFlag, BoardKind
+from agribot.drivers.board_protocol import BoardFlag, BoardKind
 from agribot.drivers.line_answers import LineAnswer
 from agribot.drivers.rosserial import STRING, RosserialHost
 
@@ -74,7 +74,7 @@ def _tell_board(found: FoundBoard, baud: int) -> LineAnswer:
         kind="motor board" if is_motor else "imu board", baud=baud,
         detail=describe_board(found), use="base" if is_motor else "imu",
         options=() if is_motor else (("board", "agribot"),),
-        is_good=version.layout == LAYOUT and (is_motor or found.imu is not None),
+        is_good=found.is_understood and (is_motor or found.imu is not None),
         numbers={
             "firmware": ".".join(map(str, version.firmware)), "layout": version.layout,
             "flags": [flag.name for flag in BoardFlag if flag in flags], "has_imu": has_imu,

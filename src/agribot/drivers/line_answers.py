@@ -6,6 +6,8 @@ from typing import Any, Literal, Protocol
 
 import msgspec
 
+from agribot.drivers.board_protocol import BAUD as OUR_BAUD
+
 AnswerKind = Literal[
     "motor board", "imu board", "letter imu", "rosserial imu", "rosserial device", "receiver",
     "vesc", "odrive", "unknown", "silent",
@@ -13,7 +15,6 @@ AnswerKind = Literal[
 Use = Literal["base", "imu", "gnss", ""]
 # What a run takes where its URI tells no speed.
 USUAL_BAUD: dict[Use, int] = {"base": 115_200, "imu": 57_600, "gnss": 38_400}
-USUAL_BAUD_OF_OUR_BOARD = 250_000
 
 
 class LineAnswer(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,7 +38,7 @@ class LineAnswer(msgspec.Struct, frozen=True, kw_only=True):
         """Write the URI that a run reads it by."""
         usual = USUAL_BAUD.get(self.use, 0)
         if self.kind == "motor board":
-            usual = USUAL_BAUD_OF_OUR_BOARD
+            usual = OUR_BAUD
         told = {} if self.baud in (0, usual) else {"baud": str(self.baud)}
         options = {**told, **dict(self.options)}
         words = "&".join(f"{name}={value}" for name, value in options.items())

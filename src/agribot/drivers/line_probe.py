@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from agribot.drivers.board_probe import BAUDS
 from agribot.drivers.board_speakers import BoardSpeaker, RosserialSpeaker
 from agribot.drivers.byte_streams import ByteStream
 from agribot.drivers.controller_speakers import OdriveSpeaker, VescSpeaker
@@ -17,8 +18,8 @@ from agribot.drivers.imu_devices import BEGINS_S
 from agribot.drivers.line_answers import LineAnswer, Speaker
 from agribot.drivers.receiver_speaker import ReceiverSpeaker
 
-OUR_BAUDS, RECEIVER_BAUDS = (250_000, 57_600), (38_400, 115_200, 9_600, 230_400, 460_800, 921_600)
-ALL_BAUDS = (*OUR_BAUDS, *RECEIVER_BAUDS)
+RECEIVER_BAUDS = (38_400, 115_200, 9_600, 230_400, 460_800, 921_600)
+ALL_BAUDS = (*BAUDS.values(), *RECEIVER_BAUDS)
 # At the first speed: a bootloader ends after one or two seconds, and a receiver speaks every one.
 FIRST_S, NEXT_S = 3.5, 1.3
 ASKING_S = 6.0  # of a line that is asked while it is silent, for all who wait for a question

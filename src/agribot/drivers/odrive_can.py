@@ -16,7 +16,14 @@ from agribot.core.messages import Four, ImplementCommand, SafetyInput
 from agribot.core.robot import RobotSpec
 from agribot.drivers.can_frames import CanDecoder, CanFrame
 from agribot.drivers.motor_board import StampedReport
-from agribot.drivers.odrive import CLOSED_LOOP, ROUND_TICKS, WATCHDOG_EXPIRED, AxisState, SideAxes
+from agribot.drivers.odrive import (
+    CLOSED_LOOP,
+    ROUND_TICKS,
+    WATCHDOG_EXPIRED,
+    AxisState,
+    SideAxes,
+    read_machine,
+)
 from agribot.drivers.uri_options import UriOptions
 
 HEARTBEAT, SET_STATE, ESTIMATES, SET_VELOCITY, BUS_VOLTAGE, CLEAR_ERRORS = (
@@ -127,8 +134,4 @@ def make_board(robot: RobotSpec, options: UriOptions) -> OdriveCanBoard:
         raise ConfigError(
             f"nodes={text}: name two nodes up to {MOST_NODES}, right and left, such as nodes=0,1"
         )
-    error = options.pop_text("errors", "error")
-    if error not in WATCHDOG_EXPIRED:
-        raise ConfigError(f"errors={error}: firmware 0.5 has error, 0.6 active_errors")
-    gear = options.pop_number("gear", robot.drive.gear_ratio, 0.1, 1000.0)
-    return OdriveCanBoard((nodes[0], nodes[1]), gear, error)
+    return OdriveCanBoard((nodes[0], nodes[1]), *read_machine(robot, options))

@@ -36,11 +36,8 @@ def write_rule(name: str, properties: Properties, others: Sequence[Properties] =
 
     It goes by the serial number, if that is one and none of `others` has it, else by the socket.
     """
-    keys = ["ID_VENDOR_ID", "ID_MODEL_ID"]
-    if _is_real(properties, others):
-        keys += ["ID_SERIAL_SHORT", "ID_USB_INTERFACE_NUM"]
-    else:
-        keys = ["ID_PATH"]
+    by_number = ("ID_VENDOR_ID", "ID_MODEL_ID", "ID_SERIAL_SHORT", "ID_USB_INTERFACE_NUM")
+    keys = by_number if _is_real(properties, others) else ("ID_PATH",)
     told = {key: properties[key] for key in keys if properties.get(key)}
     if not {"ID_SERIAL_SHORT", "ID_PATH"} & set(told):
         return ""

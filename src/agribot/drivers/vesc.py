@@ -237,9 +237,17 @@ def make_board(robot: RobotSpec, options: UriOptions) -> VescBoard:
     Raises: ConfigError: an option that is none.
     """
     ids = read_ids(options.pop_text("ids", "local"), "ids=local,12")
+    return VescBoard(ids, *read_gearing(robot, options))
+
+
+def read_gearing(robot: RobotSpec, options: UriOptions) -> tuple[int, float]:
+    """Read `pole_pairs` of the motors and `gear`, turns of a motor for one of its wheel.
+
+    Raises: ConfigError: a number out of range.
+    """
     pole_pairs = options.pop_number("pole_pairs", 7.0, 1.0, 100.0)
     gear = options.pop_number("gear", robot.drive.gear_ratio, 0.1, 1000.0)
-    return VescBoard(ids, round(pole_pairs), gear)
+    return round(pole_pairs), gear
 
 
 def read_ids(text: str, example: str) -> tuple[int, ...]:

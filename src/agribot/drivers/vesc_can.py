@@ -24,7 +24,13 @@ from agribot.core.robot import RobotSpec
 from agribot.drivers.can_frames import CanDecoder, CanFrame
 from agribot.drivers.motor_board import BoardReport, StampedReport
 from agribot.drivers.uri_options import UriOptions
-from agribot.drivers.vesc import LOCAL, STEPS_PER_ELECTRICAL_TURN, CounterOf32Bits, read_ids
+from agribot.drivers.vesc import (
+    LOCAL,
+    STEPS_PER_ELECTRICAL_TURN,
+    CounterOf32Bits,
+    read_gearing,
+    read_ids,
+)
 
 SET_RPM, STATUS, STATUS_4, STATUS_5 = 3, 9, 16, 27
 _SPEED, _CURRENT, _COUNT = struct.Struct(">i"), struct.Struct(">4xh"), struct.Struct(">ih")
@@ -114,6 +120,4 @@ def make_board(robot: RobotSpec, options: UriOptions) -> VescCanBoard:
     ids = read_ids(options.pop_text("ids", ""), "ids=11,12")
     if LOCAL in ids:
         raise ConfigError("ids: 'local' is the controller on a serial line; on CAN each has an id")
-    pole_pairs = options.pop_number("pole_pairs", 7.0, 1.0, 100.0)
-    gear = options.pop_number("gear", robot.drive.gear_ratio, 0.1, 1000.0)
-    return VescCanBoard(ids, round(pole_pairs), gear)
+    return VescCanBoard(ids, *read_gearing(robot, options))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import Literal
 
@@ -222,3 +223,13 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     board: tuple[BoardSample, ...] = ()
     gnss_status: tuple[GnssStatus, ...] = ()
     contactor: tuple[ContactorSample, ...] = ()
+
+
+def join_batches(batches: Sequence[SensorBatch]) -> SensorBatch:
+    """Put batches together into one of the last one's time."""
+    fields = [name for name in SensorBatch.__struct_fields__ if name != "t_s"]
+    joined = {
+        name: tuple(sample for batch in batches for sample in getattr(batch, name))
+        for name in fields
+    }
+    return msgspec.structs.replace(batches[-1], **joined)

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import msgspec
-
 from agribot.core.messages import Inbox, RobotCommand, SensorBatch
+from agribot.core.messages.sensors import join_batches
 from agribot.core.platform import Platform
 from agribot.sim.faults.schedule import ROUNDING_S, Fault
 
@@ -42,13 +41,3 @@ class StalledProgram:
 
     def close(self) -> None:
         self._platform.close()
-
-
-def join_batches(batches: Sequence[SensorBatch]) -> SensorBatch:
-    """Put batches together into one of the last one's time."""
-    fields = [name for name in SensorBatch.__struct_fields__ if name != "t_s"]
-    joined = {
-        name: tuple(sample for batch in batches for sample in getattr(batch, name))
-        for name in fields
-    }
-    return msgspec.structs.replace(batches[-1], **joined)

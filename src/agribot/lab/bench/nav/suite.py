@@ -88,7 +88,7 @@ def drive_all(
 
     `done` hears the seeds of every block, also of those that `kept` has from before.
     """
-    collected: dict[str, list[Outcome]] = {job.name: [] for job in jobs}
+    collected: dict[str, list[Outcome]] = {}
     blocks: list[Job] = []
     for job in jobs:
         found = {} if kept is None else kept.find(job)
