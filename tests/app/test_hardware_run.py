@@ -173,7 +173,7 @@ def fall_silent(bench: HardwareBench) -> None:
 
 
 def pull_out(bench: HardwareBench) -> None:
-    bench.base.pull()
+    bench.base.unplug()
 
 
 @pytest.mark.parametrize(
@@ -202,9 +202,9 @@ def test_a_board_that_was_unplugged_is_driven_again_when_it_is_back_and_cleared(
     bench: HardwareBench, tmp_path: Path
 ) -> None:
     with armed(bench, tmp_path / "run") as run:
-        bench.base.pull()
+        bench.base.unplug()
         assert "silent" in until(run, lambda r: r.status.stopped, by_hand=True).status.stopped
-        bench.base.put_in()
+        bench.base.plug_in()
         until(run, lambda r: r.batch.wheels and r.batch.board)
         run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))
         until(run, lambda r: r.batch.board and not r.batch.board[-1].stopped)

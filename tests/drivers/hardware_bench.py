@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import datetime as dt
-import os
-import pty
-import select
 import threading
 import time
-import tty
 from pathlib import Path
 
 from agribot.core.config import FieldConfig
 from tests.drivers.board_emulator import TICK_S, BoardEmulator, turn_of
+from tests.drivers.lines import Line
 from tests.drivers.moving_robot import COUNTS_PER_TURN, MovingRobot
 from tests.drivers.receiver_bytes import EPOCH
 
@@ -21,44 +18,29 @@ FIX_EVERY = 10  # ticks of the board
 PATIENT_S = 3.0  # with a busy machine
 
 
-class Plug:
-    """A line with a device at the far end; `path` is the same whenever it is put in.
+class Plug(Line):
+    """A line that is plugged and unplugged by one thread while another one speaks."""
 
-    It is pulled and put in by one thread while another one speaks.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path, self._far = path, -1
+    def __init__(self, folder: Path, name: str) -> None:
         self._lock = threading.Lock()
-        self.put_in()
+        super().__init__(folder, name)
 
-    def put_in(self) -> None:
-        far, near = pty.openpty()
-        for end in (far, near):
-            tty.setraw(end)
-        os.set_blocking(far, False)
-        self.path.unlink(missing_ok=True)
-        self.path.symlink_to(os.ttyname(near))
-        os.close(near)
+    def plug_in(self) -> None:
         with self._lock:
-            self._far = far
+            super().plug_in()
 
-    def pull(self) -> None:
-        """Take the device away with its node: the terminal's number is soon another one's."""
-        self.path.unlink(missing_ok=True)
+    def unplug(self) -> None:
         with self._lock:
-            if self._far >= 0:
-                os.close(self._far)
-            self._far = -1
+            super().unplug()
 
     def exchange(self, data: bytes) -> bytes:
         """Say `data`, and hear what waits; nothing where nobody has the other end open."""
-        with self._lock, contextlib.suppress(OSError):  # nobody listens, or too slowly
-            if data and self._far >= 0:
-                os.write(self._far, data)
-            if self._far >= 0 and select.select([self._far], [], [], 0.0)[0]:
-                return os.read(self._far, 4096)
-        return b""
+        with self._lock:
+            if self._far < 0:
+                return b""
+            with contextlib.suppress(OSError):  # nobody listens
+                self.blurt(data)
+            return self.hear()
 
 
 class HardwareBench:
@@ -72,7 +54,7 @@ class HardwareBench:
     ) -> None:
         self._tick_s = TICK_S / pace
         self.board = BoardEmulator(timeout_s=PATIENT_S)
-        self.base, self.gnss = Plug(folder / "ttyBASE"), Plug(folder / "ttyGNSS")
+        self.base, self.gnss = Plug(folder, "ttyBASE"), Plug(folder, "ttyGNSS")
         self._robot = MovingRobot(pose, field)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run)
@@ -84,8 +66,8 @@ class HardwareBench:
     def __exit__(self, *_: object) -> None:
         self._ended.set()
         self._thread.join()
-        self.base.pull()
-        self.gnss.pull()
+        self.base.unplug()
+        self.gnss.unplug()
 
     @property
     def pose(self) -> tuple[float, float, float]:

@@ -24,8 +24,8 @@ from tests.waiting import wait_for
 class Line:
     """A serial line with a device at the far end; `path` is the same whenever there is one."""
 
-    def __init__(self, folder: Path) -> None:
-        self.path = folder / "ttyDEVICE"
+    def __init__(self, folder: Path, name: str = "ttyDEVICE") -> None:
+        self.path = folder / name
         self._far = -1
         self.plug_in()
 
