@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import msgspec
@@ -27,40 +27,36 @@ class Robot(msgspec.Struct, kw_only=True):
         return self.process.returncode
 
 
-@contextmanager
 def robot_with_page(
     what: str, out_dir: Path, words: Sequence[str] = (), pace: float = 1.0
-) -> Iterator[Robot]:
+) -> AbstractContextManager[Robot]:
     """`what` is a profile, or a recording to be shown; `pace` is simulated over real time."""
     command = ["ui", what] if pace == 1.0 else ["run", what, "--ui", "--stay", f"--speed={pace}"]
-    with _serving([*command, "--out", str(out_dir), *words]) as process:
-        yield Robot(process=process, address=_address(process), out_dir=out_dir)
+    return _serving([*command, "--out", str(out_dir), *words], out_dir)
 
 
-@contextmanager
-def resumed_with_page(folder: Path, out_dir: Path, words: Sequence[str] = ()) -> Iterator[Robot]:
+def resumed_with_page(
+    folder: Path, out_dir: Path, words: Sequence[str] = ()
+) -> AbstractContextManager[Robot]:
     """A run that goes on where that of `folder` was cut off."""
     command = ["run", "--resume", str(folder), "--ui", "--out", str(out_dir)]
-    with _serving([*command, *words]) as process:
-        yield Robot(process=process, address=_address(process), out_dir=out_dir)
+    return _serving([*command, *words], out_dir)
 
 
-@contextmanager
-def described(file: Path) -> Iterator[Robot]:
+def described(file: Path) -> AbstractContextManager[Robot]:
     """A description alone: `end` ends its page."""
-    with _serving(["describe", "--robot", str(file), "--ui"]) as process:
-        yield Robot(process=process, address=_address(process), out_dir=file.parent)
+    return _serving(["describe", "--robot", str(file), "--ui"], file.parent)
 
 
 @contextmanager
-def _serving(words: Sequence[str]) -> Iterator[subprocess.Popen[str]]:
+def _serving(words: Sequence[str], out_dir: Path) -> Iterator[Robot]:
     process = subprocess.Popen(
         [sys.executable, "-m", "agribot.cli", *words, "--port", "0"],
         stderr=subprocess.PIPE,
         text=True,
     )
     try:
-        yield process
+        yield Robot(process=process, address=_address(process), out_dir=out_dir)
     finally:
         process.kill()
         process.communicate()
