@@ -4,7 +4,7 @@ import type { App } from '../app.ts'
 import { el, replace, setAttr, setText } from '../dom.ts'
 import { words } from '../format.ts'
 import { icon } from '../icons.ts'
-import type { GateState, SensorDoubt, SensorName, SensorState, State } from '../wire.ts'
+import type { GateState, SensorDoubt, SensorName, SensorState, StartCheck, State } from '../wire.ts'
 import { readStartCheck } from '../wire.ts'
 
 type Tone = 'plain' | 'good' | 'note' | 'warn' | 'bad'
@@ -67,13 +67,13 @@ export function readStartList(state: State): StartList | null {
   const said = sayings(state)
   const all = checks.map(readStartCheck)
   const bad = all.filter((each) => each.wrong)
-  const good = all.filter((each) => !each.wrong)
+  const rank = ({ wrong, remark }: StartCheck): number => (wrong ? 0 : remark ? 1 : 2)
   const waits = gate?.state === 'standby' || gate?.state === 'stopped'
   return {
     title: `Before the start: ${bad.length ? `${all.length - bad.length} of` : 'all'} ${all.length} good`,
-    items: [...bad, ...good.filter(({ remark }) => remark), ...good.filter(({ remark }) => !remark)].map(
-      ({ name, wrong, remark }) => ({ name, isGood: !wrong, reason: tellAnew(wrong || remark, said) }),
-    ),
+    items: [...all]
+      .sort((a, b) => rank(a) - rank(b))
+      .map(({ name, wrong, remark }) => ({ name, isGood: !wrong, reason: tellAnew(wrong || remark, said) })),
     isGood: !bad.length,
     isOpen: gate?.state === 'checking' || (waits && bad.length > 0),
   }
