@@ -9,6 +9,7 @@ import contextlib
 import json
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -336,14 +337,18 @@ def test_a_run_that_was_killed_in_a_stop_goes_on_once_a_person_has_cleared_it(
     assert math.hypot(x_m - START[0], y_m - START[1] - AHEAD_M) < 0.2
 
 
+@pytest.mark.parametrize("is_remembered", [True, False], ids=["remembered", "in its folder only"])
 def test_a_run_that_was_killed_in_a_stop_stands_with_it_until_its_operator_clears_and_resumes(
-    bench: HardwareBench, places: Path, tmp_path: Path
+    bench: HardwareBench, places: Path, tmp_path: Path, *, is_remembered: bool
 ) -> None:
     killed, again = tmp_path / "killed", tmp_path / "again"
     with on_its_way(bench, places, killed) as robot:
         bench.board.is_bumper_pressed = True
         wait_for(lambda: "bump" in (killed / "mission.json").read_text(), "the stop in its folder")
+        wait_for(lambda: list((tmp_path / "home" / "stops").glob("*.json")), "the stop on disk")
         robot.send_signal(signal.SIGKILL)
+    if not is_remembered:
+        shutil.rmtree(tmp_path / "home" / "stops")
     bench.board.is_bumper_pressed = False
     why = json.loads((killed / "mission.json").read_text())["stopped"]
     assert "the bumper touches something" in why
@@ -375,9 +380,11 @@ def test_a_run_that_was_killed_in_a_stop_stands_with_it_until_its_operator_clear
 
 
 def receive_state(page: Page, is_so: Callable[[wire.State], object]) -> wire.State:
-    while not is_so(state := page.receive(wire.State)):
-        pass
-    return state
+    def receive() -> wire.State | None:
+        state = page.receive(wire.State)
+        return state if is_so(state) else None
+
+    return wait_for(receive, "such a state")
 
 
 def tell_refusal(state: wire.State) -> str:

@@ -51,7 +51,10 @@ def open_run(
         if kind.needs_arming:
             memory = StopMemory(setup.config.platform, out_dir)
             opened.callback(memory.close)
-            memory.hold_back(platform.inbox, is_armed=is_armed, is_cleared=is_cleared)
+            memory.hold_back(
+                platform.inbox, is_armed=is_armed, is_cleared=is_cleared,
+                saved_stop="" if saved is None else saved.stopped,
+            )  # fmt: skip
         run = Run(setup, platform, stack)
         run.add_close(lock.close)
         if memory is not None:

@@ -63,15 +63,19 @@ class StopMemory:
                 "after the robot, and remove the file"
             ) from error
 
-    def hold_back(self, inbox: Inbox, *, is_armed: bool, is_cleared: bool) -> str:
+    def hold_back(
+        self, inbox: Inbox, *, is_armed: bool, is_cleared: bool, saved_stop: str = ""
+    ) -> str:
         """Let the robot begin stopped where it must; returns why, empty where it may drive.
 
-        `is_armed` and `is_cleared` are a person's word. The motor board is told of it.
+        `is_armed` and `is_cleared` are a person's word, `saved_stop` is that of the mission which
+        goes on: where the power failed with the stop, it may be all that came to the disk. The
+        motor board is told of it.
 
         Raises: PlatformError: the file cannot be read.
         """
         remembered = None if is_cleared else self.read()
-        why = "" if is_armed else DISARMED
+        why = saved_stop or ("" if is_armed else DISARMED)
         if remembered is not None:
             why = f"{remembered.stopped}, not cleared since {remembered.since}"
             self._stopped = remembered.stopped
