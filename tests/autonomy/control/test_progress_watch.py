@@ -18,13 +18,14 @@ SPEED_MPS = 0.4
 
 
 class Ride:
-    """Wheels at 0.4 m/s; the robot keeps a part of their way and turns as told."""
+    """Wheels at 0.4 m/s; the robot keeps a part of their way, slides aside and turns as told."""
 
     def __init__(self, quality: GnssQuality = GnssQuality.RTK_FIXED) -> None:
         self.watch = ProgressWatch(DRIVE)
         self.quality = quality
         self.kept_ratio = 1.0
         self.turn_radps = 0.0
+        self.slide_rad = 0.0  # of its course against where it looks
         self.is_frozen, self.has_velocity = False, True
         self.shift_m = 0.0
         self.t_s = self.way_m = self.yaw_rad = self.x_m = self.y_m = 0.0
@@ -43,8 +44,9 @@ class Ride:
         self.way_m += SPEED_MPS * TICK_S
         self.yaw_rad += self.turn_radps * TICK_S
         v_mps = self.kept_ratio * SPEED_MPS
-        self.x_m += v_mps * math.cos(self.yaw_rad) * TICK_S
-        self.y_m += v_mps * math.sin(self.yaw_rad) * TICK_S
+        course_rad = self.yaw_rad + self.slide_rad
+        self.x_m += v_mps * math.cos(course_rad) * TICK_S
+        self.y_m += v_mps * math.sin(course_rad) * TICK_S
         angle_rad = self.way_m / DRIVE.wheel_radius_m
         wheel = WheelSample(t_s=self.t_s, angle_rad=(angle_rad,) * 4, speed_radps=(0.0,) * 4)
         gyro_radps = (0.0, 0.0, self.turn_radps)
@@ -56,7 +58,8 @@ class Ride:
         if not self.is_frozen:
             self._fix_xy = self.x_m + self.shift_m, self.y_m
         x_m, y_m = self._fix_xy
-        velocity = v_mps * math.cos(self.yaw_rad), v_mps * math.sin(self.yaw_rad), 0.0
+        course_rad = self.yaw_rad + self.slide_rad
+        velocity = v_mps * math.cos(course_rad), v_mps * math.sin(course_rad), 0.0
         return GnssFix(
             t_s=self.t_s, lat_deg=math.degrees(y_m / WGS84_A_M),
             lon_deg=math.degrees(x_m / WGS84_A_M), alt_m=0.0, pos_std_m=0.01,
@@ -87,6 +90,26 @@ def test_slip_that_leaves_half_of_the_way_is_no_fault_on_any_curve(
     ride = Ride()
     ride.kept_ratio, ride.turn_radps = kept_ratio, turn_radps
     assert ride.go(30.0) == ""
+
+
+@pytest.mark.parametrize(
+    ("turn_radps", "kept_ratio", "slide_rad", "back_ratio", "bogged_s"),
+    [(-0.4, 0.5, 1.0, 0.0, 0.4), (-0.8, 0.5, 1.3, 0.4, 0.2), (-0.8, 0.6, 1.0, 0.0, 0.4)],
+)
+def test_a_robot_that_got_out_of_a_soft_place_by_itself_is_not_told_to_be_stuck(
+    turn_radps: float, kept_ratio: float, slide_rad: float, back_ratio: float, bogged_s: float
+) -> None:
+    """It slides out of a curve, bogs down or rolls back for a moment, and gets on again."""
+    ride = Ride()
+    assert ride.go(5.0) == ""
+    ride.turn_radps, ride.kept_ratio, ride.slide_rad = turn_radps, kept_ratio, slide_rad
+    assert ride.go(0.5) == ""
+    ride.kept_ratio = -back_ratio
+    assert ride.go(bogged_s) == ""
+    ride.kept_ratio, ride.slide_rad = 0.7, 0.0
+    assert ride.go(8.0) == ""
+    ride.kept_ratio = 0.02
+    assert "stuck or slipping" in ride.go(2.0), "and where it does not get on it is told at once"
 
 
 def test_a_receiver_that_repeats_itself_jumps_or_falls_silent_is_no_sign_of_mud() -> None:

@@ -2,7 +2,8 @@
 
 Where wheels and gyro lead is compared with where the receiver goes over the last metre, by its
 positions and, where it gives them, by its velocities: both must say that the robot stays behind,
-so that neither a frozen nor a jumping receiver looks like a robot that is stuck.
+so that neither a frozen nor a jumping receiver looks like a robot that is stuck. One that bogged
+down for a moment and got free again by itself is stuck no more: the last of the way counts, too.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from agribot.core.robot import DriveSpec
 STUCK_RATIO = 0.35
 # Way of the wheels that is judged: with corrections a receiver tells single centimetres apart.
 CORRECTED_WAY_M, PLAIN_WAY_M = 0.5, 1.5
+LAST_PART = 0.3  # of that way, in which a robot that got free again gets on
 LONGEST_S = 10.0
 MOST_TURN_RAD = 1.2  # a robot that turns swings its antenna about
 CORRECTED = (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
@@ -99,26 +101,37 @@ class ProgressWatch:
             return ""
         now = self._places[-1]
         least_m = CORRECTED_WAY_M if is_corrected else PLAIN_WAY_M
-        then = next(
-            (
-                place
-                for place in reversed(self._places)
-                if math.dist(now.rolled_m, place.rolled_m) >= least_m
-            ),
-            None,
-        )
-        if then is None or abs(now.turn_rad - then.turn_rad) > MOST_TURN_RAD:
+        then, lately = self._before(least_m), self._before(LAST_PART * least_m)
+        if then is None or lately is None or abs(now.turn_rad - then.turn_rad) > MOST_TURN_RAD:
             return ""
-        way_m = math.dist(now.rolled_m, then.rolled_m)
-        moved_m = math.hypot(now.east_m - then.east_m, now.north_m - then.north_m)
-        if now.flown_m is not None and then.flown_m is not None:
-            moved_m = max(moved_m, math.dist(now.flown_m, then.flown_m))
-        if moved_m >= STUCK_RATIO * way_m:
+        way_m, moved_m = math.dist(now.rolled_m, then.rolled_m), _moved_m(then, now)
+        last_way_m = math.dist(now.rolled_m, lately.rolled_m)
+        if moved_m >= STUCK_RATIO * way_m or _moved_m(lately, now) >= STUCK_RATIO * last_way_m:
             return ""
         return (
             f"stuck or slipping: the wheels turned {way_m:.1f} m in {now.t_s - then.t_s:.1f} s, "
             f"the robot got on {moved_m:.1f} m; look at the ground and drive it off by hand"
         )
+
+    def _before(self, way_m: float) -> _Place | None:
+        """Find the latest place from which the wheels have led so far."""
+        now = self._places[-1]
+        return next(
+            (
+                place
+                for place in reversed(self._places)
+                if math.dist(now.rolled_m, place.rolled_m) >= way_m
+            ),
+            None,
+        )
+
+
+def _moved_m(then: _Place, now: _Place) -> float:
+    """How far the receiver went between two fixes, by its positions or by its velocities."""
+    moved_m = math.hypot(now.east_m - then.east_m, now.north_m - then.north_m)
+    if now.flown_m is not None and then.flown_m is not None:
+        moved_m = max(moved_m, math.dist(now.flown_m, then.flown_m))
+    return moved_m
 
 
 def _fly_on(last: _Place | None, fix: GnssFix) -> tuple[float, float] | None:
