@@ -29,6 +29,7 @@ GRAVITY_MPS2 = 9.8
 HORIZONTAL_T, VERTICAL_T = 3.8e-5, -2.3e-5
 Drive = Callable[[float], tuple[float, float]]
 Grip = Callable[[float], float]
+Slide = Callable[[float], float]
 
 
 class Errors(msgspec.Struct, frozen=True, kw_only=True):
@@ -101,6 +102,10 @@ def full_grip(t_s: float) -> float:
     return 1.0
 
 
+def no_slide(t_s: float) -> float:
+    return 0.0
+
+
 def record(
     drive: Drive,
     duration_s: float,
@@ -109,13 +114,15 @@ def record(
     start: tuple[float, float, float] = (1.0, 2.0, math.pi / 2),
     antenna_body_m: tuple[float, float, float] = (0.0, 0.0, 0.6),
     grip: Grip = full_grip,
+    slide_mps: Slide = no_slide,
 ) -> Recording:
     """Drive and write down everything; the slope falls across rows that run North.
 
-    `grip` is the share of the wheels' motion that reaches the ground.
+    `grip` is the share of the wheels' motion that reaches the ground, `slide_mps` how fast the
+    ground lets the robot slide to its left besides.
     """
     rng = np.random.default_rng(seed)
-    truth, twist, wheels = _motion(drive, duration_s, errors, start, grip, rng)
+    truth, twist, wheels = _motion(drive, duration_s, errors, start, grip, slide_mps, rng)
     bias_radps = errors.gyro_bias_radps * rng.standard_normal()
     return Recording(
         truth=truth,
@@ -133,6 +140,7 @@ def _motion(
     errors: Errors,
     start: tuple[float, float, float],
     grip: Grip,
+    slide_mps: Slide,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray, list[WheelSample]]:
     """Truth (N, 4), twist (N, 3) forward, left, yaw rate of the step that ends there, encoders."""
@@ -153,7 +161,7 @@ def _motion(
             w = _approach(w, w_goal, 4.0)
             held = grip(t_s)
             forward, rate = held * v * (1.0 - loss[k]), held * w * (1.0 + gain[k])
-            left = slope_rad * abs(forward) * math.sin(yaw)
+            left = slope_rad * abs(forward) * math.sin(yaw) + slide_mps(t_s)
             middle = yaw + rate * DT_S / 2.0
             x += (forward * math.cos(middle) - left * math.sin(middle)) * DT_S
             y += (forward * math.sin(middle) + left * math.cos(middle)) * DT_S

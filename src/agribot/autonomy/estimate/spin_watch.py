@@ -9,6 +9,8 @@ from agribot.core.arithmetic import Arithmetic, Condition, Number
 
 # Slip leaves more than half of the way, also in the worst soil that is driven.
 LOST_RATIO = 0.5
+# A robot that turns slowly, or stands across a slope, slides aside this fast and keeps its heading.
+SLIDE_MPS = 0.1
 
 
 class SpinWatch(Generic[Number]):
@@ -54,6 +56,7 @@ def doubts(
 ) -> tuple[tuple[int, Number], ...]:
     """Say how far to open up for wheels that spin free (ahead), and a wrong heading (aside).
 
+    What a robot may slide aside says nothing of its heading.
     The bias of a receiver without corrections has meanwhile taken up what the wheels only claimed.
     """
     ahead_mps, aside_mps = ahead_and_aside(m, residuals, yaw_rad)
@@ -62,7 +65,7 @@ def doubts(
     places = (X, Y) if is_corrected else (X, Y, GNSS_BIAS_X, GNSS_BIAS_Y)
     opened = [
         (WHEEL_SCALE, m.least(abs(ahead_mps) / speed_mps, 1.0)),
-        (YAW, m.least(abs(aside_mps) / speed_mps, 1.0)),
+        (YAW, m.least(m.most(abs(aside_mps) - SLIDE_MPS, 0.0) / speed_mps, 1.0)),
     ]
     for state in places:
         opened.append((state, wrong_m))
