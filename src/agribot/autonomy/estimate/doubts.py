@@ -83,6 +83,8 @@ class Doubts:
         gnss, agreement = self._gnss, self._agreement
         if gnss.jump.off_m or gnss.drift.is_drifting:
             yield Finding("gnss", "contradicted", self.contradiction)
+        elif gnss.drift.suspicion:
+            yield Finding("gnss", "contradicted", gnss.drift.suspicion)
         if gnss.repeats.fault:
             yield Finding("gnss", "frozen", gnss.repeats.fault)
         yield from self._find_camera(t_s)

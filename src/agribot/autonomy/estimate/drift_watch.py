@@ -11,6 +11,7 @@ Guidance, Control, and Dynamics 36(2).
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections import deque
 from typing import NamedTuple
@@ -20,12 +21,17 @@ STEP_S = 0.1  # nearer fixes are not kept
 MAX_GAP_S = 1.5
 # What a Doppler velocity is off for long; five times as much is the slowest creep it can show.
 VELOCITY_BIAS_MPS = 0.005
+# Receivers smooth velocities; their sum lags behind by the change of speed times some tenths.
+LAG_STD_S = 0.1
 # Two normal errors exceed this squared distance once in a million times.
 ALARM2 = -2.0 * math.log(1e-6)
 # For so long the fixes must be off: a single one is an outlier, and the gate's affair.
 LASTS_S = 0.5
+# Where the wheels cannot tell who lies, that is said after so long, and held on to for so long.
+APART_LASTS_S = 2.0
 # Wheels and gyro bear it out: beyond two sigmas themselves, and nearer to the velocity.
 BORNE_OUT2 = 4.0
+FAR_M = 0.3  # so far apart, it is enough that they are nearer to the velocity
 # On soil wheels slip by 2 to 5 %, in turns they lose up to 0.3 m for each radian.
 SOIL_RATIO, TURN_LOSS_M_PER_RAD = 0.03, 0.3
 # More than this share of the wheels' way is not lost by slip.
@@ -73,6 +79,14 @@ class _Sums(NamedTuple):
     gaps2_s2: float
 
 
+class _Creep(NamedTuple):
+    """How far fixes and their velocity are apart, and whether the wheels side with the latter."""
+
+    window_s: float
+    apart_m: complex
+    is_borne_out: bool
+
+
 class DriftWatch:
     """Call `add` with every fix of carrier corrections, `restart` where others come between."""
 
@@ -82,6 +96,11 @@ class DriftWatch:
         self._since_s: float | None = None
         self.off_m = (0.0, 0.0)  # how far the fixes have crept; zero while they are believed
         self._over_s = 0.0
+        # How far fixes and velocity are apart, whatever the wheels say: one of the two lies.
+        self.apart_m = (0.0, 0.0)
+        self.suspicion = ""  # that said, once it has lasted
+        self._apart_since_s: float | None = None
+        self._apart_t_s = -math.inf
 
     @property
     def is_drifting(self) -> bool:
@@ -101,37 +120,84 @@ class DriftWatch:
         """Forget all fixes and what was said of them."""
         self._sums.clear()
         self._last, self._since_s, self.off_m = None, None, (0.0, 0.0)
+        self._clear_suspicion()
 
     def add(self, told: Told, trust: Trust) -> None:
         if self._last is not None and told.t_s - self._last.told.t_s > MAX_GAP_S:
             self.restart()
         here = self._last = _sum_up(self._last, told)
         found = self._find_creep(here, trust)
-        if found is None:
+        self._suspect(told.t_s, found)
+        if found is None or not found.is_borne_out:
             self._since_s = None
         elif self._since_s is None:
             self._since_s = told.t_s
         elif told.t_s - self._since_s >= LASTS_S:
-            self._over_s, off_m = found
-            self.off_m = off_m.real, off_m.imag
+            self._over_s, self.off_m = found.window_s, (found.apart_m.real, found.apart_m.imag)
+            self._clear_suspicion()
         if not self._sums or told.t_s - self._sums[-1].told.t_s >= STEP_S - 1e-6:
             self._sums.append(here)
         while told.t_s - self._sums[0].told.t_s > WINDOWS_S[-1] + STEP_S:
             self._sums.popleft()
 
-    def _find_creep(self, here: _Sums, trust: Trust) -> tuple[float, complex] | None:
-        """Find the shortest window in which the fixes lie, and how far they crept in it."""
+    def _suspect(self, t_s: float, found: _Creep | None) -> None:
+        """Hold for some seconds how far fixes and velocity were apart at most."""
+        if t_s - self._apart_t_s > APART_LASTS_S:
+            self._clear_suspicion()
+        if found is None:
+            return
+        if abs(found.apart_m) >= math.hypot(*self.apart_m):
+            self.apart_m, self._apart_t_s = (found.apart_m.real, found.apart_m.imag), t_s
+        if self._apart_since_s is None:
+            self._apart_since_s = t_s
+        elif not self.suspicion and t_s - self._apart_since_s >= APART_LASTS_S:
+            self.suspicion = (
+                f"GNSS positions and velocity part by {abs(found.apart_m):.2f} m in "
+                f"{found.window_s:.0f} s; check the receiver and its corrections"
+            )
+
+    def _clear_suspicion(self) -> None:
+        self.apart_m, self.suspicion, self._apart_since_s = (0.0, 0.0), "", None
+
+    def straighten(self, since_s: float, rate_radps: float) -> None:
+        """Take back that the gyro has turned too fast since then, as is known only now."""
+        if self._last is None:
+            return
+        bent_rad = max(0.0, self._last.told.t_s - since_s) * rate_radps
+        then, last, turn = deque(self._sums), None, None
+        self._sums.clear()
+        for each in (*then, self._last):
+            told, late_s = each.told, max(0.0, each.told.t_s - since_s)
+            # What the filter makes of the wheels' heading is true of before.
+            turn = told.turn if turn is None or not late_s else turn
+            by_rad = bent_rad - rate_radps * late_s
+            told = told._replace(
+                driven_mps=told.driven_mps * cmath.rect(1.0, by_rad),
+                turn=turn * cmath.rect(1.0, -bent_rad),
+            )
+            last = _sum_up(last, told)
+            self._sums.append(last)
+        self._last = self._sums.pop()
+
+    def _find_creep(self, here: _Sums, trust: Trust) -> _Creep | None:
+        """Find the shortest window in which the fixes lie, else that in which they part most."""
         index = len(self._sums) - 1
+        suspected = None
         for window_s in WINDOWS_S:
             latest_s = here.told.t_s - window_s + STEP_S / 2.0
             while index >= 0 and self._sums[index].told.t_s > latest_s:
                 index -= 1
             if index < 0:
-                return None
-            off_m = _judge(self._sums[index], here, trust)
-            if off_m is not None:
-                return window_s, off_m
-        return None
+                break
+            found = _judge(self._sums[index], here, trust, window_s)
+            if found is not None and found.is_borne_out:
+                return found
+            suspected = max(filter(None, (suspected, found)), key=_size_m, default=None)
+        return suspected
+
+
+def _size_m(creep: _Creep) -> float:
+    return abs(creep.apart_m)
 
 
 def _sum_up(last: _Sums | None, told: Told) -> _Sums:
@@ -147,14 +213,15 @@ def _sum_up(last: _Sums | None, told: Told) -> _Sums:
     )
 
 
-def _judge(then: _Sums, here: _Sums, trust: Trust) -> complex | None:
-    """How far the fixes crept where both other witnesses speak against them."""
+def _judge(then: _Sums, here: _Sums, trust: Trust, window_s: float) -> _Creep | None:
+    """Hold the fixes against their velocity, and where these differ against the wheels as well."""
     lasted_s = here.told.t_s - then.told.t_s
     moved_m = here.told.place_m - then.told.place_m
     by_velocity_m = moved_m - (here.flown_m - then.flown_m)
     fixes_m2 = 2.0 * trust.fix_m**2 + trust.bias_m2_per_s * lasted_s
     velocity_m2 = trust.velocity_mps**2 * (here.gaps2_s2 - then.gaps2_s2)
-    velocity_m2 += (VELOCITY_BIAS_MPS * lasted_s) ** 2
+    change_mps = abs(here.told.driven_mps - then.told.driven_mps)
+    velocity_m2 += (VELOCITY_BIAS_MPS * lasted_s) ** 2 + (LAG_STD_S * change_mps) ** 2
     if abs(by_velocity_m) ** 2 <= ALARM2 * (fixes_m2 + velocity_m2):
         return None
     # What the filter believed at the begin: what creeps since then has no part in it.
@@ -164,8 +231,8 @@ def _judge(then: _Sums, here: _Sums, trust: Trust) -> complex | None:
     turn_m = TURN_LOSS_M_PER_RAD * (here.told.turned_rad - then.told.turned_rad)
     ratio2 = trust.course_rad**2 + trust.scale_ratio**2 + SOIL_RATIO**2
     wheels_m2 = trust.walk_m2_per_m * way_m + ratio2 * way_m**2 + turn_m**2
-    if abs(by_wheels_m) ** 2 <= BORNE_OUT2 * (fixes_m2 + wheels_m2):
-        return None
     between_m = abs(by_velocity_m - by_wheels_m)
     is_alone = between_m < min(abs(by_velocity_m), abs(by_wheels_m))
-    return by_velocity_m if is_alone else None
+    is_off = abs(by_wheels_m) ** 2 > BORNE_OUT2 * (fixes_m2 + wheels_m2)
+    is_off = is_off or abs(by_velocity_m) >= FAR_M
+    return _Creep(window_s, by_velocity_m, is_borne_out=is_off and is_alone)

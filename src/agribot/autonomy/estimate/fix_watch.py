@@ -13,6 +13,8 @@ AGREE_FIXES = 25
 CARRIED_M = 0.1
 # Nobody carries a robot farther than this while it is switched on.
 MAX_JUMP_M = 1000.0
+# Nearer than this part of the jump, fixes are taken for those from before it.
+BACK_RATIO = 0.5
 # Receivers tell one fix a second or more, with a jitter, and a single one may be an outlier.
 MAX_GAP_S = 3.0
 
@@ -73,6 +75,10 @@ class JumpWatch:
             self._agreed = 0
             return True
         return False
+
+    def is_still_off(self, off_m: float) -> bool:
+        """Whether a fix is still where the others jumped to, however little the filter knows."""
+        return off_m > BACK_RATIO * self.off_m > 0.0
 
     @property
     def fault(self) -> str:

@@ -245,6 +245,10 @@ class Gnss(Correction[GnssFix]):
         measured = Measurement(
             residuals, rows, noise.variance_m2, self._position_gate, is_retaken=False
         )
+        if self.jump.is_still_off(math.hypot(*residuals)):
+            self.pose.rejected[self._position_gate.outlier] += 1
+            self.rejected_m, self._rejected_fix = residuals, measured
+            return
         self._conclude(measured, (yield measured))
 
     def _begin(self, x_m: float, y_m: float, variance_m2: float, now: Motion) -> None:

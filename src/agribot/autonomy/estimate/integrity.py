@@ -212,6 +212,7 @@ class Integrity:
         anchor, believed_m = self._find_sure(left)
         moved_m = abs(_along(left, gnss.moved_m) - _along(left, believed_m))
         doubted_m = moved_m + (abs(_along(left, gnss.rejected_m)) if self._is_off else 0.0)
+        doubted_m += abs(_along(left, gnss.drift.apart_m))
         apart_m = abs(_along(left, self._apart_m(anchor, here)))
         driven_m = self._driven_m - anchor.driven_m
         alone_m = math.sqrt(
@@ -295,11 +296,13 @@ class Integrity:
     def _doubted_m(self) -> float:
         """Where else the robot may be: at the fixes that are rejected, or before it followed them.
 
-        A jump that is taken back leaves nothing of this.
+        A jump that is taken back leaves nothing of this. A receiver whose positions and velocity
+        part may have led the filter off by so much.
         """
         gnss = self._gnss
         rejected_m = math.hypot(*gnss.rejected_m) if self._is_off else 0.0
-        return math.dist(gnss.moved_m, self._believed_m) + rejected_m
+        apart_m = math.hypot(*gnss.drift.apart_m)
+        return math.dist(gnss.moved_m, self._believed_m) + rejected_m + apart_m
 
     @property
     def _is_off(self) -> bool:

@@ -224,6 +224,7 @@ class Localizer:
             self._ekf.inflate(GYRO_BIAS, fault.bias_radps**2)
             self._ekf.update(((GYRO_BIAS, 1.0),), fault.bias_radps, fault.std_radps**2)
             self._ekf.inflate(YAW, fault.turned_rad**2)
+            self._gnss.drift.straighten(fault.since_s, fault.bias_radps)
 
     def _inflate_blind_step(self, step: Step) -> None:
         yaw_rad2 = (BLIND_TURN_RATIO * step.turn_rad) ** 2 + BLIND_YAW_RAD_PER_SQRT_S**2 * step.dt_s

@@ -43,11 +43,12 @@ class _Turned(NamedTuple):
 
 
 class GyroFault(NamedTuple):
-    """A rate that the gyro tells too much, 1 sigma of it, and how far it has turned the heading."""
+    """A rate that the gyro tells too much, 1 sigma, since when, and how far that has led it off."""
 
     bias_radps: float
     std_radps: float
     turned_rad: float
+    since_s: float
 
 
 class TurnWatch:
@@ -140,7 +141,7 @@ class TurnWatch:
             f"the gyro turns by {by_rad / lasted_s:+.3f} rad/s that neither compass nor wheels "
             "know of; check the IMU"
         )
-        return GyroFault(by_rad / lasted_s, std_rad / lasted_s, by_rad)
+        return GyroFault(by_rad / lasted_s, std_rad / lasted_s, by_rad, t_s - lasted_s)
 
     def _name_compass(self, t_s: float, by_rad: float) -> None:
         if t_s - self._compass_s > NAMED_S:
