@@ -10,8 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from agribot.app.mission_file import read_mission
 from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import SimulatedRun, simulate
+from agribot.app.whole_job import read_job
 from agribot.core import config
 from agribot.core.messages import GnssQuality, OperatorEvent, TickRecord
 from tests import machine
@@ -104,6 +106,24 @@ def test_a_touch_passes_through_contact_and_firmware_and_stops_the_robot(tmp_pat
     assert "bumper touches something in front" in ticks[-1].status.stopped
     assert "its bumper was touched" in ticks[-1].batch.board[-1].stopped
     assert ticks[-1].batch.wheels[-1].speed_radps == pytest.approx((0.0,) * 4, abs=0.1)
+
+
+def test_a_mission_that_was_cut_off_in_a_stop_goes_on_stopped_until_a_person_clears_it(
+    tmp_path: Path,
+) -> None:
+    drive(tmp_path / "run", "firmware", 3.5, "faults=button.pressed@3")
+    saved = read_mission(tmp_path / "run")
+    assert "red button" in saved.stopped
+    settings = config.load("farm", [*SETTINGS, "platform=firmware", "duration_s=2"])
+    with simulate(settings, tmp_path / "again", saved, read_job(tmp_path / "run", saved)) as run:
+        for record in run.ticks():
+            if record.batch.t_s < 1.5:
+                assert "red button" in record.status.stopped
+                assert record.command.drive.v_mps == record.command.drive.yaw_rate_radps == 0.0
+                assert record.batch.board[-1].stopped or record.batch.t_s < 0.5
+            if round(record.batch.t_s, 2) == 1.5:
+                run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))
+    assert not record.status.stopped and not record.batch.board[-1].stopped
 
 
 def test_a_board_that_hangs_is_reset_by_its_watchdog_and_the_robot_stands_until_cleared(

@@ -28,6 +28,7 @@ from agribot.core.messages import (
     Four,
     ImplementCommand,
     Inbox,
+    OperatorAction,
     OperatorEvent,
     RobotCommand,
     SensorBatch,
@@ -99,9 +100,11 @@ class FirmwarePlatform:
 
     def __init__(
         self, config: RunConfig, robot: RobotSpec, simulator: SimPlatform, bench: Any,
-        motors: FirmwareMotors, faults: BoardFaults, gnss_noise: LineNoise,
+        motors: FirmwareMotors, faults: BoardFaults, gnss_noise: LineNoise, saved_stop: str,
     ) -> None:  # fmt: skip
         """Switch the board on, and wait until it has spoken.
+
+        `saved_stop` is that of the mission which goes on; empty where it may drive.
 
         Raises: ConfigError: ticks that the board's do not fit. PlatformError: the board is silent.
         """
@@ -125,8 +128,10 @@ class FirmwarePlatform:
         self._receiver = FirmwareReceiver(simulator.gnss_latency_s, gnss_noise, lambda: self._t_s)
         self._implement, self._is_power_cut = ImplementCommand(), False
         self._boot()
-        # A person who starts a simulation has armed it.
-        self.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="start-up"))
+        # A person who starts a simulation has armed it, but has not seen why a mission stopped.
+        first: OperatorAction = "stop" if saved_stop else "clear_stop"
+        event = OperatorEvent(t_s=0.0, action=first, source="start-up", text=saved_stop)
+        self.inbox.post(event)
 
     def read(self) -> SensorBatch:
         """Advance simulator and board by a tick; wheels, inputs and IMU are those of the board.
@@ -240,7 +245,10 @@ def open_firmware(
         board=setup.robot.drive, began_s=began_s,
         driver=motors,
     )  # fmt: skip
-    return simulator, FirmwarePlatform(config, setup.robot, simulator, bench, motors, faults, noise)
+    return simulator, FirmwarePlatform(
+        config, setup.robot, simulator, bench, motors, faults, noise,
+        saved_stop="" if setup.saved is None else setup.saved.stopped,
+    )  # fmt: skip
 
 
 def find_firmware() -> Path:
