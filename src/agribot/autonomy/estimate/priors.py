@@ -10,7 +10,7 @@ from agribot.core.config import EstimateConfig
 
 # A skidding robot does not turn exactly about its centre; the ground moves that point about, and
 # soft ground takes another share of the way from the wheels while they scrub than on the straight.
-TURN_CENTRE_M_PER_SQRT_RAD = 0.06
+TURN_CENTRE_M_PER_SQRT_RAD = 0.055
 TURN_SCALE_RATIO_PER_SQRT_RAD = 0.1
 # MEMS gyros are good to about 1 % of the rate: a half turn then ends 1.8 degrees off, 1 sigma.
 GYRO_SCALE_STD_RATIO = 0.01
