@@ -8,9 +8,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.core.messages import Estimate, GnssQuality
+from agribot.core.messages import Estimate, GnssFix, GnssQuality
 from tests.autonomy.estimate.noisy_rover import RTK, Recording, record, rows
 from tests.autonomy.estimate.playback import error, play
+from tests.autonomy.estimate.test_localizer_faults import shifted, with_fixes
 
 STRAIGHT_S, TURN_S, FIRST_S = 12.0, math.pi / 0.6, 3.0  # of the drive `rows`
 
@@ -74,3 +75,34 @@ def test_a_robot_that_slides_aside_in_a_slow_turn_keeps_its_heading(
     assert max(position_error_m(recording, each) for each in estimates) < 0.15
     assert max(abs(error(recording, each)[2]) for each in estimates) < math.radians(5.0)
     assert all(each.ok and not each.contradiction for each in estimates)
+
+
+def soft(t_s: float) -> float:
+    return 0.5 if is_turning(t_s) else 1.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_wheels_that_lose_half_their_way_in_turns_do_not_speak_against_the_fixes(seed: int) -> None:
+    """The velocity of the receiver vouches for them: the next row is entered without a stop."""
+    recording = record(rows, 60.0, seed=seed, grip=soft)
+    estimates = play(recording)[500:]
+    assert max(each.across_protection_m for each in estimates) < 0.31
+    for each in estimates:
+        assert position_error_m(recording, each) < each.protection_m
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, 2.0, 4.0])
+def test_fixes_that_creep_off_in_a_soft_turn_are_covered_until_they_are_named(
+    heading_rad: float,
+) -> None:
+    def creep(fix: GnssFix) -> GnssFix:
+        off_m = 0.1 * (fix.t_s - FIRST_S - STRAIGHT_S)
+        return shifted(fix, off_m * math.cos(heading_rad), off_m * math.sin(heading_rad))
+
+    recording = record(rows, 30.0, seed=1, grip=soft)
+    faulty = with_fixes(recording, lambda t_s: t_s > FIRST_S + STRAIGHT_S, creep)
+    estimates = play(faulty)[500:]
+    halted = next(each for each in estimates if each.contradiction)
+    assert halted.t_s < FIRST_S + STRAIGHT_S + 8.0
+    off = [e for e in estimates if position_error_m(recording, e) > e.protection_m]
+    assert len(off) <= 0.02 * len(estimates)

@@ -35,6 +35,7 @@ from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
+from agribot.autonomy.estimate.velocity_way import VelocityWay
 from agribot.core.arithmetic import FLOATS, clamp
 from agribot.core.geo import MapFrame, rotation_from_rpy
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch, Vec3
@@ -63,7 +64,7 @@ class Gnss(Correction[GnssFix]):
         self.rejected_m, self.moved_m = (0.0, 0.0), (0.0, 0.0)
         self.off_m = (0.0, 0.0)  # where the last fix puts the robot, from where the filter has it
         self.repeats, self.jump, self.drift = RepeatWatch(), JumpWatch(), DriftWatch()
-        self.velocity_noise = VelocityNoise()
+        self.velocity_noise, self.velocity_way = VelocityNoise(), VelocityWay()
         self._driven_m = self._moved_m = self._turned_rad = self._unguided_m = 0.0
         self._rejected_fix: Measurement | None = None
         self._receiver_m = (0.0, 0.0)
@@ -155,6 +156,7 @@ class Gnss(Correction[GnssFix]):
         yield from self._position(fix, noise, lever_m, epoch)
         if fix.velocity_mps is not None and "position" in self.pose.known:
             yield from self._velocity(fix, since_last_s, lever_m, epoch)
+            self._fly(fix, lever_m, epoch)
         if fix.quality is GnssQuality.RTK_FIXED:
             self._compare_with_camera(fix.t_s)
         self._watch_drift(fix, noise, lever_m, epoch)
@@ -167,6 +169,18 @@ class Gnss(Correction[GnssFix]):
         x, (east_m, north_m) = self.pose.ekf.x, self.off_m
         east, north = self.pose.rows.at(x[X], x[Y]).right
         self.pose.agreement.add_fix(t_s, east_m * east + north_m * north)
+
+    def _fly(self, fix: GnssFix, lever_m: tuple[float, float], epoch: Epoch) -> None:
+        """Sum up the velocity, beside where the filter has the antenna at that time."""
+        x, (then, now, _) = self.pose.ekf.x, epoch
+        if fix.velocity_mps is None or not _all_finite(*fix.velocity_mps[:2]):
+            return
+        arm_m = Pose2(0.0, 0.0, x[YAW] - (now.yaw_rad - then.yaw_rad)).rotate(*lever_m)
+        antenna_m = complex(
+            x[X] - (now.x_m - then.x_m) + arm_m[0], x[Y] - (now.y_m - then.y_m) + arm_m[1]
+        )
+        velocity_mps = complex(*fix.velocity_mps[:2])
+        self.velocity_way.add(fix.t_s, velocity_mps, antenna_m, self.velocity_noise.sure_mps)
 
     def _watch_drift(
         self, fix: GnssFix, noise: FixNoise[float], lever_m: tuple[float, float], epoch: Epoch

@@ -3,7 +3,9 @@
 Two hypotheses are bounded and the larger bound counts. Without a fault the covariance holds: an
 error of two axes, each at most of 1 sigma s, exceeds r with probability exp(-r^2 / 2 s^2). With a
 GNSS that has been wrong since some seconds the robot is where dead reckoning from before leads
-it; the distance of that solution from the filter's, and its own spread, bound the error.
+it; the distance of that solution from the filter's, and its own spread, bound the error. In turns,
+where wheels on soft ground lose much of their way, the velocities of the receiver lead a second
+one, and the smaller bound of the two counts.
 Source: solution separation, Blanch et al. 2015, "Baseline advanced RAIM user algorithm and
 possible improvements", IEEE Transactions on Aerospace and Electronic Systems 51(1).
 """
@@ -19,6 +21,7 @@ from agribot.autonomy.estimate.ekf import ROW_OFFSET, SLIP, WHEEL_SCALE, YAW, X,
 from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.slope import SLIDE_STD_RATIO
+from agribot.autonomy.estimate.velocity_way import VelocityMark
 from agribot.core.arithmetic import clamp
 from agribot.core.geo import std_along_m
 from agribot.core.pose import Pose2
@@ -35,6 +38,8 @@ MEMORY_S = 300.0
 TURN_RADIUS_M, TURN_LOSS_STD_RATIO = 2.0, 0.05
 LEARNING_WAY_M, LEARNING_GAIN = 0.2, 0.02
 LOSS_RESIDUAL_RATIO, LOSS_RESIDUAL_M = 0.3, 0.03
+# So much way in turns, and the velocities of the receiver tell as well where the robot is.
+VOUCHED_TURNING_M = 0.2
 # Where nothing holds the filter better than this it follows the wheels and shows no loss.
 LEARNING_STD_M = 0.03
 # What the camera held the robot to across its row still counts while it heads within this of it.
@@ -77,6 +82,7 @@ class _Anchor(NamedTuple):
     slid_m: float
     turning_m: float
     turning_way_m: tuple[float, float]
+    by_velocity: VelocityMark | None
 
     def apart_m(self, here: _Anchor) -> tuple[float, float]:
         """From where dead reckoning leads from here to a later place, to where the filter is."""
@@ -198,10 +204,26 @@ class Integrity:
         self._learn_turn_loss(anchor, here)
         apart_m = math.hypot(*self._apart_m(anchor, here))
         alone_m = self._fault_gain * self._alone_std_m(anchor)
-        self._is_split = apart_m > alone_m * (AGREE_RATIO if self._is_split else 1.0)
+        is_split = apart_m > alone_m * (AGREE_RATIO if self._is_split else 1.0)
+        bound_m = apart_m + alone_m
+        if told := self._tell_by_velocity(anchor, here):
+            (flown_m, std_m), begun_m = told, anchor.spread.position_m
+            unsure_m = self._fault_gain * math.hypot(begun_m, std_m)
+            is_split = is_split and abs(flown_m) > unsure_m
+            bound_m = min(bound_m, abs(flown_m) + unsure_m)
+        self._is_split = is_split
         self._forget(here, anchor)
         plain_m = self._gain * here.spread.position_m
-        return max(plain_m + self._doubted_m(), apart_m + alone_m)
+        return max(plain_m + self._doubted_m(), bound_m)
+
+    def _tell_by_velocity(self, anchor: _Anchor, here: _Anchor) -> tuple[complex, float] | None:
+        """How far the filter parted from the receiver's velocities, and 1 sigma of these.
+
+        None where the robot has hardly turned: there the wheels know better.
+        """
+        if here.turning_m - anchor.turning_m < VOUCHED_TURNING_M:
+            return None
+        return self._gnss.velocity_way.compare(anchor.by_velocity)
 
     def _bound_across(self, here: _Anchor, plain_m: float) -> tuple[float, float]:
         """Bound the error to the side of the heading, and how much of it is mere ignorance.
@@ -222,6 +244,12 @@ class Integrity:
             + self._slid_m2(anchor)
         )
         unknown_m = self._across_fault_gain * alone_m
+        if told := self._tell_by_velocity(anchor, here):
+            flown_m = abs(_along(left, (told[0].real, told[0].imag)))
+            unsure_m = std_along_m(anchor.spread.cov_m2, left)
+            unsure_m = self._across_fault_gain * math.hypot(unsure_m, told[1])
+            if flown_m + unsure_m < apart_m + unknown_m:
+                apart_m, unknown_m = flown_m, unsure_m
         return max(plain_m + doubted_m, apart_m + unknown_m), max(plain_m, unknown_m)
 
     def _find_sure(self, left: tuple[float, float]) -> tuple[_Anchor, tuple[float, float]]:
@@ -282,7 +310,7 @@ class Integrity:
         return _Anchor(
             t_s, x[X] - self._x_m, x[Y] - self._y_m, self._driven_m, spread,
             (self._aside_x_m, self._aside_y_m), x[SLIP], self._slid_m, self._turning_m,
-            (self._turning_x_m, self._turning_y_m),
+            (self._turning_x_m, self._turning_y_m), self._gnss.velocity_way.here,
         )  # fmt: skip
 
     def _forget(self, here: _Anchor, anchor: _Anchor) -> None:

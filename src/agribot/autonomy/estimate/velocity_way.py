@@ -1,0 +1,54 @@
+"""Where the velocities of a receiver lead: a second dead reckoning, which wheels cannot spoil.
+
+They come from the carrier's Doppler shift and know nothing of wrong ambiguities; they lose no way
+on soft ground, but a few millimetres a second for as long as they are summed up.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from agribot.autonomy.estimate.drift_watch import MAX_GAP_S, VELOCITY_BIAS_MPS
+
+
+class VelocityMark(NamedTuple):
+    """At a fix: where the filter has the antenna less where the velocities have led so far.
+
+    Vectors of the map are complex, East + i North. Marks of another `part` cannot be compared: the
+    receiver was silent in between. `gaps2_s2` sums the squares of the gaps between fixes.
+    """
+
+    part: int
+    t_s: float
+    off_m: complex
+    gaps2_s2: float
+
+
+class VelocityWay:
+    """Call `add` with every velocity; `here` is the mark of the last one."""
+
+    def __init__(self) -> None:
+        self.here: VelocityMark | None = None
+        self._velocity_mps = self._way_m = 0j
+        self._noise_mps = 0.0
+
+    def add(self, t_s: float, velocity_mps: complex, antenna_m: complex, noise_mps: float) -> None:
+        """Take a velocity with its 1 sigma, and where the filter has the antenna at that time."""
+        last, before_mps = self.here, self._velocity_mps
+        self._velocity_mps, self._noise_mps = velocity_mps, noise_mps
+        gap_s = math.inf if last is None else t_s - last.t_s
+        part, gaps2_s2 = (0, 0.0) if last is None else (last.part, last.gaps2_s2)
+        if gap_s > MAX_GAP_S:
+            part, gap_s = part + 1, 0.0
+        self._way_m += gap_s / 2.0 * (before_mps + velocity_mps)
+        self.here = VelocityMark(part, t_s, antenna_m - self._way_m, gaps2_s2 + gap_s * gap_s)
+
+    def compare(self, then: VelocityMark | None) -> tuple[complex, float] | None:
+        """How far filter and velocities have parted since then, and 1 sigma; None: nobody knows."""
+        here = self.here
+        if then is None or here is None or then.part != here.part:
+            return None
+        noise_m2 = self._noise_mps**2 * (here.gaps2_s2 - then.gaps2_s2)
+        std_m = math.sqrt(noise_m2 + (VELOCITY_BIAS_MPS * (here.t_s - then.t_s)) ** 2)
+        return here.off_m - then.off_m, std_m
