@@ -196,6 +196,9 @@ class TreatmentConfig(Config, frozen=True):
     # Leaves of crop that a nozzle may open over: of plants that stand alone in the map, of all
     # whose stem is mapped, these and those beside the row, or none.
     leaves: LeafRule = "alone"
+    # By the rule `rows`: so far beside a row of mapped crops no other row can stand. At most 5 cm
+    # less than rows are apart.
+    beside_row_m: Positive = 0.4
     prescription: str = ""  # file of zones with rates, outside of which nothing is treated
     prescription_column: str = ""  # which has litres per hectare; empty: by its usual names
     depth_m: Positive | None = None  # of a hoe's blades; None: as deep as they reach

@@ -128,6 +128,7 @@ class FakeRobot:
         self.leg_m = [math.dist(*leg) for leg in itertools.pairwise(self.path)]
         self.length_m = sum(self.leg_m)
         self.weeds = [self._weed(i) for i in range(weeds)]
+        self.implement = [wire.ImplementLine(name="Nozzles", text="○●○")]
 
     def _weed(self, index: int) -> wire.Weed:
         is_crop = index % 5 == 0
@@ -215,7 +216,7 @@ class FakeRobot:
             or wire.ShownGate(state=GATE_STATES.get(self.mode, "standby"), since_s=0.0),
             checks=self.checks,
             doubts=self.doubts,
-            implement=[wire.ImplementLine(name="Nozzles", text="○●○")],
+            implement=self.implement,
             weed_count=len(self.weeds),
             pace_ratio=1.0,
             recording="2026-05-03-171500-farm",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Page
 
+from agribot.ui import wire
 from tests.ui.page.conftest import SCREENS, OpenPage, show, take_control, until
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.test_controls import WORKABLE
@@ -26,6 +27,15 @@ OUT_OF_REACH = f"""(part) => {{
   }}
   return found
 }}"""
+# Lines of the implement's marks that reach beyond their box, over what stands beside it.
+MARKS_OUTSIDE = """() => {
+  const line = document.querySelector('dd.implement')
+  const words = document.createRange()
+  words.selectNodeContents(line)
+  const box = line.getBoundingClientRect()
+  return [...words.getClientRects()].filter(each =>
+    each.left < box.left - 0.5 || each.right > box.right + 0.5).length
+}"""
 SCROLLBARS = """[...document.querySelectorAll('.rail')].filter(each =>
     each.scrollHeight > each.clientHeight + 1 || each.scrollWidth > each.clientWidth + 1).length"""
 
@@ -61,3 +71,15 @@ def test_every_button_of_the_map_is_reached(
     check(page, f"the map's tools at {width}×{height}")
     page.get_by_role("button", name="Layers and views").click()
     check(page, f"the layers at {width}×{height}", ".map-panel")
+
+
+@pytest.mark.parametrize(("width", "height"), [*SIZES, (1280, 800), (1920, 1080), (390, 844)])
+def test_the_marks_of_a_broad_boom_stay_in_their_box(
+    open_page: OpenPage, server: FakeServer, width: int, height: int
+) -> None:
+    marks = "○●○" * 9
+    server.robot.implement = [wire.ImplementLine(name="Nozzles", text=marks)]
+    page = open_page()
+    page.set_viewport_size({"width": width, "height": height})
+    until(page, f"document.querySelector('dd.implement')?.textContent.includes('{marks}')")
+    assert page.evaluate(MARKS_OUTSIDE) == 0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
+from statistics import median
 from typing import NamedTuple
 
 # Crops of the map so far ahead of the tool and behind it tell where their row runs.
@@ -10,11 +12,10 @@ REACH_M = 1.0
 LEAST_CROPS = 3
 # Hearts stand so near to the line of their row: what the drill and the map are off by.
 HALF_ROW_M = 0.08
-# By how much a row may run aside of the tool's way, per metre along it.
-TURN_RATIO = 0.06
-# So far beside itself a row answers for the ground: rows of beets are 45 cm apart and more, so that
-# one of which the map knows nothing would be no nearer.
-BESIDE_M = 0.4
+# By how much a row may run aside of the tool's way, per metre along it, and how well that is known
+# from enough pairs of crops so far apart in a row.
+TURN_RATIO, TOLD_RATIO = 0.06, 0.02
+PAIR_M, LEAST_PAIRS = 0.4, 6
 
 
 class RowCrop(NamedTuple):
@@ -25,22 +26,49 @@ class RowCrop(NamedTuple):
     is_confirmed: bool
 
 
-def is_beside_rows(
-    left_m: float, half_x_m: float, half_y_m: float, crops: Sequence[RowCrop]
-) -> bool:
-    """Whether a box at the tool lies beside a row of the map, where no heart of a crop can stand.
+class RowsAround:
+    """The rows that the crops of the map around the tool stand in."""
 
-    The box reaches `half_x_m` along the way and `half_y_m` across it, around `left_m` to the left
-    of the tool point. All of it must lie within 0.4 m of the line of at least three crops, and no
-    crop, also one that was seen but once, may stand in line with it. One that the map has missed
-    stands in line with its neighbours.
+    def __init__(self, crops: Sequence[RowCrop], beside_m: float) -> None:
+        """`beside_m` is how far beside a row no other one can stand of which the map knows none."""
+        near = [crop for crop in crops if abs(crop.x_m) <= REACH_M]
+        told = _find_turn(near)
+        turn, self._unsure = (0.0, TURN_RATIO) if told is None else (told, TOLD_RATIO)
+        self._half_ratio = abs(turn) + self._unsure
+        self._beside_m = beside_m
+        # Of each crop: where the line of its row passes the tool, to the left of the tool point.
+        self._lines = [(crop, crop.y_m - turn * crop.x_m) for crop in near]
+
+    def is_beside(self, left_m: float, half_x_m: float, half_y_m: float) -> bool:
+        """Whether a box at the tool lies beside a row, where no heart of a crop can stand.
+
+        The box reaches `half_x_m` along the way and `half_y_m` across it, around `left_m` to the
+        left of the tool point. All of it must lie near enough to the line of at least three crops,
+        and no crop, also one that was seen but once, may stand in line with it. One that the map
+        has missed stands in line with its neighbours.
+        """
+        row_crops = 0
+        for crop, line_m in self._lines:
+            across_m = abs(line_m - left_m)
+            free_m = HALF_ROW_M + self._unsure * abs(crop.x_m) + self._half_ratio * half_x_m
+            if across_m - half_y_m < free_m:
+                return False
+            row_crops += crop.is_confirmed and across_m + half_y_m <= self._beside_m
+        return row_crops >= LEAST_CROPS
+
+
+def _find_turn(crops: Sequence[RowCrop]) -> float | None:
+    """Find how far the rows run aside of the tool's way, per metre; None where too few crops tell.
+
+    The median of the lines through two crops: a weed that is called crop does not turn a row.
     """
-    row_crops = 0
-    for crop in crops:
-        along_m, across_m = abs(crop.x_m), abs(crop.y_m - left_m)
-        if along_m > REACH_M:
-            continue
-        if across_m - half_y_m < HALF_ROW_M + TURN_RATIO * (along_m + half_x_m):
-            return False
-        row_crops += crop.is_confirmed and across_m + half_y_m <= BESIDE_M
-    return row_crops >= LEAST_CROPS
+    known = [crop for crop in crops if crop.is_confirmed]
+    ratios = [
+        (b.y_m - a.y_m) / (b.x_m - a.x_m)
+        for a, b in combinations(known, 2)
+        if abs(b.x_m - a.x_m) >= PAIR_M
+        and abs(b.y_m - a.y_m) <= HALF_ROW_M + TURN_RATIO * abs(b.x_m - a.x_m)
+    ]
+    if len(ratios) < LEAST_PAIRS:
+        return None
+    return median(ratios)

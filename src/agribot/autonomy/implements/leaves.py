@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from agribot.autonomy.implements.beside_rows import REACH_M, RowCrop, is_beside_rows
+from agribot.autonomy.implements.beside_rows import REACH_M, RowCrop, RowsAround
 from agribot.autonomy.implements.tool_frame import ToolPose
 from agribot.core.config import LeafRule
 from agribot.core.implement.plants import Disc, KnownPlant, PlantMap
@@ -25,6 +25,7 @@ def spare_leaves(
     half_y_m: float,
     plants: PlantMap,
     leaves: LeafRule = "alone",
+    beside_m: float = 0.0,
 ) -> tuple[bool, ...]:
     """Switch off every section whose box on the ground has leaves of crop in it.
 
@@ -32,7 +33,7 @@ def spare_leaves(
     to the left of the tool point. By the rule `alone`, leaves of a plant that stands alone in the
     map do not count: its stem is spared by its place. By `mapped`, those of every plant to whose
     stem in the map they point do not count either, and by `rows` those beside a row, too, where no
-    heart of a crop can stand; by `never`, all leaves do.
+    heart of a crop can stand: up to `beside_m` from it; by `never`, all leaves do.
     """
     if not any(is_on):
         return is_on
@@ -53,11 +54,12 @@ def spare_leaves(
     known = [] if leaves == "never" else [crop for crop in crops if ground.is_alone(crop)]
     by_stem = leaves in ("mapped", "rows")
     stems = [crop._replace(radius_m=STEM_VOTE_M) for crop in crops] if by_stem else []
-    rows = [_see_from(map_from_tool, plant) for plant in around] if leaves == "rows" else []
+    in_rows = [_see_from(map_from_tool, plant) for plant in around] if leaves == "rows" else []
+    rows = RowsAround(in_rows, beside_m)
 
     def is_dry(left_m: float) -> bool:
         place_m = map_from_tool.transform(0.0, left_m)
-        is_beside = is_beside_rows(left_m, half_x_m, half_y_m, rows)
+        is_beside = rows.is_beside(left_m, half_x_m, half_y_m)
         dry = [Disc(*place_m, 2.0 * (half_x_m + half_y_m))] if is_beside else known
         return ground.covers(*place_m, yaw_rad, half_x_m, half_y_m, dry, stems)
 

@@ -112,7 +112,9 @@ class Pointer:
         place = ToolPose(weed.plant.x_map_m, weed.plant.y_map_m, estimate.yaw_map_rad)
         half_m = spot_m + find_pose_margin_m(estimate, self._config)
         rule = self._config.leaves
-        (is_bare,) = spare_leaves((True,), (0.0,), place, half_m, half_m, plants, rule)
+        (is_bare,) = spare_leaves(
+            (True,), (0.0,), place, half_m, half_m, plants, rule, self._config.beside_row_m
+        )
         return "" if is_bare else "leaf of crop"
 
     def _follow(
