@@ -180,20 +180,21 @@ class DriftWatch:
         self._last = self._sums.pop()
 
     def _find_creep(self, here: _Sums, trust: Trust) -> _Creep | None:
-        """Find the shortest window in which the fixes lie, else that in which they part most."""
-        index = len(self._sums) - 1
-        suspected = None
+        """Find the window in which the fixes part most, and whether the wheels bear out any."""
+        index, found = len(self._sums) - 1, []
         for window_s in WINDOWS_S:
             latest_s = here.told.t_s - window_s + STEP_S / 2.0
             while index >= 0 and self._sums[index].told.t_s > latest_s:
                 index -= 1
             if index < 0:
                 break
-            found = _judge(self._sums[index], here, trust, window_s)
-            if found is not None and found.is_borne_out:
-                return found
-            suspected = max(filter(None, (suspected, found)), key=_size_m, default=None)
-        return suspected
+            creep = _judge(self._sums[index], here, trust, window_s)
+            found += [creep] if creep is not None else []
+        if not found:
+            return None
+        return max(found, key=_size_m)._replace(
+            is_borne_out=any(creep.is_borne_out for creep in found)
+        )
 
 
 def _size_m(creep: _Creep) -> float:
