@@ -1,5 +1,8 @@
 """Shared rules of the suite: what a machine lacks is skipped in words and counted at the end.
 
+A worker computes on one core, as do the processes that it starts: threads of several workers
+would wait for each other on the same cores, and burn them.
+
 Where a machine must run everything (AGRIBOT_REQUIRE_ALL), a skip is a failure. Not so for tests
 marked `elsewhere`: they need what no package manager of that machine has, such as an installed
 ROS 2.
@@ -13,6 +16,8 @@ from collections.abc import Generator
 
 import pytest
 from _pytest.terminal import TerminalReporter
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # read when numpy or torch is imported
 
 pytest_plugins = ["tests.cpu_times"]
 
