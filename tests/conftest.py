@@ -35,7 +35,12 @@ def pytest_runtest_makereport(
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave the cases marked `nightly` to those who ask for them: `pytest -m nightly`."""
+    """Begin with the files that hold `slow` tests, so that no worker ends alone with one of them.
+
+    The cases marked `nightly` are left to those who ask for them: `pytest -m nightly`.
+    """
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
     if "nightly" in config.getoption("markexpr"):
         return
     left_out = [item for item in items if item.get_closest_marker("nightly")]
