@@ -1,5 +1,8 @@
 """Shared rules of the suite: what a machine lacks is skipped in words and counted at the end.
 
+A worker computes on one core, as do the processes that it starts: threads of several workers
+would wait for each other on the same cores, and burn them.
+
 Where a machine must run everything (AGRIBOT_REQUIRE_ALL), a skip is a failure. Not so for tests
 marked `elsewhere`: they need what no package manager of that machine has, such as an installed
 ROS 2.
@@ -14,7 +17,9 @@ from collections.abc import Generator
 import pytest
 from _pytest.terminal import TerminalReporter
 
-pytest_plugins = ["tests.cpu_times"]
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # read when numpy or torch is imported
+
+pytest_plugins = ["tests.cpu_times", "tests.askers"]
 
 
 @pytest.hookimpl(wrapper=True)
@@ -30,7 +35,12 @@ def pytest_runtest_makereport(
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave the cases marked `nightly` to those who ask for them: `pytest -m nightly`."""
+    """Begin with the files that hold `slow` tests, so that no worker ends alone with one of them.
+
+    The cases marked `nightly` are left to those who ask for them: `pytest -m nightly`.
+    """
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
     if "nightly" in config.getoption("markexpr"):
         return
     left_out = [item for item in items if item.get_closest_marker("nightly")]

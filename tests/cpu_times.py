@@ -2,7 +2,8 @@
 
 Wall time tells how busy the machine was; CPU time tells what a test costs on any day. A fixture
 is paid by the test that set it up or took it down. Processes are found in /proc, so elsewhere
-than on Linux only those count that have ended.
+than on Linux only those count that have ended. What a process spent that nobody waits for, such as
+those of a browser, is in the sum of the phases, and in no figure of the kernel once it has ended.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ def measure(item: pytest.Item) -> Generator[None, None, None]:
         return (yield)
     finally:
         now_s = item.config.stash[LAST] = cpu_s()
-        item.stash[SPENT] = now_s - before_s
+        item.stash[SPENT] = max(0.0, now_s - before_s)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -107,10 +108,11 @@ def pytest_terminal_summary(terminalreporter: TerminalReporter, config: pytest.C
         for report in reports
         if isinstance(report, pytest.TestReport)
     }
-    total_s = cpu_s()
+    inside_s = sum(phases.values())
+    outside_s = max(0.0, cpu_s() - inside_s)
     terminalreporter.section("CPU time")
     count = config.getoption("--cpu-times") or None
     for name, taken_s in sorted(phases.items(), key=lambda phase: -phase[1])[:count]:
         terminalreporter.write_line(f"{taken_s:8.2f} s {name}")
-    terminalreporter.write_line(f"{total_s - sum(phases.values()):8.2f} s {OUTSIDE}")
-    terminalreporter.write_line(f"{total_s:8.2f} s in all")
+    terminalreporter.write_line(f"{outside_s:8.2f} s {OUTSIDE}")
+    terminalreporter.write_line(f"{inside_s + outside_s:8.2f} s in all")

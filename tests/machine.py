@@ -32,10 +32,13 @@ PACKAGES = {
     "rviz": "rviz xvfb joint-state-publisher ros-robot-state-publisher",
 }
 OTHER_NAMES = {"chromium": ("chromium-browser",)}
+HIDDEN = frozenset({*PACKAGES, *(name for names in OTHER_NAMES.values() for name in names)})
+ASKED = "tests.machine.find"  # the audit event of somebody asking for a program
 
 
 def find(program: str) -> str | None:
     """Where the program is, under any name that it has."""
+    sys.audit(ASKED, program)
     names = (program, *OTHER_NAMES.get(program, ()))
     return next((path for name in names if (path := shutil.which(name))), None)
 
@@ -59,11 +62,10 @@ def needs(program: str) -> pytest.MarkDecorator:
 
 def link_what_every_machine_has(folder: Path) -> None:
     """Fill a folder with links to the programs of PATH, but for those that a test asks for."""
-    hidden = {*PACKAGES, *(name for names in OTHER_NAMES.values() for name in names)}
     for place in os.get_exec_path():
         for program in sorted(Path(place).glob("*")):
             link = folder / program.name
-            if program.name not in hidden and not link.is_symlink():
+            if program.name not in HIDDEN and not link.is_symlink():
                 link.symlink_to(program)
 
 

@@ -1,4 +1,7 @@
-"""A bare machine: what it lacks is skipped in words, counted, and fails where nothing may lack."""
+"""A bare machine: what it lacks is skipped in words, counted, and fails where nothing may lack.
+
+Only tests that ask for a program can end otherwise there: those are found, none is forgotten.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,43 @@ from tests import machine
 
 ROOT = Path(__file__).parents[1]
 PAGE_TESTS = "tests/ui/page"
+FOLDER_OF_TESTS = {
+    "conftest.py": """
+import pytest
+from tests import machine
+
+@pytest.fixture
+def program():
+    return machine.find("openssl")
+""",
+    "test_of_its_own.py": """
+from tests.machine import needs
+def test_in_a_file_that_asks(): pass
+""",
+    "test_with_help.py": """
+from tests.drivers import gpsd_daemon
+def test_whose_helper_asks(): pass
+""",
+    "test_given.py": """
+def test_whose_fixture_asks(program): pass
+def test_without_it(): pass
+""",
+    "test_apart.py": """
+def test_that_needs_nothing(): pass
+""",
+}
+STARTED_UNASKED = """
+import subprocess
+def test_that_starts_it():
+    try:
+        subprocess.run(["openssl", "version"], check=True)
+    except FileNotFoundError:
+        pass
+"""
+ASKED_UNSEEN = """
+def test_that_finds_its_fixture_while_it_runs(request):
+    request.getfixturevalue("program")
+"""
 
 
 def run_tests(folder: Path, tests: str, *, require_all: bool) -> tuple[int, str]:
@@ -24,7 +64,7 @@ def run_tests(folder: Path, tests: str, *, require_all: bool) -> tuple[int, str]
     if require_all:
         environment["AGRIBOT_REQUIRE_ALL"] = "1"
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", tests],
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--askers", tests],
         cwd=ROOT, env=environment, capture_output=True, text=True, check=False,
     )  # fmt: skip
     return done.returncode, done.stdout
@@ -46,6 +86,37 @@ def test_where_everything_is_required_a_missing_browser_fails(tmp_path: Path) ->
     status, said = run_tests(tmp_path, f"{PAGE_TESTS}/test_mapviz.py", require_all=True)
     assert status == 1
     assert "chromium is missing (apt-get install chromium)" in said
+
+
+def run_folder(folder: Path, *words: str) -> str:
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "tests.askers"]
+    done = subprocess.run(
+        [*command, *words, str(folder)], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    return done.stdout
+
+
+def test_tests_that_ask_are_found_by_their_file_what_it_imports_and_their_fixtures(
+    tmp_path: Path,
+) -> None:
+    for name, text in FOLDER_OF_TESTS.items():
+        (tmp_path / name).write_text(text)
+    said = run_folder(tmp_path, "--collect-only", "--askers")
+    assert re.findall(r"::(\w+)", said) == [
+        "test_whose_fixture_asks", "test_in_a_file_that_asks", "test_whose_helper_asks",
+    ]  # fmt: skip
+    assert "3/5 tests collected (2 deselected)" in said
+
+
+@pytest.mark.parametrize("text", [STARTED_UNASKED, ASKED_UNSEEN], ids=["starts", "finds"])
+def test_a_test_that_needs_a_program_and_is_not_found_to_ask_for_it_fails(
+    text: str, tmp_path: Path
+) -> None:
+    (tmp_path / "conftest.py").write_text(FOLDER_OF_TESTS["conftest.py"])
+    (tmp_path / "test_unasked.py").write_text(text)
+    said = run_folder(tmp_path)
+    assert "needs openssl and is not found to ask for it" in said
+    assert said.splitlines()[-1].startswith("1 failed")
 
 
 @pytest.mark.parametrize("program", machine.PACKAGES)

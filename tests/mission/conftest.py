@@ -1,4 +1,8 @@
-"""Whole missions are dear: each kind runs once and many tests look at it."""
+"""Whole missions are dear: each kind runs once and many tests look at it.
+
+Pictures are the dearest part of them, a tenth of a CPU second each. So `make test` drives with half
+of those that a profile has, which is harder, and `make nightly` with all.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +14,13 @@ import pytest
 
 from agribot.record.report import Report
 
-FarmRun = Callable[[int], tuple[Path, Report]]
+FarmRun = Callable[[int, float], tuple[Path, Report]]
 ShortRun = Callable[..., tuple[Path, Report]]
+FEW_HZ, ALL_HZ = 5.0, 10.0  # pictures a second
+
+
+def see_at(pictures_hz: float) -> str:
+    return f"perception.camera_rate_hz={pictures_hz}"
 
 
 def run_session(profile: str, settings: list[str], out_dir: str) -> Report:
@@ -27,13 +36,14 @@ def run_session(profile: str, settings: list[str], out_dir: str) -> Report:
 
 @pytest.fixture(scope="session")
 def farm_run(tmp_path_factory: pytest.TempPathFactory) -> FarmRun:
-    """`agribot run farm --sensors rtk --seed S` with camera and network, driven once per seed."""
+    """`agribot run farm --sensors rtk --seed S` with camera and network, driven once each."""
     root = tmp_path_factory.mktemp("farm")
 
     @cache
-    def drive(seed: int) -> tuple[Path, Report]:
-        out = root / f"seed{seed}"
-        return out, run_session("farm", [f"seed={seed}", 'sim.sensors="rtk"'], str(out))
+    def drive(seed: int, pictures_hz: float) -> tuple[Path, Report]:
+        out = root / f"seed{seed}-{pictures_hz:g}"
+        settings = [f"seed={seed}", 'sim.sensors="rtk"', see_at(pictures_hz)]
+        return out, run_session("farm", settings, str(out))
 
     return drive
 

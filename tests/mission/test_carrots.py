@@ -9,7 +9,8 @@ import pytest
 from agribot.description.field_generator import generate_field
 from agribot.description.field_settings import read_field_settings
 from agribot.description.sdf_export import write_world
-from tests.mission.conftest import run_session
+from tests import nightly
+from tests.mission.conftest import ALL_HZ, FEW_HZ, run_session, see_at
 
 FIELD = """
 name = "carrots"
@@ -31,14 +32,15 @@ density_per_m2 = 6.0
 
 
 @pytest.mark.slow
-def test_no_carrot_of_a_row_is_sprayed(tmp_path: Path) -> None:
+@nightly.one_by_one("pictures_hz", (FEW_HZ, ALL_HZ), in_suite=1)
+def test_no_carrot_of_a_row_is_sprayed(tmp_path: Path, pictures_hz: float) -> None:
     field, world = tmp_path / "carrots.toml", tmp_path / "carrots.world"
     field.write_text(FIELD)
     write_world(generate_field(read_field_settings(field), 1), world)
     settings = [
         f'world="{world}"', "seed=1", 'sim.sensors="rtk"', "duration_s=20",
         "field.row_count=1", "field.row_length_m=3.0", "field.plant_spacing_m=0.05",
-        "field.first_row_start_map_m=[-2.0, 1.2]",
+        "field.first_row_start_map_m=[-2.0, 1.2]", see_at(pictures_hz),
     ]  # fmt: skip
     report = run_session("beet", settings, str(tmp_path / "run"))
     assert report.mission.rows_done == 1

@@ -8,15 +8,16 @@ import pytest
 
 from agribot.cli.main import main
 from tests import nightly
-from tests.mission.conftest import run_session
+from tests.mission.conftest import ALL_HZ, FEW_HZ, run_session, see_at
 
 
 @pytest.mark.slow
-@nightly.one_by_one("rows", (2, 6), in_suite=1)
+@nightly.one_by_one("drive", ((2, FEW_HZ), (6, ALL_HZ)), in_suite=1)
 def test_a_cheap_receiver_and_the_camera_drive_all_rows_and_crush_nothing(
-    tmp_path: Path, rows: int
+    tmp_path: Path, drive: tuple[int, float]
 ) -> None:
-    settings = ["seed=1", 'sim.sensors="m8n"', f"field.row_count={rows}"]
+    rows, pictures_hz = drive
+    settings = ["seed=1", 'sim.sensors="m8n"', f"field.row_count={rows}", see_at(pictures_hz)]
     report = run_session("farm", settings, str(tmp_path))
     assert report.ok, report.reason
     assert report.mission.rows_done == report.mission.rows_total == rows

@@ -7,13 +7,18 @@ from pathlib import Path
 import pytest
 
 from agribot.record.replay import read_ticks
-from tests.mission.conftest import run_session
+from tests import nightly
+from tests.mission.conftest import ALL_HZ, FEW_HZ, run_session, see_at
 
 
 @pytest.mark.slow
-def test_the_hoe_works_a_row_of_the_farm_and_cuts_no_crop(tmp_path: Path) -> None:
+@nightly.one_by_one("pictures_hz", (FEW_HZ, ALL_HZ), in_suite=1)
+def test_the_hoe_works_a_row_of_the_farm_and_cuts_no_crop(
+    tmp_path: Path, pictures_hz: float
+) -> None:
     out = tmp_path / "run"
-    report = run_session("farm", ["robot=agribot-hoe", "seed=2", "duration_s=62"], str(out))
+    settings = ["robot=agribot-hoe", "seed=2", "duration_s=62", see_at(pictures_hz)]
+    report = run_session("farm", settings, str(out))
     assert report.weeds.crops_hit == 0 and report.tracking.plants_crushed == 0
     assert report.weeds.treated_true is not None and report.weeds.treated_true >= 12
     assert report.weeds.spray_area_ratio is None  # nothing was sprayed

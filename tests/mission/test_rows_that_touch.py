@@ -7,15 +7,16 @@ from pathlib import Path
 import pytest
 
 from agribot.record.report import Report
-from tests.mission.conftest import run_session
+from tests.mission.conftest import ALL_HZ, FEW_HZ, run_session, see_at
 
 FIRST_ROW_S = 60.0
+pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> Report:
+@pytest.fixture(scope="module", params=[FEW_HZ, pytest.param(ALL_HZ, marks=pytest.mark.nightly)])
+def report(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Report:
     out = tmp_path_factory.mktemp("beet") / "run"
-    settings = ["seed=1", 'sim.sensors="rtk"', f"duration_s={FIRST_ROW_S}"]
+    settings = ["seed=1", 'sim.sensors="rtk"', f"duration_s={FIRST_ROW_S}", see_at(request.param)]
     return run_session("beet", settings, str(Path(out)))
 
 

@@ -14,7 +14,14 @@ from tests import machine
 from tests.ui.page.fake_server import PAGE, FakeServer, serving
 from tests.waiting import PATIENCE_S, wait_for
 
-GL_ARGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+# WebGL by a program in place of a graphics card. With it Chromium would draw the whole page as
+# well, over and over, for most of a core; so that is left to its plain painter.
+GL_ARGS = [
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",
+]
 expect.set_options(timeout=1000 * PATIENCE_S)
 WITHOUT_GL = "off=map,scene"
 PRESSES, PRESS_S = 18, 10.0

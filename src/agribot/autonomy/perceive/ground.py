@@ -170,12 +170,13 @@ def _surround_deep(points: FloatArray) -> FloatArray:
     """Return the corners (N, 2), counter-clockwise, around the points deep enough in their hull."""
     import shapely
 
-    hull = shapely.convex_hull(shapely.multipoints(points))
+    # One line through all of them: a point each would be very many objects for the same hull.
+    hull = shapely.convex_hull(shapely.linestrings(points))
     deep = shapely.buffer(hull, -VIEW_MARGIN_M)
     shapely.prepare(deep)
     inside = points[shapely.contains_xy(deep, points)]
     if len(inside) >= 3:
-        hull = shapely.convex_hull(shapely.multipoints(inside))
+        hull = shapely.convex_hull(shapely.linestrings(inside))
     corners: FloatArray = shapely.get_coordinates(shapely.orient_polygons(hull))
     return corners[:-1]
 
