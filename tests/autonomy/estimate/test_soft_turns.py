@@ -91,6 +91,25 @@ def test_wheels_that_lose_half_their_way_in_turns_do_not_speak_against_the_fixes
         assert position_error_m(recording, each) < each.protection_m
 
 
+@pytest.mark.parametrize("is_single", [False, True], ids=["silent", "without corrections"])
+def test_a_receiver_that_falls_silent_in_a_soft_turn_vouches_for_nothing(
+    *, is_single: bool
+) -> None:
+    recording = record(rows, 24.0, seed=2, grip=soft)
+    begin_s = FIRST_S + STRAIGHT_S + 1.0
+    fixes = [
+        (arrival_s, msgspec.structs.replace(fix, quality=GnssQuality.SINGLE, pos_std_m=1.3))
+        for arrival_s, fix in recording.fixes
+    ]
+    later = [each for each in fixes if each[1].t_s > begin_s] if is_single else []
+    before = [each for each in recording.fixes if each[1].t_s <= begin_s]
+    estimates = play(msgspec.structs.replace(recording, fixes=before + later))[500:]
+    levels = {round(each.t_s, 2): each.protection_m for each in estimates}
+    assert levels[begin_s + 4.0] > levels[begin_s] + 0.2
+    for each in estimates:
+        assert position_error_m(recording, each) < each.protection_m
+
+
 @pytest.mark.parametrize("heading_rad", [0.0, 2.0, 4.0])
 def test_fixes_that_creep_off_in_a_soft_turn_are_covered_until_they_are_named(
     heading_rad: float,

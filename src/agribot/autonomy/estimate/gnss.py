@@ -156,7 +156,8 @@ class Gnss(Correction[GnssFix]):
         yield from self._position(fix, noise, lever_m, epoch)
         if fix.velocity_mps is not None and "position" in self.pose.known:
             yield from self._velocity(fix, since_last_s, lever_m, epoch)
-            self._fly(fix, lever_m, epoch)
+            if self._is_corrected:
+                self._fly(fix, lever_m, epoch)
         if fix.quality is GnssQuality.RTK_FIXED:
             self._compare_with_camera(fix.t_s)
         self._watch_drift(fix, noise, lever_m, epoch)

@@ -26,27 +26,33 @@ class VelocityMark(NamedTuple):
 
 
 class VelocityWay:
-    """Call `add` with every velocity; `here` is the mark of the last one."""
+    """Call `add` with every velocity; only marks that are at most MAX_GAP_S old tell anything."""
 
     def __init__(self) -> None:
-        self.here: VelocityMark | None = None
+        self._last: VelocityMark | None = None
         self._velocity_mps = self._way_m = 0j
         self._noise_mps = 0.0
 
     def add(self, t_s: float, velocity_mps: complex, antenna_m: complex, noise_mps: float) -> None:
         """Take a velocity with its 1 sigma, and where the filter has the antenna at that time."""
-        last, before_mps = self.here, self._velocity_mps
+        last, before_mps = self._last, self._velocity_mps
         self._velocity_mps, self._noise_mps = velocity_mps, noise_mps
         gap_s = math.inf if last is None else t_s - last.t_s
         part, gaps2_s2 = (0, 0.0) if last is None else (last.part, last.gaps2_s2)
         if gap_s > MAX_GAP_S:
             part, gap_s = part + 1, 0.0
         self._way_m += gap_s / 2.0 * (before_mps + velocity_mps)
-        self.here = VelocityMark(part, t_s, antenna_m - self._way_m, gaps2_s2 + gap_s * gap_s)
+        self._last = VelocityMark(part, t_s, antenna_m - self._way_m, gaps2_s2 + gap_s * gap_s)
 
-    def compare(self, then: VelocityMark | None) -> tuple[complex, float] | None:
-        """How far filter and velocities have parted since then, and 1 sigma; None: nobody knows."""
-        here = self.here
+    def find_mark(self, t_s: float) -> VelocityMark | None:
+        """Find the mark of the last velocity; None where the receiver has been silent since."""
+        last = self._last
+        return last if last is not None and t_s - last.t_s <= MAX_GAP_S else None
+
+    def compare(
+        self, then: VelocityMark | None, here: VelocityMark | None
+    ) -> tuple[complex, float] | None:
+        """How far filter and velocities have parted between two marks, and 1 sigma of these."""
         if then is None or here is None or then.part != here.part:
             return None
         noise_m2 = self._noise_mps**2 * (here.gaps2_s2 - then.gaps2_s2)
