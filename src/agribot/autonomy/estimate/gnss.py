@@ -6,6 +6,7 @@ import cmath
 import math
 import statistics
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from agribot.autonomy.estimate.base_correction import take_off_base_error
 from agribot.autonomy.estimate.correction import Correction, Measurements
@@ -35,7 +36,7 @@ from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
-from agribot.autonomy.estimate.velocity_way import VelocityWay
+from agribot.autonomy.estimate.velocity_way import VelocityMark, VelocityWay
 from agribot.core.arithmetic import FLOATS, clamp
 from agribot.core.geo import MapFrame, rotation_from_rpy
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch, Vec3
@@ -45,7 +46,18 @@ from agribot.core.pose import Pose2
 FIRST_FIXES = 5
 UNKNOWN_M2 = 1e6
 SUSPICIOUS_REJECTIONS = 5  # in a row
+# While a robot turns so fast, and so far at least, fixes that lie within three sigmas of where
+# velocities lead are right. On the straight its swerves and the gyro's noise add up to half of it.
+VOUCHED_TURN_RADPS, VOUCHED_TURN_RAD, VOUCHED_SIGMA2 = 0.1, 0.1, 9.0
 SPUN_S = 5.0  # so long wheels that slipped are named
+
+
+class _Sure(NamedTuple):
+    """A fix that was believed: mark of the velocities, turns so far, and the filter's variance."""
+
+    mark: VelocityMark
+    turned_rad: float
+    variance_m2: float
 
 
 class Gnss(Correction[GnssFix]):
@@ -83,6 +95,7 @@ class Gnss(Correction[GnssFix]):
         self._first: list[tuple[float, float]] = []
         self._noise: FixNoise[float] | None = None
         self._is_corrected = self._is_differential = False
+        self._sure: _Sure | None = None
 
     @property
     def rejected_in_a_row(self) -> int:
@@ -297,6 +310,12 @@ class Gnss(Correction[GnssFix]):
         """Follow a run of rejected positions, unless it is the receiver that jumped."""
         if verdict == "accept":
             self.jump.accept(self.last_t_s, self._moved_m)
+            self._note_sure()
+            return
+        if self._is_vouched(measured):
+            self.pose.rejected["wheels slip in a turn"] += 1
+            self._position_gate.rejected_in_a_row = 0
+            self._open(measured)
             return
         if verdict == "recover":
             off_m = math.hypot(*measured.residuals)
@@ -305,6 +324,34 @@ class Gnss(Correction[GnssFix]):
                 return
             self.pose.rejected[self._position_gate.outlier] += 1
         self.rejected_m, self._rejected_fix = _pair(measured.residuals), measured
+
+    def _note_sure(self) -> None:
+        """Note where velocities and wheels led when a fix with ambiguities fixed was believed."""
+        mark = self.velocity_way.find_mark(self.last_t_s)
+        if self.quality is GnssQuality.RTK_FIXED and mark is not None:
+            cov = self.pose.ekf.cov
+            self._sure = _Sure(mark, self._turned_rad, float(cov[X, X] + cov[Y, Y]) / 2.0)
+
+    def _is_vouched(self, measured: Measurement) -> bool:
+        """Whether a rejected fix lies where its velocities lead since the last turn began.
+
+        Then the wheels have lost their way on soft ground, and neither did the fixes jump nor was
+        the robot carried, which happens anywhere.
+        """
+        sure, way = self._sure, self.velocity_way
+        is_often = self.rejected_in_a_row >= SUSPICIOUS_REJECTIONS
+        if sure is None or not is_often:
+            return False
+        least_rad = max(VOUCHED_TURN_RAD, VOUCHED_TURN_RADPS * (self.last_t_s - sure.mark.t_s))
+        if self._turned_rad - sure.turned_rad < least_rad:
+            return False
+        told = way.compare(sure.mark, way.find_mark(self.last_t_s))
+        if told is None or self.quality is not GnssQuality.RTK_FIXED:
+            return False
+        parted_m, std_m = told
+        variance_m2 = measured.variance + sure.variance_m2 + std_m**2
+        off_m2 = abs(complex(*measured.residuals) + parted_m) ** 2
+        return off_m2 <= VOUCHED_SIGMA2 * variance_m2
 
     def _follow(self, measured: Measurement) -> None:
         """With corrections the fix is right and the robot is elsewhere (carried, or slid).
@@ -318,9 +365,13 @@ class Gnss(Correction[GnssFix]):
             self.pose.ekf.inflate(GNSS_BIAS_Y, variance_m2)
             return
         self.moved_m = _sum(self.moved_m, residuals)
+        self._open(measured)
+
+    def _open(self, measured: Measurement) -> None:
+        """Let the filter go where a fix is."""
         opens = tuple(
-            (state, residual**2 + variance_m2)
-            for state, residual in zip((X, Y), residuals, strict=True)
+            (state, residual**2 + measured.variance)
+            for state, residual in zip((X, Y), measured.residuals, strict=True)
         )
         self.pose.open_for(measured._replace(opens=opens, is_retaken=True))
 

@@ -4,8 +4,7 @@ Two hypotheses are bounded and the larger bound counts. Without a fault the cova
 error of two axes, each at most of 1 sigma s, exceeds r with probability exp(-r^2 / 2 s^2). With a
 GNSS that has been wrong since some seconds the robot is where dead reckoning from before leads
 it; the distance of that solution from the filter's, and its own spread, bound the error. In turns,
-where wheels on soft ground lose much of their way, the velocities of the receiver lead a second
-one, and the smaller bound of the two counts.
+where wheels on soft ground lose much of their way, it follows the velocities of the receiver.
 Source: solution separation, Blanch et al. 2015, "Baseline advanced RAIM user algorithm and
 possible improvements", IEEE Transactions on Aerospace and Electronic Systems 51(1).
 """
@@ -204,17 +203,13 @@ class Integrity:
         self._learn_turn_loss(anchor, here)
         apart_m = math.hypot(*self._apart_m(anchor, here))
         alone_m = self._fault_gain * self._alone_std_m(anchor)
-        is_split = apart_m > alone_m * (AGREE_RATIO if self._is_split else 1.0)
-        bound_m = apart_m + alone_m
         if told := self._tell_by_velocity(anchor, here):
-            (flown_m, std_m), begun_m = told, anchor.spread.position_m
-            unsure_m = self._fault_gain * math.hypot(begun_m, std_m)
-            is_split = is_split and abs(flown_m) > unsure_m
-            bound_m = min(bound_m, abs(flown_m) + unsure_m)
-        self._is_split = is_split
+            apart_m = abs(told[0])
+            alone_m = self._fault_gain * math.hypot(anchor.spread.position_m, told[1])
+        self._is_split = apart_m > alone_m * (AGREE_RATIO if self._is_split else 1.0)
         self._forget(here, anchor)
         plain_m = self._gain * here.spread.position_m
-        return max(plain_m + self._doubted_m(), bound_m)
+        return max(plain_m + self._doubted_m(), apart_m + alone_m)
 
     def _tell_by_velocity(self, anchor: _Anchor, here: _Anchor) -> tuple[complex, float] | None:
         """How far the filter parted from the receiver's velocities, and 1 sigma of these.
@@ -245,11 +240,9 @@ class Integrity:
         )
         unknown_m = self._across_fault_gain * alone_m
         if told := self._tell_by_velocity(anchor, here):
-            flown_m = abs(_along(left, (told[0].real, told[0].imag)))
-            unsure_m = std_along_m(anchor.spread.cov_m2, left)
-            unsure_m = self._across_fault_gain * math.hypot(unsure_m, told[1])
-            if flown_m + unsure_m < apart_m + unknown_m:
-                apart_m, unknown_m = flown_m, unsure_m
+            apart_m = abs(_along(left, (told[0].real, told[0].imag)))
+            begun_m = std_along_m(anchor.spread.cov_m2, left)
+            unknown_m = self._across_fault_gain * math.hypot(begun_m, told[1])
         return max(plain_m + doubted_m, apart_m + unknown_m), max(plain_m, unknown_m)
 
     def _find_sure(self, left: tuple[float, float]) -> tuple[_Anchor, tuple[float, float]]:

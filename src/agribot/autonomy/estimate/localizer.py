@@ -240,7 +240,7 @@ class Localizer:
             return
         age_s, age_rad = self._unaged_s, self._unaged_rad
         self._unaged_s = self._unaged_rad = 0.0
-        self._ekf.relax(slow_ageing(self._config, age_s, age_rad))
+        self._ekf.relax(slow_ageing(self._config, age_s))
         for correction in self._corrections:
             self._ekf.relax(correction.ageing(age_s, age_rad))
 

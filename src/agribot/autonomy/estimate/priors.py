@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 
 from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, MotionNoise
-from agribot.core.arithmetic import Number
 from agribot.core.config import EstimateConfig
 
-# A skidding robot does not turn exactly about its centre; the ground moves that point about, and
-# soft ground takes another share of the way from the wheels while they scrub than on the straight.
-TURN_CENTRE_M_PER_SQRT_RAD = 0.055
-TURN_SCALE_RATIO_PER_SQRT_RAD = 0.1
+# A skidding robot does not turn exactly about its centre; the ground moves that point about.
+TURN_CENTRE_M_PER_SQRT_RAD = 0.03
 # MEMS gyros are good to about 1 % of the rate: a half turn then ends 1.8 degrees off, 1 sigma.
 GYRO_SCALE_STD_RATIO = 0.01
 # How far a metre was, wheels tell but for their slip.
@@ -38,17 +35,11 @@ def motion_noise(config: EstimateConfig) -> MotionNoise:
     )
 
 
-def slow_ageing(
-    config: EstimateConfig, age_s: float, turn_abs_rad: Number
-) -> tuple[tuple[int, float, Number | float], ...]:
-    """Say how gyro bias, wheel scale and slip age, as Ekf.relax takes it.
-
-    `turn_abs_rad` is how far the robot turned meanwhile, to either side.
-    """
+def slow_ageing(config: EstimateConfig, age_s: float) -> tuple[tuple[int, float, float], ...]:
+    """Say how gyro bias, wheel scale and slip age, as Ekf.relax takes it."""
     return (
         (GYRO_BIAS, 1.0, GYRO_BIAS_WALK_RADPS_PER_SQRT_S**2 * age_s),
         _fading(WHEEL_SCALE, config.wheel_scale_std_ratio, age_s / WHEEL_SCALE_MEMORY_S),
-        (WHEEL_SCALE, 1.0, TURN_SCALE_RATIO_PER_SQRT_RAD**2 * turn_abs_rad),
         _fading(SLIP, config.slip_std_rad, age_s / SLIP_MEMORY_S),
     )
 

@@ -1,6 +1,7 @@
 """The level of `autonomy.estimate.integrity` across the rows, for many robots on level ground.
 
-As there, but for what a robot remembers of faults: rejected fixes, and a split that lasts.
+As there, but for what a robot remembers of faults: rejected fixes, and a split that lasts; and in
+turns it follows the wheels with corrections, too, so that the level behind a turn is the wider one.
 """
 
 from __future__ import annotations

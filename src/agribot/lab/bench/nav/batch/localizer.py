@@ -164,7 +164,7 @@ class BatchLocalizer:
         self._unaged_s, self._unaged_rad = 0.0, np.zeros_like(age_rad)
         self.ekf.relax(
             [
-                *slow_ageing(self._config, age_s, age_rad),
+                *slow_ageing(self._config, age_s),
                 self._compass.ageing(age_s, age_rad),
                 *self._gnss.ageing(age_s),
                 *self._row_lines.ageing(age_s),
