@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from agribot.app import stop_memory
 from agribot.app.firmware_faults import BELOW_THE_SAMPLES, BoardFaults, LineNoise
 from agribot.app.firmware_receiver import FirmwareReceiver
 from agribot.core.config import RunConfig
@@ -28,8 +29,6 @@ from agribot.core.messages import (
     Four,
     ImplementCommand,
     Inbox,
-    OperatorAction,
-    OperatorEvent,
     RobotCommand,
     SensorBatch,
 )
@@ -129,9 +128,7 @@ class FirmwarePlatform:
         self._implement, self._is_power_cut = ImplementCommand(), False
         self._boot()
         # A person who starts a simulation has armed it, but has not seen why a mission stopped.
-        first: OperatorAction = "stop" if saved_stop else "clear_stop"
-        event = OperatorEvent(t_s=0.0, action=first, source="start-up", text=saved_stop)
-        self.inbox.post(event)
+        stop_memory.begin(self.inbox, saved_stop)
 
     def read(self) -> SensorBatch:
         """Advance simulator and board by a tick; wheels, inputs and IMU are those of the board.

@@ -15,7 +15,7 @@ import msgspec
 
 from agribot.core.errors import PlatformError
 from agribot.core.home import find_home
-from agribot.core.messages import Inbox, OperatorEvent, TickRecord
+from agribot.core.messages import Inbox, OperatorAction, OperatorEvent, TickRecord
 from agribot.core.whole_file import write_at_once
 
 DISARMED = "disarmed: a person looks that nobody is near and clears this stop, then resumes"
@@ -29,6 +29,12 @@ class RememberedStop(msgspec.Struct, frozen=True, kw_only=True):
     since: str
     run: str
     platform: str
+
+
+def begin(inbox: Inbox, why: str) -> None:
+    """Let the robot begin stopped for a reason, or cleared where there is none."""
+    action: OperatorAction = "stop" if why else "clear_stop"
+    inbox.post(OperatorEvent(t_s=0.0, action=action, source="start-up", text=why))
 
 
 class StopMemory:
@@ -81,10 +87,7 @@ class StopMemory:
             self._stopped = remembered.stopped
         elif is_cleared:
             self._forget()
-        if why:
-            inbox.post(OperatorEvent(t_s=0.0, action="stop", source="start-up", text=why))
-        else:
-            inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="start-up"))
+        begin(inbox, why)
         return why
 
     def __call__(self, record: TickRecord) -> None:
