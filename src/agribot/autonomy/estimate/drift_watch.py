@@ -16,11 +16,10 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from agribot.autonomy.estimate.velocity_way import MAX_GAP_S, summed_variance_m2
+
 WINDOWS_S = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 40.0)
 STEP_S = 0.1  # nearer fixes are not kept
-MAX_GAP_S = 1.5
-# What a Doppler velocity is off for long; five times as much is the slowest creep it can show.
-VELOCITY_BIAS_MPS = 0.005
 # Receivers smooth velocities; their sum lags behind by the change of speed times some tenths.
 LAG_STD_S = 0.1
 # Two normal errors exceed this squared distance once in a million times.
@@ -181,7 +180,8 @@ class DriftWatch:
 
     def _find_creep(self, here: _Sums, trust: Trust) -> _Creep | None:
         """Find the window in which the fixes part most, and whether the wheels bear out any."""
-        index, found = len(self._sums) - 1, []
+        index = len(self._sums) - 1
+        found: list[_Creep] = []
         for window_s in WINDOWS_S:
             latest_s = here.told.t_s - window_s + STEP_S / 2.0
             while index >= 0 and self._sums[index].told.t_s > latest_s:
@@ -189,7 +189,8 @@ class DriftWatch:
             if index < 0:
                 break
             creep = _judge(self._sums[index], here, trust, window_s)
-            found += [creep] if creep is not None else []
+            if creep is not None:
+                found.append(creep)
         if not found:
             return None
         return max(found, key=_size_m)._replace(
@@ -220,9 +221,10 @@ def _judge(then: _Sums, here: _Sums, trust: Trust, window_s: float) -> _Creep | 
     moved_m = here.told.place_m - then.told.place_m
     by_velocity_m = moved_m - (here.flown_m - then.flown_m)
     fixes_m2 = 2.0 * trust.fix_m**2 + trust.bias_m2_per_s * lasted_s
-    velocity_m2 = trust.velocity_mps**2 * (here.gaps2_s2 - then.gaps2_s2)
+    gaps2_s2 = here.gaps2_s2 - then.gaps2_s2
     change_mps = abs(here.told.driven_mps - then.told.driven_mps)
-    velocity_m2 += (VELOCITY_BIAS_MPS * lasted_s) ** 2 + (LAG_STD_S * change_mps) ** 2
+    velocity_m2 = summed_variance_m2(trust.velocity_mps, gaps2_s2, lasted_s)
+    velocity_m2 += (LAG_STD_S * change_mps) ** 2
     if abs(by_velocity_m) ** 2 <= ALARM2 * (fixes_m2 + velocity_m2):
         return None
     # What the filter believed at the begin: what creeps since then has no part in it.

@@ -169,8 +169,6 @@ class Gnss(Correction[GnssFix]):
         yield from self._position(fix, noise, lever_m, epoch)
         if fix.velocity_mps is not None and "position" in self.pose.known:
             yield from self._velocity(fix, since_last_s, lever_m, epoch)
-            if self._is_corrected:
-                self._fly(fix, lever_m, epoch)
         if fix.quality is GnssQuality.RTK_FIXED:
             self._compare_with_camera(fix.t_s)
         self._watch_drift(fix, noise, lever_m, epoch)
@@ -183,18 +181,6 @@ class Gnss(Correction[GnssFix]):
         x, (east_m, north_m) = self.pose.ekf.x, self.off_m
         east, north = self.pose.rows.at(x[X], x[Y]).right
         self.pose.agreement.add_fix(t_s, east_m * east + north_m * north)
-
-    def _fly(self, fix: GnssFix, lever_m: tuple[float, float], epoch: Epoch) -> None:
-        """Sum up the velocity, beside where the filter has the antenna at that time."""
-        x, (then, now, _) = self.pose.ekf.x, epoch
-        if fix.velocity_mps is None or not _all_finite(*fix.velocity_mps[:2]):
-            return
-        arm_m = Pose2(0.0, 0.0, x[YAW] - (now.yaw_rad - then.yaw_rad)).rotate(*lever_m)
-        antenna_m = complex(
-            x[X] - (now.x_m - then.x_m) + arm_m[0], x[Y] - (now.y_m - then.y_m) + arm_m[1]
-        )
-        velocity_mps = complex(*fix.velocity_mps[:2])
-        self.velocity_way.add(fix.t_s, velocity_mps, antenna_m, self.velocity_noise.sure_mps)
 
     def _watch_drift(
         self, fix: GnssFix, noise: FixNoise[float], lever_m: tuple[float, float], epoch: Epoch
@@ -411,6 +397,10 @@ class Gnss(Correction[GnssFix]):
             self._velocity_gate, opens=tuple((state, doubt**2) for state, doubt in opened),
             is_retaken=is_steady, must_open=spins,
         )  # fmt: skip
+        if self._is_corrected:
+            antenna_m = complex(*self.pose.place(epoch).transform(*lever_m))
+            velocity_mps = complex(*fix.velocity_mps[:2])
+            self.velocity_way.add(fix.t_s, velocity_mps, antenna_m, self.velocity_noise.sure_mps)
 
 
 def _velocity_row(by: tuple[float, ...]) -> Row:

@@ -9,7 +9,14 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from agribot.autonomy.estimate.drift_watch import MAX_GAP_S, VELOCITY_BIAS_MPS
+MAX_GAP_S = 1.5
+# What a Doppler velocity is off for long; five times as much is the slowest creep it can show.
+VELOCITY_BIAS_MPS = 0.005
+
+
+def summed_variance_m2(noise_mps: float, gaps2_s2: float, lasted_s: float) -> float:
+    """Variance of the way that velocities have led in `lasted_s`, given their gaps squared."""
+    return noise_mps**2 * gaps2_s2 + (VELOCITY_BIAS_MPS * lasted_s) ** 2
 
 
 class VelocityMark(NamedTuple):
@@ -55,6 +62,6 @@ class VelocityWay:
         """How far filter and velocities have parted between two marks, and 1 sigma of these."""
         if then is None or here is None or then.part != here.part:
             return None
-        noise_m2 = self._noise_mps**2 * (here.gaps2_s2 - then.gaps2_s2)
-        std_m = math.sqrt(noise_m2 + (VELOCITY_BIAS_MPS * (here.t_s - then.t_s)) ** 2)
-        return here.off_m - then.off_m, std_m
+        gaps2_s2, lasted_s = here.gaps2_s2 - then.gaps2_s2, here.t_s - then.t_s
+        variance_m2 = summed_variance_m2(self._noise_mps, gaps2_s2, lasted_s)
+        return here.off_m - then.off_m, math.sqrt(variance_m2)
