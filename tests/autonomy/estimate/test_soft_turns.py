@@ -8,10 +8,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from agribot.core.messages import Estimate, GnssFix, GnssQuality
+from agribot.core.messages import GnssFix, GnssQuality
 from tests.autonomy.estimate.noisy_rover import RTK, Recording, record, rows
 from tests.autonomy.estimate.playback import error, play
-from tests.autonomy.estimate.test_localizer_faults import shifted, with_fixes
+from tests.autonomy.estimate.test_localizer_faults import distance_m, shifted, with_fixes
 
 STRAIGHT_S, TURN_S, FIRST_S = 12.0, math.pi / 0.6, 3.0  # of the drive `rows`
 
@@ -34,10 +34,6 @@ def let_float_in_turns(recording: Recording) -> Recording:
     return msgspec.structs.replace(recording, fixes=fixes)
 
 
-def position_error_m(recording: Recording, estimate: Estimate) -> float:
-    return float(np.hypot(*error(recording, estimate)[:2]))
-
-
 def is_on_straight(t_s: float) -> bool:
     """Whether a turn is over since a second."""
     return not is_turning(t_s) and not is_turning(t_s - 1.0)
@@ -56,7 +52,7 @@ def test_a_soft_turn_while_the_fix_floats_is_no_jump_of_the_fix_that_comes_back(
     recording = let_float_in_turns(record(rows, 40.0, seed=seed, grip=grip))
     estimates = play(recording)[500:]
     assert all(each.ok and not each.contradiction for each in estimates)
-    errors_m = [position_error_m(recording, each) for each in estimates]
+    errors_m = [distance_m(recording, each) for each in estimates]
     after = [m for m, each in zip(errors_m, estimates, strict=True) if is_on_straight(each.t_s)]
     assert max(after) < 0.08
     beyond = [m > each.protection_m for m, each in zip(errors_m, estimates, strict=True)]
@@ -80,7 +76,7 @@ def test_a_robot_that_slides_aside_in_a_slow_turn_keeps_its_heading(
 
     recording = record(drive, 24.0, seed=seed, errors=RTK, slide_mps=slide)
     estimates = [each for each in play(recording) if each.t_s > 14.0]
-    assert max(position_error_m(recording, each) for each in estimates) < 0.3
+    assert max(distance_m(recording, each) for each in estimates) < 0.3
     assert max(abs(error(recording, each)[2]) for each in estimates) < math.radians(5.0)
     assert all(each.ok and not each.contradiction for each in estimates)
 
@@ -98,7 +94,7 @@ def test_wheels_that_lose_half_their_way_in_turns_do_not_speak_against_the_fixes
     assert max(each.across_protection_m for each in straight) < 0.31
     assert not any(each.contradiction for each in estimates)
     for each in estimates:
-        assert position_error_m(recording, each) < each.protection_m
+        assert distance_m(recording, each) < each.protection_m
 
 
 @pytest.mark.parametrize("is_single", [False, True], ids=["silent", "without corrections"])
@@ -117,7 +113,7 @@ def test_a_receiver_that_falls_silent_in_a_soft_turn_vouches_for_nothing(
     levels = {round(each.t_s, 2): each.protection_m for each in estimates}
     assert levels[begin_s + 4.0] > levels[begin_s] + 0.2
     for each in estimates:
-        assert position_error_m(recording, each) < each.protection_m
+        assert distance_m(recording, each) < each.protection_m
 
 
 @pytest.mark.parametrize("heading_rad", [0.0, 2.0, 4.0])
@@ -133,5 +129,5 @@ def test_fixes_that_creep_off_in_a_soft_turn_are_covered_until_they_are_named(
     estimates = play(faulty)[500:]
     halted = next(each for each in estimates if each.contradiction)
     assert halted.t_s < FIRST_S + STRAIGHT_S + 9.0
-    off = [e for e in estimates if position_error_m(recording, e) > e.protection_m]
+    off = [e for e in estimates if distance_m(recording, e) > e.protection_m]
     assert len(off) <= 0.02 * len(estimates)
