@@ -59,6 +59,10 @@ class Soil(NamedTuple):
     yaw_gain_ratio: float = 1.0
     crab_rad: float = 0.0
     yaw_shake_radps: float = 0.0
+    # From so far north on, wheels that turn by less than a part of what those of the other side
+    # do are held, and the robot stands while these spin.
+    held_from_y_m: float = math.inf
+    held_ratio: float = 0.15
 
     @classmethod
     def of_seed(cls, rng: np.random.Generator) -> Soil:
@@ -100,6 +104,8 @@ class Rover:
         self._shake = decay * self._shake + soil.yaw_shake_radps * noise
         self.v_mps = self._wheels_v * (1.0 - soil.slip_ratio)
         self.yaw_rate_radps = self._wheels_w * soil.yaw_gain_ratio + self._shake * moving
+        if self._is_held():
+            self.v_mps = self.yaw_rate_radps = 0.0
         self.slip_rad = soil.crab_rad * math.cos(self.yaw_rad - math.pi / 2.0)
         course_rad = self.yaw_rad + self.slip_rad + self.yaw_rate_radps * TICK_S / 2.0
         self.x_m += self.v_mps * TICK_S * math.cos(course_rad)
@@ -107,6 +113,11 @@ class Rover:
         self.yaw_rad = math.remainder(self.yaw_rad + self.yaw_rate_radps * TICK_S, math.tau)
         self.t_s += TICK_S
         self.turn_wheels(DriveCommand(v_mps=self._wheels_v, yaw_rate_radps=self._wheels_w))
+
+    def _is_held(self) -> bool:
+        left, right = self._drive.wheel_speeds_radps(self._wheels_v, self._wheels_w)
+        inner, outer = sorted((abs(left), abs(right)))
+        return self.y_m > self._soil.held_from_y_m and inner < self._soil.held_ratio * outer
 
     def turn_wheels(self, twist: DriveCommand) -> None:
         """For one tick, as a twist has them turn, whether the robot gets on or not."""

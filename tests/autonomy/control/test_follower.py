@@ -115,6 +115,40 @@ def test_soil_that_turns_the_robot_far_too_little_or_much_is_learned(yaw_gain_ra
     assert drive.p95_m() <= 0.03
 
 
+def test_a_turn_in_which_the_ground_holds_the_inner_wheels_is_finished() -> None:
+    drive = Drive(Soil(held_from_y_m=TWO_ROWS.row_length_m + 0.3))
+    assert drive.run().state == "done"
+    in_turn = drive.log[drive.log[:, 2] > 0.0]
+    on_spot = (np.abs(in_turn[:, 3]) < 0.05) & (np.abs(in_turn[:, 4]) > 0.3)
+    assert on_spot.sum() > 20, "it breaks loose by turning on the spot"
+    assert np.abs(drive.log[drive.log[:, 1] >= 0, 0]).max() < 0.03, "and its rows are driven well"
+    assert np.abs(in_turn[:, 0]).max() < 0.3
+
+
+def test_a_robot_that_does_not_turn_on_the_spot_either_is_left_to_the_gate() -> None:
+    """Its motors try once, not for ever: afterwards they pull along the path as before."""
+    follower, path = Follower(ControlConfig(), ROBOT), circle_left()
+    held = Rover((0.0, 0.0, 0.0), Soil(), np.random.default_rng(0)).estimate()
+    commands = []
+    for tick in range(500):
+        there = msgspec.structs.replace(held, t_s=tick * TICK_S)
+        commands.append(follower.step(there, goal_on(path, 0.0))[0])
+    on_spot = [abs(c.v_mps) < 1e-6 and c.yaw_rate_radps > 0.3 for c in commands]
+    assert 1.0 <= sum(on_spot) * TICK_S <= 2.0
+    assert not any(on_spot[250:])
+    assert commands[-1].v_mps > 0.1
+
+
+def test_in_a_row_no_robot_turns_on_the_spot_to_break_loose() -> None:
+    follower = Follower(ControlConfig(), ROBOT)
+    path = msgspec.structs.replace(circle_left(), row=np.zeros(len(circle_left().s_m), dtype=int))
+    held = Rover((0.0, 0.0, 0.0), Soil(), np.random.default_rng(0)).estimate()
+    for tick in range(100):
+        there = msgspec.structs.replace(held, t_s=tick * TICK_S)
+        command, _ = follower.step(there, goal_on(path, 0.0))
+        assert command.v_mps > 0.0
+
+
 def test_crabbing_across_a_slope_leaves_no_offset_in_the_row() -> None:
     drive = Drive(Soil(crab_rad=math.radians(3.0)))
     drive.run()
@@ -168,6 +202,10 @@ def test_turns_are_driven_at_turn_speed() -> None:
 
 def straight_north(length_m: float = 20.0) -> Path:
     return sample(Pose2(0.0, 0.0, math.pi / 2), (Segment(length_m, 0.0),))
+
+
+def circle_left() -> Path:
+    return sample(Pose2(0.0, 0.0, 0.0), (Segment(2.0, 1.0 / 0.6),))
 
 
 def goal_on(path: Path, s_m: float, state: MissionState = "running", speed: float = 0.4) -> Goal:

@@ -27,6 +27,7 @@ class Ride:
         self.turn_radps = 0.0
         self.slide_rad = 0.0  # of its course against where it looks
         self.is_frozen, self.has_velocity = False, True
+        self.is_on_spot = False
         self.shift_m = 0.0
         self.t_s = self.way_m = self.yaw_rad = self.x_m = self.y_m = 0.0
         self._fix_xy = 0.0, 0.0
@@ -41,9 +42,9 @@ class Ride:
 
     def batch(self, has_fix: bool) -> SensorBatch:
         self.t_s += TICK_S
-        self.way_m += SPEED_MPS * TICK_S
+        self.way_m += 0.0 if self.is_on_spot else SPEED_MPS * TICK_S
         self.yaw_rad += self.turn_radps * TICK_S
-        v_mps = self.kept_ratio * SPEED_MPS
+        v_mps = 0.0 if self.is_on_spot else self.kept_ratio * SPEED_MPS
         course_rad = self.yaw_rad + self.slide_rad
         self.x_m += v_mps * math.cos(course_rad) * TICK_S
         self.y_m += v_mps * math.sin(course_rad) * TICK_S
@@ -110,6 +111,21 @@ def test_a_robot_that_got_out_of_a_soft_place_by_itself_is_not_told_to_be_stuck(
     assert ride.go(8.0) == ""
     ride.kept_ratio = 0.02
     assert "stuck or slipping" in ride.go(2.0), "and where it does not get on it is told at once"
+
+
+def test_wheels_that_turn_against_each_other_end_what_was_before() -> None:
+    """A robot that breaks loose on the spot is judged by its way from then on."""
+    ride = Ride()
+    ride.go(5.0)
+    for _ in range(4):
+        ride.kept_ratio = 0.0
+        assert ride.go(0.5) == ""
+        ride.is_on_spot = True
+        assert ride.go(0.8) == ""
+        ride.is_on_spot, ride.kept_ratio = False, 0.6
+        assert ride.go(1.0) == ""
+    ride.kept_ratio = 0.0
+    assert "stuck or slipping" in ride.go(2.0)
 
 
 def test_a_receiver_that_repeats_itself_jumps_or_falls_silent_is_no_sign_of_mud() -> None:

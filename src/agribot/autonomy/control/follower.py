@@ -15,6 +15,7 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from agribot.autonomy.control import law
+from agribot.autonomy.control.stalled_turn import StalledTurn
 from agribot.autonomy.control.yaw_gain import YawGain
 from agribot.core.arithmetic import FLOATS, clamp, view_floats
 from agribot.core.config import ControlConfig
@@ -57,6 +58,7 @@ class _Line:
         self._yaw = view_floats(path.yaw_map_rad)
         self._curvature = view_floats(path.curvature_radpm)
         self._s = view_floats(path.s_m)
+        self._row: list[int] = path.row.tolist()
         backwards = is_backwards(path.xy_map_m, path.yaw_map_rad)
         self._is_backwards = cast(Sequence[bool], backwards.data)
         stands = np.diff(path.s_m) <= 0.0
@@ -76,6 +78,10 @@ class _Line:
             left_m, heading_rad, self._curvature[index], self._is_backwards[index],
             self._is_corner(s_m),
         )  # fmt: skip
+
+    def is_between_rows(self, s_m: float) -> bool:
+        """Where no crop stands beside the wheels."""
+        return self._row[self._index(s_m)] < 0
 
     def _find_corner_m(self, s_m: float) -> float:
         """Find where the path last turned on the spot; what lies before it is over."""
@@ -115,6 +121,7 @@ class Follower:
         self._last_t_s: float | None = None
         self._is_pivoting = False
         self._yaw_gain = YawGain(max(config.delay_s, NOMINAL_DT_S))
+        self._stalled_turn = StalledTurn()
 
     def step(
         self, estimate: Estimate, goal: Goal, dt_s: float | None = None
@@ -140,12 +147,17 @@ class Follower:
         )  # fmt: skip
         if goal.status.state not in ("running", "paused"):
             self._last, self._is_pivoting = STOP, False
+            self._stalled_turn.restart()
             return STOP, tracking
         wanted = STOP
         if goal.max_speed_mps > 0.0:
             ahead = self._ahead(self._line, estimate, goal.s_m)
             ahead = ahead.steered_at(goal.tracked_x_m, estimate.slip_rad)
             wanted = self._twist(ahead, estimate, goal.max_speed_mps)
+            if self._line.is_between_rows(goal.s_m):
+                wanted = self._break_loose(wanted, estimate.yaw_rate_radps, dt_s)
+        else:
+            self._stalled_turn.restart()
         self._last = self._ramp(wanted, dt_s)
         return self._last, tracking
 
@@ -180,6 +192,14 @@ class Follower:
         )  # fmt: skip
         # Backwards the same law holds: left of the way, which is right of the robot, counts.
         return DriveCommand(v_mps=-v_mps if ahead.is_backwards else v_mps, yaw_rate_radps=yaw_rate)
+
+    def _break_loose(
+        self, wanted: DriveCommand, yaw_rate_radps: float, dt_s: float
+    ) -> DriveCommand:
+        """Turn on the spot for a moment where the wheels of a turn spin and the robot stands."""
+        expected_radps, limit_radps = self._yaw_gain.expected_radps, self._max_yaw_rate_radps
+        rate_radps = self._stalled_turn.watch(expected_radps, yaw_rate_radps, limit_radps, dt_s)
+        return DriveCommand(v_mps=0.0, yaw_rate_radps=rate_radps) if rate_radps else wanted
 
     def _ramp(self, wanted: DriveCommand, dt_s: float) -> DriveCommand:
         drive, last = self._drive, self._last

@@ -22,6 +22,8 @@ STUCK_RATIO = 0.35
 CORRECTED_WAY_M, PLAIN_WAY_M = 0.5, 1.5
 LAST_PART = 0.3  # of that way, in which a robot that got free again gets on
 LONGEST_S = 10.0
+# Wheels that stand or turn against each other lead nowhere; what was before is over then.
+PAUSE_S, PAUSE_M = 0.4, 0.02
 MOST_TURN_RAD = 1.2  # a robot that turns swings its antenna about
 CORRECTED = (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
 
@@ -90,11 +92,16 @@ class ProgressWatch:
             self._places.clear()  # of a receiver that was silent, nothing is known meanwhile
             last = None
         rolled_m = (self._x_m, self._y_m)
-        self._places.append(
-            _Place(fix.t_s, rolled_m, self._turn_rad, east_m, north_m, _fly_on(last, fix))
-        )
+        place = _Place(fix.t_s, rolled_m, self._turn_rad, east_m, north_m, _fly_on(last, fix))
+        if self._has_paused(place):
+            self._places.clear()
+        self._places.append(place)
         while fix.t_s - self._places[0].t_s > LONGEST_S:
             self._places.popleft()
+
+    def _has_paused(self, now: _Place) -> bool:
+        then = next((p for p in reversed(self._places) if now.t_s - p.t_s >= PAUSE_S), None)
+        return then is not None and math.dist(now.rolled_m, then.rolled_m) < PAUSE_M
 
     def _judge(self, *, is_corrected: bool) -> str:
         if not self._places:

@@ -26,6 +26,11 @@ class YawGain:
         self._together = self._power = PRIOR_RAD2PS
 
     @property
+    def expected_radps(self) -> float:
+        """What was sent, as late as the drive follows."""
+        return self._expected_radps
+
+    @property
     def ratio(self) -> float:
         return clamp(self._together / self._power, LOWEST_RATIO, HIGHEST_RATIO)
 
