@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from agribot.core.messages import PlantClass, TickRecord
 from agribot.core.world import Plant, WorldSpec, is_person
 from agribot.record.events import Event
@@ -26,10 +24,8 @@ class TruthLog:
         self._simulator, self._world, self._add = simulator, world, add
         self._kinds = {thing.name: thing.kind for thing in world.obstacles}
         self._kinds |= {walker.name: walker.kind for walker in world.walkers}
-        self._fallen_told = 0
+        self._fallen_told = self._sprayed_told = 0
         self._touched_s: dict[str, float] = {}
-        self._is_crop = np.array([p.plant == PlantClass.CROP for p in world.plants], dtype=bool)
-        self._is_sprayed_told = np.zeros(len(world.plants), dtype=bool)
 
     def __call__(self, record: TickRecord) -> None:
         self._tell_crushed(record.batch.t_s)
@@ -50,12 +46,14 @@ class TruthLog:
                 self._tell(t_s, f"crop plant crushed by {what}: {_name_place(plant)}")
 
     def _tell_sprayed(self, t_s: float) -> None:
-        sprayed_s = self._simulator.plants.sprayed_s
-        is_news = self._is_crop & (sprayed_s > 0.0) & ~self._is_sprayed_told
-        for index in np.flatnonzero(is_news).tolist():
+        states = self._simulator.plants
+        sprayed = states.sprayed[self._sprayed_told :]
+        self._sprayed_told += len(sprayed)
+        for index in sprayed:
             plant = self._world.plants[index]
-            self._tell(t_s, f"crop plant sprayed on its heart: {_name_place(plant)}")
-        self._is_sprayed_told |= is_news
+            is_news = states.sprayed_s[index] > 0.0  # not of an earlier run of the job
+            if is_news and plant.plant == PlantClass.CROP:
+                self._tell(t_s, f"crop plant sprayed on its heart: {_name_place(plant)}")
 
     def _tell_touched(self, t_s: float) -> None:
         name = self._simulator.find_touched()

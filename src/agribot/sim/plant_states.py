@@ -26,6 +26,12 @@ class PlantStates:
         self.way_rad: FloatArray = np.zeros(count)
         self.is_standing: npt.NDArray[np.bool_] = np.ones(count, dtype=bool)
         self._fallen: list[int] = []
+        self._sprayed: list[int] = []
+
+    @property
+    def sprayed(self) -> tuple[int, ...]:
+        """Wet plants, in the order in which they were sprayed."""
+        return tuple(self._sprayed)
 
     @property
     def fallen(self) -> tuple[int, ...]:
@@ -48,6 +54,7 @@ class PlantStates:
     def spray(self, index: int, t_s: float) -> None:
         if np.isnan(self.sprayed_s[index]):
             self.sprayed_s[index] = t_s
+            self._sprayed.append(index)
 
     def find_fall_s(self, index: int) -> float:
         """Return when a plant fell, NaN while it stands."""
