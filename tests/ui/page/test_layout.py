@@ -36,6 +36,15 @@ MARKS_OUTSIDE = """() => {
   return [...words.getClientRects()].filter(each =>
     each.left < box.left - 0.5 || each.right > box.right + 0.5).length
 }"""
+# Cards beside the map that lie over another.
+COVERING = """() => {
+  const cards = [...document.querySelectorAll('.screen-drive .side > *')]
+  const boxes = cards.map(each => each.getBoundingClientRect())
+  return cards.filter((_, index) => boxes.some((box, other) => other > index
+    && box.left < boxes[index].right - 1 && box.right > boxes[index].left + 1
+    && box.top < boxes[index].bottom - 1 && box.bottom > boxes[index].top + 1)
+  ).map(each => each.className)
+}"""
 SCROLLBARS = """[...document.querySelectorAll('.rail')].filter(each =>
     each.scrollHeight > each.clientHeight + 1 || each.scrollWidth > each.clientWidth + 1).length"""
 
@@ -83,3 +92,12 @@ def test_the_marks_of_a_broad_boom_stay_in_their_box(
     page.set_viewport_size({"width": width, "height": height})
     until(page, f"document.querySelector('dd.implement')?.textContent.includes('{marks}')")
     assert page.evaluate(MARKS_OUTSIDE) == 0
+
+
+def test_no_card_beside_the_map_lies_over_another_on_any_screen(open_page: OpenPage) -> None:
+    page = open_page()
+    show(page, "drive")
+    for width, height in (*SIZES, (1280, 800), (390, 844), (768, 1024), (800, 1100), (1000, 1400)):
+        page.set_viewport_size({"width": width, "height": height})
+        until(page, "document.querySelectorAll('.screen-drive .side > *').length == 4")
+        assert page.evaluate(COVERING) == [], f"{width}×{height}"
