@@ -44,6 +44,7 @@ OF_SAMPLES = {
     "gnss.wrong_fix=0.5": ("gnss",),
     "gnss.drift=0.1": ("gnss",),
     "gnss.frozen": ("gnss", "headings"),
+    "gnss.scatter=5": ("gnss",),
     "gnss.velocity=10": ("gnss",),
     "mag.motor": ("mag",),
     "mag.offset=20": ("mag",),
@@ -176,6 +177,25 @@ def test_velocity_noise_is_so_many_times_what_the_receiver_says(
     stated_mps = fixes[1][0].velocity_std_mps
     assert stated_mps == fixes[0][0].velocity_std_mps
     assert np.std(noise) == pytest.approx(10.0 * stated_mps, rel=0.1)  # 1140 numbers
+
+
+def test_positions_scatter_by_so_many_times_what_the_receiver_says(
+    rover: RobotSpec, meadow: WorldSpec
+) -> None:
+    runs = [Drive(rover, meadow, *faults, end_s=40.0) for faults in ((), ("gnss.scatter=5@2",))]
+    good, bad = (run.list("gnss", 2.0) for run in runs)
+    frame = MapFrame(meadow.datum)
+    off_m = [
+        np.array(frame.map_from_geodetic(b.lat_deg, b.lon_deg, b.alt_m))
+        - frame.map_from_geodetic(a.lat_deg, a.lon_deg, a.alt_m)
+        for a, b in zip(good, bad, strict=True)
+    ]
+    assert np.array([fix.pos_std_m for fix in bad]) == pytest.approx(
+        np.array([fix.pos_std_m for fix in good])
+    )
+    stated_m = good[0].pos_std_m
+    # What is added to the receiver's own scatter, of 760 numbers.
+    assert np.std(np.array(off_m)[:, :2]) == pytest.approx(math.sqrt(24.0) * stated_m, rel=0.1)
 
 
 def test_the_magnetometer_feels_motors_and_magnets(
@@ -531,7 +551,7 @@ def test_a_run_that_goes_on_has_its_faults_on_its_own_clock() -> None:
 
 
 def test_every_fault_says_what_it_is_and_its_typical_value_can_be_given() -> None:
-    assert len({kind.name for kind in FAULTS}) == len(FAULTS) == 45
+    assert len({kind.name for kind in FAULTS}) == len(FAULTS) == 46
     for kind in FAULTS:
         assert kind.about and kind.words
         value = f"={kind.typical}" if kind.value is not None else ""

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.estimate.ekf import YAW
-from agribot.autonomy.estimate.gnss_noise import fix_noise
+from agribot.autonomy.estimate.gnss_noise import PositionNoise, fix_noise, widen
+from agribot.core.arithmetic import FLOATS
 from agribot.core.messages import GnssFix, GnssQuality
 from tests.autonomy.estimate.noisy_rover import RTK, record, rows, stand
 from tests.autonomy.estimate.playback import batches, error, localizer, play
@@ -43,6 +44,47 @@ def test_float_solutions_weigh_the_same_whatever_their_rate() -> None:
 def test_a_receiver_that_claims_no_error_at_all_is_not_taken_at_its_word() -> None:
     for std_m in (0.0, -1.0, 1e-9):
         assert fix_noise(fix(GnssQuality.RTK_FIXED, std_m), 0.1).variance_m2 > 1e-6
+
+
+def scatter(std_m: float, step_s: float = 0.1, speed_mps: float = 0.0) -> PositionNoise:
+    """Forty fixes that state 1.4 cm, of wheels that lead astray by a speed."""
+    rng, noise = np.random.default_rng(3), PositionNoise()
+    for t_s in (step_s * np.arange(40)).tolist():
+        off_m = complex(*rng.normal(0.0, std_m, 2).tolist())
+        noise.add(t_s, speed_mps * t_s + off_m, 0.014)
+    return noise
+
+
+@pytest.mark.parametrize("std_m", [0.01, 0.05, 0.5])
+@pytest.mark.parametrize("speed_mps", [0.0, 0.4])
+def test_the_scatter_of_positions_is_learnt_also_while_the_wheels_slip(
+    std_m: float, speed_mps: float
+) -> None:
+    noise = scatter(std_m, speed_mps=speed_mps)
+    assert noise.std_m == pytest.approx(std_m, rel=0.35)
+    assert bool(noise.fault) == (std_m > 0.03)
+    stated = fix_noise(fix(GnssQuality.RTK_FIXED, 0.014), 0.1)
+    believed = widen(FLOATS, stated, noise.std_m)
+    assert believed.bias_std_m == stated.bias_std_m
+    is_more = std_m > 0.03
+    assert believed.variance_m2 == (noise.std_m**2 if is_more else stated.variance_m2)
+
+
+def test_before_enough_fixes_came_nothing_is_said_of_their_scatter() -> None:
+    noise = PositionNoise()
+    for tick in range(10):
+        noise.add(0.1 * tick, complex((-1.0) ** tick), 0.014)
+    assert noise.std_m == 0.0
+    assert not noise.fault
+
+
+def test_fixes_before_and_behind_a_gap_are_no_neighbours() -> None:
+    """While the receiver is silent, wheels that slip lead away from its places."""
+    noise = scatter(0.01)
+    for tick in range(60):
+        pair, second = divmod(tick, 2)
+        noise.add(10.0 + 3.0 * pair + 0.1 * second, complex(0.2 * (-1.0) ** pair), 0.014)
+    assert noise.std_m < 0.015
 
 
 def test_standing_for_minutes_the_certainty_stops_at_the_receivers_slow_error() -> None:

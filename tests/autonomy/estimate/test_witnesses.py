@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.estimate.localizer import Localizer
+from agribot.core.geo import WGS84_A_M
 from agribot.core.messages import (
     Estimate,
     GnssFix,
@@ -145,6 +146,35 @@ def test_velocities_that_scatter_ten_times_as_stated_are_named_and_weigh_less() 
             _, _, yaw_rad = recording.pose(e.t_s)
             assert abs(math.remainder(e.yaw_map_rad - yaw_rad, math.tau)) < math.radians(3.0)
             assert distance_m(recording, e) < 0.1
+
+
+def scattered(seed: int, std_m: float) -> Recording:
+    """Positions that scatter by so much beside what they state, 1.4 cm."""
+    rng = np.random.default_rng(seed)
+
+    def shake(fix: GnssFix) -> GnssFix:
+        east_m, north_m = rng.normal(0.0, std_m, 2).tolist()
+        lat_deg = fix.lat_deg + math.degrees(north_m / WGS84_A_M)
+        per_lon_m = WGS84_A_M * math.cos(math.radians(fix.lat_deg))
+        lon_deg = fix.lon_deg + math.degrees(east_m / per_lon_m)
+        return msgspec.structs.replace(fix, lat_deg=lat_deg, lon_deg=lon_deg)
+
+    return with_fixes(record(north, 40.0, seed=seed), lambda t: t > FROM_S, shake)
+
+
+def test_positions_that_scatter_five_times_as_stated_are_named_and_weigh_less() -> None:
+    off_m2, stated_m2 = [], []
+    for seed in (4, 5, 6):
+        recording = scattered(seed, 0.07)
+        into, estimates = play_with(recording, lambda batch: batch)
+        assert any("GNSS positions scatter by 0.0" in e.reason for e in estimates[:850]), seed
+        assert not any(e.contradiction for e in estimates), seed
+        assert into.rejected["gnss outlier"] < 30, seed
+        late = [e for e in estimates if e.t_s > FROM_S + 2.0]
+        off_m2 += [distance_m(recording, e) ** 2 for e in late]
+        stated_m2 += [2.0 * e.pos_std_m**2 for e in late]
+    assert math.sqrt(np.mean(off_m2)) < 0.035, "half of one position's"
+    assert np.mean(off_m2) < 2.0 * np.mean(stated_m2), "and it knows how well it knows"
 
 
 def test_the_heading_of_a_receiver_that_repeats_itself_is_not_believed_either() -> None:

@@ -95,8 +95,9 @@ class Doubts:
             yield Finding("gnss", "contradicted", self._say_rejected())
         if fault := gnss.spin_fault(t_s):
             yield Finding("wheels", "contradicted", fault)
-        if gnss.velocity_noise.fault:
-            yield Finding("gnss", "contradicted", gnss.velocity_noise.fault)
+        for noise in (gnss.position_noise, gnss.velocity_noise):
+            if noise.fault:
+                yield Finding("gnss", "contradicted", noise.fault)
 
     def _find_camera(self, t_s: float) -> Iterator[Finding]:
         if silence := self._camera.silence(t_s):

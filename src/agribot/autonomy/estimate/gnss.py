@@ -27,9 +27,11 @@ from agribot.autonomy.estimate.gnss_noise import (
     CORRECTED,
     FLOAT_MEMORY_S,
     FixNoise,
+    PositionNoise,
     VelocityNoise,
     bias_ageing,
     fix_noise,
+    widen,
 )
 from agribot.autonomy.estimate.history import Epoch, Motion
 from agribot.autonomy.estimate.measurement import Measurement
@@ -76,7 +78,8 @@ class Gnss(Correction[GnssFix]):
         self.rejected_m, self.moved_m = (0.0, 0.0), (0.0, 0.0)
         self.off_m = (0.0, 0.0)  # where the last fix puts the robot, from where the filter has it
         self.repeats, self.jump, self.drift = RepeatWatch(), JumpWatch(), DriftWatch()
-        self.velocity_noise, self.velocity_way = VelocityNoise(), VelocityWay()
+        self.position_noise, self.velocity_noise = PositionNoise(), VelocityNoise()
+        self.velocity_way = VelocityWay()
         self._driven_m = self._moved_m = self._turned_rad = self._unguided_m = 0.0
         self._rejected_fix: Measurement | None = None
         self._receiver_m = (0.0, 0.0)
@@ -161,12 +164,16 @@ class Gnss(Correction[GnssFix]):
         differential = take_off_base_error(sample, self.pose)
         fix = differential or sample
         since_last_s = min(epoch.since_last_s, FLOAT_MEMORY_S)
-        self._noise = noise = fix_noise(fix, since_last_s)
+        lever_m = _level(self._antenna_body_m, self.pose.up_body)
+        antenna_m, arm_m = self._find_antenna(fix, lever_m, epoch)
+        then_m = complex(epoch.then.x_m, epoch.then.y_m)
+        self.position_noise.add(fix.t_s, antenna_m - arm_m - then_m, fix.pos_std_m)
+        noise = widen(FLOATS, fix_noise(fix, since_last_s), self.position_noise.std_m)
+        self._noise = noise
         self.last_t_s = fix.t_s
         self.quality = fix.quality
         self._follow_quality(noise, differential is not None)
-        lever_m = _level(self._antenna_body_m, self.pose.up_body)
-        yield from self._position(fix, noise, lever_m, epoch)
+        yield from self._position(fix, noise, (antenna_m, arm_m), epoch)
         if fix.velocity_mps is not None and "position" in self.pose.known:
             yield from self._velocity(fix, since_last_s, lever_m, epoch)
         if fix.quality is GnssQuality.RTK_FIXED:
@@ -233,23 +240,29 @@ class Gnss(Correction[GnssFix]):
                 self.pose.ekf.reset(state, 0.0, noise.bias_std_m**2)
         self._is_corrected, self._is_differential = kind
 
-    def _position(
-        self, fix: GnssFix, noise: FixNoise[float], lever_m: tuple[float, float], epoch: Epoch
-    ) -> Measurements:
+    def _find_antenna(
+        self, fix: GnssFix, lever_m: tuple[float, float], epoch: Epoch
+    ) -> tuple[complex, complex]:
+        """Find where a fix puts the antenna in the map, and the antenna from the robot's middle."""
         alt_m = fix.alt_m if math.isfinite(fix.alt_m) else self._frame.datum.alt_m
         east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, alt_m)
+        yaw_rad = self.pose.ekf.x[YAW] - (epoch.now.yaw_rad - epoch.then.yaw_rad)
+        return complex(east_m, north_m), complex(*Pose2(0.0, 0.0, yaw_rad).rotate(*lever_m))
+
+    def _position(
+        self, fix: GnssFix, noise: FixNoise[float], antenna: tuple[complex, complex], epoch: Epoch
+    ) -> Measurements:
         x, (then, now, _) = self.pose.ekf.x, epoch
-        there = Pose2(0.0, 0.0, x[YAW] - (now.yaw_rad - then.yaw_rad))
-        arm_x, arm_y = there.rotate(*lever_m)
+        antenna_m, arm_m = antenna
         moved_x, moved_y = now.x_m - then.x_m, now.y_m - then.y_m
-        now_x = east_m - arm_x + moved_x - self._receiver_m[0]
-        now_y = north_m - arm_y + moved_y - self._receiver_m[1]
+        now_x = antenna_m.real - arm_m.real + moved_x - self._receiver_m[0]
+        now_y = antenna_m.imag - arm_m.imag + moved_y - self._receiver_m[1]
         if "position" not in self.pose.known:
             self._begin(now_x, now_y, fix_noise(fix, FLOAT_MEMORY_S).variance_m2, now)
             return
         rows = (
-            ((X, 1.0), (YAW, moved_y - arm_y), (GNSS_BIAS_X, 1.0)),
-            ((Y, 1.0), (YAW, arm_x - moved_x), (GNSS_BIAS_Y, 1.0)),
+            ((X, 1.0), (YAW, moved_y - arm_m.imag), (GNSS_BIAS_X, 1.0)),
+            ((Y, 1.0), (YAW, arm_m.real - moved_x), (GNSS_BIAS_Y, 1.0)),
         )
         self.off_m = (now_x - x[X], now_y - x[Y])
         residuals = (self.off_m[0] - x[GNSS_BIAS_X], self.off_m[1] - x[GNSS_BIAS_Y])

@@ -29,12 +29,17 @@ FLOAT_MEMORY_S = 15.0
 FLOAT_STD_M = 0.3
 # The median of the squared jumps of two axes, over their variance: 2 x 2 ln 2 for normal noise.
 JUMP2_MEDIAN = 4.0 * math.log(2.0)
+# The same of second differences, which have six times the variance of one place.
+BEND2_MEDIAN = 12.0 * math.log(2.0)
 # So many jumps are the receiver's noise to a third; fewer than half of them say nothing.
-VELOCITY_JUMPS, LEAST_JUMPS = 21, 11
+MOST_JUMPS, LEAST_JUMPS = 21, 11
 # So many velocities in a row have to show one and the same error before it is that of the robot.
 STEADY_FIXES = 6
 # Soil that shakes the antenna makes it twice as much as stated, no more.
 NAMED_NOISE_RATIO, NAMED_NOISE_MPS = 3.0, 0.1
+# Positions of honest receivers, tilting antennas included, scatter by less than what is stated.
+NAMED_SCATTER_RATIO, NAMED_SCATTER_M = 2.0, 0.03
+EVEN_STEP_RATIO = 0.3  # by which two steps of time may differ
 
 
 class FixNoise(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
@@ -102,6 +107,54 @@ def is_steady(m: Arithmetic[Number], residuals: Sequence[tuple[Number, Number]])
     return steady
 
 
+def widen(m: Arithmetic[Number], noise: FixNoise[Number], learnt_m: Number) -> FixNoise[Number]:
+    """Believe what was learnt of the white noise where it is surely more than what is stated."""
+    learnt_m2 = learnt_m * learnt_m
+    is_more = learnt_m2 > SURE_NOISE_RATIO**2 * noise.variance_m2
+    return msgspec.structs.replace(
+        noise, variance_m2=m.choose(is_more, learnt_m2, noise.variance_m2)
+    )
+
+
+def is_even(before_s: float, step_s: float) -> bool:
+    """Tell whether two steps of time are so alike that second differences mean something."""
+    return abs(step_s - before_s) <= EVEN_STEP_RATIO * before_s
+
+
+class PositionNoise:
+    """White noise of a receiver's positions, from how far each lies off the line of its neighbours.
+
+    They are seen from where the wheels led, so that the filter has no part in it. A second
+    difference cancels what is steady, wheels that slip or a wrong heading.
+    """
+
+    def __init__(self) -> None:
+        self._places: deque[tuple[float, complex]] = deque(maxlen=2)
+        self._bends2: deque[float] = deque(maxlen=MOST_JUMPS)
+        self._stated_m = self.std_m = 0.0
+
+    def add(self, t_s: float, place_m: complex, stated_m: float) -> None:
+        """Take the place of a fix less the way of the wheels, and its stated 1 sigma."""
+        self._stated_m = stated_m
+        places = self._places
+        if len(places) == 2:
+            (first_s, first_m), (last_s, last_m) = places
+            if is_even(last_s - first_s, t_s - last_s):
+                self._bends2.append(abs(place_m - 2.0 * last_m + first_m) ** 2)
+        places.append((t_s, place_m))
+        if len(self._bends2) >= LEAST_JUMPS:
+            self.std_m = math.sqrt(statistics.median(self._bends2) / BEND2_MEDIAN)
+
+    @property
+    def fault(self) -> str:
+        if self.std_m < max(NAMED_SCATTER_RATIO * self._stated_m, NAMED_SCATTER_M):
+            return ""
+        return (
+            f"GNSS positions scatter by {self.std_m:.2f} m, stated are {self._stated_m:.3f}; "
+            "check antenna and sky view"
+        )
+
+
 class VelocityNoise:
     """White noise of a receiver's velocity from the jumps between neighbouring residuals.
 
@@ -111,7 +164,7 @@ class VelocityNoise:
     """
 
     def __init__(self) -> None:
-        self._jumps2: deque[float] = deque(maxlen=VELOCITY_JUMPS)
+        self._jumps2: deque[float] = deque(maxlen=MOST_JUMPS)
         self._recent: deque[tuple[float, float]] = deque(maxlen=STEADY_FIXES)
         self._stated_mps = self.std_mps = 0.0
 

@@ -126,6 +126,7 @@ SCENARIOS = (
     *_all("gnss.wrong_fix=0.2 gnss.wrong_fix=0.4 gnss.wrong_fix=1 gnss.wrong_fix=2"),
     FaultScenario("gnss.drift=0.01", is_detectable=False),
     *_all("gnss.drift=0.05 gnss.drift=0.5 gnss.frozen gnss.velocity=10 gnss.velocity=100"),
+    *_all("gnss.scatter=3 gnss.scatter=10"),
     *_all("gnss.outage gnss.wrong_fix=0.5 gnss.frozen", sensors="rtk-dual"),
     *_all("mag.motor mag.offset=5 mag.offset=30"),
     *_all("imu.bias=0.01 imu.bias=0.05 imu.bias=0.3 imu.frozen"),

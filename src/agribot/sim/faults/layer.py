@@ -35,7 +35,13 @@ from agribot.sim.faults.motions import (
     Touch,
 )
 from agribot.sim.faults.pictures import BadPicture, find_mount_shift_m
-from agribot.sim.faults.positions import FrozenReceiver, NoisyVelocity, Offset, Outage
+from agribot.sim.faults.positions import (
+    FrozenReceiver,
+    NoisyPosition,
+    NoisyVelocity,
+    Offset,
+    Outage,
+)
 from agribot.sim.faults.schedule import Fault
 from agribot.sim.physics import Physics
 from agribot.sim.random_streams import make_stream
@@ -148,6 +154,7 @@ MAKERS: dict[str, Callable[[Fault, FaultMaterial], BatchFault]] = {
     "gnss.wrong_fix": _make_offset,
     "gnss.drift": _make_offset,
     "gnss.frozen": lambda fault, _: FrozenReceiver(fault),
+    "gnss.scatter": lambda fault, around: NoisyPosition(fault, around.world.datum, around.rng),
     "gnss.velocity": lambda fault, around: NoisyVelocity(fault, around.rng),
     "mag.motor": lambda fault, around: MotorField(fault, around.rng),
     "mag.offset": lambda fault, around: Magnet(fault, around.rng),

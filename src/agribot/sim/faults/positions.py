@@ -86,6 +86,27 @@ class FrozenReceiver:
         return msgspec.structs.replace(self._heading, t_s=heading.t_s)
 
 
+class NoisyPosition:
+    """Fixes that scatter by so many times the sigma that the receiver goes on to report."""
+
+    def __init__(self, fault: Fault, datum: Datum, rng: np.random.Generator) -> None:
+        self._fault, self._frame, self._rng = fault, MapFrame(datum), rng
+        self._more_ratio = math.sqrt(fault.number**2 - 1.0)
+
+    def alter(self, batch: SensorBatch) -> SensorBatch:
+        return msgspec.structs.replace(batch, gnss=tuple(self._shake(fix) for fix in batch.gnss))
+
+    def _shake(self, fix: GnssFix) -> GnssFix:
+        if not self._fault.is_on(fix.t_s):
+            return fix
+        place_m = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m)
+        off_m = self._more_ratio * fix.pos_std_m * self._rng.standard_normal(2)
+        lat_deg, lon_deg, alt_m = self._frame.geodetic_from_map(
+            place_m[0] + float(off_m[0]), place_m[1] + float(off_m[1]), place_m[2]
+        )
+        return msgspec.structs.replace(fix, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m)
+
+
 class NoisyVelocity:
     """Velocity noise of so many times the sigma that the receiver goes on to report."""
 

@@ -12,15 +12,18 @@ import numpy as np
 from agribot.autonomy.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, X, Y
 from agribot.autonomy.estimate.gnss import FIRST_FIXES, UNKNOWN_M2
 from agribot.autonomy.estimate.gnss_noise import (
+    BEND2_MEDIAN,
     FLOAT_MEMORY_S,
     JUMP2_MEDIAN,
     LEAST_JUMPS,
+    MOST_JUMPS,
     STEADY_FIXES,
-    VELOCITY_JUMPS,
     FixNoise,
     bias_ageing,
+    is_even,
     is_steady,
     noise_model,
+    widen,
 )
 from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
@@ -47,11 +50,30 @@ class BatchFix(NamedTuple):
     velocity_std_mps: float
 
 
+class BatchPositionNoise:
+    """As autonomy.estimate.gnss_noise.PositionNoise."""
+
+    def __init__(self, count: int) -> None:
+        self._places: deque[tuple[float, FloatArray]] = deque(maxlen=2)
+        self._bends2: deque[FloatArray] = deque(maxlen=MOST_JUMPS)
+        self.std_m = np.zeros(count)
+
+    def add(self, t_s: float, place_m: FloatArray) -> None:
+        """Take places (2, N) less the way of the wheels."""
+        if len(self._places) == 2:
+            (first_s, first_m), (last_s, last_m) = self._places
+            if is_even(last_s - first_s, t_s - last_s):
+                self._bends2.append(np.sum((place_m - 2.0 * last_m + first_m) ** 2, axis=0))
+        self._places.append((t_s, place_m))
+        if len(self._bends2) >= LEAST_JUMPS:
+            self.std_m = np.sqrt(np.median(self._bends2, axis=0) / BEND2_MEDIAN)
+
+
 class BatchVelocityNoise:
     """As autonomy.estimate.gnss_noise.VelocityNoise."""
 
     def __init__(self, count: int) -> None:
-        self._jumps2: deque[FloatArray] = deque(maxlen=VELOCITY_JUMPS)
+        self._jumps2: deque[FloatArray] = deque(maxlen=MOST_JUMPS)
         self._recent: deque[Pair] = deque(maxlen=STEADY_FIXES)
         self.std_mps = np.zeros(count)
 
@@ -95,6 +117,7 @@ class BatchGnss:
         self._spin_after = max(2, config.recover_after // 3)
         self._velocity_gate = BatchGate(count, config.gate_sigma, self._spin_after)
         self._spin_watch = SpinWatch(ARRAYS, self._spin_after)
+        self._position_noise = BatchPositionNoise(count)
         self._velocity_noise = BatchVelocityNoise(count)
         self._first: list[Pair] = []
         self._noise: FixNoise[FloatArray] | None = None
@@ -106,12 +129,15 @@ class BatchGnss:
         if now is None or then is None:
             return
         since_last_s = min(fix.t_s - self._last_t_s, FLOAT_MEMORY_S)
-        self._noise = self._noise_of(fix, since_last_s)
+        antenna_m, arm_m = self._find_antenna(fix, now, then)
+        self._position_noise.add(fix.t_s, antenna_m - arm_m - np.stack((then.x_m, then.y_m)))
+        stated = self._noise_of(fix, since_last_s)
+        self._noise = widen(ARRAYS, stated, self._position_noise.std_m)
         self._last_t_s = fix.t_s
         if not self.is_ready:
             for state in (GNSS_BIAS_X, GNSS_BIAS_Y):
                 self._ekf.reset(state, 0.0, self._noise.bias_std_m**2)
-        self._position(fix, self._noise, now, then)
+        self._position(fix, self._noise, (antenna_m, arm_m), now, then)
         if self.is_ready:
             self._velocity(fix, since_last_s, now, then)
 
@@ -123,24 +149,34 @@ class BatchGnss:
     def ageing(self, dt_s: float) -> Sequence[tuple[int, FloatArray | float, FloatArray | float]]:
         return [] if self._noise is None else bias_ageing(ARRAYS, self._noise, dt_s)
 
-    def _position(
-        self, fix: BatchFix, noise: FixNoise[FloatArray], now: BatchMotion, then: BatchMotion
-    ) -> None:
-        x = self._ekf.x
-        yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
+    def _find_antenna(
+        self, fix: BatchFix, now: BatchMotion, then: BatchMotion
+    ) -> tuple[FloatArray, FloatArray]:
+        """Find antennas in the map, and from the robots' middles; (2, N)."""
+        yaw_rad = self._ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
         cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
         arm_x = cos * self._lever_m[0] - sin * self._lever_m[1]
         arm_y = sin * self._lever_m[0] + cos * self._lever_m[1]
-        moved_x, moved_y = now.x_m - then.x_m, now.y_m - then.y_m
-        now_x = fix.east_m - arm_x + moved_x - self._receiver_m[0]
-        now_y = fix.north_m - arm_y + moved_y - self._receiver_m[1]
+        return np.stack((fix.east_m, fix.north_m)), np.stack((arm_x, arm_y))
+
+    def _position(
+        self,
+        fix: BatchFix,
+        noise: FixNoise[FloatArray],
+        antenna: tuple[FloatArray, FloatArray],
+        now: BatchMotion,
+        then: BatchMotion,
+    ) -> None:
+        x, (antenna_m, arm_m) = self._ekf.x, antenna
+        moved_m = np.stack((now.x_m - then.x_m, now.y_m - then.y_m))
+        now_x, now_y = antenna_m - arm_m + moved_m - self._receiver_m
         if not self.is_ready:
             first_m2 = self._noise_of(fix, FLOAT_MEMORY_S).variance_m2
             self._begin(now_x, now_y, first_m2, fix.is_float, now)
             return
         rows: tuple[BatchRow, BatchRow] = (
-            ((X, 1.0), (YAW, moved_y - arm_y), (GNSS_BIAS_X, 1.0)),
-            ((Y, 1.0), (YAW, arm_x - moved_x), (GNSS_BIAS_Y, 1.0)),
+            ((X, 1.0), (YAW, moved_m[1] - arm_m[1]), (GNSS_BIAS_X, 1.0)),
+            ((Y, 1.0), (YAW, arm_m[0] - moved_m[0]), (GNSS_BIAS_Y, 1.0)),
         )
         residuals = (now_x - x[X] - x[GNSS_BIAS_X], now_y - x[Y] - x[GNSS_BIAS_Y])
         self._correct_position(rows, residuals, noise)
