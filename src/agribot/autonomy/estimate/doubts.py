@@ -93,9 +93,9 @@ class Doubts:
             yield Finding("gnss", "contradicted", agreement.fault)
         if gnss.rejected_in_a_row >= SUSPICIOUS_REJECTIONS:
             yield Finding("gnss", "contradicted", self._say_rejected())
-        if fault := gnss.spin_fault(t_s):
+        if fault := gnss.velocity.spin_fault(t_s):
             yield Finding("wheels", "contradicted", fault)
-        for noise in (gnss.position_noise, gnss.velocity_noise):
+        for noise in (gnss.position_noise, gnss.velocity.noise):
             if noise.fault:
                 yield Finding("gnss", "contradicted", noise.fault)
 

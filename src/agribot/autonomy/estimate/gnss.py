@@ -17,7 +17,6 @@ from agribot.autonomy.estimate.ekf import (
     SLIP,
     WHEEL_SCALE,
     YAW,
-    Row,
     X,
     Y,
 )
@@ -28,17 +27,15 @@ from agribot.autonomy.estimate.gnss_noise import (
     FLOAT_MEMORY_S,
     FixNoise,
     PositionNoise,
-    VelocityNoise,
     bias_ageing,
     fix_noise,
     widen,
 )
+from agribot.autonomy.estimate.gnss_velocity import GnssVelocity
 from agribot.autonomy.estimate.history import Epoch, Motion
 from agribot.autonomy.estimate.measurement import Measurement
-from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
 from agribot.autonomy.estimate.pose_filter import PoseFilter
-from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
-from agribot.autonomy.estimate.velocity_way import VelocityMark, VelocityWay
+from agribot.autonomy.estimate.velocity_way import VelocityMark
 from agribot.core.arithmetic import FLOATS, clamp
 from agribot.core.geo import MapFrame, rotation_from_rpy
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch, Vec3
@@ -51,7 +48,6 @@ SUSPICIOUS_REJECTIONS = 5  # in a row
 # While a robot turns so fast, and so far at least, fixes that lie within three sigmas of where
 # velocities lead are right. On the straight its swerves and the gyro's noise add up to half of it.
 VOUCHED_TURN_RADPS, VOUCHED_TURN_RAD, VOUCHED_SIGMA2 = 0.1, 0.1, 9.0
-SPUN_S = 5.0  # so long wheels that slipped are named
 
 
 class _Sure(NamedTuple):
@@ -78,8 +74,7 @@ class Gnss(Correction[GnssFix]):
         self.rejected_m, self.moved_m = (0.0, 0.0), (0.0, 0.0)
         self.off_m = (0.0, 0.0)  # where the last fix puts the robot, from where the filter has it
         self.repeats, self.jump, self.drift = RepeatWatch(), JumpWatch(), DriftWatch()
-        self.position_noise, self.velocity_noise = PositionNoise(), VelocityNoise()
-        self.velocity_way = VelocityWay()
+        self.position_noise, self.velocity = PositionNoise(), GnssVelocity(pose)
         self._driven_m = self._moved_m = self._turned_rad = self._unguided_m = 0.0
         self._rejected_fix: Measurement | None = None
         self._receiver_m = (0.0, 0.0)
@@ -90,11 +85,6 @@ class Gnss(Correction[GnssFix]):
         self._antenna_body_m: Vec3 = (x_m, y_m, z_m)
         self._half_track_m = robot.drive.track_m / 2.0
         self._position_gate = Gate(config.gate_sigma, config.recover_after, "gnss outlier")
-        # Spinning wheels falsify the position with every metre, so they are admitted sooner.
-        self._spin_after = max(2, config.recover_after // 3)
-        self._velocity_gate = Gate(config.gate_sigma, self._spin_after, "velocity outlier")
-        self._spin_watch = SpinWatch(FLOATS, self._spin_after)
-        self._spun_t_s, self._spun_mps = -math.inf, (0.0, 0.0)
         self._first: list[tuple[float, float]] = []
         self._noise: FixNoise[float] | None = None
         self._is_corrected = self._is_differential = False
@@ -103,16 +93,6 @@ class Gnss(Correction[GnssFix]):
     @property
     def rejected_in_a_row(self) -> int:
         return self._position_gate.rejected_in_a_row
-
-    def spin_fault(self, t_s: float) -> str:
-        """Say that wheels turn and the robot hardly moves, or did so a moment ago."""
-        if t_s - self._spun_t_s > SPUN_S:
-            return ""
-        claimed_mps, shown_mps = self._spun_mps
-        return (
-            f"wheels slip: they turn for {claimed_mps:.2f} m/s, GNSS shows {shown_mps:.2f}; look "
-            "whether the robot is stuck or the ground soft"
-        )
 
     def move(self, distance_m: float, turn_rad: float) -> None:
         """Count a step of the wheels: of the robot's middle, and its turn about it."""
@@ -175,7 +155,9 @@ class Gnss(Correction[GnssFix]):
         self._follow_quality(noise, differential is not None)
         yield from self._position(fix, noise, (antenna_m, arm_m), epoch)
         if fix.velocity_mps is not None and "position" in self.pose.known:
-            yield from self._velocity(fix, since_last_s, lever_m, epoch)
+            yield from self.velocity.measure(
+                fix, since_last_s, lever_m, epoch, is_corrected=self._is_corrected
+            )
         if fix.quality is GnssQuality.RTK_FIXED:
             self._compare_with_camera(fix.t_s)
         self._watch_drift(fix, noise, lever_m, epoch)
@@ -221,7 +203,7 @@ class Gnss(Correction[GnssFix]):
         trust = Trust(
             fix_m=math.sqrt(noise.variance_m2),
             bias_m2_per_s=noise.bias_walk_m_per_sqrt_s**2,
-            velocity_mps=self.velocity_noise.sure_mps,
+            velocity_mps=self.velocity.noise.sure_mps,
             course_rad=math.sqrt(ekf.cov[YAW, YAW] + ekf.cov[SLIP, SLIP]),
             scale_ratio=math.sqrt(ekf.cov[WHEEL_SCALE, WHEEL_SCALE]),
             walk_m2_per_m=self.pose.config.position_walk_m_per_sqrt_m**2,
@@ -326,7 +308,7 @@ class Gnss(Correction[GnssFix]):
 
     def _note_sure(self) -> None:
         """Note where velocities and wheels led when a fix with ambiguities fixed was believed."""
-        mark = self.velocity_way.find_mark(self.last_t_s)
+        mark = self.velocity.way.find_mark(self.last_t_s)
         if self.quality is GnssQuality.RTK_FIXED and mark is not None:
             cov = self.pose.ekf.cov
             self._sure = _Sure(mark, self._turned_rad, float(cov[X, X] + cov[Y, Y]) / 2.0)
@@ -337,7 +319,7 @@ class Gnss(Correction[GnssFix]):
         Then the wheels have lost their way on soft ground, and neither did the fixes jump nor was
         the robot carried, which happens anywhere.
         """
-        sure, way = self._sure, self.velocity_way
+        sure, way = self._sure, self.velocity.way
         is_often = self.rejected_in_a_row >= SUSPICIOUS_REJECTIONS
         if sure is None or not is_often:
             return False
@@ -374,51 +356,6 @@ class Gnss(Correction[GnssFix]):
         )
         self.pose.open_for(measured._replace(opens=opens, is_retaken=True))
 
-    def _velocity(
-        self, fix: GnssFix, since_last_s: float, lever_m: tuple[float, float], epoch: Epoch
-    ) -> Measurements:
-        """Compare the course over ground: it shows the heading, and what the wheels lose."""
-        if fix.velocity_mps is None or not _all_finite(*fix.velocity_mps[:2], fix.velocity_std_mps):
-            self.pose.rejected["velocity not finite"] += 1
-            return
-        ekf, (then, now, _) = self.pose.ekf, epoch
-        yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
-        rate_radps, wheel_mps = then.yaw_rate_radps, then.wheel_mps
-        east_mps, north_mps, (east_row, north_row) = antenna_velocity(
-            FLOATS, yaw_rad, ekf.row_yaw_rad, ekf.x[WHEEL_SCALE], ekf.x[SLIP], wheel_mps,
-            rate_radps, lever_m,
-        )  # fmt: skip
-        residuals = (fix.velocity_mps[0] - east_mps, fix.velocity_mps[1] - north_mps)
-        self.velocity_noise.add(residuals, fix.velocity_std_mps)
-        variance = velocity_variance(
-            FLOATS, fix.velocity_std_mps, self.velocity_noise.std_mps, rate_radps, since_last_s
-        )
-        claimed_mps, _ = ahead_and_aside(FLOATS, (east_mps, north_mps), yaw_rad)
-        missing_mps, _ = ahead_and_aside(FLOATS, residuals, yaw_rad)
-        spins = bool(self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance)))
-        is_steady = self.velocity_noise.is_steady
-        spins = spins and self.velocity_noise.is_known and is_steady
-        if spins:
-            self.pose.rejected["wheels spin"] += 1
-            self._spun_t_s, self._spun_mps = fix.t_s, (claimed_mps, claimed_mps + missing_mps)
-        opened = doubts(
-            FLOATS, residuals, (east_mps, north_mps), yaw_rad, since_last_s * self._spin_after,
-            is_corrected=self._is_corrected,
-        ) if is_steady else ()  # fmt: skip
-        yield Measurement(
-            residuals, (_velocity_row(east_row), _velocity_row(north_row)), variance,
-            self._velocity_gate, opens=tuple((state, doubt**2) for state, doubt in opened),
-            is_retaken=is_steady, must_open=spins,
-        )  # fmt: skip
-        if self._is_corrected:
-            antenna_m = complex(*self.pose.place(epoch).transform(*lever_m))
-            velocity_mps = complex(*fix.velocity_mps[:2])
-            self.velocity_way.add(fix.t_s, velocity_mps, antenna_m, self.velocity_noise.sure_mps)
-
-
-def _velocity_row(by: tuple[float, ...]) -> Row:
-    return (YAW, by[0]), (WHEEL_SCALE, by[1]), (SLIP, by[2])
-
 
 def _sum(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
     return a[0] + b[0], a[1] + b[1]
@@ -427,10 +364,6 @@ def _sum(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
 def _pair(residuals: tuple[float, ...]) -> tuple[float, float]:
     east_m, north_m = residuals
     return east_m, north_m
-
-
-def _all_finite(*values: float) -> bool:
-    return all(map(math.isfinite, values))
 
 
 def _level(point_body_m: Vec3, up_body: Vec3) -> tuple[float, float]:

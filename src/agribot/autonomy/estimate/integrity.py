@@ -218,7 +218,7 @@ class Integrity:
         """
         if here.turning_m - anchor.turning_m < VOUCHED_TURNING_M:
             return None
-        return self._gnss.velocity_way.compare(anchor.by_velocity, here.by_velocity)
+        return self._gnss.velocity.way.compare(anchor.by_velocity, here.by_velocity)
 
     def _bound_across(self, here: _Anchor, plain_m: float) -> tuple[float, float]:
         """Bound the error to the side of the heading, and how much of it is mere ignorance.
@@ -303,7 +303,7 @@ class Integrity:
         return _Anchor(
             t_s, x[X] - self._x_m, x[Y] - self._y_m, self._driven_m, spread,
             (self._aside_x_m, self._aside_y_m), x[SLIP], self._slid_m, self._turning_m,
-            (self._turning_x_m, self._turning_y_m), self._gnss.velocity_way.find_mark(t_s),
+            (self._turning_x_m, self._turning_y_m), self._gnss.velocity.way.find_mark(t_s),
         )  # fmt: skip
 
     def _forget(self, here: _Anchor, anchor: _Anchor) -> None:
