@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from agribot.core.errors import RecordingError
-from agribot.core.messages import CropCover
+from agribot.core.messages import CropCover, WeedScores
 from agribot.record.ticks import decode_tick, encode_tick, strip_pixels
 from tests.record import record_samples as samples
 
@@ -35,13 +35,16 @@ def test_what_a_scene_tells_of_its_picture_is_recorded_and_may_be_missing() -> N
         x_body_m=0.3, y_body_m=-0.8, cell_m=0.025, rows=2, columns=8, crop=b"\x81\x00",
         seen=b"\xff\xff",
     )  # fmt: skip
+    scores = WeedScores(
+        x_body_m=0.3, y_body_m=-0.8, cell_m=0.025, rows=1, columns=4, scores=b"\x00\x01\x80\xff"
+    )
     scene = msgspec.structs.replace(
-        samples.scene(3, 1.0), crop_cover=cover, picture_crc32=2**32 - 1
+        samples.scene(3, 1.0), crop_cover=cover, weed_scores=scores, picture_crc32=2**32 - 1
     )
     record = msgspec.structs.replace(samples.ticks(1)[0], scenes=(scene,))
     data = encode_tick(record)
     assert decode_tick(data).scenes == (scene,)
     old = msgspec.msgpack.decode(data)
-    for name in ("crop_cover", "picture_crc32"):
+    for name in ("crop_cover", "weed_scores", "picture_crc32"):
         del old["scenes"][0][name]
     assert decode_tick(msgspec.msgpack.encode(old)).scenes == (samples.scene(3, 1.0),)

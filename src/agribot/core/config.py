@@ -199,6 +199,9 @@ class TreatmentConfig(Config, frozen=True):
     # By the rule `rows`: so far beside a row of mapped crops no other row can stand. At most 5 cm
     # less than rows are apart.
     beside_row_m: Positive = 0.4
+    # Beside rows, ground is sprayed where a network that finds plants makes a stem of a weed so
+    # sure in the mean of its looks, also where none is on the map; 1: nowhere.
+    least_weed_score: Ratio = 1.0
     prescription: str = ""  # file of zones with rates, outside of which nothing is treated
     prescription_column: str = ""  # which has litres per hectare; empty: by its usual names
     depth_m: Positive | None = None  # of a hoe's blades; None: as deep as they reach

@@ -11,7 +11,7 @@ import numpy as np
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.autonomy.weeds.poses import PoseAt
 from agribot.core.config import WeedConfig
-from agribot.core.messages import CropCover, PlantClass
+from agribot.core.messages import CropCover, PlantClass, WeedScores
 from tests.autonomy.weeds.weed_field import make_estimate, make_plant, make_scene
 
 CELL_M, ROWS, COLUMNS = 0.025, 48, 64
@@ -47,6 +47,20 @@ def cover(
     )  # fmt: skip
 
 
+def score_weeds(pose: PoseAt, scores: dict[tuple[float, float], float]) -> WeedScores:
+    """What a network over the pose suspects: how sure it is of a stem at each of some places."""
+    cells = np.ones((ROWS, COLUMNS), dtype=np.uint8)
+    for place_m, score in scores.items():
+        x_m, y_m = pose.map_from_body.locate(*place_m)
+        row, column = int((x_m - CORNER_M[0]) / CELL_M), int((y_m - CORNER_M[1]) / CELL_M)
+        if 0 <= row < ROWS and 0 <= column < COLUMNS:
+            cells[row, column] = max(1, round(255 * score))
+    return WeedScores(
+        x_body_m=CORNER_M[0], y_body_m=CORNER_M[1], cell_m=CELL_M, rows=ROWS, columns=COLUMNS,
+        scores=cells.tobytes(),
+    )  # fmt: skip
+
+
 def seen_on_the_way(
     weeds: list[tuple[float, float]],
     is_crop: IsCrop,
@@ -55,11 +69,12 @@ def seen_on_the_way(
     unknown: bool = False,
     points: bool = False,
     stems: list[tuple[float, float]] | None = None,
+    suspected: dict[tuple[float, float], float] | None = None,
 ) -> WeedMap:
     """The map after a drive of 2.5 m along x that saw weeds, leaves, and these crop plants.
 
     The leaves are `unknown` ones that no stem explains, or each `points` to the nearest crop, or to
-    the nearest of `stems`.
+    the nearest of `stems`. Weeds are `suspected` with these scores.
     """
     weed_map = WeedMap(WeedConfig())
     for step in range(25):
@@ -79,5 +94,6 @@ def seen_on_the_way(
         seen = cover(pose, is_crop, crops if points else stems)
         if unknown:
             seen = msgspec.structs.replace(seen, crop=bytes(len(seen.crop)), unknown=seen.crop)
-        weed_map.add(msgspec.structs.replace(scene, crop_cover=seen))
+        weed_scores = score_weeds(pose, suspected or {})
+        weed_map.add(msgspec.structs.replace(scene, crop_cover=seen, weed_scores=weed_scores))
     return weed_map

@@ -212,7 +212,10 @@ def test_a_scene_takes_its_plants_from_stems_and_the_rest_from_classes() -> None
     assert scene.plants == tuple(ground_plants(class_map, GROUND, CONFIG))
     assert scene.crop_cover is not None and plain.crop_cover is not None
     assert len(scene.crop_cover.stems_body_m) == 2
-    rest = msgspec.structs.replace(scene, plants=plain.plants, crop_cover=plain.crop_cover)
+    assert scene.weed_scores is not None and plain.weed_scores is None
+    rest = msgspec.structs.replace(
+        scene, plants=plain.plants, crop_cover=plain.crop_cover, weed_scores=None
+    )
     assert rest == plain
 
 

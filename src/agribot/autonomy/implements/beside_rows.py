@@ -12,6 +12,9 @@ REACH_M = 1.0
 LEAST_CROPS = 3
 # Hearts stand so near to the line of their row: what the drill and the map are off by.
 HALF_ROW_M = 0.08
+# Where enough crops of a row are mapped, they tell themselves how far off it they stand.
+TOLD_HALF_ROW_M, LEAST_TOLD = 0.04, 6
+ROW_WIDTH_M = 0.12  # crops so near to one line are of one row
 # By how much a row may run aside of the tool's way, per metre along it, and how well that is known
 # from enough pairs of crops so far apart in a row.
 TURN_RATIO, TOLD_RATIO = 0.06, 0.02
@@ -37,7 +40,12 @@ class RowsAround:
         self._half_ratio = abs(turn) + self._unsure
         self._beside_m = beside_m
         # Of each crop: where the line of its row passes the tool, to the left of the tool point.
-        self._lines = [(crop, crop.y_m - turn * crop.x_m) for crop in near]
+        lines_m = [crop.y_m - turn * crop.x_m for crop in near]
+        known_m = [m for crop, m in zip(near, lines_m, strict=True) if crop.is_confirmed]
+        self._lines = [
+            (crop, line_m, sum(abs(m - line_m) <= ROW_WIDTH_M for m in known_m))
+            for crop, line_m in zip(near, lines_m, strict=True)
+        ]
 
     def is_beside(self, left_m: float, half_x_m: float, half_y_m: float) -> bool:
         """Whether a box at the tool lies beside a row, where no heart of a crop can stand.
@@ -48,9 +56,10 @@ class RowsAround:
         has missed stands in line with its neighbours.
         """
         row_crops = 0
-        for crop, line_m in self._lines:
+        for crop, line_m, in_line in self._lines:
             across_m = abs(line_m - left_m)
-            free_m = HALF_ROW_M + self._unsure * abs(crop.x_m) + self._half_ratio * half_x_m
+            half_row_m = TOLD_HALF_ROW_M if in_line >= LEAST_TOLD else HALF_ROW_M
+            free_m = half_row_m + self._unsure * abs(crop.x_m) + self._half_ratio * half_x_m
             if across_m - half_y_m < free_m:
                 return False
             row_crops += crop.is_confirmed and across_m + half_y_m <= self._beside_m

@@ -54,8 +54,7 @@ def spare_leaves(
     known = [] if leaves == "never" else [crop for crop in crops if ground.is_alone(crop)]
     by_stem = leaves in ("mapped", "rows")
     stems = [crop._replace(radius_m=STEM_VOTE_M) for crop in crops] if by_stem else []
-    in_rows = [_see_from(map_from_tool, plant) for plant in around] if leaves == "rows" else []
-    rows = RowsAround(in_rows, beside_m)
+    rows = find_rows(tool, plants, beside_m) if leaves == "rows" else RowsAround((), beside_m)
 
     def is_dry(left_m: float) -> bool:
         place_m = map_from_tool.transform(0.0, left_m)
@@ -66,6 +65,16 @@ def spare_leaves(
     return tuple(
         works and not is_dry(left_m) for works, left_m in zip(is_on, section_y_m, strict=True)
     )
+
+
+def find_rows(tool: ToolPose, plants: PlantMap, beside_m: float) -> RowsAround:
+    """Find the rows that the crops of the map around the tool stand in."""
+    x_m, y_m, yaw_rad = tool
+    map_from_tool = Pose2(x_m, y_m, yaw_rad)
+    reach_m = REACH_M + beside_m
+    around = plants.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
+    crops = [plant for plant in around if plant.plant == PlantClass.CROP]
+    return RowsAround([_see_from(map_from_tool, crop) for crop in crops], beside_m)
 
 
 def _see_from(map_from_tool: Pose2, plant: KnownPlant) -> RowCrop:

@@ -14,6 +14,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from agribot.autonomy.implements.crop_guard import (
     CROP_STEM_M,
     SURE_SIGMA,
@@ -21,7 +23,7 @@ from agribot.autonomy.implements.crop_guard import (
     find_pose_margin_m,
 )
 from agribot.autonomy.implements.delay import SectionHistory, StepMeter
-from agribot.autonomy.implements.leaves import spare_leaves
+from agribot.autonomy.implements.leaves import find_rows, spare_leaves
 from agribot.autonomy.implements.tool_frame import (
     Placed,
     find_near,
@@ -41,6 +43,8 @@ LEAF_MARGIN_M = 0.03
 # By how much the boom misses the mapped place of a weed, 1 sigma per axis, beyond what differs from
 # look to look: wheels and gyro on the way there 15 mm, what all looks at its stem share 20 mm.
 MET_STD_M = 0.025
+SUSPECT_M = 0.01  # so far beside what a nozzle wets, a weed may stand that looks suspect
+SUSPECT_WIDE_M = 0.09  # scores fall off so far around a stem
 HIT_M = 0.015  # a flat fan wets a line a few centimetres long: so near to its middle is a hit
 
 
@@ -142,18 +146,19 @@ class SpotSprayer:
         plants: PlantMap,
     ) -> tuple[bool, ...]:
         """Open the nozzles that cover a weed and keep off every crop; note why others stay shut."""
-        if not targets:
-            return self._closed
         crops = [
             (p.x_m, p.y_m, find_keep_off_m(p.plant, estimate, self._config))
             for p in near
             if p.plant.plant == PlantClass.CROP
         ]
+        suspected = self._find_suspected(crops, estimate, step_m, plants)
+        if not targets and not suspected:
+            return self._closed
         wanted = [self._choose(weed, crops, estimate, step_m) for weed in targets]
-        asked = {index for indices, _ in wanted for index in indices}
+        asked = suspected.union(*(indices for indices, _ in wanted))
         is_asked = tuple(index in asked for index in range(len(self._y_body_m)))
         is_allowed = self._spare_leaves(is_asked, estimate, step_m, plants)
-        opened: set[int] = set()
+        opened = {index for index in suspected if is_allowed[index]}
         for weed, (indices, reason) in zip(targets, wanted, strict=True):
             is_free = any(is_allowed[index] and self._is_over(weed, index) for index in indices)
             if is_free:
@@ -183,35 +188,87 @@ class SpotSprayer:
             return [], "beside a crop"
         least_m = guard_m if gap_m < 2.0 * guard_m else 0.0
         reach_m = half_m + self._find_aim_m(weed.plant, estimate)[1]
-        half_x_m = (FAN_M + step_m) / 2.0
         chosen = [
             index
             for index, nozzle_m in enumerate(self._y_body_m)
             if abs(weed.y_m - nozzle_m) <= reach_m
-            and not any(
-                math.hypot(max(abs(x) - half_x_m, 0.0), max(abs(y - nozzle_m) - half_m, 0.0))
-                < max(least_m, keep_off_m)
-                for x, y, keep_off_m in crops
-            )
+            and self._is_off_stems(index, crops, step_m, least_m)
         ]
         is_met = any(self._is_over(weed, index) for index in chosen)
         return (chosen, "") if is_met else ([], "stem of crop")
+
+    def _find_suspected(
+        self,
+        crops: Sequence[tuple[float, float, float]],
+        estimate: Estimate,
+        step_m: float,
+        plants: PlantMap,
+    ) -> set[int]:
+        """Find the nozzles beside the rows over ground where the looks suspect weeds."""
+        spec, config = self._spec, self._config
+        if config.least_weed_score >= 1.0:
+            return set()
+        tool = predict_tool(estimate, spec.x_body_m, spec.latency_s)
+        half_x_m = (FAN_M + step_m) / 2.0 + SUSPECT_M
+        half_y_m = spec.section_width_m / 2.0 + SUSPECT_M
+        scores = plants.weed_ground.find_scores(*tool, self._y_body_m, half_x_m, half_y_m)
+        suspected = np.flatnonzero(scores >= config.least_weed_score).tolist()
+        if not suspected:
+            return set()
+        rows = find_rows(tool, plants, config.beside_row_m)
+        half_m = self._find_leaf_box_m(estimate, step_m)
+        guard_m = CROP_STEM_M + config.crop_guard_m
+        free = {
+            index
+            for index in suspected
+            if rows.is_beside(self._y_body_m[index], *half_m)
+            and self._is_off_stems(index, crops, step_m, guard_m)
+        }
+        # Beside one that scores more and has to stay shut, it is the weed over there.
+        shut = [(self._y_body_m[index], scores[index]) for index in suspected if index not in free]
+        return {
+            index
+            for index in free
+            if not any(
+                score > scores[index] and abs(y_m - self._y_body_m[index]) <= SUSPECT_WIDE_M
+                for y_m, score in shut
+            )
+        }
+
+    def _is_off_stems(
+        self,
+        index: int,
+        crops: Sequence[tuple[float, float, float]],
+        step_m: float,
+        least_m: float = 0.0,
+    ) -> bool:
+        """Whether the spray of a nozzle keeps off every stem of crop, by `least_m` at least."""
+        half_x_m, half_y_m = (FAN_M + step_m) / 2.0, self._spec.section_width_m / 2.0
+        nozzle_m = self._y_body_m[index]
+        return not any(
+            math.hypot(max(abs(x) - half_x_m, 0.0), max(abs(y - nozzle_m) - half_y_m, 0.0))
+            < max(least_m, keep_off_m)
+            for x, y, keep_off_m in crops
+        )
 
     def _spare_leaves(
         self, is_open: tuple[bool, ...], estimate: Estimate, step_m: float, plants: PlantMap
     ) -> tuple[bool, ...]:
         spec = self._spec
-        pose_m = find_pose_margin_m(estimate, self._config)
         return spare_leaves(
             is_open,
             self._y_body_m,
             predict_tool(estimate, spec.x_body_m, spec.latency_s),
-            LEAF_MARGIN_M + step_m + pose_m,
-            spec.section_width_m / 2.0 + pose_m,
+            *self._find_leaf_box_m(estimate, step_m),
             plants,
             self._config.leaves,
             self._config.beside_row_m,
         )
+
+    def _find_leaf_box_m(self, estimate: Estimate, step_m: float) -> tuple[float, float]:
+        """How far a nozzle's box of leaves reaches along and across, with what the pose is off."""
+        pose_m = find_pose_margin_m(estimate, self._config)
+        return LEAF_MARGIN_M + step_m + pose_m, self._spec.section_width_m / 2.0 + pose_m
 
     def _is_target(self, plant: KnownPlant) -> bool:
         return plant.is_confirmed and (plant.treated_s is None or plant.id in self._finishing)

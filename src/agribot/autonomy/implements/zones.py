@@ -56,6 +56,7 @@ class ZonedPlants:
     def __init__(self, plants: PlantMap, zones: ZoneMap) -> None:
         self._plants = plants
         self.crop_ground = _ZonedGround(plants.crop_ground, zones)
+        self.weed_ground = plants.weed_ground
 
     def inside(
         self, x_min_m: float, y_min_m: float, x_max_m: float, y_max_m: float

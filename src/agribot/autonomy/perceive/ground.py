@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.autonomy.perceive.crop_cover import CoverGrid
+from agribot.autonomy.perceive.weed_scores import ScoreGrid
 from agribot.core.errors import PerceptionError
 from agribot.core.lens import distort, undistort
 from agribot.core.messages import FloatArray
@@ -105,7 +106,7 @@ class GroundLookup:
         footprint_m: longer side of the pixel on the ground.
     `camera_xyz_body_m` is the camera's position; `view_body_m` the corners, counter-clockwise,
     of the ground within `max_range_m` of it on which a small plant is seen whole; `cover_grid`
-    puts the pixels within that range into cells.
+    puts the pixels within that range into cells, `score_grid` what a network says about stems.
     """
 
     def __init__(
@@ -143,6 +144,7 @@ class GroundLookup:
         self.cover_grid = CoverGrid(
             self.x_body_m, self.y_body_m, self.range_m <= max_range_m, self.camera_xyz_body_m
         )
+        self.score_grid = ScoreGrid(self.x_body_m, self.y_body_m, self.range_m)
 
     def _grid(self, body_from_camera: FloatArray, offset_px: float, extra: int) -> FloatArray:
         """Ground points, (h + extra, w + extra, 2), of map pixels shifted by `offset_px`."""

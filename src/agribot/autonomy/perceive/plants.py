@@ -73,6 +73,7 @@ def observe(
         class_ratio=(float(ratio[0]), float(ratio[1]), float(ratio[2])),
         row_line=find_row_line(class_map, ground, frame.t_s),
         crop_cover=ground.cover_grid.cover(pieces.labels > pieces.weeds, leaves),
+        weed_scores=None if stems is None else ground.score_grid.score(stems.maps),
         picture_crc32=zlib.crc32(np.ascontiguousarray(frame.image_rgb).data),
     )
 

@@ -6,20 +6,21 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from agribot.autonomy.weeds.pose_shifts import UNSHIFTED
+from agribot.autonomy.weeds.ground_ring import (
+    CELL_M,
+    SIDE_CELLS,
+    GroundRing,
+    IndexArray,
+    Mask,
+    spread_steps,
+    wrap,
+)
 from agribot.autonomy.weeds.poses import PoseAt
 from agribot.core.implement.plants import Disc
 from agribot.core.messages import CropCover, FloatArray
 from agribot.core.pose import Pose2
 
-IndexArray = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
-
-CELL_M = 0.025
-# Ground is remembered while it is nearer than half of this: from the view's far end to the boom.
-SIDE_CELLS = 256
 # Around a plant that stands by itself there is bare ground, but for a leaf or a weed called crop.
 RING_M, RING_STEPS, ALONE_RATIO = 0.075, 48, 0.1
 # Evidence of the last looks, of which the newest counts most: two in a row that show crop close a
@@ -31,60 +32,40 @@ NEWS_RATIO, CLOSED = 0.35, 0.5
 class CropGround:
     """Call `add` for every cover with the pose of its capture; ask `covers` before working.
 
-    A ring of cells of the map that moves along with the robot: a cell that is entered anew,
-    `SIDE_CELLS` farther on, forgets what it held.
+    Its cells are a ring that moves along with the robot: what lies farther off is forgotten.
     """
 
     def __init__(self) -> None:
         shape = (SIDE_CELLS, SIDE_CELLS)
+        self._ring = GroundRing()
         self._evidence = np.zeros(shape, dtype=np.float32)
         self._is_closed = np.zeros(shape, dtype=bool)
         self._was_bare = np.zeros(shape, dtype=bool)  # in the last look
-        self._owner = np.full((2, *shape), np.iinfo(np.int64).min)
         self._explained = np.zeros(shape, dtype=np.float32)
         self._stems_m = np.full((4, *shape), np.nan)  # x, y of two; of the last look that told them
-        self._grid_from_map = UNSHIFTED
 
     def shift(self, shift: Pose2) -> None:
         """Move all cells by a correction of the pose that they were seen from."""
-        self._grid_from_map = self._grid_from_map.compose(shift.inverse())
+        self._ring.shift(shift)
 
     def add(self, cover: CropCover, pose: PoseAt) -> None:
         """Take in what one frame shows; cells that it does not show keep what is known of them."""
         rows, columns = cover.rows, cover.columns
         seen, crop = _grid(cover.seen, rows, columns), _grid(cover.crop, rows, columns)
-        stems_m = _place_owners(cover, crop, self._grid_from_map.compose(pose.map_from_body))
+        stems_m = _place_owners(cover, crop, self._ring.from_map.compose(pose.map_from_body))
         if cover.unknown:
             crop = crop | _grid(cover.unknown, rows, columns)
-        grid_from_body = self._grid_from_map.compose(pose.map_from_body)
-        corners = [
-            (cover.x_body_m + at_row * cover.cell_m, cover.y_body_m + at_column * cover.cell_m)
-            for at_row in (0, rows)
-            for at_column in (0, columns)
-        ]
-        xs, ys = zip(*(grid_from_body.transform(x, y) for x, y in corners), strict=True)
-        i, j = np.meshgrid(
-            np.arange(math.floor(min(xs) / CELL_M), math.floor(max(xs) / CELL_M) + 1),
-            np.arange(math.floor(min(ys) / CELL_M), math.floor(max(ys) / CELL_M) + 1),
-            indexing="ij",
-        )
-        x_m, y_m = grid_from_body.locate((i + 0.5) * CELL_M, (j + 0.5) * CELL_M)
-        row = np.floor((x_m - cover.x_body_m) / cover.cell_m).astype(np.int64)
-        column = np.floor((y_m - cover.y_body_m) / cover.cell_m).astype(np.int64)
-        shown = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        shown[shown] = seen[row[shown], column[shown]]
-        row, column = row[shown], column[shown]
-        self._note(i[shown], j[shown], crop[row, column], stems_m[:, row, column])
+        i, j, row, column = self._ring.find_covered(cover, pose.map_from_body, seen)
+        self._note(i, j, crop[row, column], stems_m[:, row, column])
 
     def _note(self, i: IndexArray, j: IndexArray, is_crop: Mask, stems_m: FloatArray) -> None:
-        at = (i % SIDE_CELLS, j % SIDE_CELLS)
-        is_known = (self._owner[0][at] == i) & (self._owner[1][at] == j)
+        at, is_known = wrap(i, j), self._ring.find_held(i, j)
         before = np.where(is_known, self._evidence[at], 0.0)
         self._evidence[at] = now = before + NEWS_RATIO * (is_crop - before)
         is_still_closed = is_known & self._is_closed[at] & ~(self._was_bare[at] & ~is_crop)
         self._is_closed[at] = is_still_closed | (now >= CLOSED)
         self._was_bare[at] = ~is_crop
-        self._owner[0][at], self._owner[1][at] = i, j
+        self._ring.take(i, j)
         is_told = np.isfinite(stems_m[0])
         before = np.where(is_known, self._explained[at], 0.0)
         self._explained[at] = np.where(is_crop, before + NEWS_RATIO * (is_told - before), before)
@@ -106,16 +87,16 @@ class CropGround:
         Leaves inside the discs `known` do not count, nor do those that two looks in a row saw
         point into the discs `stems` and nowhere else: of those plants only the stems are spared.
         """
-        along_m, across_m = _steps(half_x_m)[:, None], _steps(half_y_m)[None, :]
-        box = self._grid_from_map.compose(Pose2(x_map_m, y_map_m, yaw_map_rad))
-        i, j = self._crop(*box.transform(along_m, across_m))
+        along_m, across_m = spread_steps(half_x_m)[:, None], spread_steps(half_y_m)[None, :]
+        box = Pose2(x_map_m, y_map_m, yaw_map_rad)
+        i, j = self._list_crop(*self._ring.find_cells(box, along_m, across_m))
         is_unknown = np.ones(len(i), dtype=bool)
         for disc in self._bring(known):
             dx_m, dy_m = (i + 0.5) * CELL_M - disc.x_map_m, (j + 0.5) * CELL_M - disc.y_map_m
             is_unknown &= np.hypot(dx_m, dy_m) > disc.radius_m
         if stems and is_unknown.any():
             here = self._bring(stems)
-            is_unknown &= ~self._is_explained(i % SIDE_CELLS, j % SIDE_CELLS, here)
+            is_unknown &= ~self._is_explained(*wrap(i, j), here)
         return bool(is_unknown.any())
 
     def _is_explained(self, i: IndexArray, j: IndexArray, stems: Sequence[Disc]) -> Mask:
@@ -130,36 +111,27 @@ class CropGround:
         self, x_map_m: float, y_map_m: float, yaw_map_rad: float, half_x_m: float, half_y_m: float
     ) -> bool:
         """Whether all of a box on the ground was looked at, with half sides as in `covers`."""
-        along_m, across_m = _steps(half_x_m)[:, None], _steps(half_y_m)[None, :]
-        box = self._grid_from_map.compose(Pose2(x_map_m, y_map_m, yaw_map_rad))
-        x_m, y_m = box.transform(along_m, across_m)
-        i, j = np.floor(x_m / CELL_M).astype(np.int64), np.floor(y_m / CELL_M).astype(np.int64)
-        at = (i % SIDE_CELLS, j % SIDE_CELLS)
-        return bool(((self._owner[0][at] == i) & (self._owner[1][at] == j)).all())
+        along_m, across_m = spread_steps(half_x_m)[:, None], spread_steps(half_y_m)[None, :]
+        box = Pose2(x_map_m, y_map_m, yaw_map_rad)
+        return bool(self._ring.find_held(*self._ring.find_cells(box, along_m, across_m)).all())
 
     def is_alone(self, plant: Disc) -> bool:
         """Whether hardly any crop grows around the disc: its leaves are those of one plant."""
         angle_rad = np.linspace(0.0, math.tau, RING_STEPS, endpoint=False)[None, :]
         radius_m = plant.radius_m + np.linspace(CELL_M, RING_M, 3)[:, None]
-        (here,) = self._bring([plant])
-        i, _ = self._crop(
-            here.x_map_m + radius_m * np.cos(angle_rad),
-            here.y_map_m + radius_m * np.sin(angle_rad),
-        )
+        middle = Pose2(plant.x_map_m, plant.y_map_m, 0.0)
+        at_m = radius_m * np.cos(angle_rad), radius_m * np.sin(angle_rad)
+        i, _ = self._list_crop(*self._ring.find_cells(middle, *at_m))
         return len(i) <= ALONE_RATIO * angle_rad.size * radius_m.size
 
     def _bring(self, discs: Sequence[Disc]) -> list[Disc]:
         """Bring discs of the map to the grid."""
-        move = self._grid_from_map.transform
+        move = self._ring.from_map.transform
         return [Disc(*move(disc.x_map_m, disc.y_map_m), disc.radius_m) for disc in discs]
 
-    def _crop(self, x_m: FloatArray, y_m: FloatArray) -> tuple[IndexArray, IndexArray]:
-        """Find the cells of places (...,) that crop covers, once for every place."""
-        i = np.floor(x_m / CELL_M).astype(np.int64)
-        j = np.floor(y_m / CELL_M).astype(np.int64)
-        at = (i % SIDE_CELLS, j % SIDE_CELLS)
-        is_held = (self._owner[0][at] == i) & (self._owner[1][at] == j)
-        is_crop = is_held & self._is_closed[at]
+    def _list_crop(self, i: IndexArray, j: IndexArray) -> tuple[IndexArray, IndexArray]:
+        """List those of the cells (...,) that crop covers, as often as they are named."""
+        is_crop = self._ring.find_held(i, j) & self._is_closed[wrap(i, j)]
         return i[is_crop], j[is_crop]
 
 
@@ -182,9 +154,3 @@ def _place_owners(cover: CropCover, crop: Mask, grid_from_body: Pose2) -> FloatA
     first, last = np.frombuffer(cover.owners, dtype=np.uint8).reshape(-1, 2).T
     stems_m[:, crop] = x_m[first], y_m[first], x_m[last], y_m[last]
     return stems_m
-
-
-def _steps(half_m: float) -> FloatArray:
-    """From -half to half, no two farther apart than half a cell."""
-    count = max(2, math.ceil(4.0 * half_m / CELL_M) + 1)
-    return np.linspace(-half_m, half_m, count)

@@ -12,6 +12,7 @@ from agribot.autonomy.weeds.pose_shifts import UNSHIFTED, PoseShifts
 from agribot.autonomy.weeds.poses import PoseAt, PoseHistory
 from agribot.autonomy.weeds.track import GONE_LOGIT, PlantSighting, Track, new_track, sighting
 from agribot.autonomy.weeds.view import GroundView
+from agribot.autonomy.weeds.weed_ground import WeedGround
 from agribot.core.config import WeedConfig
 from agribot.core.implement.plants import REASONS
 from agribot.core.messages import Estimate, MappedPlant, PlantClass, Scene
@@ -51,6 +52,7 @@ class WeedMap:
         self._tentative: deque[tuple[float, int]] = deque()
         self._next_id = 1
         self.crop_ground = CropGround()
+        self.weed_ground = WeedGround()
         self.scenes_used = 0
         self.scenes_dropped = 0
 
@@ -78,6 +80,8 @@ class WeedMap:
         self.scenes_used += 1
         if scene.crop_cover is not None:
             self.crop_ground.add(scene.crop_cover, pose)
+        if scene.weed_scores is not None:
+            self.weed_ground.add(scene.weed_scores, pose)
         seen = [sighting(p, pose, then) for p in scene.plants if p.plant != PlantClass.SOIL]
         view = GroundView(scene.view_body_m, pose)
         touched = self._associate(seen, view, scene.t_s)
@@ -185,6 +189,7 @@ class WeedMap:
         """Let the plants and the crop ground near the robot follow a correction of its pose."""
         self._shifted = self._shifts.total
         self.crop_ground.shift(shift)
+        self.weed_ground.shift(shift)
         seen_since_m = self._shifts.way_m - NEAR_WAY_M
         for id, way_m in list(self._near.items()):
             track = self._tracks.get(id)

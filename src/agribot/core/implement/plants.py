@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol
 
-from agribot.core.messages import PlantClass
+from agribot.core.messages import FloatArray, PlantClass
 
 # Why a weed was left, as far as an implement gets on its way to treat it: the last word counts.
 REASONS = (
@@ -98,11 +98,32 @@ class CropCells(Protocol):
         ...
 
 
+class WeedCells(Protocol):
+    """Ground as the looks of this pass suspect weeds on it, also those that are no plants yet."""
+
+    def find_scores(
+        self,
+        x_map_m: float,
+        y_map_m: float,
+        yaw_map_rad: float,
+        left_m: Sequence[float],
+        half_x_m: float,
+        half_y_m: float,
+    ) -> FloatArray:
+        """Find how surely, 0 to 1, a stem of a weed stands in each of a row of boxes, (N,).
+
+        The boxes lie `left_m` to the left of a place, with half sides along and across a yaw.
+        """
+        ...
+
+
 class PlantMap(Protocol):
     """The plants around the robot, for its implement to work on and to spare."""
 
     @property
     def crop_ground(self) -> CropCells: ...
+    @property
+    def weed_ground(self) -> WeedCells: ...
 
     def inside(
         self, x_min_m: float, y_min_m: float, x_max_m: float, y_max_m: float

@@ -43,6 +43,7 @@ from agribot.core.messages.seen import (
     PlantClass,
     RowLine,
     Scene,
+    WeedScores,
 )
 from agribot.core.messages.sensors import (
     WHEEL_NAMES,
@@ -76,5 +77,5 @@ __all__ = [
     "MissionState", "MissionStatus", "OperatorAction", "OperatorEvent", "OtherSample", "Path",
     "PlantClass", "RequestAnswer", "RobotCommand", "Row", "RowLine", "SafetyInput", "Satellite",
     "Scene", "SensorBatch", "SensorState", "SensorVerdict", "SensorVerdicts", "TickRecord",
-    "Tracking", "Vec3", "WheelSample",
+    "Tracking", "Vec3", "WeedScores", "WheelSample",
 ]  # fmt: skip

@@ -82,6 +82,21 @@ class CropCover(msgspec.Struct, frozen=True, kw_only=True):
     owners: bytes = b""
 
 
+class WeedScores(msgspec.Struct, frozen=True, kw_only=True):
+    """How surely a network sees stems of weeds on the ground of one frame.
+
+    Square cells of the body frame as those of `CropCover`. `scores` holds a byte for each: 0 where
+    the picture does not show the cell, from 1, no stem there, to 255, one for certain.
+    """
+
+    x_body_m: float
+    y_body_m: float
+    cell_m: float
+    rows: int
+    columns: int
+    scores: bytes
+
+
 class Scene(msgspec.Struct, frozen=True, kw_only=True):
     """What the network saw in the frame captured at `t_s`; usable from `ready_s` on.
 
@@ -97,6 +112,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     class_ratio: Vec3 = (0.0, 0.0, 0.0)
     row_line: RowLine | None = None
     crop_cover: CropCover | None = None  # None: the camera or the recording has none
+    weed_scores: WeedScores | None = None  # None: the network or the recording has none
     picture_crc32: int = 0  # of the picture's bytes; 0 where nobody worked it out
 
 
