@@ -38,7 +38,7 @@ LEFT_SHOULDER = "window.__pad.buttons[4].pressed = %s"
 
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    chromium = machine.require("chromium")
+    chromium = machine.require("chromium-headless-shell")
     if not (PAGE / "index.html").is_file():
         pytest.fail("The page is not built: run `pip install -e .` or `npm run build` in web/.")
     with sync_playwright() as playwright:
