@@ -419,7 +419,7 @@ def test_a_picture_of_the_map_shows_what_the_screen_shows(page: Page) -> None:
 def test_a_video_of_the_map_plays(page: Page, tmp_path: Path) -> None:
     page.get_by_role("button", name="Record a video of the map").click()
     page.evaluate(f"window.__drawn = 0; {MAP}.on('render', () => window.__drawn++)")
-    until(page, "window.__drawn > 40")
+    until(page, "window.__drawn > 12")
     with page.expect_download() as file:
         page.get_by_role("button", name="Record a video of the map").click()
     assert file.value.suggested_filename.endswith(".webm")
