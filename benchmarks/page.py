@@ -20,7 +20,7 @@ from playwright.sync_api import CDPSession, Page, sync_playwright
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.ui.page.conftest import GL_ARGS, until
-from tests.ui.page.fake_server import FakeServer, serving
+from tests.ui.page.fake_server import STATE_HZ, FakeServer, serving
 
 READY_S = 60.0
 # Circles, a little each frame, as a finger does; frames are counted where they are drawn.
@@ -40,7 +40,7 @@ PAN = """seconds => new Promise(done => {
 
 
 def measure(weeds: int, pan_s: float, watch_s: float) -> dict[str, Any]:
-    server = FakeServer(weeds)
+    server = FakeServer(weeds, state_hz=STATE_HZ)
     with serving(server) as address, sync_playwright() as playwright:
         chromium = shutil.which("chromium") or shutil.which("chromium-browser")
         browser = playwright.chromium.launch(executable_path=chromium, args=GL_ARGS)

@@ -19,7 +19,7 @@ from _pytest.terminal import TerminalReporter
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # read when numpy or torch is imported
 
-pytest_plugins = ["tests.cpu_times", "tests.askers"]
+pytest_plugins = ["tests.cpu_times", "tests.askers", "tests.figures"]
 
 
 @pytest.hookimpl(wrapper=True)

@@ -75,7 +75,7 @@ def test_without_a_browser_its_tests_are_skipped_with_the_line_that_installs_it(
 ) -> None:
     status, said = run_tests(tmp_path, PAGE_TESTS, require_all=False)
     assert status == 0, said
-    why = r"chromium is missing \(apt-get install chromium\)$"
+    why = r"chromium-headless-shell is missing \(apt-get install chromium-headless-shell\)$"
     (counted,) = re.findall(rf"^(\d+) tests? skipped: {why}", said, re.M)
     listed = re.findall(rf"^SKIPPED \[(\d+)\] .*: {why}", said, re.M)
     assert int(counted) == sum(map(int, listed)) > 100
@@ -85,7 +85,7 @@ def test_without_a_browser_its_tests_are_skipped_with_the_line_that_installs_it(
 def test_where_everything_is_required_a_missing_browser_fails(tmp_path: Path) -> None:
     status, said = run_tests(tmp_path, f"{PAGE_TESTS}/test_mapviz.py", require_all=True)
     assert status == 1
-    assert "chromium is missing (apt-get install chromium)" in said
+    assert "chromium-headless-shell is missing (apt-get install chromium-headless-shell)" in said
 
 
 def run_folder(folder: Path, *words: str) -> str:

@@ -121,6 +121,7 @@ def test_the_lock_of_a_process_that_was_killed_is_nobodys(tmp_path: Path) -> Non
     lock.close()
 
 
+@pytest.mark.figures
 def test_a_report_without_truth_has_nulls_where_only_the_truth_could_tell(
     bench: str, tmp_path: Path
 ) -> None:

@@ -66,6 +66,7 @@ def sent(tmp_path_factory: pytest.TempPathFactory) -> tuple[SimulatedRun, Path]:
     return drive(out, script, ["duration_s=110"], is_done), out
 
 
+@pytest.mark.figures
 def test_it_drives_to_the_place_stops_there_and_then_does_its_work(
     sent: tuple[SimulatedRun, Path],
 ) -> None:
@@ -79,6 +80,7 @@ def test_it_drives_to_the_place_stops_there_and_then_does_its_work(
     assert session.last.status.rows_done == (0,)
 
 
+@pytest.mark.figures
 def test_every_request_and_refusal_is_told(sent: tuple[SimulatedRun, Path]) -> None:
     session, out = sent
     told = [event.reason for event in session.event_log.events]
@@ -91,6 +93,7 @@ def test_every_request_and_refusal_is_told(sent: tuple[SimulatedRun, Path]) -> N
     assert "a stone" in (out / "report.html").read_text()
 
 
+@pytest.mark.figures
 def test_a_replay_repeats_it_bit_by_bit(sent: tuple[SimulatedRun, Path]) -> None:
     assert main(["replay", str(sent[1] / "run.mcap")]) == 0
 
@@ -108,6 +111,7 @@ def test_a_recording_ends_and_begins_when_asked(
     assert main(["report", str(out.with_name("first-2") / "run.mcap"), "-o", str(out / "r")]) == 0
 
 
+@pytest.mark.figures
 def test_another_plan_replaces_the_mission_and_is_judged_in_its_place(tmp_path: Path) -> None:
     settings = config.load("farm", SETTINGS)
     with simulate(settings, tmp_path / "probe") as session:

@@ -86,6 +86,7 @@ def test_files_of_a_person_that_a_run_would_overwrite_are_refused_and_not_touche
     assert contents(tmp_path) == {name: b"of a person"}
 
 
+@pytest.mark.figures
 def test_a_world_alone_writes_none_of_them_and_takes_such_a_folder(tmp_path: Path) -> None:
     (tmp_path / "map.png").write_bytes(b"of a person")
     quick = ["sim", "--world", "empty", "--for", "0.1", "--speed", "max", "--out", str(tmp_path)]

@@ -16,6 +16,7 @@ from agribot.record.events import read_events
 from agribot.record.replay import read_ticks
 from agribot.record.report import read_report
 
+pytestmark = pytest.mark.figures
 BLIND = ["--set", "perception.enabled=false"]
 REFUSED = [
     ("gnss.jmp=2@3", "did you mean 'gnss.jump'?"),

@@ -100,6 +100,7 @@ def test_a_drift_of_fixed_rtk_without_camera_is_named_and_stopped_before_the_cro
     assert records[-1].command.drive.v_mps == 0.0
 
 
+@pytest.mark.figures
 def test_a_receiver_that_freezes_is_named_and_crushes_nothing(tmp_path: Path) -> None:
     last: list[GnssFix] = []
 
@@ -129,6 +130,7 @@ def test_a_clock_that_goes_back_stops_the_robot(tmp_path: Path) -> None:
     assert records[-1].command.drive.v_mps == 0.0
 
 
+@pytest.mark.figures
 def test_fixes_that_are_no_numbers_are_as_good_as_none(tmp_path: Path) -> None:
     def nan(batch: SensorBatch) -> SensorBatch:
         lost = tuple(msgspec.structs.replace(fix, lat_deg=math.nan) for fix in batch.gnss)

@@ -74,6 +74,7 @@ def test_a_turn_on_soil_without_a_fix_leaves_the_filter_where_the_robot_is(
     assert max(apart_m) < 0.22  # 0.26 where the filter believes the wheels
 
 
+@pytest.mark.figures
 def test_a_run_on_the_field_preset_reports_what_was_drawn_and_repeats_bit_by_bit(
     tmp_path: Path,
 ) -> None:

@@ -10,7 +10,7 @@ import pytest
 from tests import nightly
 from tests.mission.conftest import ALL_HZ, FEW_HZ, FarmRun
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.figures]
 DRIVES = ((1, FEW_HZ), *((seed, ALL_HZ) for seed in (1, 2, 3, 4, 5)))
 Drive = tuple[int, float]  # the seed, and pictures a second
 each_drive = nightly.one_by_one("drive", DRIVES, in_suite=1)

@@ -46,6 +46,7 @@ def settings(*more: str) -> list[str]:
     return [part for setting in (*EMPTY, *more) for part in ("--set", setting)]
 
 
+@pytest.mark.figures
 def test_a_field_with_a_hole_is_worked_without_leaving_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -67,6 +68,7 @@ def test_a_field_with_a_hole_is_worked_without_leaving_it(
     assert main(["replay", str(out / "run.mcap")]) == 0
 
 
+@pytest.mark.figures
 def test_a_run_that_was_killed_goes_on_from_its_folder(tmp_path: Path) -> None:
     config = load("farm", [*EMPTY, 'world="Farm"', "field.start_map_m=[-2,0]", "field.row_count=1"])
     with simulate(config, tmp_path / "first") as session:

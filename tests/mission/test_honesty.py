@@ -33,6 +33,7 @@ def test_cheap_receivers_run_to_an_honest_report(
     assert report["weeds"]["precision"] is None  # no camera: not applicable, not zero
 
 
+@pytest.mark.figures
 def test_a_mission_cut_short_is_not_a_success(short_run: ShortRun) -> None:
     _, report = short_run("short", "perception.enabled=false", seconds=5.0)
     assert not report.ok

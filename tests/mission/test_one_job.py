@@ -18,6 +18,7 @@ from agribot.core import config
 from agribot.record.report import Report, read_report
 from agribot.sim.underside import Part
 
+pytestmark = pytest.mark.figures
 SETTINGS = ["perception.enabled=false", 'sim.sensors="rtk"', "seed=1",
             "field.row_count=2", "field.row_length_m=3"]  # fmt: skip
 CRUSHED = 3

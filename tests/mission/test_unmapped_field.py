@@ -91,6 +91,7 @@ def test_ten_rows_are_counted_once_each_with_any_receiver_while_it_drifts(
         assert np.abs(np.diff([y_m for _, y_m in lines])) == pytest.approx(1.0, abs=0.12)
 
 
+@pytest.mark.figures
 def test_a_robot_that_sees_no_row_stops_and_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -100,6 +101,7 @@ def test_a_robot_that_sees_no_row_stops_and_says_so(
     assert not (tmp_path / "run" / "field.geojson").exists()
 
 
+@pytest.mark.figures
 def test_a_camera_that_goes_blind_in_a_row_ends_the_drive_with_what_it_had_seen(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

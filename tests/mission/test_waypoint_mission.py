@@ -24,6 +24,7 @@ def waypoint_file(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.figures
 def test_all_waypoints_are_truly_reached_and_the_replay_needs_no_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

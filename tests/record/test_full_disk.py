@@ -18,6 +18,7 @@ from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap
 from tests.record import record_samples as samples
 
+pytestmark = pytest.mark.figures
 resource = pytest.importorskip("resource")
 
 

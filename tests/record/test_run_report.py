@@ -39,6 +39,7 @@ from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, SeriesTap, collect
 from tests.record import record_samples as samples
 
+pytestmark = pytest.mark.figures
 CONTRACT: dict[str, Any] = {
     "profile": None, "seed": None, "sensors": None, "version": None, "ok": None, "reason": None,
     "time": ["sim_s", "wall_s", "cpu_s", "rtf_cpu"],

@@ -18,6 +18,7 @@ from agribot.sim.rigid_body import compute_half_sizes_m
 from agribot.sim.underside import build_underside
 
 FAR_M = 5.0  # centres farther apart than the nearest by this are not measured in detail
+NEAR_M = 1e-9  # what rounding may do to a distance
 
 
 class Outline(NamedTuple):
@@ -88,6 +89,8 @@ class PersonWatch:
         shapes = [thing.shapes for thing in still] + [walker.shapes for walker in self._walkers]
         self._outlines = [measure_outline(part) for part in shapes]
         self._own = measure_robot_outline(robot)
+        own_m = _measure_reach_m(self._own)
+        self._reach_m = [own_m + _measure_reach_m(outline) for outline in self._outlines]
 
     @property
     def has_persons(self) -> bool:
@@ -98,13 +101,21 @@ class PersonWatch:
         places = [*self._places, *(walker.find_place(t_s) for walker in self._walkers)]
         away_m = [math.hypot(place[0] - x_m, place[1] - y_m) for place in places]
         nearest_m = min(away_m, default=math.inf)
-        for place, outline, distance_m in zip(places, self._outlines, away_m, strict=True):
-            if distance_m <= nearest_m + FAR_M:
+        closer_m = math.inf if self.least_m is None else self.least_m + NEAR_M
+        for place, outline, distance_m, reach_m in zip(
+            places, self._outlines, away_m, self._reach_m, strict=True
+        ):
+            if distance_m <= nearest_m + FAR_M and distance_m - reach_m <= closer_m:
                 gap_m = _measure_gap_m((x_m, y_m, yaw_rad), self._own, place, outline)
                 self.least_m = gap_m if self.least_m is None else min(self.least_m, gap_m)
 
 
 Place = tuple[float, float, float]
+
+
+def _measure_reach_m(outline: Outline) -> float:
+    """Measure how far a rectangle's corners are from its origin at most."""
+    return math.hypot(abs(outline.x_m) + outline.half_x_m, abs(outline.y_m) + outline.half_y_m)
 
 
 def _measure_gap_m(place: Place, own: Outline, other: Place, outline: Outline) -> float:

@@ -12,6 +12,7 @@ import pytest
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import EstimateConfig
 from agribot.core.messages import Estimate, OperatorEvent, RowLine
+from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, record
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import batches
@@ -118,7 +119,7 @@ def test_with_corrections_a_camera_that_slides_off_slowly_is_found_out_by_the_re
 
 
 @pytest.mark.parametrize("errors", [M8N, RTK], ids=["m8n", "rtk"])
-@pytest.mark.parametrize("seed", range(3))
+@nightly.one_by_one("seed", range(3), in_suite=1)
 def test_no_camera_that_is_right_is_accused(errors: Errors, seed: int) -> None:
     for motion in (north, weaving):
         drive = Drive(record(motion, 30.0, seed=seed, errors=errors), right, seed=seed)

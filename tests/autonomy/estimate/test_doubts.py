@@ -23,6 +23,7 @@ from agribot.core.messages import (
     Scene,
     SensorBatch,
 )
+from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, QUIET, RTK, Errors, Recording, record
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import batches, localizer
@@ -208,7 +209,7 @@ def test_rows_far_beside_their_map_are_left_to_a_person() -> None:
 
 
 @pytest.mark.parametrize("errors", [RTK, M8N], ids=["rtk", "m8n"])
-@pytest.mark.parametrize("seed", range(4))
+@nightly.one_by_one("seed", range(4), in_suite=1)
 def test_without_a_fault_nothing_is_contradicted(errors: Errors, seed: int) -> None:
     recording = record(north, 25.0, seed=seed, errors=errors)
     _, estimates = drive(recording, camera=True, seed=seed)

@@ -97,7 +97,7 @@ def crept(recording: Recording) -> Recording:
 
 
 @pytest.mark.parametrize("errors", [RTK, M8N], ids=["rtk", "m8n"])
-@pytest.mark.parametrize("seed", range(4))
+@nightly.one_by_one("seed", range(4), in_suite=1)
 @pytest.mark.parametrize("fault", ["jump of 0.4 m", "jump of 3 m", "jump of 100 m", "freeze"])
 def test_a_receiver_that_jumps_or_freezes_is_covered_or_flagged(
     errors: Errors, seed: int, fault: str

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from agribot.core.messages import GnssFix, GnssQuality
+from tests import nightly
 from tests.autonomy.estimate.noisy_rover import RTK, Recording, record, rows
 from tests.autonomy.estimate.playback import error, play
 from tests.autonomy.estimate.test_localizer_faults import distance_m, shifted, with_fixes
@@ -40,7 +41,7 @@ def is_on_straight(t_s: float) -> bool:
 
 
 @pytest.mark.parametrize("lost_ratio", [0.0, 0.3, 0.5])
-@pytest.mark.parametrize("seed", range(2))
+@nightly.one_by_one("seed", range(2), in_suite=1)
 def test_a_soft_turn_while_the_fix_floats_is_no_jump_of_the_fix_that_comes_back(
     lost_ratio: float, seed: int
 ) -> None:
@@ -60,7 +61,7 @@ def test_a_soft_turn_while_the_fix_floats_is_no_jump_of_the_fix_that_comes_back(
 
 
 @pytest.mark.parametrize("slide_mps", [-0.15, 0.1, 0.15])
-@pytest.mark.parametrize("seed", range(2))
+@nightly.one_by_one("seed", range(2), in_suite=1)
 def test_a_robot_that_slides_aside_in_a_slow_turn_keeps_its_heading(
     slide_mps: float, seed: int
 ) -> None:
@@ -85,7 +86,7 @@ def soft(t_s: float) -> float:
     return 0.5 if is_turning(t_s) else 1.0
 
 
-@pytest.mark.parametrize("seed", range(3))
+@nightly.one_by_one("seed", range(3), in_suite=1)
 def test_wheels_that_lose_half_their_way_in_turns_do_not_speak_against_the_fixes(seed: int) -> None:
     """The velocity of the receiver vouches for them: the next row is entered without a stop."""
     recording = record(rows, 60.0, seed=seed, grip=soft)

@@ -10,6 +10,7 @@ from agribot.autonomy.estimate.spin_watch import SpinWatch
 from agribot.core.arithmetic import FLOATS
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.lab.bench.nav.batch.arrays import ARRAYS
+from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, record
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import error, play
@@ -24,7 +25,7 @@ def held(t_s: float) -> float:
 
 
 @pytest.mark.parametrize("v_mps", [0.2, 0.3, 0.4, 0.8])
-@pytest.mark.parametrize("seed", range(4))
+@nightly.one_by_one("seed", range(4), in_suite=1)
 def test_wheels_that_only_claim_to_move_leave_a_pose_that_says_how_far_off_it_is(
     seed: int, v_mps: float
 ) -> None:
@@ -45,7 +46,7 @@ def test_wheels_that_only_claim_to_move_leave_a_pose_that_says_how_far_off_it_is
     assert into.rejected["wheels spin"] >= 1
 
 
-@pytest.mark.parametrize("seed", range(10))
+@nightly.one_by_one("seed", range(10), in_suite=2)
 def test_wheels_that_grip_are_not_taken_for_spinning(seed: int) -> None:
     def drive(t_s: float) -> tuple[float, float]:
         """Starts, stops, turns and drives backwards."""

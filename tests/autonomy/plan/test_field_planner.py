@@ -21,6 +21,7 @@ from agribot.autonomy.plan.coverage.area import (
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.core.errors import MissionError
 from agribot.description.loader import load_robot
+from tests import nightly
 from tests.autonomy.plan.fields import (
     REQUEST,
     ROW_REQUEST,
@@ -71,7 +72,7 @@ def test_ten_hectares_with_two_holes_are_worked_and_certified() -> None:
     assert len(plan.legs) > 500
 
 
-@pytest.mark.parametrize("number", range(30))
+@nightly.one_by_one("number", range(30), in_suite=10)
 def test_a_random_field_is_worked_without_leaving_it_or_refused_with_a_reason(number: int) -> None:
     area, width_m = random_field(np.random.default_rng([7, number]))
     request = PlanRequest(implement_width_m=width_m)

@@ -13,19 +13,22 @@ from agribot.lab.bench.nav.driving import BatchDriving
 from agribot.lab.bench.nav.missions import Sensors, hear
 from agribot.lab.bench.nav.plant import RoverFleet
 from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, Receiver, Variant, scenario
+from tests import nightly
 from tests.lab.bench.single_robot import SingleRobot
 
 SEEDS = (3, 4, 5, 1022)
 TICK_S = TICK_STEPS * DT_S
 
 
-@pytest.mark.parametrize(
-    ("receiver", "vision", "variant"),
-    [("m8n", True, "hard"), ("rtk-dual", True, "nominal"), ("rtk", False, "hard")],
+@nightly.one_by_one(
+    "which",
+    [("m8n", True, "hard"), ("rtk", False, "hard"), ("rtk-dual", True, "nominal")],
+    in_suite=2,
 )
 def test_each_robot_of_a_batch_estimates_and_drives_as_the_stack_does(
-    receiver: Receiver, vision: bool, variant: Variant
+    which: tuple[Receiver, bool, Variant],
 ) -> None:
+    receiver, vision, variant = which
     what, robot = scenario(receiver, vision=vision, speed_mps=0.8, variant=variant), load_robot()
     plant, sensors = RoverFleet(SEEDS, what.soil), Sensors(SEEDS, what, robot)
     localizer = BatchLocalizer(

@@ -24,6 +24,9 @@ GL_ARGS = [
 ]
 expect.set_options(timeout=1000 * PATIENCE_S)
 WITHOUT_GL = "off=map,scene"
+# Pixels that are drawn for one of the page's, along each side: half of them take two fifths of the
+# time that a program needs for a frame of the map.
+COARSE, SHARP = 0.5, 1.0
 PRESSES, PRESS_S = 18, 10.0
 SCREENS = [*wire.SCREENS]
 # A gamepad as the browser gives one; tests press and push what they like.
@@ -38,7 +41,7 @@ LEFT_SHOULDER = "window.__pad.buttons[4].pressed = %s"
 
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    chromium = machine.require("chromium")
+    chromium = machine.require("chromium-headless-shell")
     if not (PAGE / "index.html").is_file():
         pytest.fail("The page is not built: run `pip install -e .` or `npm run build` in web/.")
     with sync_playwright() as playwright:
@@ -55,17 +58,27 @@ def server() -> Iterator[FakeServer]:
 
 
 def new_context(browser: Browser, **options: Any) -> BrowserContext:
-    """Its pages wait as long as all else does, not for Playwright's half a minute."""
-    context = browser.new_context(**options)
+    """Its pages wait as long as all else does, not for Playwright's half a minute.
+
+    They are drawn coarsely, but for tests that look at single pixels.
+    """
+    context = browser.new_context(**{"device_scale_factor": COARSE, **options})
     context.set_default_timeout(1000 * PATIENCE_S)
     return context
 
 
 @pytest.fixture
-def context(browser: Browser) -> Iterator[BrowserContext]:
+def sharpness() -> float:
+    """For a test that looks at single pixels to override."""
+    return COARSE
+
+
+@pytest.fixture
+def context(browser: Browser, sharpness: float) -> Iterator[BrowserContext]:
     context = new_context(
         browser,
         viewport={"width": 1280, "height": 800},
+        device_scale_factor=sharpness,
         locale="en",
         reduced_motion="reduce",  # no colour is looked at half-way to another
     )

@@ -40,14 +40,17 @@ POLICY = (
     "worker-src 'self' blob:; connect-src 'self' blob: data:; frame-ancestors 'none'"
 )
 PAGE = SOURCE / "ui" / "page"
-STATE_HZ = 30
+STATE_HZ = 30  # as the robot's server sends
+PICTURES_HZ = 5
+FEW_HZ = 10  # enough for what a page does with a state, at a third of the browser's work
 
 
 class FakeServer:
     """One robot, any number of pages; `seat` is the socket that holds it."""
 
-    def __init__(self, weeds: int = 400, page: Path = PAGE) -> None:
+    def __init__(self, weeds: int = 400, page: Path = PAGE, state_hz: float = FEW_HZ) -> None:
         self.robot, self.page = FakeRobot(weeds), page
+        self._period_s = 1.0 / state_hz
         self.clients: set[WebSocket] = set()
         self.seat: str | None = None
         self.silent = False
@@ -92,7 +95,7 @@ class FakeServer:
     async def _tick(self) -> None:
         receiver = self.robot.receiver
         while True:
-            added = self.robot.step(1 / STATE_HZ)
+            added = self.robot.step(self._period_s)
             if not self.silent:
                 first = len(self.robot.trajectory) - len(added)
                 trace = wire.TracePiece(epoch=EPOCH, first=first, points_map_m=added)
@@ -101,7 +104,7 @@ class FakeServer:
                 if receiver is not self.robot.receiver:
                     receiver = self.robot.receiver
                     await self._broadcast([receiver])
-            await asyncio.sleep(1 / STATE_HZ)
+            await asyncio.sleep(self._period_s)
 
     async def _broadcast(self, messages: Sequence[wire.ServerMessage]) -> None:
         for client in list(self.clients):
@@ -161,7 +164,7 @@ class FakeServer:
                 if socket.query_params.get("mask") == "1":
                     await socket.send_bytes(mask)
                 await socket.receive_text()
-                await asyncio.sleep(1 / 15)
+                await asyncio.sleep(1 / PICTURES_HZ)
 
     def _fixed(self, name: str) -> Any:
         async def answer(request: Request) -> Response:
@@ -259,5 +262,6 @@ def serving(server: FakeServer, port: int = 0) -> Any:
 
 if __name__ == "__main__":
     weeds = int(sys.argv[2]) if len(sys.argv) > 2 else 400
-    with serving(FakeServer(weeds), int(sys.argv[1])), contextlib.suppress(KeyboardInterrupt):
+    server = FakeServer(weeds, state_hz=STATE_HZ)
+    with serving(server, int(sys.argv[1])), contextlib.suppress(KeyboardInterrupt):
         threading.Event().wait()

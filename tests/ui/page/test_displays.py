@@ -22,7 +22,7 @@ from playwright.sync_api import Browser, Page, expect
 from agribot.ui import wire
 from tests.ui.page import display_messages as messages
 from tests.ui.page import fake_answers
-from tests.ui.page.conftest import hold_map_still, new_context, take_control, until
+from tests.ui.page.conftest import SHARP, hold_map_still, new_context, take_control, until
 from tests.ui.page.fake_server import FakeServer, serving
 from tests.ui.page.test_safety import STOP_FREE, commands
 from tests.ui.page.test_screens import AXE, violations
@@ -53,7 +53,9 @@ def server() -> Iterator[FakeServer]:
 
 @pytest.fixture(scope="module")
 def page(browser: Browser, server: FakeServer) -> Iterator[Page]:
-    context = new_context(browser, viewport={"width": 1280, "height": 900}, locale="en")
+    context = new_context(
+        browser, viewport={"width": 1280, "height": 900}, device_scale_factor=SHARP, locale="en"
+    )
     page = context.new_page()
     page.goto(f"{server.address}/?off=scene,camera#/drive")
     until(page, f"window.__agribot?.ready && {MAP}?.getLayer('layer-tf_frame-fill')")
@@ -417,7 +419,7 @@ def test_a_picture_of_the_map_shows_what_the_screen_shows(page: Page) -> None:
 def test_a_video_of_the_map_plays(page: Page, tmp_path: Path) -> None:
     page.get_by_role("button", name="Record a video of the map").click()
     page.evaluate(f"window.__drawn = 0; {MAP}.on('render', () => window.__drawn++)")
-    until(page, "window.__drawn > 40")
+    until(page, "window.__drawn > 12")
     with page.expect_download() as file:
         page.get_by_role("button", name="Record a video of the map").click()
     assert file.value.suggested_filename.endswith(".webm")

@@ -15,7 +15,7 @@ from playwright.sync_api import Page, Route, expect
 
 from agribot.core.geo import Datum, MapFrame
 from agribot.ui import wire
-from tests.ui.page.conftest import SCREENS, OpenPage, show, until
+from tests.ui.page.conftest import SCREENS, SHARP, OpenPage, show, until
 from tests.ui.page.fake_robot import DATUM, field
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.test_safety import commands
@@ -87,6 +87,7 @@ def test_the_map_draws_the_field_the_weeds_and_the_track(
     assert page.evaluate(hidden) == "none"
 
 
+@pytest.mark.parametrize("sharpness", [SHARP])
 def test_the_trace_is_blue_and_runs_through_every_place_and_goals_are_green(
     open_page: OpenPage, server: FakeServer
 ) -> None:

@@ -8,17 +8,24 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 from PIL import Image
 from playwright.sync_api import Page, expect
 
 from tests.ui.page import display_messages as messages
-from tests.ui.page.conftest import OpenPage, until
+from tests.ui.page.conftest import SHARP, OpenPage, until
 from tests.ui.page.fake_robot import DATUM
 from tests.ui.page.fake_server import FakeServer
 from tests.waiting import wait_for
 
 MAP = "window.__agribot.map"
 ON_FIRST_ROW_M, ON_SECOND_ROW_M = 6.0, 20.0  # along the path: eastwards, then back
+
+
+@pytest.fixture
+def sharpness() -> float:
+    """Pictures of the map are compared with the screen pixel by pixel."""
+    return SHARP
 
 
 def opened(open_page: OpenPage, server: FakeServer) -> Page:

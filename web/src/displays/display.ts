@@ -2,6 +2,7 @@
 
 import type { GeoJSONSource, ImageSource } from 'maplibre-gl'
 import { collection, EMPTY, SOURCE_MAXZOOM } from '../geojson.ts'
+import type { Features } from '../geojson.ts'
 import type { MapSource } from '../wire.ts'
 import { Drawing } from './drawing.ts'
 import type { DisplayHost, LayerGroup } from './host.ts'
@@ -36,6 +37,7 @@ export class Display implements LayerGroup {
   private state: unknown
   private stretch = 0
   private last: unknown
+  private drawn = ''
   private timer = 0
   private unsubscribe: () => void = () => undefined
 
@@ -153,8 +155,16 @@ export class Display implements LayerGroup {
       const drawing = new Drawing(this.host.app.projection)
       if (this.state !== undefined || this.type.needsNoSource)
         this.type.draw(this.state as never, drawing, this.setting)
-      this.host.map.getSource<GeoJSONSource>(this.id)?.setData(collection(drawing.features))
+      this.show(collection(drawing.features))
     } else if (this.type.kind === 'laid' && this.state !== undefined) void this.lay()
+  }
+
+  /** Where nothing has changed the map has nothing to paint. */
+  private show(features: Features): void {
+    const text = JSON.stringify(features)
+    if (text === this.drawn) return
+    this.drawn = text
+    this.host.map.getSource<GeoJSONSource>(this.id)?.setData(features)
   }
 
   private async lay(): Promise<void> {

@@ -20,6 +20,7 @@ import { LiveData } from './live.ts'
 import { Capture } from './capture.ts'
 import type { CaptureSize } from './capture.ts'
 import { Overlay } from './overlay.ts'
+import { RobotSight } from './robot-sight.ts'
 import { serveLabels, soilTexture } from './texture.ts'
 import { MapTools } from './tools.ts'
 import { Tracking } from './tracking.ts'
@@ -130,8 +131,9 @@ export class MapView implements DisplayHost {
     this.loaded = true
     new LiveData(this, this.app)
     this.app.onField(() => this.showField())
+    const sight = new RobotSight(this.app)
     this.app.store.on('state', () => {
-      this.overlay.request()
+      if (sight.hasChanged(this.tools.proposals.goal)) this.overlay.request()
       this.tracking.follow()
     })
     void this.displays.start().then(() => this.restoreLayers(this.saved()))

@@ -50,12 +50,14 @@ export class Scene {
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio))
     this.renderer.domElement.setAttribute('role', 'img')
     this.renderer.domElement.setAttribute('aria-label', 'Robot in three dimensions')
+    this.renderer.domElement.addEventListener('webglcontextrestored', () => this.request())
     host.append(this.renderer.domElement)
     this.eye.up.set(0, 0, 1)
     this.eye.position.set(1.9, -2.3, 1.5)
     this.orbit = new OrbitControls(this.eye, this.renderer.domElement)
     this.orbit.target.set(0, 0, 0.35)
     this.orbit.maxPolarAngle = Math.PI / 2 - 0.02
+    this.orbit.addEventListener('change', () => this.request())
     this.ground = groundPlane()
     const sun = new THREE.DirectionalLight('#fff6e0', 2.2)
     sun.position.set(4, -3, 8)
@@ -65,12 +67,12 @@ export class Scene {
     this.resize = new ResizeObserver(() => this.fit())
     this.resize.observe(host)
     this.fit()
-    this.draw()
   }
 
   recolour(): void {
     this.scene.background = new THREE.Color(colour('scene-sky') || '#dfe7ea')
     this.scene.fog = new THREE.Fog(this.scene.background, 20, 90)
+    this.request()
   }
 
   /** Load the robot's description and meshes; resolves with its movable joints. */
@@ -80,13 +82,17 @@ export class Scene {
     loader.loadMeshCb = (path, _manager, material, done) => {
       new STLLoader().load(
         path,
-        (geometry) => done(new THREE.Mesh(geometry, material)),
+        (geometry) => {
+          done(new THREE.Mesh(geometry, material))
+          this.request()
+        },
         undefined,
         (error) => done(new THREE.Object3D(), error as Error),
       )
     }
     this.robot = await loader.loadAsync(about.urdf_url)
     this.body.add(this.robot)
+    this.request()
     if (about.camera) this.frustum.add(frustumLines(about.camera, colour('focus')))
     return Object.values(this.robot.joints)
       .filter((joint) => joint.jointType !== 'fixed')
@@ -97,20 +103,21 @@ export class Scene {
   showFrames(show: boolean): void {
     for (const axes of this.axes) axes.removeFromParent()
     this.axes = []
-    if (!show || !this.robot) return
-    for (const link of Object.values(this.robot.links)) {
+    for (const link of show && this.robot ? Object.values(this.robot.links) : []) {
       const axes = new THREE.AxesHelper(0.18)
       link.add(axes)
       this.axes.push(axes)
     }
+    this.request()
   }
 
   showFrustum(show: boolean): void {
     this.frustum.visible = show
+    this.request()
   }
 
   setJoint(name: string, value: number): void {
-    this.robot?.setJointValue(name, value)
+    if (this.robot?.setJointValue(name, value)) this.request()
   }
 
   /** Put the robot where the state says; the ground slides below it in steps of its texture. */
@@ -119,6 +126,7 @@ export class Scene {
     if (!state.pose) return
     const [x, y, yaw] = state.pose
     const moved = new THREE.Vector3(x, y, 0)
+    if (!moved.equals(this.body.position) || yaw !== this.body.rotation.z) this.request()
     this.body.position.copy(moved)
     this.body.rotation.z = yaw
     if (this.follow) {
@@ -156,12 +164,16 @@ export class Scene {
     this.renderer.setSize(width, height, false)
     this.eye.aspect = width / height
     this.eye.updateProjectionMatrix()
+    this.request()
   }
 
-  private readonly draw = (): void => {
-    this.frame = requestAnimationFrame(this.draw)
-    this.orbit.update()
-    this.renderer.render(this.scene, this.eye)
+  /** Draw the next frame: a scene in which nothing moves costs a tablet nothing. */
+  private request(): void {
+    this.frame ||= requestAnimationFrame(() => {
+      this.orbit.update()
+      this.renderer.render(this.scene, this.eye)
+      this.frame = 0
+    })
   }
 
   close(): void {
