@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import sys
 
+from agribot.autonomy.control.stalled_turn import PIECE_RAD, STALLED_RATIO, STALLED_S
 from agribot.autonomy.plan.requests import TABLE, Column, Do, Ignore, Reaction, Refuse
 from agribot.autonomy.plan.row_recovery import LADDER
 from agribot.core.messages import OperatorAction
@@ -64,6 +66,21 @@ COLUMNS: dict[Column, str] = {
 }
 
 
+STALLED = f"""
+## Where a turn stalls
+
+A skid-steer robot that turns in an arc lets its inner wheels nearly stand, and soft ground holds
+them while the outer ones spin: the robot stands, however long they do. Where it turns by less than
+{100 * STALLED_RATIO:.0f} % of what was asked for {STALLED_S:g} s, it takes the next
+{math.degrees(PIECE_RAD):.0f} degrees on the spot, which turns all wheels against each other and
+breaks them loose, and drives on along its turn
+([`stalled_turn.py`](../src/agribot/autonomy/control/stalled_turn.py)). It does so between rows
+only, never where crop stands beside its wheels, and not twice where it did not turn on the spot
+either: then the [gate](safety.md#protective-stops) stops it as stuck. In
+`rows-10x12 --preset field` (RTK, seed 25) a robot that stood in its first turn until a person came
+drives on after a second.
+"""
+
 LOST = """
 ## Where the row is lost
 
@@ -81,7 +98,7 @@ def page() -> str:
     head = f"| request | {' | '.join(COLUMNS.values())} |\n|{'---|' * (len(COLUMNS) + 1)}\n"
     states = "".join(f"| {' | '.join(state)} |\n" for state in STATES)
     ladder = "".join(f"| {' | '.join(step)} |\n" for step in LADDER)
-    return HEAD + states + RULES + head + "".join(map(_row, TABLE)) + LOST + ladder
+    return HEAD + states + RULES + head + "".join(map(_row, TABLE)) + STALLED + LOST + ladder
 
 
 def _row(action: OperatorAction) -> str:
