@@ -149,6 +149,23 @@ def test_in_a_row_no_robot_turns_on_the_spot_to_break_loose() -> None:
         assert command.v_mps > 0.0
 
 
+def test_a_piece_that_a_row_cut_short_is_not_taken_up_behind_it() -> None:
+    follower, path = Follower(ControlConfig(), ROBOT), circle_left()
+    path = msgspec.structs.replace(path, row=np.where(path.s_m > 1.0, 0, -1))
+    held = Rover((0.0, 0.0, 0.0), Soil(), np.random.default_rng(0)).estimate()
+
+    def drive(from_tick: int, ticks: int, s_m: float) -> DriveCommand:
+        for tick in range(from_tick, from_tick + ticks):
+            there = msgspec.structs.replace(held, t_s=tick * TICK_S)
+            command, _ = follower.step(there, goal_on(path, s_m))
+        return command
+
+    assert drive(0, 60, 0.0).v_mps < 0.01, "it turns on the spot"
+    assert drive(60, 20, 1.5).v_mps > 0.05, "in the row it drives"
+    before = drive(80, 1, 1.5).v_mps
+    assert drive(81, 5, 0.0).v_mps >= before
+
+
 def test_crabbing_across_a_slope_leaves_no_offset_in_the_row() -> None:
     drive = Drive(Soil(crab_rad=math.radians(3.0)))
     drive.run()

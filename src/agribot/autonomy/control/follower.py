@@ -154,8 +154,8 @@ class Follower:
             ahead = self._ahead(self._line, estimate, goal.s_m)
             ahead = ahead.steered_at(goal.tracked_x_m, estimate.slip_rad)
             wanted = self._twist(ahead, estimate, goal.max_speed_mps)
-            if self._line.is_between_rows(goal.s_m):
-                wanted = self._break_loose(wanted, estimate.yaw_rate_radps, dt_s)
+        if goal.max_speed_mps > 0.0 and self._line.is_between_rows(goal.s_m):
+            wanted = self._break_loose(wanted, estimate.yaw_rate_radps, dt_s)
         else:
             self._stalled_turn.restart()
         self._last = self._ramp(wanted, dt_s)
