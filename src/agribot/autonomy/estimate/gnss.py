@@ -160,7 +160,7 @@ class Gnss(Correction[GnssFix]):
             )
         if fix.quality is GnssQuality.RTK_FIXED:
             self._compare_with_camera(fix.t_s)
-        self._watch_drift(fix, noise, lever_m, epoch)
+        self._watch_drift(fix, noise, antenna_m, lever_m, epoch)
 
     def ageing(self, dt_s: float, turn_abs_rad: float) -> Sequence[tuple[int, float, float]]:
         return [] if self._noise is None else bias_ageing(FLOATS, self._noise, dt_s)
@@ -172,7 +172,12 @@ class Gnss(Correction[GnssFix]):
         self.pose.agreement.add_fix(t_s, east_m * east + north_m * north)
 
     def _watch_drift(
-        self, fix: GnssFix, noise: FixNoise[float], lever_m: tuple[float, float], epoch: Epoch
+        self,
+        fix: GnssFix,
+        noise: FixNoise[float],
+        antenna_m: complex,
+        lever_m: tuple[float, float],
+        epoch: Epoch,
     ) -> None:
         """Hold fixed ambiguities against velocity and wheels; other fixes wander by themselves."""
         drift, velocity_mps, ekf = self.drift, fix.velocity_mps, self.pose.ekf
@@ -184,15 +189,12 @@ class Gnss(Correction[GnssFix]):
         if self.rejected_in_a_row:
             return  # a jump, if anything
         x, (then, now, _) = ekf.x, epoch
-        east_m, north_m, _ = self._frame.map_from_geodetic(
-            fix.lat_deg, fix.lon_deg, self._frame.datum.alt_m
-        )
         yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
         slip_rad = x[SLIP] * ekf.slip_ratio(yaw_rad)
         lost_ratio = clamp(x[WHEEL_SCALE], -MAX_LOST_RATIO, MAX_LOST_RATIO)
         told = Told(
             t_s=fix.t_s,
-            place_m=complex(east_m, north_m),
+            place_m=antenna_m,
             velocity_mps=complex(*velocity_mps[:2]),
             driven_mps=cmath.rect(then.wheel_mps, then.yaw_rad),
             turn=cmath.rect(1.0 - lost_ratio, yaw_rad - then.yaw_rad + slip_rad),
