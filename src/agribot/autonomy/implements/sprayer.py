@@ -240,7 +240,7 @@ class SpotSprayer:
         index: int,
         crops: Sequence[tuple[float, float, float]],
         step_m: float,
-        least_m: float = 0.0,
+        least_m: float,
     ) -> bool:
         """Whether the spray of a nozzle keeps off every stem of crop, by `least_m` at least."""
         half_x_m, half_y_m = (FAN_M + step_m) / 2.0, self._spec.section_width_m / 2.0

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from agribot.autonomy.perceive.crop_cover import CELL_M
 from agribot.autonomy.perceive.stems import CELL_PX, PlantMaps
 from agribot.core.messages import PlantClass, WeedScores
 
-CELL_M = 0.025
 # Nearer than this to the camera, a stem is told apart from its neighbours, and leaves hide less.
 NEAR_M = 0.9
 
