@@ -293,7 +293,7 @@ def test_a_stop_outlives_the_program_until_a_person_clears_it(
         wait_for(lambda: list((tmp_path / "home" / "stops").glob("*.json")), "the stop on disk")
         robot.send_signal(signal.SIGKILL)
     bench.board.is_button_pressed = False
-    bench.board.commands.clear()
+    bench.forget_commands()
     assert main(words(bench, tmp_path / "again", "--arm", "--for", "2")) == 2
     told = capsys.readouterr().err
     assert "the red button is pressed" in told and "--clear-stop" in told
@@ -327,7 +327,7 @@ def test_a_run_that_was_killed_in_a_stop_goes_on_once_a_person_has_cleared_it(
         )
         robot.send_signal(signal.SIGKILL)
     bench.board.is_button_pressed = False
-    bench.board.commands.clear()
+    bench.forget_commands()
     resume = ["run", "--resume", str(killed), "--arm", "--headless", "--for", "90"]
     assert main([*resume, "--out", str(tmp_path / "refused")]) == 2
     told = capsys.readouterr().err
@@ -359,7 +359,7 @@ def test_a_run_that_was_killed_in_a_stop_stands_with_it_until_its_operator_clear
     assert "the bumper touches something" in why
     wait_for(lambda: not any(bench.board.speed_countps), "the wheels to stand")
     left = bench.pose
-    bench.board.commands.clear()
+    bench.forget_commands()
     with (
         resumed_with_page(killed, again, ["--arm"]) as resumed,
         Page(int(resumed.address.rpartition(":")[2])) as page,

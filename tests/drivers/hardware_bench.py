@@ -13,6 +13,7 @@ from tests.drivers.board_emulator import TICK_S, BoardEmulator, turn_of
 from tests.drivers.lines import Line
 from tests.drivers.moving_robot import COUNTS_PER_TURN, MovingRobot
 from tests.drivers.receiver_bytes import EPOCH
+from tests.waiting import wait_for
 
 FIX_EVERY = 10  # ticks of the board
 PATIENT_S = 3.0  # with a busy machine
@@ -52,7 +53,7 @@ class HardwareBench:
     def __init__(
         self, folder: Path, pose: tuple[float, float, float], field: FieldConfig, pace: float = 1.0
     ) -> None:
-        self._tick_s = TICK_S / pace
+        self._tick_s, self._tick = TICK_S / pace, 0
         self.board = BoardEmulator(timeout_s=PATIENT_S)
         self.base, self.gnss = Plug(folder, "ttyBASE"), Plug(folder, "ttyGNSS")
         self._robot = MovingRobot(pose, field)
@@ -78,14 +79,20 @@ class HardwareBench:
         return ["--source", f"base=serial:{self.base.path}?baud=115200",
                 "--source", f"gnss=serial:{self.gnss.path}"]  # fmt: skip
 
+    def forget_commands(self) -> None:
+        """Forget what the robot wanted so far, that too which is still in the line."""
+        heard = self._tick + 1
+        wait_for(lambda: self._tick > heard, "the line to be heard")
+        self.board.commands.clear()
+
     def _run(self) -> None:
-        next_s, tick = time.monotonic(), 0
+        next_s = time.monotonic()
         while not self._ended.wait(max(next_s - time.monotonic(), 0.0)):
-            next_s, tick = next_s + self._tick_s, tick + 1
+            next_s, self._tick = next_s + self._tick_s, self._tick + 1
             self.board.feed(self.base.exchange(self.board.advance()))
             right, left, *_ = turn_of(self.board, COUNTS_PER_TURN)
             self._robot.roll(right, left, TICK_S)
             self.board.gyro_radps, self.board.mag_t = self._robot.gyro_radps, self._robot.mag_t
-            if tick % FIX_EVERY == 0:
-                at = EPOCH + tick * dt.timedelta(seconds=TICK_S)
+            if self._tick % FIX_EVERY == 0:
+                at = EPOCH + self._tick * dt.timedelta(seconds=TICK_S)
                 self.gnss.exchange(self._robot.fix(at))
