@@ -13,15 +13,15 @@ QUICK := $(filter-out $(DEAR),$(wildcard tests/test_*.py tests/app/test_*.py)) t
   tests/ros/messages tests/cli/test_help.py tests/cli/test_hostile_input.py \
   tests/mission/test_waypoint_mission.py
 
-WORKERS := -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+WORKERS := -n auto --dist loadfile --no-loadscope-reorder
 
 .PHONY: run test nightly quick check pages generate format lint types clean
 
 run: $(VENV)/.run
 	$(BIN)/agribot run farm --ui --speed 1
 
-# A worker for every core, but no more than memory has room for; a file's tests stay together, and
-# slow files come first.
+# One worker more than there are cores (tests/conftest.py); a file's tests stay together, and slow
+# files come first.
 # Part of it: `make test TESTS=tests/gis`; the dearest twenty: `make test TESTS='--cpu-times 20'`.
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest $(WORKERS) $(TESTS)
