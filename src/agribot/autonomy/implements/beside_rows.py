@@ -7,6 +7,11 @@ from itertools import combinations
 from statistics import median
 from typing import NamedTuple
 
+from agribot.autonomy.implements.tool_frame import ToolPose
+from agribot.core.implement.plants import KnownPlant, PlantMap
+from agribot.core.messages import PlantClass
+from agribot.core.pose import Pose2
+
 # Crops of the map so far ahead of the tool and behind it tell where their row runs.
 REACH_M = 1.0
 LEAST_CROPS = 3
@@ -64,6 +69,21 @@ class RowsAround:
                 return False
             row_crops += crop.is_confirmed and across_m + half_y_m <= self._beside_m
         return row_crops >= LEAST_CROPS
+
+
+def find_rows_around(tool: ToolPose, plants: PlantMap, beside_m: float) -> RowsAround:
+    """Find the rows that the crops of the map around the tool stand in."""
+    x_m, y_m, yaw_rad = tool
+    map_from_tool = Pose2(x_m, y_m, yaw_rad)
+    reach_m = REACH_M + beside_m
+    around = plants.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
+    crops = [plant for plant in around if plant.plant == PlantClass.CROP]
+    return RowsAround([_see_from(map_from_tool, crop) for crop in crops], beside_m)
+
+
+def _see_from(map_from_tool: Pose2, plant: KnownPlant) -> RowCrop:
+    x_m, y_m = map_from_tool.locate(plant.x_map_m, plant.y_map_m)
+    return RowCrop(x_m, y_m, plant.is_confirmed)
 
 
 def _find_turn(crops: Sequence[RowCrop]) -> float | None:

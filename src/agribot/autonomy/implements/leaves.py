@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from agribot.autonomy.implements.beside_rows import REACH_M, RowCrop, RowsAround
+from agribot.autonomy.implements.beside_rows import REACH_M, RowsAround
 from agribot.autonomy.implements.tool_frame import ToolPose
 from agribot.core.config import LeafRule
 from agribot.core.implement.plants import Disc, KnownPlant, PlantMap
@@ -25,15 +25,15 @@ def spare_leaves(
     half_y_m: float,
     plants: PlantMap,
     leaves: LeafRule = "alone",
-    beside_m: float = 0.0,
+    rows: RowsAround | None = None,
 ) -> tuple[bool, ...]:
     """Switch off every section whose box on the ground has leaves of crop in it.
 
     Boxes reach `half_x_m` along and `half_y_m` across around the middle of a section, `section_y_m`
     to the left of the tool point. By the rule `alone`, leaves of a plant that stands alone in the
     map do not count: its stem is spared by its place. By `mapped`, those of every plant to whose
-    stem in the map they point do not count either, and by `rows` those beside a row, too, where no
-    heart of a crop can stand: up to `beside_m` from it; by `never`, all leaves do.
+    stem in the map they point do not count either, and by `rows` those beside one of the `rows`
+    around, too, where no heart of a crop can stand; by `never`, all leaves do.
     """
     if not any(is_on):
         return is_on
@@ -54,32 +54,17 @@ def spare_leaves(
     known = [] if leaves == "never" else [crop for crop in crops if ground.is_alone(crop)]
     by_stem = leaves in ("mapped", "rows")
     stems = [crop._replace(radius_m=STEM_VOTE_M) for crop in crops] if by_stem else []
-    rows = find_rows(tool, plants, beside_m) if leaves == "rows" else RowsAround((), beside_m)
+    beside = rows if leaves == "rows" else None
 
     def is_dry(left_m: float) -> bool:
         place_m = map_from_tool.transform(0.0, left_m)
-        is_beside = rows.is_beside(left_m, half_x_m, half_y_m)
+        is_beside = beside is not None and beside.is_beside(left_m, half_x_m, half_y_m)
         dry = [Disc(*place_m, 2.0 * (half_x_m + half_y_m))] if is_beside else known
         return ground.covers(*place_m, yaw_rad, half_x_m, half_y_m, dry, stems)
 
     return tuple(
         works and not is_dry(left_m) for works, left_m in zip(is_on, section_y_m, strict=True)
     )
-
-
-def find_rows(tool: ToolPose, plants: PlantMap, beside_m: float) -> RowsAround:
-    """Find the rows that the crops of the map around the tool stand in."""
-    x_m, y_m, yaw_rad = tool
-    map_from_tool = Pose2(x_m, y_m, yaw_rad)
-    reach_m = REACH_M + beside_m
-    around = plants.inside(x_m - reach_m, y_m - reach_m, x_m + reach_m, y_m + reach_m)
-    crops = [plant for plant in around if plant.plant == PlantClass.CROP]
-    return RowsAround([_see_from(map_from_tool, crop) for crop in crops], beside_m)
-
-
-def _see_from(map_from_tool: Pose2, plant: KnownPlant) -> RowCrop:
-    x_m, y_m = map_from_tool.locate(plant.x_map_m, plant.y_map_m)
-    return RowCrop(x_m, y_m, plant.is_confirmed)
 
 
 def _leaf_reach_m(plant: KnownPlant) -> float:

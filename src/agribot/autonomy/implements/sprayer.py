@@ -12,10 +12,9 @@ that nozzle passed over it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-import numpy as np
-
+from agribot.autonomy.implements.beside_rows import RowsAround, find_rows_around
 from agribot.autonomy.implements.crop_guard import (
     CROP_STEM_M,
     SURE_SIGMA,
@@ -23,9 +22,10 @@ from agribot.autonomy.implements.crop_guard import (
     find_pose_margin_m,
 )
 from agribot.autonomy.implements.delay import SectionHistory, StepMeter
-from agribot.autonomy.implements.leaves import find_rows, spare_leaves
+from agribot.autonomy.implements.leaves import spare_leaves
 from agribot.autonomy.implements.tool_frame import (
     Placed,
+    ToolPose,
     find_near,
     find_spread_m,
     move_on,
@@ -151,13 +151,24 @@ class SpotSprayer:
             for p in near
             if p.plant.plant == PlantClass.CROP
         ]
-        suspected = self._find_suspected(crops, estimate, step_m, plants)
-        if not targets and not suspected:
+        tool = predict_tool(estimate, self._spec.x_body_m, self._spec.latency_s)
+        scores = self._score_ground(tool, step_m, plants)
+        if not targets and not scores:
             return self._closed
+        rows = find_rows_around(tool, plants, self._config.beside_row_m)
+        suspected = self._choose_suspected(scores, rows, crops, estimate, step_m)
         wanted = [self._choose(weed, crops, estimate, step_m) for weed in targets]
         asked = suspected.union(*(indices for indices, _ in wanted))
         is_asked = tuple(index in asked for index in range(len(self._y_body_m)))
-        is_allowed = self._spare_leaves(is_asked, estimate, step_m, plants)
+        is_allowed = spare_leaves(
+            is_asked,
+            self._y_body_m,
+            tool,
+            *self._find_leaf_box_m(estimate, step_m),
+            plants,
+            self._config.leaves,
+            rows,
+        )
         opened = {index for index in suspected if is_allowed[index]}
         for weed, (indices, reason) in zip(targets, wanted, strict=True):
             is_free = any(is_allowed[index] and self._is_over(weed, index) for index in indices)
@@ -197,35 +208,35 @@ class SpotSprayer:
         is_met = any(self._is_over(weed, index) for index in chosen)
         return (chosen, "") if is_met else ([], "stem of crop")
 
-    def _find_suspected(
+    def _score_ground(self, tool: ToolPose, step_m: float, plants: PlantMap) -> dict[int, float]:
+        """Score the ground under the nozzles, of those that looks suspect of a weed."""
+        least = self._config.least_weed_score
+        if least >= 1.0:
+            return {}
+        half_x_m = (FAN_M + step_m) / 2.0 + SUSPECT_M
+        half_y_m = self._spec.section_width_m / 2.0 + SUSPECT_M
+        scores = plants.weed_ground.find_scores(*tool, self._y_body_m, half_x_m, half_y_m)
+        return {index: float(score) for index, score in enumerate(scores) if score >= least}
+
+    def _choose_suspected(
         self,
+        scores: Mapping[int, float],
+        rows: RowsAround,
         crops: Sequence[tuple[float, float, float]],
         estimate: Estimate,
         step_m: float,
-        plants: PlantMap,
     ) -> set[int]:
-        """Find the nozzles beside the rows over ground where the looks suspect weeds."""
-        spec, config = self._spec, self._config
-        if config.least_weed_score >= 1.0:
-            return set()
-        tool = predict_tool(estimate, spec.x_body_m, spec.latency_s)
-        half_x_m = (FAN_M + step_m) / 2.0 + SUSPECT_M
-        half_y_m = spec.section_width_m / 2.0 + SUSPECT_M
-        scores = plants.weed_ground.find_scores(*tool, self._y_body_m, half_x_m, half_y_m)
-        suspected = np.flatnonzero(scores >= config.least_weed_score).tolist()
-        if not suspected:
-            return set()
-        rows = find_rows(tool, plants, config.beside_row_m)
+        """Choose the nozzles over suspect ground that lies beside the rows."""
         half_m = self._find_leaf_box_m(estimate, step_m)
-        guard_m = CROP_STEM_M + config.crop_guard_m
+        guard_m = CROP_STEM_M + self._config.crop_guard_m
         free = {
             index
-            for index in suspected
+            for index in scores
             if rows.is_beside(self._y_body_m[index], *half_m)
             and self._is_off_stems(index, crops, step_m, guard_m)
         }
         # Beside one that scores more and has to stay shut, it is the weed over there.
-        shut = [(self._y_body_m[index], scores[index]) for index in suspected if index not in free]
+        shut = [(self._y_body_m[index], scores[index]) for index in scores if index not in free]
         return {
             index
             for index in free
@@ -249,20 +260,6 @@ class SpotSprayer:
             math.hypot(max(abs(x) - half_x_m, 0.0), max(abs(y - nozzle_m) - half_y_m, 0.0))
             < max(least_m, keep_off_m)
             for x, y, keep_off_m in crops
-        )
-
-    def _spare_leaves(
-        self, is_open: tuple[bool, ...], estimate: Estimate, step_m: float, plants: PlantMap
-    ) -> tuple[bool, ...]:
-        spec = self._spec
-        return spare_leaves(
-            is_open,
-            self._y_body_m,
-            predict_tool(estimate, spec.x_body_m, spec.latency_s),
-            *self._find_leaf_box_m(estimate, step_m),
-            plants,
-            self._config.leaves,
-            self._config.beside_row_m,
         )
 
     def _find_leaf_box_m(self, estimate: Estimate, step_m: float) -> tuple[float, float]:
