@@ -1,4 +1,4 @@
-"""`agribot dataset`: draw, import, check and split sets of images and masks."""
+"""`agribot dataset`: draw, import, check, split sets of images and masks, label them by rows."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import msgspec
 from agribot.app.workers import results, usable_cpus
 from agribot.cli.counting import CountProgress
 from agribot.cli.dataset_import import add_import, import_files
+from agribot.cli.dataset_rows import add_label_by_rows, label_by_rows
 from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import seed
 from agribot.cli.stopping import stop_on_signal
@@ -30,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_check(actions)
     _add_split(actions)
     add_import(actions)
+    add_label_by_rows(actions)
 
 
 def _add_generate(actions: Any) -> None:
@@ -94,7 +96,13 @@ def _add_folder(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    actions = {"generate": _generate, "check": _check, "split": _split, "import": import_files}
+    actions = {
+        "generate": _generate,
+        "check": _check,
+        "split": _split,
+        "import": import_files,
+        "label-by-rows": label_by_rows,
+    }
     return actions[options.action](options)
 
 

@@ -6,6 +6,7 @@ recording end it, and so stand last.
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ from statistics import median
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import TimeoutError as NotThere
 
 from agribot.core.messages import WHEEL_NAMES, TickRecord
 from agribot.lab.dataset.check import check
@@ -107,11 +109,17 @@ def in_charge(page: Page, screen: str = "drive") -> None:
 
 
 def on_its_mission(page: Page) -> None:
+    """It drives, also where it pauses a moment late because a page had left it."""
     in_charge(page)
-    until(page, f"['mission', 'paused'].includes({STATE}.mode)")
-    if page.evaluate(f"{STATE}.mode") == "paused":
-        page.locator("[data-action=resume]").click()
-    until(page, f"{STATE}.mode === 'mission' && {STATE}.v_mps > 0.1")
+    resume = page.locator("[data-action=resume]")
+
+    def drives() -> bool:
+        if page.evaluate(f"{STATE}.mode") == "paused":
+            with contextlib.suppress(NotThere):  # it has gone on meanwhile
+                resume.click(timeout=1000)
+        return bool(page.evaluate(f"{STATE}.mode === 'mission' && {STATE}.v_mps > 0.1"))
+
+    wait_for(drives, "the robot to be on its mission")
 
 
 def test_the_robot_drives_its_mission_and_the_page_shows_it(page: Page) -> None:

@@ -1,0 +1,193 @@
+"""Pictures of recordings become a set that a network learns from, by their rows alone."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, UnidentifiedImageError
+
+from agribot.app.calibration.measured_robot import apply_calibration
+from agribot.autonomy.perceive.ground import GroundLookup
+from agribot.core import topics
+from agribot.core.config import RunConfig
+from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.messages import ByteArray, PlantClass
+from agribot.core.whole_file import write_at_once
+from agribot.description.loader import parse_robot
+from agribot.lab.dataset.classes import UNLABELLED
+from agribot.lab.dataset.importing import encode_mask
+from agribot.lab.dataset.row_labels import FAR_M, GreenHistogram, RowLabeller, RowProfile
+from agribot.record.mcap_file import read_messages
+from agribot.record.replay import read_config, read_urdf
+from agribot.ros.messages.rosmsg import load_types
+
+# A picture that differs from the one before by less, in levels of 255, was taken at a standstill.
+LEAST_CHANGE = 1.5
+LOOK_EVERY = 8  # pixels, to see whether anything changed
+Progress = Callable[[int], None]
+IMAGE = topics.IMAGE
+
+
+class RowLabelReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What was made of the pictures; shares are of the pixels of those that were labelled."""
+
+    folder: str
+    pictures: int
+    labelled: int
+    without_row: int
+    at_standstill: int
+    half_row_m: float
+    green_threshold: float
+    pixel_ratio: dict[str, float]
+
+
+class RecordedPictures:
+    """The pictures of the camera in a recording, and the robot that took them.
+
+    Raises: RecordingError: no recording, or none with pictures; ConfigError: no camera.
+    """
+
+    def __init__(self, path: Path, pitch_m: float | None = None) -> None:
+        self.path = path / "run.mcap" if path.is_dir() else path
+        config = read_config(self.path)
+        robot = apply_calibration(
+            parse_robot(read_urdf(self.path), self.path.name), config.calibration
+        )
+        if robot.camera is None:
+            raise ConfigError(f"{self.path}: its robot has no camera; there is nothing to label")
+        self._size_px = (robot.camera.height_px, robot.camera.width_px)
+        ground = GroundLookup(robot.camera, robot.body_from_camera(), self._size_px, FAR_M)
+        self.labeller = RowLabeller(ground, pitch_m or _find_pitch_m(config))
+        self._jpegs = [_read_jpeg(message.data) for message in read_messages(self.path, IMAGE)]
+        if not self._jpegs:
+            raise RecordingError(
+                f"{self.path} holds no pictures; record them with --set record.image_rate_hz=1"
+            )
+
+    def __len__(self) -> int:
+        return len(self._jpegs)
+
+    def read(self) -> Iterator[tuple[int, bytes, ByteArray]]:
+        """Read the number of each picture, its file and its pixels.
+
+        Raises: RecordingError: a picture cannot be read, or is not of the camera's size.
+        """
+        for number, jpeg in enumerate(self._jpegs):
+            try:
+                with Image.open(io.BytesIO(jpeg)) as image:
+                    pixels = np.asarray(image.convert("RGB"))
+            except (UnidentifiedImageError, OSError) as error:
+                raise RecordingError(
+                    f"{self.path}: picture {number} is broken ({error})"
+                ) from error
+            if pixels.shape[:2] != self._size_px:
+                raise RecordingError(
+                    f"{self.path}: picture {number} is {pixels.shape[1]} x {pixels.shape[0]} "
+                    f"pixels, the robot's camera takes {self._size_px[1]} x {self._size_px[0]}"
+                )
+            yield number, jpeg, pixels
+
+
+class _Look(NamedTuple):
+    """Which pictures of a recording show a row and a robot that moves, and how many do not."""
+
+    taken: frozenset[int]
+    without_row: int
+    at_standstill: int
+
+
+def label_recordings(
+    recordings: Sequence[RecordedPictures], out: Path, progress: Progress
+) -> RowLabelReport:
+    """Write the pictures with a row to `out`/images and their classes to `out`/masks.
+
+    Raises: ConfigError: the folder holds files, or the rows cannot teach; RecordingError: pictures
+    that cannot be read.
+    """
+    if out.exists() and any(out.iterdir()):
+        raise ConfigError(f"--out {out} is no empty folder; give a new one, or empty it")
+    green, profile = GreenHistogram(), RowProfile()
+    for _, _, pixels in _read_all(recordings):
+        green.add(pixels)
+    threshold, done = green.find_threshold(), 0
+    looks = []
+    for recording in recordings:
+        looks.append(_look_through(recording, threshold, profile))
+        progress(done := done + len(recording))
+    total = sum(len(look.taken) for look in looks)
+    if not total:
+        raise ConfigError(
+            "no picture shows a row that the robot drives along; label by hand (agribot label)"
+        )
+    half_row_m = profile.find_half_row_m()
+    counts = np.zeros(256, dtype=np.int64)
+    for index, (recording, look) in enumerate(zip(recordings, looks, strict=True)):
+        for number, jpeg, pixels in recording.read():
+            picture = recording.labeller.look(pixels, threshold) if number in look.taken else None
+            if picture is not None:
+                label = recording.labeller.label(picture, threshold, half_row_m)
+                counts += np.bincount(label.ravel(), minlength=256)
+                _write(out, f"{recording.path.parent.name}-{index}-{number:05d}", jpeg, label)
+            progress(done := done + 1)
+    shares = (counts / counts.sum()).tolist()
+    return RowLabelReport(
+        folder=str(out),
+        pictures=sum(map(len, recordings)),
+        labelled=total,
+        without_row=sum(look.without_row for look in looks),
+        at_standstill=sum(look.at_standstill for look in looks),
+        half_row_m=half_row_m,
+        green_threshold=threshold,
+        pixel_ratio={
+            **{kind.name.lower(): shares[kind] for kind in PlantClass},
+            "ignore": shares[UNLABELLED],
+        },
+    )
+
+
+def _look_through(recording: RecordedPictures, threshold: float, profile: RowProfile) -> _Look:
+    taken: set[int] = set()
+    before: npt.NDArray[np.int16] | None = None
+    still = without_row = 0
+    for number, _, pixels in recording.read():
+        small = pixels[::LOOK_EVERY, ::LOOK_EVERY].astype(np.int16)
+        if before is not None and float(np.abs(small - before).mean()) < LEAST_CHANGE:
+            still += 1
+            continue
+        before = small
+        picture = recording.labeller.look(pixels, threshold)
+        if picture is None:
+            without_row += 1
+            continue
+        taken.add(number)
+        profile.add(picture, threshold)
+    return _Look(frozenset(taken), without_row, still)
+
+
+def _read_all(recordings: Sequence[RecordedPictures]) -> Iterator[tuple[int, bytes, ByteArray]]:
+    for recording in recordings:
+        yield from recording.read()
+
+
+def _find_pitch_m(config: RunConfig) -> float | None:
+    """Find how far apart the rows of a profile's field are; of a plan nobody knows."""
+    field = config.field
+    return None if config.plan or field.row_count < 2 else field.row_pitch_m
+
+
+def _read_jpeg(data: bytes) -> bytes:
+    message = load_types().deserialize_cdr(data, IMAGE.ros_type)
+    return bytes(message.data)  # type: ignore[attr-defined]
+
+
+def _write(out: Path, name: str, jpeg: bytes, label: ByteArray) -> None:
+    for folder in ("images", "masks"):
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    write_at_once(out / "masks" / f"{name}.png", encode_mask(label))
+    write_at_once(out / "images" / f"{name}.jpg", jpeg)

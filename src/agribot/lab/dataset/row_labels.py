@@ -1,0 +1,195 @@
+"""The row as teacher: pictures of a drive along rows, labelled by where the plants stand.
+
+What grows on a row is crop, what grows between the rows is weed; what stands too near to tell, or
+where no row is found, teaches nothing. So a network learns a crop that it does not know without
+anybody having painted a mask. The labels are for learning, never for judging: a weed in a row is
+taken for crop, but where it is much smaller than its neighbours.
+Source: Lottes and Stachniss 2017 (IROS); Bah et al. 2018 (Remote Sensing 10).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from agribot.autonomy.perceive.ground import GroundLookup
+from agribot.autonomy.perceive.row_line import FOLIAGE_M, find_row_line
+from agribot.autonomy.perceive.segmenter import ClassMap
+from agribot.core.errors import ConfigError
+from agribot.core.messages import ByteArray, FloatArray, PlantClass
+from agribot.lab.dataset.classes import UNLABELLED, excess_green
+
+Mask = npt.NDArray[np.bool_]
+
+# Beyond it a pixel covers more than a small leaf.
+FAR_M = 1.8
+# The robot follows the row of a picture that is taken; in a turn it looks across rows.
+MOST_OFFSET_M, MOST_HEADING_RAD = 0.25, math.radians(12.0)
+# Plants are what is greener than this, whatever the light: soil reaches 0.05, residue 0.1. Where
+# the pictures themselves part plants from soil elsewhere, they are believed between these limits.
+LEAST_GREEN, MOST_GREEN = 0.08, 0.3
+UNSURE_GREEN = 0.03  # as near to the threshold as that, a pixel is of nothing
+LEAST_PX = 12  # a smaller piece is noise
+THICKEN_PX = 9
+# Of a profile across the row: cells so wide, and the row ends where it falls to this part of its
+# height above what grows between the rows.
+CELL_M, PROFILE_CELLS, EDGE_RATIO = 0.01, 35, 0.25
+LEAST_CONTRAST = 2.0  # of the cover on the row over that between the rows
+HALF_ROW_M = (0.03, 0.2)  # limits of what a profile may say
+LEAVES_RATIO = 1.6  # leaves of the row reach so many half widths from its line
+CLEAR_M = 0.03  # and what is a weed stands so much farther off
+NEXT_ROW_RATIO = 1.5  # of the next row leaves are seen at a slant, and nobody has found its line
+LEAST_IN_ROW = 0.7  # of a piece; of a weed that reaches into the row less is
+LEAST_SHARE = 1.0 / 6.0  # of the middle size of what stands on a row; smaller may be a weed in it
+
+
+class RowPicture(NamedTuple):
+    """A picture along a row: how green its pixels are, and how far from the line they stand.
+
+    `green` (H, W) is the excess of green; `left_m` (H, W) how far left of the row's line the plant
+    stands that a pixel shows, NaN where it is too far off.
+    """
+
+    green: npt.NDArray[np.float32]
+    left_m: npt.NDArray[np.float32]
+
+
+class RowLabeller:
+    """Labels the pictures of one camera on one robot: `look` at all of them, then `label` each.
+
+    `pitch_m` is how far the next row is; where it is not known, only what stands near the row of
+    the robot can be told.
+    """
+
+    def __init__(self, ground: GroundLookup, pitch_m: float | None = None) -> None:
+        self._ground = ground
+        self._far_m = PROFILE_CELLS * CELL_M if pitch_m is None else pitch_m
+        camera_x_m, camera_y_m, camera_z_m = ground.camera_xyz_body_m.tolist()
+        nearer = 1.0 - FOLIAGE_M / camera_z_m
+        self._x_m = camera_x_m + nearer * (ground.x_body_m - camera_x_m)
+        self._y_m = camera_y_m + nearer * (ground.y_body_m - camera_y_m)
+        self._is_near = (ground.range_m <= FAR_M) & (ground.area_m2 > 0.0)
+
+    def look(self, image_rgb: ByteArray, threshold: float) -> RowPicture | None:
+        """Find the row in a picture (H, W, 3); None where it shows none that the robot follows."""
+        green = _measure_green(image_rgb)
+        # Thin leaves, as onions have, cover too little ground for a line that is found by cover.
+        is_plant = ndimage.maximum_filter(green, THICKEN_PX) > threshold
+        class_id = np.where(is_plant, PlantClass.CROP, PlantClass.SOIL).astype(np.uint8)
+        everywhere = np.full(class_id.shape, 255, dtype=np.uint8)
+        plants = ClassMap(class_id=class_id, confidence=everywhere, scale_px=(1.0, 1.0))
+        line = find_row_line(plants, self._ground, 0.0)
+        if line is None or line.offset_m is None or line.heading_rad is None:
+            return None
+        if abs(line.offset_m) > MOST_OFFSET_M or abs(line.heading_rad) > MOST_HEADING_RAD:
+            return None
+        left_m = np.where(
+            self._is_near,
+            self._find_left_m(line.at_ahead_m, line.offset_m, -line.heading_rad),
+            np.nan,
+        )
+        return RowPicture(green, left_m.astype(np.float32))
+
+    def label(self, picture: RowPicture, threshold: float, half_row_m: float) -> ByteArray:
+        """Label the pixels (H, W): a PlantClass, or UNLABELLED where nobody can tell."""
+        is_plant = picture.green > threshold
+        is_near = np.isfinite(picture.left_m)
+        label = np.full(is_plant.shape, UNLABELLED, dtype=np.uint8)
+        label[is_near & (picture.green < threshold - UNSURE_GREEN)] = PlantClass.SOIL
+        pieces, count = ndimage.label(is_plant & is_near, np.ones((3, 3)))
+        if not count:
+            return label
+        numbers = np.arange(1, count + 1)
+        off_m = np.abs(np.where(is_near, picture.left_m, np.inf))
+        nearest_m = np.asarray(ndimage.minimum(off_m, pieces, numbers))
+        farthest_m = np.asarray(ndimage.maximum(off_m, pieces, numbers))
+        size_px = np.bincount(pieces.ravel(), minlength=count + 1)[1:]
+        area_m2 = np.asarray(ndimage.sum(self._ground.area_m2, pieces, numbers))
+        reach_m = LEAVES_RATIO * half_row_m
+        is_big = size_px >= LEAST_PX
+        in_reach = np.asarray(ndimage.mean(off_m <= reach_m, pieces, numbers))
+        on_row = is_big & (nearest_m <= half_row_m / 2.0) & (in_reach >= LEAST_IN_ROW)
+        if on_row.any():
+            on_row &= area_m2 >= LEAST_SHARE * float(np.median(area_m2[on_row]))
+        between = is_big & (nearest_m > reach_m + CLEAR_M)
+        between &= farthest_m < self._far_m - NEXT_ROW_RATIO * reach_m
+        is_sure = is_plant & (picture.green > threshold + UNSURE_GREEN)
+        crop = _choose(on_row)[pieces] & (off_m <= reach_m)
+        label[is_sure & crop] = PlantClass.CROP
+        label[is_sure & _choose(between)[pieces]] = PlantClass.WEED
+        return label
+
+    def _find_left_m(self, at_ahead_m: float, right_m: float, yaw_rad: float) -> FloatArray:
+        """How far left of a line the plants stand that the pixels show.
+
+        Seen from `at_ahead_m` ahead of the robot the line lies `right_m` to the right and runs
+        towards `yaw_rad`.
+        """
+        sin, cos = math.sin(yaw_rad), math.cos(yaw_rad)
+        left_m: FloatArray = cos * self._y_m - sin * (self._x_m - at_ahead_m) + right_m
+        return left_m
+
+
+class GreenHistogram:
+    """How green the pixels of many pictures are: `add` each, then ask for the `threshold`."""
+
+    def __init__(self) -> None:
+        self._edges = np.linspace(-0.5, 1.0, 257)
+        self._counts = np.zeros(256)
+
+    def add(self, image_rgb: ByteArray) -> None:
+        self._counts += np.histogram(_measure_green(image_rgb)[::4, ::4], self._edges)[0]
+
+    def find_threshold(self) -> float:
+        """Find the excess of green that parts plants from soil best (Otsu 1979)."""
+        counts, middles = self._counts, (self._edges[:-1] + self._edges[1:]) / 2.0
+        below, sums = np.cumsum(counts), np.cumsum(counts * middles)
+        above, rest = below[-1] - below, sums[-1] - sums
+        parted = below * above * (sums / np.maximum(below, 1) - rest / np.maximum(above, 1)) ** 2
+        return float(np.clip(self._edges[int(parted.argmax()) + 1], LEAST_GREEN, MOST_GREEN))
+
+
+class RowProfile:
+    """What grows across the row, over many pictures: `add` each, then ask for `half_row_m`."""
+
+    def __init__(self) -> None:
+        self._grown, self._shown = np.zeros(PROFILE_CELLS), np.zeros(PROFILE_CELLS)
+
+    def add(self, picture: RowPicture, threshold: float) -> None:
+        off_m = np.abs(picture.left_m)
+        near = off_m < PROFILE_CELLS * CELL_M
+        cell = np.minimum((off_m[near] / CELL_M).astype(np.int64), PROFILE_CELLS - 1)
+        self._grown += np.bincount(cell, picture.green[near] > threshold, PROFILE_CELLS)
+        self._shown += np.bincount(cell, minlength=PROFILE_CELLS)
+
+    def find_half_row_m(self) -> float:
+        """Find how far from its line the plants of the row stand.
+
+        Raises: ConfigError: plants grow between the rows as they do on them.
+        """
+        covered = ndimage.uniform_filter1d(self._grown / np.maximum(self._shown, 1.0), 3)
+        between, top = float(np.median(covered[2 * PROFILE_CELLS // 3 :])), float(covered.max())
+        if top < LEAST_CONTRAST * between:
+            raise ConfigError(
+                f"plants cover {top:.0%} of the ground on the rows and {between:.0%} of that "
+                f"between them, which is not {LEAST_CONTRAST:g} times less: these rows cannot "
+                "teach; label some pictures by hand (agribot label)"
+            )
+        edge = between + EDGE_RATIO * (top - between)
+        is_beyond = (covered <= edge) & (np.arange(PROFILE_CELLS) > covered.argmax())
+        half_m = float(is_beyond.argmax()) * CELL_M if is_beyond.any() else math.inf
+        return min(max(half_m, HALF_ROW_M[0]), HALF_ROW_M[1])
+
+
+def _measure_green(image_rgb: ByteArray) -> npt.NDArray[np.float32]:
+    """Measure the excess of green, pixel by pixel: smoothed, leaves would grow over the soil."""
+    return excess_green(image_rgb).astype(np.float32)
+
+
+def _choose(chosen: Mask) -> Mask:
+    """Make a table of piece numbers, of which 0 is no piece."""
+    return np.concatenate([[False], chosen])
