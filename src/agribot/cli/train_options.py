@@ -200,6 +200,14 @@ def add_drawn_options(group: argparse._ArgumentGroup) -> None:
         metavar="N",
         help="as many of them from the robot's camera in turns beside rows (default: 1 of 6)",
     )
+    group.add_argument(
+        "--usual-images",
+        type=int,
+        default=0,
+        metavar="N",
+        help="so many more of the fields of --variety standard, half along rows and half in turns, "
+        "which another variety forgets; half of --validate then are such pictures, too",
+    )
     group.add_argument("--test-images", type=int, default=120, help="of each test set")
     group.add_argument("--cache", type=Path, help="where they lie (default: OUT/images)")
 
@@ -213,6 +221,11 @@ def check_drawn_options(args: argparse.Namespace) -> None:
         raise ConfigError(
             f"--with-sim {args.with_sim}: a number of images to add to photographs; leave it out "
             "with --data sim"
+        )
+    if args.usual_images < 0 or (args.usual_images and args.variety == "standard"):
+        raise ConfigError(
+            f"--usual-images {args.usual_images}: a number of images to add to those of another "
+            "--variety; leave it out with standard"
         )
     if args.row_images is None:
         args.row_images = args.images // 2

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agribot.cli.train_options import check_drawn_options
+from agribot.core.errors import ConfigError
 from agribot.core.geo import transform
 from agribot.core.messages import PlantClass
 from agribot.core.world import Relief, WorldSpec
 from agribot.description.field_generator import generate_field, lay_parallel_rows
 from agribot.description.loader import load_robot
-from agribot.lab.train.farm import choose_plan, draw_row_crop
+from agribot.lab.train.farm import choose_plan, draw_row_crop, draw_turn
 from agribot.lab.train.rough_ground import roughen, stand_on
 from agribot.lab.train.simulated import draw_random_field
 from agribot.lab.train.sources import make_simulated_source
@@ -118,10 +120,20 @@ def test_a_network_of_rough_fields_is_judged_on_the_test_sets_of_all_and_on_roug
     tmp_path: Path,
 ) -> None:
     words = ("--model", "agribot-sim", "--variety", "rough", "--images", "2", "--row-images", "1")
-    args = parsed(*words, "--turn-images", "0", "--test-images", "2", "--out", str(tmp_path))
+    few = ("--turn-images", "0", "--usual-images", "2", "--test-images", "2")
+    args = parsed(*words, *few, "--out", str(tmp_path))
     source = make_simulated_source(args, lambda line: None)
+    assert source.train_images == 4 and "--usual-images 2 " in source.command
+    for name, stream, drawer in (("rows", 113, draw_row_crop), ("turns", 114, draw_turn)):
+        drawn, _, _ = next(drawer(np.random.default_rng([args.seed, stream, 0]), 1))
+        assert any(np.array_equal(drawn, picture) for picture in source.pictures), name
     usual = {"random-fields", "farm", "row-crops", "turns"}
     assert set(source.tests) == usual | {"rough-fields", "rough-rows"}
     image_rgb, _ = next(iter(source.tests["random-fields"]()))
     expected, _, _ = next(draw_random_field(np.random.default_rng([args.seed, 101, 0]), 1))
     assert np.array_equal(image_rgb, expected)
+
+
+def test_more_usual_fields_are_refused_where_all_are_usual(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="leave it out with standard"):
+        check_drawn_options(parsed("--usual-images", "2", "--out", str(tmp_path)))

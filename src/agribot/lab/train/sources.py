@@ -34,18 +34,23 @@ from agribot.sim.random_scenes import STANDARD, VARIETIES, Variety
 
 VariedDrawer = Callable[..., Iterator[DrawnView]]  # of a scene; all but one of any variety
 CROP_PX = 320
-VALIDATION = ("valid-random", "valid-rows")
+VALIDATION = ("valid-random", "valid-rows", "valid-usual-rows", "valid-usual-turns")
 FOLDERS = {one: "" if one is STANDARD else name for name, one in VARIETIES.items()}
 
 
 class WantedSet(NamedTuple):
-    """A set of images to be drawn, each of its own stream of random numbers."""
+    """A set of images to be drawn, each of its own stream of random numbers.
+
+    With `teaches` a network learns from it, or is judged on it while it learns: where it finds
+    plants, they lie beside the images.
+    """
 
     name: str
     stream: int
     drawer: VariedDrawer
     variety: Variety
     images: int
+    teaches: bool = False
 
 
 class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
@@ -77,6 +82,8 @@ def make_simulated_source(args: argparse.Namespace, progress: Progress) -> Train
         "train-random": args.images - args.row_images - args.turn_images,
         "train-rows": args.row_images,
         "train-turns": args.turn_images,
+        "train-usual-rows": args.usual_images - args.usual_images // 2,
+        "train-usual-turns": args.usual_images // 2,
     }
     finds_plants = find_architecture(args.model).finds_plants
     learns_classes = not args.keep_classes
@@ -85,6 +92,7 @@ def make_simulated_source(args: argparse.Namespace, progress: Progress) -> Train
     recipe = TrainingPlan(steps=1, crop_px=args.crop_px, data=f"sim --variety {args.variety}")
     words = f" --model {args.model}" if finds_plants else ""
     words += f" --crop-px {args.crop_px}" if args.crop_px != CROP_PX else ""
+    usual = f"--usual-images {args.usual_images} " if args.usual_images else ""
     judge = _make_view_judge(args, [sets.pop(name) for name in VALIDATION])
     if finds_plants:
         views = [view for one, count in trained for view in one.read_views(count)]
@@ -106,14 +114,14 @@ def make_simulated_source(args: argparse.Namespace, progress: Progress) -> Train
         pictures=images,
         recipe=recipe,
         tests={name: partial(one.read, args.test_images) for name, one in sets.items()},
-        train_images=args.images,
+        train_images=args.images + args.usual_images,
         input_size_px=(INPUT_HEIGHT_PX, INPUT_WIDTH_PX),
         antialias=False,
         about=f"{SIM_TEXT}{VARIETY_TEXTS.get(args.variety, '')}; no photograph was used",
         license=LICENSE,
         limits=SIM_LIMITS,
         command=f"agribot train --data sim --variety {args.variety}{words} --images {args.images} "
-        f"--row-images {args.row_images} --turn-images {args.turn_images} "
+        f"--row-images {args.row_images} --turn-images {args.turn_images} {usual}"
         f"--test-images {args.test_images}",
     )
 
@@ -128,10 +136,12 @@ def _make_view_judge(args: argparse.Namespace, sets: list[DataSet]) -> Judge | N
     return HeldOutPictures(pictures, (INPUT_HEIGHT_PX, INPUT_WIDTH_PX), features)
 
 
-def _split_validation(args: argparse.Namespace) -> tuple[int, int]:
-    """Count the pictures of --validate from random masts, and those along rows."""
+def _split_validation(args: argparse.Namespace) -> tuple[int, int, int, int]:
+    """Count the pictures of --validate of each set in VALIDATION."""
     count = args.validate or 0
-    return count // 2, count - count // 2
+    usual = count // 2 if args.usual_images else 0
+    own = count - usual
+    return own // 2, own - own // 2, usual - usual // 2, usual // 2
 
 
 def _count_aside(args: argparse.Namespace) -> int:
@@ -153,14 +163,23 @@ def _draw_sets(
 ) -> dict[str, DataSet]:
     """Draw the sets, with plants those of the variety's own, and some to be set aside."""
     own = VARIETIES[args.variety]
-    masts, rows = _split_validation(args)
+    masts, rows, usual_rows, usual_turns = _split_validation(args)
     usual = STANDARD if own.rough_share else own  # a test set that others have too
     wanted = [
-        WantedSet("train-random", 0, draw_random_field, own, counts["train-random"]),
-        WantedSet("train-rows", 1, draw_row_crop, own, counts["train-rows"]),
-        WantedSet("train-turns", 2, draw_turn, own, counts["train-turns"]),
-        WantedSet("valid-random", 109, draw_random_field, own, masts),
-        WantedSet("valid-rows", 110, draw_row_crop, own, rows),
+        WantedSet("train-random", 0, draw_random_field, own, counts["train-random"], teaches=True),
+        WantedSet("train-rows", 1, draw_row_crop, own, counts["train-rows"], teaches=True),
+        WantedSet("train-turns", 2, draw_turn, own, counts["train-turns"], teaches=True),
+        WantedSet("valid-random", 109, draw_random_field, own, masts, teaches=True),
+        WantedSet("valid-rows", 110, draw_row_crop, own, rows, teaches=True),
+        *[
+            WantedSet(name, stream, drawer, STANDARD, count, teaches=True)
+            for name, stream, drawer, count in (
+                ("train-usual-rows", 113, draw_row_crop, counts["train-usual-rows"]),
+                ("train-usual-turns", 114, draw_turn, counts["train-usual-turns"]),
+                ("valid-usual-rows", 115, draw_row_crop, usual_rows),
+                ("valid-usual-turns", 116, draw_turn, usual_turns),
+            )
+        ],
         WantedSet("random-fields", 101, draw_random_field, usual, args.test_images),
         WantedSet("farm", 102, draw_farm, usual, args.test_images),
         WantedSet("row-crops", 103, draw_row_crop, usual, args.test_images),
@@ -177,7 +196,9 @@ def _draw_sets(
             WantedSet(f"{args.variety}-rows", 108, draw_row_crop, own, args.test_images),
         ]
     return {
-        one.name: draw_set(args, one, progress, has_plants=has_plants and one.variety is own)
+        one.name: draw_set(
+            args, one, progress, has_plants=has_plants and (one.teaches or one.variety is own)
+        )
         for one in wanted
     }
 
@@ -186,7 +207,7 @@ def draw_set(
     args: argparse.Namespace, wanted: WantedSet, progress: Progress, *, has_plants: bool = False
 ) -> DataSet:
     """Draw the images of a set that are not in its folder yet."""
-    name, stream, drawer, variety, images = wanted
+    name, stream, drawer, variety, images, _ = wanted
     drawn = DataSet(
         folder=(args.cache or args.out / "images") / FOLDERS[variety],
         name=name,
