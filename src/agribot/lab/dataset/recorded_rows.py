@@ -64,21 +64,22 @@ class RecordedPictures:
         self._size_px = (robot.camera.height_px, robot.camera.width_px)
         ground = GroundLookup(robot.camera, robot.body_from_camera(), self._size_px, FAR_M)
         self.labeller = RowLabeller(ground, pitch_m or _find_pitch_m(config))
-        self._jpegs = [_read_jpeg(message.data) for message in read_messages(self.path, IMAGE)]
-        if not self._jpegs:
+        self._count = sum(1 for _ in read_messages(self.path, IMAGE))
+        if not self._count:
             raise RecordingError(
                 f"{self.path} holds no pictures; record them with --set record.image_rate_hz=1"
             )
 
     def __len__(self) -> int:
-        return len(self._jpegs)
+        return self._count
 
     def read(self) -> Iterator[tuple[int, bytes, ByteArray]]:
         """Read the number of each picture, its file and its pixels.
 
         Raises: RecordingError: a picture cannot be read, or is not of the camera's size.
         """
-        for number, jpeg in enumerate(self._jpegs):
+        for number, message in enumerate(read_messages(self.path, IMAGE)):
+            jpeg = _read_jpeg(message.data)
             try:
                 with Image.open(io.BytesIO(jpeg)) as image:
                     pixels = np.asarray(image.convert("RGB"))
