@@ -79,6 +79,7 @@ COMMANDS = {
         "{out}/0.txt --images {pairs}/images --classes crop=0 --out {out}/imported",
         "",
     ),
+    "dataset label-by-rows": ("{run} --out {out}/taught", "sim"),
     "dataset split": ("{pairs} --by image --ratios 50,25,25 -o {out}/split.json", ""),
     "train": ("--images 1 --minutes 1 --out {out}/training", "train"),
     "eval": ("{pairs}", ""),
