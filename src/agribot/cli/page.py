@@ -136,18 +136,18 @@ def announce(url: str, viewer_url: str, options: argparse.Namespace) -> None:
 
 def serve_page(server: ServerProcess, what: str, options: argparse.Namespace) -> int:
     """Serve a page beside which no robot runs, until somebody interrupts."""
-    server.start()
-    try:
-        server.listen(lambda _data: None, lambda: None, LOOK_S)
-        announce(server.url, server.address.viewer_url(server.port), options)
-        sys.stderr.write(f"{what}: Ctrl-C ends\n")
-        with stop_on_signal() as stop:
+    with stop_on_signal() as stop:  # before anybody reads that Ctrl-C ends it
+        server.start()
+        try:
+            server.listen(lambda _data: None, lambda: None, LOOK_S)
+            announce(server.url, server.address.viewer_url(server.port), options)
+            sys.stderr.write(f"{what}: Ctrl-C ends\n")
             while not stop:
                 if server.has_ended.is_set():
                     raise PlatformError("the page's server could not be started; see above")
                 time.sleep(LOOK_S)
-    finally:
-        server.close()
+        finally:
+            server.close()
     return 0
 
 
