@@ -101,3 +101,6 @@ def _find_turn(crops: Sequence[RowCrop]) -> float | None:
     if len(ratios) < LEAST_PAIRS:
         return None
     return median(ratios)
+
+
+NO_ROWS = RowsAround((), 0.0)  # nothing lies beside one

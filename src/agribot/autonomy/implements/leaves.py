@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from agribot.autonomy.implements.beside_rows import REACH_M, RowsAround
+from agribot.autonomy.implements.beside_rows import NO_ROWS, REACH_M, RowsAround
 from agribot.autonomy.implements.tool_frame import ToolPose
 from agribot.core.config import LeafRule
 from agribot.core.implement.plants import Disc, KnownPlant, PlantMap
@@ -25,7 +25,7 @@ def spare_leaves(
     half_y_m: float,
     plants: PlantMap,
     leaves: LeafRule = "alone",
-    rows: RowsAround | None = None,
+    rows: RowsAround = NO_ROWS,
 ) -> tuple[bool, ...]:
     """Switch off every section whose box on the ground has leaves of crop in it.
 
@@ -54,11 +54,11 @@ def spare_leaves(
     known = [] if leaves == "never" else [crop for crop in crops if ground.is_alone(crop)]
     by_stem = leaves in ("mapped", "rows")
     stems = [crop._replace(radius_m=STEM_VOTE_M) for crop in crops] if by_stem else []
-    beside = rows if leaves == "rows" else None
+    beside = rows if leaves == "rows" else NO_ROWS
 
     def is_dry(left_m: float) -> bool:
         place_m = map_from_tool.transform(0.0, left_m)
-        is_beside = beside is not None and beside.is_beside(left_m, half_x_m, half_y_m)
+        is_beside = beside.is_beside(left_m, half_x_m, half_y_m)
         dry = [Disc(*place_m, 2.0 * (half_x_m + half_y_m))] if is_beside else known
         return ground.covers(*place_m, yaw_rad, half_x_m, half_y_m, dry, stems)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from agribot.autonomy.implements.beside_rows import find_rows_around
+from agribot.autonomy.implements.beside_rows import NO_ROWS, find_rows_around
 from agribot.autonomy.implements.crop_guard import (
     CROP_STEM_M,
     STEM_MARGIN_M,
@@ -113,7 +113,8 @@ class Pointer:
         place = ToolPose(weed.plant.x_map_m, weed.plant.y_map_m, estimate.yaw_map_rad)
         half_m = spot_m + find_pose_margin_m(estimate, self._config)
         rule = self._config.leaves
-        rows = find_rows_around(place, plants, self._config.beside_row_m)
+        beside_m = self._config.beside_row_m
+        rows = find_rows_around(place, plants, beside_m) if rule == "rows" else NO_ROWS
         (is_bare,) = spare_leaves((True,), (0.0,), place, half_m, half_m, plants, rule, rows)
         return "" if is_bare else "leaf of crop"
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from agribot.autonomy.implements.beside_rows import RowsAround, find_rows_around
+from agribot.autonomy.implements.beside_rows import NO_ROWS, RowsAround, find_rows_around
 from agribot.autonomy.implements.crop_guard import (
     CROP_STEM_M,
     SURE_SIGMA,
@@ -146,28 +146,25 @@ class SpotSprayer:
         plants: PlantMap,
     ) -> tuple[bool, ...]:
         """Open the nozzles that cover a weed and keep off every crop; note why others stay shut."""
-        crops = [
-            (p.x_m, p.y_m, find_keep_off_m(p.plant, estimate, self._config))
-            for p in near
-            if p.plant.plant == PlantClass.CROP
-        ]
-        tool = predict_tool(estimate, self._spec.x_body_m, self._spec.latency_s)
+        spec, config = self._spec, self._config
+        tool = predict_tool(estimate, spec.x_body_m, spec.latency_s)
         scores = self._score_ground(tool, step_m, plants)
         if not targets and not scores:
             return self._closed
-        rows = find_rows_around(tool, plants, self._config.beside_row_m)
-        suspected = self._choose_suspected(scores, rows, crops, estimate, step_m)
+        crops = [
+            (p.x_m, p.y_m, find_keep_off_m(p.plant, estimate, config))
+            for p in near
+            if p.plant.plant == PlantClass.CROP
+        ]
+        needs_rows = bool(scores) or config.leaves == "rows"
+        rows = find_rows_around(tool, plants, config.beside_row_m) if needs_rows else NO_ROWS
+        box_m = self._find_leaf_box_m(estimate, step_m)
+        suspected = self._choose_suspected(scores, rows, crops, box_m, step_m)
         wanted = [self._choose(weed, crops, estimate, step_m) for weed in targets]
         asked = suspected.union(*(indices for indices, _ in wanted))
         is_asked = tuple(index in asked for index in range(len(self._y_body_m)))
         is_allowed = spare_leaves(
-            is_asked,
-            self._y_body_m,
-            tool,
-            *self._find_leaf_box_m(estimate, step_m),
-            plants,
-            self._config.leaves,
-            rows,
+            is_asked, self._y_body_m, tool, *box_m, plants, config.leaves, rows
         )
         opened = {index for index in suspected if is_allowed[index]}
         for weed, (indices, reason) in zip(targets, wanted, strict=True):
@@ -223,16 +220,15 @@ class SpotSprayer:
         scores: Mapping[int, float],
         rows: RowsAround,
         crops: Sequence[tuple[float, float, float]],
-        estimate: Estimate,
+        box_m: tuple[float, float],
         step_m: float,
     ) -> set[int]:
-        """Choose the nozzles over suspect ground that lies beside the rows."""
-        half_m = self._find_leaf_box_m(estimate, step_m)
+        """Choose the nozzles whose box of suspect ground lies beside the rows."""
         guard_m = CROP_STEM_M + self._config.crop_guard_m
         free = {
             index
             for index in scores
-            if rows.is_beside(self._y_body_m[index], *half_m)
+            if rows.is_beside(self._y_body_m[index], *box_m)
             and self._is_off_stems(index, crops, step_m, guard_m)
         }
         # Beside one that scores more and has to stay shut, it is the weed over there.
