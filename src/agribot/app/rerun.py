@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from agribot.app.calibration.measured_robot import apply_calibration
+from agribot.app.calibration.recorded_robot import read_measured_robot
 from agribot.app.field_work import read_field_work
 from agribot.app.known_plants import read_plants
 from agribot.app.prescribed_zones import read_zones
@@ -33,13 +33,11 @@ from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig, assign, drop_none, from_tree
 from agribot.core.errors import EndOfRecording, RecordingError
 from agribot.core.messages import STOP, MappedPlant, MapPoint, PlantClass, TickRecord
-from agribot.description.loader import parse_robot
 from agribot.record.mcap_file import part_number, read_attachment
 from agribot.record.replay import (
     ReplayPlatform,
     find_late_plans,
     read_ticks,
-    read_urdf,
     recorded_scenes,
 )
 
@@ -121,7 +119,7 @@ def read_pass(path: Path) -> list[TickRecord]:
 
 def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[MappedPlant, ...]]:
     """Run the stack on the recorded batches and scenes; return its ticks and its last weed map."""
-    robot = apply_calibration(parse_robot(read_urdf(path), "recorded robot"), config.calibration)
+    robot = read_measured_robot(path, config)
     goals = read_attachment(path, GOALS_ATTACHMENT)
     goals_map_m = msgspec.json.decode(goals, type=tuple[MapPoint, ...])
     text = read_attachment(path, PLAN_ATTACHMENT).decode() if config.plan else ""

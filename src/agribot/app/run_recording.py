@@ -27,6 +27,11 @@ TRUTH_PERIOD_S = 0.1
 Pose = tuple[float, float, float]
 
 
+def find_recording(path: FilePath) -> FilePath:
+    """Find the recording of a run by its folder; a file is one itself."""
+    return path / FILE_NAME if path.is_dir() else path
+
+
 class Recorded(Protocol):
     """The parts of a run that a recording holds besides its ticks."""
 

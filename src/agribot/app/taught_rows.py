@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agribot.app.run_recording import find_recording
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray
@@ -36,7 +37,7 @@ def teach_rows(recording: Path) -> tuple[str, int]:
     Rows run from one mark to the next; without marks, every stretch is one on which the robot
     did not turn. Raises: AgribotError: not a recording, or one without a row.
     """
-    path = recording / "run.mcap" if recording.is_dir() else recording
+    path = find_recording(recording)
     track = _read(path)
     stretches = split_by_marks(track) if track.marks_s else split_by_turns(track.points)
     if not stretches:

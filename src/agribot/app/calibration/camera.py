@@ -13,7 +13,7 @@ import numpy as np
 
 from agribot.app.calibration.advice import format_advice
 from agribot.app.calibration.figure import DriveSamples
-from agribot.app.calibration.measured_robot import apply_calibration
+from agribot.app.calibration.recorded_robot import read_measured_robot
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.row_view import Glance, RowViewFit, fit_row_view
 from agribot.autonomy.perceive.mount_fit import Look, MountFit, fit_mount, follow
@@ -22,8 +22,7 @@ from agribot.core.errors import MissionError
 from agribot.core.geo import rotation_from_rpy, rpy_from_rotation
 from agribot.core.messages import Scene, SensorBatch, Vec3
 from agribot.core.robot import RobotSpec
-from agribot.description.loader import parse_robot
-from agribot.record.replay import read_config, read_ticks, read_urdf
+from agribot.record.replay import read_config, read_ticks
 
 # After it began, the filter needs so long to know its heading from the drive.
 SETTLE_S = 5.0
@@ -79,7 +78,7 @@ class CameraDrive(NamedTuple):
 def observe_recording(path: Path) -> CameraDrive:
     """Read the scenes of a recording and estimate the poses without them."""
     config = read_config(path)
-    robot = apply_calibration(parse_robot(read_urdf(path), "recorded robot"), config.calibration)
+    robot = read_measured_robot(path, config)
     return observe_ticks(((tick.batch, tick.scenes) for tick in read_ticks(path)), robot, config)
 
 

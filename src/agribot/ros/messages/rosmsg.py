@@ -295,6 +295,12 @@ def make_compressed_image(t_s: float, jpeg: bytes) -> Any:
     )
 
 
+def read_compressed_image(data: bytes) -> bytes:
+    """Read the file, such as a JPEG, out of a serialised CompressedImage."""
+    image = load_types().deserialize_cdr(data, "sensor_msgs/msg/CompressedImage")
+    return bytes(image.data)  # type: ignore[attr-defined]
+
+
 def make_image(t_s: float, rgb: ByteArray) -> Any:
     """Make an uncompressed Image of `rgb` (height, width, 3)."""
     height_px, width_px, _ = rgb.shape

@@ -10,7 +10,7 @@ import msgspec
 from agribot.core import topics
 from agribot.core.topics import Topic
 from agribot.record.mcap_file import read_messages
-from agribot.ros.messages.rosmsg import load_types
+from agribot.ros.messages.rosmsg import read_compressed_image
 
 MAX_BYTES = 64_000_000  # some half an hour at one picture per second; more is thinned out
 
@@ -54,8 +54,7 @@ def _jpegs(path: Path, topic: Topic) -> dict[float, bytes]:
     for number, message in enumerate(read_messages(path, topic)):
         if number % every:
             continue
-        image = load_types().deserialize_cdr(message.data, topic.ros_type)
-        data = bytes(image.data)  # type: ignore[attr-defined]
+        data = read_compressed_image(message.data)
         kept[message.publish_time * 1e-9] = data
         size += len(data)
         if size > MAX_BYTES:
