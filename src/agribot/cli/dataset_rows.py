@@ -38,12 +38,12 @@ def label_by_rows(options: argparse.Namespace) -> int:
     """Raise: AgribotError: recordings that cannot teach."""
     import msgspec
 
-    from agribot.lab.dataset.recorded_rows import RecordedPictures, label_recordings
+    from agribot.lab.dataset.recorded_rows import PASSES, RecordedPictures, label_recordings
 
     if options.pitch is not None and not 0.2 <= options.pitch <= 5.0:
         raise ConfigError(f"--pitch {options.pitch:g}: must be from 0.2 to 5 m")
     recordings = [RecordedPictures(path, options.pitch) for path in options.runs]
-    progress = CountProgress(2 * sum(map(len, recordings)), "pictures")
+    progress = CountProgress(PASSES * sum(map(len, recordings)), "pictures")
     report = label_recordings(recordings, options.out, progress)
     progress.close()
     ratios = ", ".join(f"{name} {share:.2%}" for name, share in report.pixel_ratio.items())

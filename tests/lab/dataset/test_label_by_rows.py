@@ -33,6 +33,7 @@ from agribot.lab.dataset.row_labels import (
     RowLabeller,
     RowPicture,
     RowProfile,
+    measure_green,
 )
 from agribot.lab.train.farm import choose_row_pose
 from agribot.record.mcap_file import McapFile
@@ -81,20 +82,26 @@ def labeller() -> RowLabeller:
 def find_threshold(pictures: Pictures) -> float:
     green = GreenHistogram()
     for image_rgb, _ in pictures:
-        green.add(image_rgb)
+        green.add(measure_green(image_rgb))
     return green.find_threshold()
+
+
+def look(labeller: RowLabeller, image_rgb: ByteArray, threshold: float) -> RowPicture | None:
+    green = measure_green(image_rgb)
+    line = labeller.find_line(green, threshold)
+    return None if line is None else labeller.place(green, line)
 
 
 def label_all(labeller: RowLabeller, pictures: Pictures) -> tuple[ByteArray, ByteArray]:
     """What the rows teach and what is true, of all pixels of pictures that show a row."""
     threshold, profile = find_threshold(pictures), RowProfile()
-    looks = [(labeller.look(image_rgb, threshold), truth) for image_rgb, truth in pictures]
-    shown = [(look, truth) for look, truth in looks if look is not None]
+    looks = [(look(labeller, image_rgb, threshold), truth) for image_rgb, truth in pictures]
+    shown = [(seen, truth) for seen, truth in looks if seen is not None]
     assert len(shown) >= VIEWS / 2
-    for look, _ in shown:
-        profile.add(look, threshold)
+    for seen, _ in shown:
+        profile.add(seen, threshold)
     half_row_m = profile.find_half_row_m()
-    taught = [labeller.label(look, threshold, half_row_m) for look, _ in shown]
+    taught = [labeller.label(seen, threshold, half_row_m) for seen, _ in shown]
     return np.stack(taught), np.stack([truth for _, truth in shown])
 
 
@@ -133,8 +140,8 @@ def test_a_picture_across_the_rows_is_left_out(labeller: RowLabeller, carrots: P
     across = np.ascontiguousarray(np.rot90(carrots[0][0][:, 80:560]))
     wide = np.zeros_like(carrots[0][0])
     wide[:, 80:560] = across
-    assert labeller.look(wide, threshold) is None
-    assert labeller.look(np.full_like(wide, 120), threshold) is None
+    assert look(labeller, wide, threshold) is None
+    assert look(labeller, np.full_like(wide, 120), threshold) is None
 
 
 def test_where_as_much_grows_between_the_rows_as_on_them_nothing_is_taught() -> None:
@@ -152,7 +159,7 @@ def test_where_as_much_grows_between_the_rows_as_on_them_nothing_is_taught() -> 
 def test_a_meadow_shows_no_row(labeller: RowLabeller) -> None:
     meadow = draw("carrot", 0.5, 0.05, 150.0)
     threshold = find_threshold(meadow)
-    assert not any(labeller.look(image_rgb, threshold) for image_rgb, _ in meadow)
+    assert not any(look(labeller, image_rgb, threshold) for image_rgb, _ in meadow)
 
 
 def record(path: Path, images_rgb: list[ByteArray]) -> None:

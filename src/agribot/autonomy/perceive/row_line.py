@@ -131,6 +131,16 @@ def find_row_line(class_map: ClassMap, ground: GroundLookup, t_s: float) -> RowL
     )
 
 
+def locate_foliage(ground: GroundLookup, seen: Mask) -> tuple[FloatArray, FloatArray]:
+    """Locate the plants that the `seen` of the pixels show, (N,) each, ahead and to the left."""
+    x_camera_m, y_camera_m = ground.camera_xyz_body_m[:2].tolist()
+    nearer = _nearer(ground)
+    return (
+        x_camera_m + nearer * (ground.x_body_m[seen].astype(np.float64) - x_camera_m),
+        y_camera_m + nearer * (ground.y_body_m[seen].astype(np.float64) - y_camera_m),
+    )
+
+
 def _nearer(ground: GroundLookup) -> float:
     return 1.0 - FOLIAGE_M / float(ground.camera_xyz_body_m[2])
 
@@ -155,11 +165,8 @@ def _view(ground: GroundLookup) -> Wedge:
 def _growth(class_map: ClassMap, ground: GroundLookup, wanted: Mask) -> Growth:
     """Pixels within range as cells of the ground, moved to where their plants stand."""
     seen = wanted & (ground.range_m <= FAR_M)
-    x_camera_m, y_camera_m = ground.camera_xyz_body_m[:2].tolist()
-    nearer = _nearer(ground)
-    x_m = x_camera_m + nearer * (ground.x_body_m[seen].astype(np.float64) - x_camera_m)
-    y_m = y_camera_m + nearer * (ground.y_body_m[seen].astype(np.float64) - y_camera_m)
-    area_m2 = nearer**2 * ground.area_m2[seen].astype(np.float64)
+    x_m, y_m = locate_foliage(ground, seen)
+    area_m2 = _nearer(ground) ** 2 * ground.area_m2[seen].astype(np.float64)
     area_m2 *= class_map.confidence[seen] / 255.0
     along = np.floor(x_m / CELL_M).astype(np.int64)
     across = np.floor(y_m / CELL_M).astype(np.int64)

@@ -12,20 +12,26 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, UnidentifiedImageError
 
-from agribot.app.calibration.measured_robot import apply_calibration
+from agribot.app.calibration.recorded_robot import read_measured_robot
+from agribot.app.run_recording import find_recording
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.core import topics
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, RecordingError
-from agribot.core.messages import ByteArray, PlantClass
+from agribot.core.messages import ByteArray, PlantClass, RowLine
 from agribot.core.whole_file import write_at_once
-from agribot.description.loader import parse_robot
 from agribot.lab.dataset.classes import UNLABELLED
 from agribot.lab.dataset.importing import encode_mask
-from agribot.lab.dataset.row_labels import FAR_M, GreenHistogram, RowLabeller, RowProfile
+from agribot.lab.dataset.row_labels import (
+    FAR_M,
+    GreenHistogram,
+    RowLabeller,
+    RowProfile,
+    measure_green,
+)
 from agribot.record.mcap_file import read_messages
-from agribot.record.replay import read_config, read_urdf
-from agribot.ros.messages.rosmsg import load_types
+from agribot.record.replay import read_config
+from agribot.ros.messages.rosmsg import read_compressed_image
 
 # A picture that differs from the one before by less, in levels of 255, was taken at a standstill.
 LEAST_CHANGE = 1.5
@@ -54,11 +60,9 @@ class RecordedPictures:
     """
 
     def __init__(self, path: Path, pitch_m: float | None = None) -> None:
-        self.path = path / "run.mcap" if path.is_dir() else path
+        self.path = find_recording(path)
         config = read_config(self.path)
-        robot = apply_calibration(
-            parse_robot(read_urdf(self.path), self.path.name), config.calibration
-        )
+        robot = read_measured_robot(self.path, config)
         if robot.camera is None:
             raise ConfigError(f"{self.path}: its robot has no camera; there is nothing to label")
         self._size_px = (robot.camera.height_px, robot.camera.width_px)
@@ -79,7 +83,7 @@ class RecordedPictures:
         Raises: RecordingError: a picture cannot be read, or is not of the camera's size.
         """
         for number, message in enumerate(read_messages(self.path, IMAGE)):
-            jpeg = _read_jpeg(message.data)
+            jpeg = read_compressed_image(message.data)
             try:
                 with Image.open(io.BytesIO(jpeg)) as image:
                     pixels = np.asarray(image.convert("RGB"))
@@ -95,10 +99,24 @@ class RecordedPictures:
             yield number, jpeg, pixels
 
 
-class _Look(NamedTuple):
-    """Which pictures of a recording show a row and a robot that moves, and how many do not."""
+PASSES = 3  # over all pictures: how green they are, where their rows run, what they show
 
-    taken: frozenset[int]
+
+class _Counter:
+    """Tells how many pictures of all passes are done."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress, self._done = progress, 0
+
+    def __call__(self) -> None:
+        self._done += 1
+        self._progress(self._done)
+
+
+class _Look(NamedTuple):
+    """The row of each picture that shows one to a robot that moves, and how many do not."""
+
+    lines: dict[int, RowLine]
     without_row: int
     at_standstill: int
 
@@ -114,14 +132,14 @@ def label_recordings(
     if out.exists() and any(out.iterdir()):
         raise ConfigError(f"--out {out} is no empty folder; give a new one, or empty it")
     green, profile = GreenHistogram(), RowProfile()
-    for _, _, pixels in _read_all(recordings):
-        green.add(pixels)
-    threshold, done = green.find_threshold(), 0
-    looks = []
+    counted = _Counter(progress)
     for recording in recordings:
-        looks.append(_look_through(recording, threshold, profile))
-        progress(done := done + len(recording))
-    total = sum(len(look.taken) for look in looks)
+        for _, _, pixels in recording.read():
+            green.add(measure_green(pixels))
+            counted()
+    threshold = green.find_threshold()
+    looks = [_look_through(recording, threshold, profile, counted) for recording in recordings]
+    total = sum(len(look.lines) for look in looks)
     if not total:
         raise ConfigError(
             "no picture shows a row that the robot drives along; label by hand (agribot label)"
@@ -130,12 +148,12 @@ def label_recordings(
     counts = np.zeros(256, dtype=np.int64)
     for index, (recording, look) in enumerate(zip(recordings, looks, strict=True)):
         for number, jpeg, pixels in recording.read():
-            picture = recording.labeller.look(pixels, threshold) if number in look.taken else None
-            if picture is not None:
+            if number in look.lines:
+                picture = recording.labeller.place(measure_green(pixels), look.lines[number])
                 label = recording.labeller.label(picture, threshold, half_row_m)
                 counts += np.bincount(label.ravel(), minlength=256)
                 _write(out, f"{recording.path.parent.name}-{index}-{number:05d}", jpeg, label)
-            progress(done := done + 1)
+            counted()
     shares = (counts / counts.sum()).tolist()
     return RowLabelReport(
         folder=str(out),
@@ -152,39 +170,33 @@ def label_recordings(
     )
 
 
-def _look_through(recording: RecordedPictures, threshold: float, profile: RowProfile) -> _Look:
-    taken: set[int] = set()
+def _look_through(
+    recording: RecordedPictures, threshold: float, profile: RowProfile, counted: _Counter
+) -> _Look:
+    lines: dict[int, RowLine] = {}
     before: npt.NDArray[np.int16] | None = None
     still = without_row = 0
     for number, _, pixels in recording.read():
+        counted()
         small = pixels[::LOOK_EVERY, ::LOOK_EVERY].astype(np.int16)
         if before is not None and float(np.abs(small - before).mean()) < LEAST_CHANGE:
             still += 1
             continue
         before = small
-        picture = recording.labeller.look(pixels, threshold)
-        if picture is None:
+        green = measure_green(pixels)
+        line = recording.labeller.find_line(green, threshold)
+        if line is None:
             without_row += 1
             continue
-        taken.add(number)
-        profile.add(picture, threshold)
-    return _Look(frozenset(taken), without_row, still)
-
-
-def _read_all(recordings: Sequence[RecordedPictures]) -> Iterator[tuple[int, bytes, ByteArray]]:
-    for recording in recordings:
-        yield from recording.read()
+        lines[number] = line
+        profile.add(recording.labeller.place(green, line), threshold)
+    return _Look(lines, without_row, still)
 
 
 def _find_pitch_m(config: RunConfig) -> float | None:
     """Find how far apart the rows of a profile's field are; of a plan nobody knows."""
     field = config.field
     return None if config.plan or field.row_count < 2 else field.row_pitch_m
-
-
-def _read_jpeg(data: bytes) -> bytes:
-    message = load_types().deserialize_cdr(data, IMAGE.ros_type)
-    return bytes(message.data)  # type: ignore[attr-defined]
 
 
 def _write(out: Path, name: str, jpeg: bytes, label: ByteArray) -> None:

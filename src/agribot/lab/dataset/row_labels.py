@@ -17,13 +17,15 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from agribot.autonomy.perceive.ground import GroundLookup
-from agribot.autonomy.perceive.row_line import FOLIAGE_M, find_row_line
+from agribot.autonomy.perceive.row_line import find_row_line, locate_foliage
 from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.core.errors import ConfigError
-from agribot.core.messages import ByteArray, FloatArray, PlantClass
+from agribot.core.messages import ByteArray, PlantClass, RowLine
+from agribot.core.pose import Pose2
 from agribot.lab.dataset.classes import UNLABELLED, excess_green
 
 Mask = npt.NDArray[np.bool_]
+Green = npt.NDArray[np.float32]  # excess of green of pixels (H, W)
 
 # Beyond it a pixel covers more than a small leaf.
 FAR_M = 1.8
@@ -54,13 +56,14 @@ class RowPicture(NamedTuple):
     stands that a pixel shows, NaN where it is too far off.
     """
 
-    green: npt.NDArray[np.float32]
+    green: Green
     left_m: npt.NDArray[np.float32]
 
 
 class RowLabeller:
-    """Labels the pictures of one camera on one robot: `look` at all of them, then `label` each.
+    """Labels the pictures of one camera on one robot, by how green their pixels are.
 
+    Find the line of each, `place` its pixels, and `label` it when all of them are known.
     `pitch_m` is how far the next row is; where it is not known, only what stands near the row of
     the robot can be told.
     """
@@ -68,15 +71,11 @@ class RowLabeller:
     def __init__(self, ground: GroundLookup, pitch_m: float | None = None) -> None:
         self._ground = ground
         self._far_m = PROFILE_CELLS * CELL_M if pitch_m is None else pitch_m
-        camera_x_m, camera_y_m, camera_z_m = ground.camera_xyz_body_m.tolist()
-        nearer = 1.0 - FOLIAGE_M / camera_z_m
-        self._x_m = camera_x_m + nearer * (ground.x_body_m - camera_x_m)
-        self._y_m = camera_y_m + nearer * (ground.y_body_m - camera_y_m)
         self._is_near = (ground.range_m <= FAR_M) & (ground.area_m2 > 0.0)
+        self._place_m = locate_foliage(ground, self._is_near)
 
-    def look(self, image_rgb: ByteArray, threshold: float) -> RowPicture | None:
-        """Find the row in a picture (H, W, 3); None where it shows none that the robot follows."""
-        green = _measure_green(image_rgb)
+    def find_line(self, green: Green, threshold: float) -> RowLine | None:
+        """Find the row in a picture; None where it shows none that the robot follows."""
         # Thin leaves, as onions have, cover too little ground for a line that is found by cover.
         is_plant = ndimage.maximum_filter(green, THICKEN_PX) > threshold
         class_id = np.where(is_plant, PlantClass.CROP, PlantClass.SOIL).astype(np.uint8)
@@ -87,12 +86,15 @@ class RowLabeller:
             return None
         if abs(line.offset_m) > MOST_OFFSET_M or abs(line.heading_rad) > MOST_HEADING_RAD:
             return None
-        left_m = np.where(
-            self._is_near,
-            self._find_left_m(line.at_ahead_m, line.offset_m, -line.heading_rad),
-            np.nan,
-        )
-        return RowPicture(green, left_m.astype(np.float32))
+        return line
+
+    def place(self, green: Green, line: RowLine) -> RowPicture:
+        """Say of the pixels how far from a line of `find_line` their plants stand."""
+        assert line.offset_m is not None and line.heading_rad is not None
+        seen_from = Pose2(line.at_ahead_m, 0.0, -line.heading_rad)
+        left_m = np.full(green.shape, np.nan, dtype=np.float32)
+        left_m[self._is_near] = seen_from.locate(*self._place_m)[1] + line.offset_m
+        return RowPicture(green, left_m)
 
     def label(self, picture: RowPicture, threshold: float, half_row_m: float) -> ByteArray:
         """Label the pixels (H, W): a PlantClass, or UNLABELLED where nobody can tell."""
@@ -123,16 +125,6 @@ class RowLabeller:
         label[is_sure & _choose(between)[pieces]] = PlantClass.WEED
         return label
 
-    def _find_left_m(self, at_ahead_m: float, right_m: float, yaw_rad: float) -> FloatArray:
-        """How far left of a line the plants stand that the pixels show.
-
-        Seen from `at_ahead_m` ahead of the robot the line lies `right_m` to the right and runs
-        towards `yaw_rad`.
-        """
-        sin, cos = math.sin(yaw_rad), math.cos(yaw_rad)
-        left_m: FloatArray = cos * self._y_m - sin * (self._x_m - at_ahead_m) + right_m
-        return left_m
-
 
 class GreenHistogram:
     """How green the pixels of many pictures are: `add` each, then ask for the `threshold`."""
@@ -141,8 +133,8 @@ class GreenHistogram:
         self._edges = np.linspace(-0.5, 1.0, 257)
         self._counts = np.zeros(256)
 
-    def add(self, image_rgb: ByteArray) -> None:
-        self._counts += np.histogram(_measure_green(image_rgb)[::4, ::4], self._edges)[0]
+    def add(self, green: Green) -> None:
+        self._counts += np.histogram(green[::4, ::4], self._edges)[0]
 
     def find_threshold(self) -> float:
         """Find the excess of green that parts plants from soil best (Otsu 1979)."""
@@ -185,7 +177,7 @@ class RowProfile:
         return min(max(half_m, HALF_ROW_M[0]), HALF_ROW_M[1])
 
 
-def _measure_green(image_rgb: ByteArray) -> npt.NDArray[np.float32]:
+def measure_green(image_rgb: ByteArray) -> Green:
     """Measure the excess of green, pixel by pixel: smoothed, leaves would grow over the soil."""
     return excess_green(image_rgb).astype(np.float32)
 
