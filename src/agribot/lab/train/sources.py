@@ -34,23 +34,32 @@ from agribot.sim.random_scenes import STANDARD, VARIETIES, Variety
 
 VariedDrawer = Callable[..., Iterator[DrawnView]]  # of a scene; all but one of any variety
 CROP_PX = 320
-VALIDATION = ("valid-random", "valid-rows", "valid-usual-rows", "valid-usual-turns")
 FOLDERS = {one: "" if one is STANDARD else name for name, one in VARIETIES.items()}
 
 
-class WantedSet(NamedTuple):
-    """A set of images to be drawn, each of its own stream of random numbers.
+# What a network learns from, and is judged on while it learns: stream and drawer of each set, and
+# whether its fields are those of the standard variety.
+TAUGHT: dict[str, tuple[int, VariedDrawer, bool]] = {
+    "train-random": (0, draw_random_field, False),
+    "train-rows": (1, draw_row_crop, False),
+    "train-turns": (2, draw_turn, False),
+    "train-usual-rows": (113, draw_row_crop, True),
+    "train-usual-turns": (114, draw_turn, True),
+    "valid-random": (109, draw_random_field, False),
+    "valid-rows": (110, draw_row_crop, False),
+    "valid-usual-rows": (115, draw_row_crop, True),
+    "valid-usual-turns": (116, draw_turn, True),
+}
 
-    With `teaches` a network learns from it, or is judged on it while it learns: where it finds
-    plants, they lie beside the images.
-    """
+
+class WantedSet(NamedTuple):
+    """A set of images to be drawn, each of its own stream of random numbers."""
 
     name: str
     stream: int
     drawer: VariedDrawer
     variety: Variety
     images: int
-    teaches: bool = False
 
 
 class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
@@ -78,22 +87,16 @@ class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
 
 def make_simulated_source(args: argparse.Namespace, progress: Progress) -> TrainingSource:
     """Draw what is missing of the training sets and the held-out sets."""
-    counts = {
-        "train-random": args.images - args.row_images - args.turn_images,
-        "train-rows": args.row_images,
-        "train-turns": args.turn_images,
-        "train-usual-rows": args.usual_images - args.usual_images // 2,
-        "train-usual-turns": args.usual_images // 2,
-    }
+    counts, judged = _count_training(args), _count_validation(args)
     finds_plants = find_architecture(args.model).finds_plants
     learns_classes = not args.keep_classes
-    sets = _draw_sets(args, counts, progress, finds_plants, learns_classes)
+    sets = _draw_sets(args, counts | judged, progress, finds_plants, learns_classes)
     trained = [(sets.pop(name), count) for name, count in counts.items()]
     recipe = TrainingPlan(steps=1, crop_px=args.crop_px, data=f"sim --variety {args.variety}")
     words = f" --model {args.model}" if finds_plants else ""
     words += f" --crop-px {args.crop_px}" if args.crop_px != CROP_PX else ""
     usual = f"--usual-images {args.usual_images} " if args.usual_images else ""
-    judge = _make_view_judge(args, [sets.pop(name) for name in VALIDATION])
+    judge = _make_view_judge(args, [(sets.pop(name), count) for name, count in judged.items()])
     if finds_plants:
         views = [view for one, count in trained for view in one.read_views(count)]
         images = [view.image_rgb for view in views]
@@ -126,9 +129,9 @@ def make_simulated_source(args: argparse.Namespace, progress: Progress) -> Train
     )
 
 
-def _make_view_judge(args: argparse.Namespace, sets: list[DataSet]) -> Judge | None:
+def _make_view_judge(args: argparse.Namespace, sets: list[tuple[DataSet, int]]) -> Judge | None:
     pictures: list[LabelledImage | DrawnView] = []
-    for one, count in zip(sets, _split_validation(args), strict=True):
+    for one, count in sets:
         pictures += one.read_views(count) if one.has_plants else one.read(count)
     if not pictures:
         return None
@@ -136,12 +139,27 @@ def _make_view_judge(args: argparse.Namespace, sets: list[DataSet]) -> Judge | N
     return HeldOutPictures(pictures, (INPUT_HEIGHT_PX, INPUT_WIDTH_PX), features)
 
 
-def _split_validation(args: argparse.Namespace) -> tuple[int, int, int, int]:
-    """Count the pictures of --validate of each set in VALIDATION."""
+def _count_training(args: argparse.Namespace) -> dict[str, int]:
+    own = {
+        "train-random": args.images - args.row_images - args.turn_images,
+        "train-rows": args.row_images,
+        "train-turns": args.turn_images,
+    }
+    return own | _halve("train-usual", args.usual_images)
+
+
+def _count_validation(args: argparse.Namespace) -> dict[str, int]:
     count = args.validate or 0
     usual = count // 2 if args.usual_images else 0
-    own = count - usual
-    return own // 2, own - own // 2, usual - usual // 2, usual // 2
+    masts = (count - usual) // 2
+    own = {"valid-random": masts, "valid-rows": count - usual - masts}
+    return own | _halve("valid-usual", usual)
+
+
+def _halve(name: str, images: int) -> dict[str, int]:
+    """Count those along rows and those in turns; nothing where there are none."""
+    turns = images // 2
+    return {f"{name}-rows": images - turns, f"{name}-turns": turns} if images else {}
 
 
 def _count_aside(args: argparse.Namespace) -> int:
@@ -156,30 +174,20 @@ def _read_all(sets: Iterable[DataSet], count: int) -> Iterator[LabelledImage]:
 
 def _draw_sets(
     args: argparse.Namespace,
-    counts: dict[str, int],
+    taught: dict[str, int],
     progress: Progress,
     has_plants: bool,
     sets_aside: bool,
 ) -> dict[str, DataSet]:
     """Draw the sets, with plants those of the variety's own, and some to be set aside."""
     own = VARIETIES[args.variety]
-    masts, rows, usual_rows, usual_turns = _split_validation(args)
     usual = STANDARD if own.rough_share else own  # a test set that others have too
     wanted = [
-        WantedSet("train-random", 0, draw_random_field, own, counts["train-random"], teaches=True),
-        WantedSet("train-rows", 1, draw_row_crop, own, counts["train-rows"], teaches=True),
-        WantedSet("train-turns", 2, draw_turn, own, counts["train-turns"], teaches=True),
-        WantedSet("valid-random", 109, draw_random_field, own, masts, teaches=True),
-        WantedSet("valid-rows", 110, draw_row_crop, own, rows, teaches=True),
-        *[
-            WantedSet(name, stream, drawer, STANDARD, count, teaches=True)
-            for name, stream, drawer, count in (
-                ("train-usual-rows", 113, draw_row_crop, counts["train-usual-rows"]),
-                ("train-usual-turns", 114, draw_turn, counts["train-usual-turns"]),
-                ("valid-usual-rows", 115, draw_row_crop, usual_rows),
-                ("valid-usual-turns", 116, draw_turn, usual_turns),
-            )
-        ],
+        *(
+            WantedSet(name, stream, drawer, STANDARD if is_usual else own, taught[name])
+            for name, (stream, drawer, is_usual) in TAUGHT.items()
+            if name in taught
+        ),
         WantedSet("random-fields", 101, draw_random_field, usual, args.test_images),
         WantedSet("farm", 102, draw_farm, usual, args.test_images),
         WantedSet("row-crops", 103, draw_row_crop, usual, args.test_images),
@@ -197,7 +205,10 @@ def _draw_sets(
         ]
     return {
         one.name: draw_set(
-            args, one, progress, has_plants=has_plants and (one.teaches or one.variety is own)
+            args,
+            one,
+            progress,
+            has_plants=has_plants and (one.name in taught or one.variety is own),
         )
         for one in wanted
     }
@@ -207,7 +218,7 @@ def draw_set(
     args: argparse.Namespace, wanted: WantedSet, progress: Progress, *, has_plants: bool = False
 ) -> DataSet:
     """Draw the images of a set that are not in its folder yet."""
-    name, stream, drawer, variety, images, _ = wanted
+    name, stream, drawer, variety, images = wanted
     drawn = DataSet(
         folder=(args.cache or args.out / "images") / FOLDERS[variety],
         name=name,
