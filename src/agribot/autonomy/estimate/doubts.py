@@ -110,6 +110,8 @@ class Doubts:
             yield Finding("camera", "contradicted", self._mirror.fault)
         elif self._lines.fault:
             yield Finding("camera", "contradicted", self._lines.fault)
+        elif self._pose.line_noise.fault:
+            yield Finding("camera", "contradicted", self._pose.line_noise.fault)
         elif self._camera.lateness:
             yield Finding("camera", "late", self._camera.lateness)
 

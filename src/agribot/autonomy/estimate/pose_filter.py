@@ -14,6 +14,7 @@ from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.priors import initial_std
 from agribot.autonomy.estimate.row_agreement import RowAgreement
 from agribot.autonomy.estimate.row_identity import RowIdentity
+from agribot.autonomy.estimate.row_line_noise import RowLineNoise
 from agribot.autonomy.estimate.row_line_watch import RowLineWatch
 from agribot.autonomy.estimate.start import StartMark
 from agribot.autonomy.estimate.turn_watch import TurnWatch
@@ -44,6 +45,7 @@ class PoseFilter:
         self.rows: Rows = FieldRows(field)
         self.agreement, self.identity = RowAgreement(), RowIdentity(config.row_certainty)
         self.lines = RowLineWatch(config.position_walk_m_per_sqrt_m)
+        self.line_noise = RowLineNoise()
         self.turns = TurnWatch(config.mag_bias_std_rad)
         self.known: set[Known] = set()
         self.up_body: Vec3 = (0.0, 0.0, 1.0)

@@ -135,28 +135,34 @@ class RowLines(Correction[RowLine]):
         """Say how the lasting error ages, and what is known of the row from those before it."""
         ageing = []
         if self._bias_std_m is not None:
-            ageing.append(_fade(ROW_BIAS, self._bias_std_m, dt_s / model.LASTING_MEMORY_S))
+            lasting_m = self.pose.line_noise.offset_ratio * self._bias_std_m
+            ageing.append(_fade(ROW_BIAS, lasting_m, dt_s / model.LASTING_MEMORY_S))
         if self.pose.ekf.cov[ROW_OFFSET, ROW_OFFSET]:
             ageing.append(_fade(ROW_OFFSET, self.pose.field.row_map_std_m, dt_s / ROW_MEMORY_S))
         return ageing
 
     def _line(self, line: RowLine, sign: float, epoch: Epoch) -> Measurements:
-        if line.offset_m is None or line.heading_rad is None:
+        offset_m, heading_rad = line.offset_m, line.heading_rad
+        if offset_m is None or heading_rad is None:
             return
         since_last_s = min(line.t_s - self._last_line_s, model.LASTING_MEMORY_S)
         self._last_line_s = line.t_s
         self._begin(line)
         self._enter(self._frame(epoch, self._arm_m(line, epoch)).row)
-        measured = self._offset(line, line.offset_m, sign, epoch)
+        off_m = self._off_m(line, offset_m, sign, epoch)
+        turned_rad = self._turned_rad(line, heading_rad, sign, epoch)
+        self.pose.line_noise.add(line, off_m, turned_rad)
+        line = self.pose.line_noise.widen(line)
+        measured = self._offset(line, off_m, sign, epoch)
         if measured is None or (yield measured) != "accept":
             return
         self.pose.agreement.hold(line.t_s)
         self.pose.lines.fit()
-        frame = self._frame(epoch, self._arm_m(line, epoch))
-        self.fitted += abs(line.offset_m) <= frame.pitch_m / 2.0
-        heading_rad = line.heading_rad + frame.yaw_rad + (0.0 if sign > 0.0 else math.pi)
+        pitch_m = self._frame(epoch, self._arm_m(line, epoch)).pitch_m
+        self.fitted += abs(offset_m) <= pitch_m / 2.0
+        turned_rad = self._turned_rad(line, heading_rad, sign, epoch)
         variance = model.heading_variance(FLOATS, line.heading_std_rad, since_last_s)
-        yield self._heading(heading_rad, variance, epoch)
+        yield self._heading(turned_rad, variance)
 
     def _begin(self, line: RowLine) -> None:
         self.pose.look_at_rows()
@@ -191,9 +197,19 @@ class RowLines(Correction[RowLine]):
             x[X] - (now.x_m - then.x_m) + arm_m[0], x[Y] - (now.y_m - then.y_m) + arm_m[1]
         )
 
-    def _offset(
-        self, line: RowLine, offset_m: float, sign: float, epoch: Epoch
-    ) -> Measurement | None:
+    def _off_m(self, line: RowLine, offset_m: float, sign: float, epoch: Epoch) -> float:
+        """Return how far right of its pose the line puts the robot, by the nearest row."""
+        (arm_x, arm_y), aside_m = self._arm_m(line, epoch), sign * offset_m
+        right_x, right_y = self._frame(epoch, (arm_x, arm_y)).right
+        return self._frame(epoch, (arm_x + aside_m * right_x, arm_y + aside_m * right_y)).off_m
+
+    def _turned_rad(self, line: RowLine, heading_rad: float, sign: float, epoch: Epoch) -> float:
+        """Return the angle by which the line turns the robot's heading against its pose."""
+        row_yaw_rad = self._frame(epoch, self._arm_m(line, epoch)).yaw_rad
+        facing_rad = row_yaw_rad + (0.0 if sign > 0.0 else math.pi)
+        return wrap_rad(heading_rad + facing_rad - self._yaw_then_rad(epoch))
+
+    def _offset(self, line: RowLine, off_m: float, sign: float, epoch: Epoch) -> Measurement | None:
         """How far off its row the robot is; None where the pose cannot tell which row this is."""
         ekf = self.pose.ekf
         arm_m = self._arm_m(line, epoch)
@@ -201,13 +217,11 @@ class RowLines(Correction[RowLine]):
         seen: Row = ((ROW_BIAS, -sign), (ROW_OFFSET, -1.0))
         row: Row = (*moved_row(frame.right, epoch, arm_m), *seen)
         across_m2 = ekf.project(row[:3])[1]
-        (right_x, right_y), (arm_x, arm_y), aside_m = frame.right, arm_m, sign * offset_m
-        off_m = self._frame(epoch, (arm_x + aside_m * right_x, arm_y + aside_m * right_y)).off_m
         if not self._tells_row(off_m, math.sqrt(across_m2), frame.pitch_m):
             self.pose.rejected["row line ambiguous"] += 1
             return None
         self.pose.agreement.add_look(line.t_s, off_m)
-        self.pose.lines.add(self._tell(line, offset_m, sign, off_m, frame))
+        self.pose.lines.add(self._tell(line, off_m, frame))
         if self.pose.lines.led is not None and not self.pose.agreement.bears_out(line.t_s, off_m):
             self.pose.rejected["row line moved aside"] += 1
             return None
@@ -226,11 +240,9 @@ class RowLines(Correction[RowLine]):
             return ((ROW_OFFSET, model.RECOVERY_OFFSET_M**2),)
         return (*_opens(frame.right, model.RECOVERY_OFFSET_M), (YAW, model.RECOVERY_YAW_RAD**2))
 
-    def _tell(
-        self, line: RowLine, offset_m: float, sign: float, off_m: float, frame: RowFrame
-    ) -> LineTold:
+    def _tell(self, line: RowLine, off_m: float, frame: RowFrame) -> LineTold:
         """Say what the line tells at the pose that the filter has now."""
-        ekf, heading_rad = self.pose.ekf, line.heading_rad or 0.0
+        ekf, offset_m, heading_rad = self.pose.ekf, line.offset_m or 0.0, line.heading_rad or 0.0
         x, cov = ekf.x, ekf.cov
         return LineTold(
             t_s=line.t_s, row=frame.row, off_m=off_m,
@@ -253,11 +265,10 @@ class RowLines(Correction[RowLine]):
         self.pose.identity.doubt_by(left, right)
         return True
 
-    def _heading(self, heading_rad: float, variance: float, epoch: Epoch) -> Measurement:
+    def _heading(self, turned_rad: float, variance: float) -> Measurement:
         """Return the line's direction in the map, less the angle at which the robot sees it."""
-        residual_rad = wrap_rad(heading_rad - self._yaw_then_rad(epoch))
         return Measurement(
-            (residual_rad,), (((YAW, 1.0),),), variance, self._heading_gate,
+            (turned_rad,), (((YAW, 1.0),),), variance, self._heading_gate,
             opens=((YAW, model.RECOVERY_YAW_RAD**2),), has_tails=True,
         )  # fmt: skip
 

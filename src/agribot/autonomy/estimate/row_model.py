@@ -24,11 +24,13 @@ RANGE_GATE_SIGMA, RANGE_RECOVER_AFTER = 3.0, 3
 RECOVERY_RANGE_M = 0.5
 
 
-def offset_variance(std_m: float) -> float:
+def offset_variance(std_m: Number) -> Number:
     return std_m**2 + OFFSET_FLOOR_M**2
 
 
-def heading_variance(m: Arithmetic[Number], std_rad: float, since_last_s: Number) -> Number:
+def heading_variance(
+    m: Arithmetic[Number], std_rad: Number | float, since_last_s: Number
+) -> Number:
     frames = m.most(LASTING_MEMORY_S / m.most(since_last_s, 0.01), 1.0)
     return std_rad**2 + HEADING_LASTING_RAD**2 * frames
 

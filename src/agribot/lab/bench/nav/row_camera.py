@@ -70,8 +70,8 @@ class RowCamera:
             heading_rad=np.where(sees, seen_rad, math.nan),
             start_ahead_m=np.where(sees_start, start_m + vision.range_std_m * normal[6], math.nan),
             end_ahead_m=np.where(sees_end, end_m + vision.range_std_m * normal[7], math.nan),
-            offset_std_m=vision.offset_std_m,
-            heading_std_rad=vision.heading_std_rad,
+            offset_std_m=vision.stated_ratio * vision.offset_std_m,
+            heading_std_rad=vision.stated_ratio * vision.heading_std_rad,
             range_std_m=vision.range_std_m,
         )
 

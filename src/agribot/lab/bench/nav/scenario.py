@@ -59,6 +59,7 @@ class Vision(msgspec.Struct, frozen=True, kw_only=True):
     dropout_every_s: float = 20.0
     latency_s: float = 0.08
     range_std_m: float = 0.1
+    stated_ratio: float = 1.0  # what it says of its noise, over its noise
 
 
 class GnssErrors(msgspec.Struct, frozen=True, kw_only=True):

@@ -10,6 +10,7 @@ import numpy as np
 from agribot.autonomy.estimate import row_model as model
 from agribot.autonomy.estimate.ekf import ROW_BIAS, YAW, X, Y
 from agribot.autonomy.estimate.field_rows import FieldRows
+from agribot.autonomy.estimate.row_line_noise import JUMP2_MEDIAN, MAX_GAP_S, MOST_JUMPS, SURE_RATIO
 from agribot.core.config import FieldConfig
 from agribot.core.messages import FloatArray
 from agribot.lab.bench.nav.batch.arrays import ARRAYS, clamp
@@ -30,6 +31,27 @@ class BatchLine(NamedTuple):
     range_std_m: float
 
 
+class BatchNoiseRatio:
+    """As autonomy.estimate.row_line_noise.NoiseRatio; each robot sees lines at its own times."""
+
+    def __init__(self, count: int) -> None:
+        self._jumps2 = np.full((MOST_JUMPS, count), JUMP2_MEDIAN)
+        self._next = np.zeros(count, dtype=np.intp)
+        self._last_t_s, self._last = np.full(count, -math.inf), np.zeros(count)
+        self.ratio = np.ones(count)
+
+    def add(self, t_s: float, residual: FloatArray, variance: float, seen: Mask) -> None:
+        jumps = seen & (t_s - self._last_t_s <= MAX_GAP_S)
+        if jumps.any():
+            robots = np.flatnonzero(jumps)
+            jumps2 = (residual[robots] - self._last[robots]) ** 2 / variance
+            self._jumps2[self._next[robots], robots] = jumps2
+            self._next[robots] = (self._next[robots] + 1) % MOST_JUMPS
+            ratio = np.sqrt(np.median(self._jumps2[:, robots], axis=0) / JUMP2_MEDIAN)
+            self.ratio[robots] = np.where(ratio > SURE_RATIO, ratio, 1.0)
+        self._last_t_s[seen], self._last[seen] = t_s, residual[seen]
+
+
 class BatchRowLines:
     def __init__(self, ekf: BatchEkf, history: BatchHistory, field: FieldConfig) -> None:
         count = ekf.x.shape[1]
@@ -40,6 +62,7 @@ class BatchRowLines:
         self._range_gate = BatchGate(count, model.RANGE_GATE_SIGMA, model.RANGE_RECOVER_AFTER)
         self._last_t_s = np.full(count, -math.inf)
         self._bias_std_m = np.zeros(count)
+        self._offset_noise, self._heading_noise = BatchNoiseRatio(count), BatchNoiseRatio(count)
         self.held_t_s = np.full(count, -math.inf)  # of the last line that was believed
 
     def update(self, line: BatchLine) -> None:
@@ -57,10 +80,13 @@ class BatchRowLines:
             offset_m=np.where(seen, line.offset_m, 0.0),
             heading_rad=np.where(seen, line.heading_rad, 0.0),
         )
-        fits = self._offset(clean, sign, now, then, seen) if seen.any() else seen
-        if fits.any():
-            self.held_t_s[fits] = line.t_s
-            self._heading(clean, sign, since_last_s, now, then, fits)
+        if seen.any():
+            turned_rad = self._turned_rad(clean, sign, now, then)
+            self._heading_noise.add(line.t_s, turned_rad, line.heading_std_rad**2, seen)
+            fits = self._offset(clean, sign, now, then, seen)
+            if fits.any():
+                self.held_t_s[fits] = line.t_s
+                self._heading(clean, sign, since_last_s, now, then, fits)
         length_m = self._field.length_m
         first_m = np.where(sign > 0.0, 0.0, length_m)
         for ahead_m, at_m in (
@@ -74,7 +100,8 @@ class BatchRowLines:
 
     def ageing(self, dt_s: float) -> list[tuple[int, FloatArray | float, FloatArray]]:
         factor = math.exp(-dt_s / model.LASTING_MEMORY_S)
-        return [(ROW_BIAS, factor, self._bias_std_m**2 * (1.0 - factor * factor))]
+        lasting_m = self._offset_noise.ratio * self._bias_std_m
+        return [(ROW_BIAS, factor, lasting_m**2 * (1.0 - factor * factor))]
 
     def _place(self, now: BatchMotion, then: BatchMotion) -> tuple[FloatArray, FloatArray]:
         x = self._ekf.x
@@ -101,8 +128,11 @@ class BatchRowLines:
         if self._last_row:
             index = np.rint((right_m + sign * line.offset_m) / field.pitch_m)
             row_right_m = clamp(index, 0.0, self._last_row) * field.pitch_m
-        residual_m = row_right_m - sign * line.offset_m - right_m + sign * ekf.x[ROW_BIAS]
-        variance = model.offset_variance(line.offset_std_m)
+        off_m = row_right_m - sign * line.offset_m - right_m
+        noise = self._offset_noise
+        noise.add(line.t_s, off_m, model.offset_variance(line.offset_std_m), seen)
+        residual_m = off_m + sign * ekf.x[ROW_BIAS]
+        variance = model.offset_variance(noise.ratio * line.offset_std_m)
         distance2 = residual_m**2 / (ekf.project(row)[1] + variance)
         fits, recovers = self._offset_gate.evaluate(distance2, known)
         if recovers.any():
@@ -111,6 +141,13 @@ class BatchRowLines:
             ekf.inflate(YAW, _where(recovers, model.RECOVERY_YAW_RAD**2))
         ekf.update(row, residual_m, variance * model.tail_factor(ARRAYS, distance2), mask=fits)
         return fits
+
+    def _turned_rad(
+        self, line: BatchLine, sign: FloatArray, now: BatchMotion, then: BatchMotion
+    ) -> FloatArray:
+        row_yaw_rad = self._ekf.row_yaw_rad + np.where(sign > 0.0, 0.0, math.pi)
+        yaw_rad = self._ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
+        return ARRAYS.wrap(line.heading_rad + row_yaw_rad - yaw_rad)
 
     def _heading(
         self,
@@ -122,10 +159,9 @@ class BatchRowLines:
         seen: Mask,
     ) -> None:
         ekf = self._ekf
-        row_yaw_rad = ekf.row_yaw_rad + np.where(sign > 0.0, 0.0, math.pi)
-        yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
-        residual_rad = ARRAYS.wrap(line.heading_rad + row_yaw_rad - yaw_rad)
-        variance = model.heading_variance(ARRAYS, line.heading_std_rad, since_last_s)
+        residual_rad = self._turned_rad(line, sign, now, then)
+        std_rad = self._heading_noise.ratio * line.heading_std_rad
+        variance = model.heading_variance(ARRAYS, std_rad, since_last_s)
         distance2 = residual_rad**2 / (ekf.cov[YAW, YAW] + variance)
         fits, recovers = self._heading_gate.evaluate(distance2, seen)
         if recovers.any():

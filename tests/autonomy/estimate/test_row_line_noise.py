@@ -1,0 +1,92 @@
+"""How much row lines scatter is learnt from the lines themselves, whatever they state."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from agribot.autonomy.estimate.row_line_noise import RowLineNoise
+from agribot.core.messages import RowLine
+
+STATED_M, STATED_RAD, STEP_S = 0.015, math.radians(0.7), 0.07
+Aside = Callable[[float], float]
+
+
+def line(t_s: float) -> RowLine:
+    return RowLine(
+        t_s=t_s, offset_m=0.0, heading_rad=0.0, offset_std_m=STATED_M, heading_std_rad=STATED_RAD
+    )
+
+
+def look(
+    off_times: float = 1.0,
+    turned_times: float = 1.0,
+    aside_m: Aside = lambda t_s: 0.0,
+    step_s: float = STEP_S,
+    outlier_ratio: float = 0.0,
+    seed: int = 0,
+) -> RowLineNoise:
+    """Eight seconds of lines whose noise is so many times what they state."""
+    rng, noise = np.random.default_rng(seed), RowLineNoise()
+    for t_s in np.arange(0.0, 8.0, step_s).tolist():
+        off_m = aside_m(t_s) + rng.normal(0.0, off_times * STATED_M)
+        turned_rad = rng.normal(0.0, turned_times * STATED_RAD)
+        if rng.random() < outlier_ratio:
+            off_m, turned_rad = off_m + rng.normal(0.0, 0.3), turned_rad + rng.normal(0.0, 0.14)
+        noise.add(line(t_s), float(off_m), float(turned_rad))
+    return noise
+
+
+@pytest.mark.parametrize("times", [2.7, 6.0])
+def test_noise_beyond_what_is_stated_is_learnt_for_offset_and_heading(times: float) -> None:
+    believed = look(times, times).widen(line(9.0))
+    assert believed.offset_std_m == pytest.approx(times * STATED_M, rel=0.3)
+    assert believed.heading_std_rad == pytest.approx(times * STATED_RAD, rel=0.3)
+
+
+def test_the_floor_of_an_offset_counts_as_stated() -> None:
+    """Lines that claim half a millimetre are believed to six millimetres anyhow."""
+    noise, rng = RowLineNoise(), np.random.default_rng(1)
+    sure = RowLine(t_s=0.0, offset_m=0.0, heading_rad=0.0, offset_std_m=5e-4, heading_std_rad=0.01)
+    for t_s in np.arange(0.0, 8.0, STEP_S).tolist():
+        told = RowLine(
+            t_s=t_s, offset_m=0.0, heading_rad=0.0, offset_std_m=5e-4, heading_std_rad=0.01
+        )
+        noise.add(told, float(rng.normal(0.0, 0.006)), float(rng.normal(0.0, 0.01)))
+    assert noise.widen(sure) is sure
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    "aside_m",
+    [
+        lambda t_s: 0.0,
+        lambda t_s: 0.3,  # a camera that looks aside,
+        lambda t_s: 0.05 * t_s,  # one that slides off,
+        lambda t_s: 0.2 if t_s > 4.0 else 0.0,  # and one that is knocked
+    ],
+)
+def test_what_lasts_is_no_noise(aside_m: Aside, seed: int) -> None:
+    told = line(9.0)
+    assert look(aside_m=aside_m, seed=seed).widen(told) is told
+
+
+def test_every_tenth_line_that_is_an_outlier_makes_the_others_no_worse() -> None:
+    told = line(9.0)
+    assert all(look(outlier_ratio=0.1, seed=seed).widen(told) is told for seed in range(20))
+
+
+def test_lines_that_are_far_apart_in_time_are_no_neighbours() -> None:
+    told = line(999.0)
+    assert look(10.0, 10.0, step_s=0.6).widen(told) is told
+
+
+def test_lines_that_scatter_are_named_with_what_they_state() -> None:
+    assert look(4.0).fault.startswith("row lines scatter by 0.06 m, stated are 0.015; check the")
+    fault = look(1.0, 4.0).fault
+    assert float(fault.split()[4]) == pytest.approx(2.8, rel=0.3)
+    assert "deg, stated are 0.7" in fault
+    assert not look(1.0, 1.0).fault
