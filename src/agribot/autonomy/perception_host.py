@@ -1,9 +1,10 @@
 """Where frames meet the network: off the control loop, in the order they were captured.
 
-A host takes the frames of a batch and hands back the scenes that are usable by now. The scene
-of a frame becomes usable a fixed `latency_s` after its capture. In a simulation time stands still
+A host takes the frames of a batch and hands back the scenes that are usable by now. In a simulation
+the scene of a frame becomes usable a fixed `latency_s` after its capture, and time stands still
 until it is there: the loop never sees a result earlier or later because of a busy core, so a run
-repeats bit by bit. On a real robot the loop waits for nothing, and the newest frame wins.
+repeats bit by bit. On a real robot a scene is used as soon as it is there, the loop waits for
+nothing, the newest frame wins, and `latency_s` is what pictures are late against.
 """
 
 from __future__ import annotations
@@ -109,8 +110,8 @@ class ThreadedPerception:
 class NewestPerception:
     """One thread looks at the newest frame there is; those that it has no time for are dropped.
 
-    A scene comes out in the first tick in which it is there, `latency_s` after its capture at the
-    earliest; the recording knows that tick. A network that hangs holds up nobody.
+    A scene comes out in the first tick in which it is there, and the recording knows that tick. A
+    network that hangs holds up nobody.
     """
 
     def __init__(self, observe: Observer, latency_s: float) -> None:
@@ -135,10 +136,9 @@ class NewestPerception:
                 self._changed.notify_all()
             if self._fault is not None:
                 raise self._fault
-            scenes: list[Scene] = []
-            while self._seen and self._seen[0].ready_s <= batch.t_s + 1e-9:
-                scenes.append(self._seen.popleft())
-        return tuple(scenes)
+            scenes = tuple(self._seen)
+            self._seen.clear()
+        return scenes
 
     def settle(self) -> None:
         """Wait for the newest frame, but not for a network that hangs."""

@@ -172,7 +172,8 @@ class PerceptionConfig(Config, frozen=True):
     enabled: bool = True  # a camera looks
     model: str = "agribot-sim"  # the network: a packaged name or an ONNX file
     camera_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0  # pictures a second
-    # From the picture to its plants; a simulation waits for it, so that it repeats.
+    # From the picture to its plants. A simulation waits for it, so that it repeats; a robot in real
+    # time uses plants as soon as they are there, and names pictures that come 0.2 s later.
     latency_s: Annotated[float, msgspec.Meta(gt=0, le=5)] = 0.2
     min_plant_area_m2: NonNegative = 2e-4  # smaller spots on the ground are no plants
     min_confidence: Ratio = 0.6  # less sure spots, and stems, are no plants
