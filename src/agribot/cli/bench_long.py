@@ -31,7 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--out", type=Path, default=Path("runs/long"), metavar="DIR",
-        help="missions that are finished there are not driven again (default: %(default)s)",
+        help="missions that were cut off there go on, finished ones are not driven again (default: "
+        "%(default)s)",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
@@ -52,7 +53,9 @@ def run(options: argparse.Namespace) -> int:
         write_at_once(out / PLAN, text.encode())
     except OSError as error:
         raise RecordingError(f"cannot write into {out}: {error.strerror or error}") from error
-    result = drive(folder, ProcessExecutor(options.workers))
+    executor = ProcessExecutor(options.workers, long_mission.go_on)
+    ways = long_mission.WayToldNow([folder.run_dir(job) for job in jobs])
+    result = drive(folder, executor, ways)
     summary = long_mission.summarise(list(folder.read_finished().values()))
     each = summary["km_per_intervention"]
     sys.stdout.write(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -57,9 +58,11 @@ def run(options: argparse.Namespace) -> int:
     return status(result)
 
 
-def drive(folder: SweepFolder, executor: Executor) -> dict[str, Any]:
+def drive(
+    folder: SweepFolder, executor: Executor, tell: Callable[[], str] = lambda: ""
+) -> dict[str, Any]:
     """Run what is missing, write the tables and print them; return what sweep-report.json holds."""
-    errors = drive_all(folder, executor)
+    errors = drive_all(folder, executor, tell)
     result = folder.write_tables(errors)
     done = f"{result['runs_ok']} of {result['runs_total']} runs good"
     files = f"{folder.path}/runs.csv, summary.csv, summary.md, sweep-report.json"
@@ -77,8 +80,13 @@ def status(result: dict[str, Any]) -> int:
     return 0 if result["runs_ok"] == result["runs_total"] else 1
 
 
-def drive_all(folder: SweepFolder, executor: Executor) -> list[RunOutcome]:
-    """Run what is missing; return the runs that gave no report."""
+def drive_all(
+    folder: SweepFolder, executor: Executor, tell: Callable[[], str] = lambda: ""
+) -> list[RunOutcome]:
+    """Run what is missing; return the runs that gave no report.
+
+    `tell` is asked again and again for news of the runs that are on their way.
+    """
     done = set(folder.read_finished())
     missing = [
         Assignment(job=job, out_dir=folder.run_dir(job))
@@ -88,8 +96,14 @@ def drive_all(folder: SweepFolder, executor: Executor) -> list[RunOutcome]:
     progress = CountProgress(len(folder.jobs), "runs")
     count, errors = len(done), []
     with stop_on_signal() as stop:
+
+        def must_stop() -> bool:
+            if news := tell():
+                progress(count, news)
+            return bool(stop)
+
         progress(count)
-        for outcome in executor.run(missing, lambda: bool(stop)):
+        for outcome in executor.run(missing, must_stop):
             count += 1
             if outcome.report is None:
                 errors.append(outcome)

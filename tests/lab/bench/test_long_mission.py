@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 
@@ -11,7 +12,15 @@ from agribot.app.field_work import read_work
 from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.description.loader import load_robot
-from agribot.lab.bench.long_mission import make_plan
+from agribot.lab.bench import long_mission
+from agribot.lab.bench.long_mission import (
+    WayToldNow,
+    go_on,
+    list_jobs,
+    list_parts,
+    make_plan,
+)
+from agribot.lab.sweep.execution import Assignment
 
 
 @pytest.mark.parametrize("km", [0.2, 30.0])
@@ -36,6 +45,34 @@ def test_a_short_one_is_driven_to_its_end_and_is_not_driven_twice(
     assert main(words) == 0
     again = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert (again["km"], again["cpu_s"]) == (result["km"], result["cpu_s"])
+
+
+def test_a_mission_that_is_cut_off_twice_goes_on_and_is_one_job(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = tmp_path / "plan.geojson"
+    plan.write_text(make_plan(0.05), encoding="utf-8")
+    (job,) = list_jobs(0.05, plan, [1])
+    assignment = Assignment(job=job, out_dir=tmp_path / "mission")
+    now_s = itertools.count(100.0, 2.0)  # two seconds pass between looks
+    monkeypatch.setattr(long_mission, "read_clock", lambda: next(now_s))
+    tell, said = WayToldNow([assignment.out_dir, tmp_path / "not begun"]), []
+    for _ in range(2):
+        ticks = itertools.count()
+        assert go_on(assignment, lambda ticks=ticks: next(ticks) == 1500) is None  # type: ignore[misc]
+        said += [tell(), tell(), tell()]
+    assert said[:2] == said[3:5] == ["", ""], "news come every five seconds"
+    assert [path.name for path in list_parts(assignment.out_dir)] == ["mission", "mission.2"]
+    outcome = go_on(assignment, lambda: False)
+    assert outcome is not None and outcome.report is not None, outcome
+    report = outcome.report
+    assert report.ok, report.reason
+    ways_km = [float(text.removesuffix(" of 0.05 km")) for text in said if text]
+    assert 0.0 < ways_km[0] < ways_km[1]
+    whole = go_on(Assignment(job=job, out_dir=tmp_path / "at once"), lambda: False)
+    assert whole is not None and whole.report is not None
+    assert report.mission.distance_m == pytest.approx(whole.report.mission.distance_m, rel=0.05)
+    assert report.time.sim_s == pytest.approx(whole.report.time.sim_s, rel=0.1)
 
 
 def test_a_way_that_no_mission_holds_is_refused(

@@ -6,24 +6,34 @@ import math
 import resource
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from time import monotonic as read_clock
+from typing import TYPE_CHECKING, Any
 
+from agribot.app.mission_file import continue_config, read_mission
+from agribot.app.run_folder import clear_run
+from agribot.app.whole_job import read_job
+from agribot.app.workers import Stop
 from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.drive import MAX_LENGTH_M
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.plan_certificate import certify_plan
 from agribot.core.config import load
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, MissionError
 from agribot.description.loader import load_robot
 from agribot.gis.plan_file import SavedPlan, format_plan
+from agribot.lab.sweep.execution import Assignment, RunOutcome, drive_run
 from agribot.lab.sweep.plan import SweepJob
 from agribot.record.report import Report
+
+if TYPE_CHECKING:
+    from agribot.app.simulated_run import SimulatedRun
 
 PROFILE, PRESET = "farm", "field"
 WIDTH_M = 1.0  # of a pass: so many square metres take about as many metres of way
 MARGIN_M = 0.3
 INSIDE_M = 5.0  # the robot starts so far from two edges
 LEAST_KM = 0.05
+TOLD_EVERY_S = 5.0
 FIXED = (
     "world=empty", "field.start_map_m=[0,0]", f"sim.preset={PRESET}", "sim.sensors=rtk",
     "perception.enabled=false", "record.enabled=false",
@@ -65,6 +75,61 @@ def list_jobs(
     for job in jobs:
         job.config()
     return jobs
+
+
+def go_on(assignment: Assignment, stop: Stop) -> RunOutcome | None:
+    """Drive a mission to its end from where it was cut off, if it was; None where it is again."""
+    return drive_run(assignment.job, lambda: _open(assignment), stop)
+
+
+def _open(assignment: Assignment) -> SimulatedRun:
+    """Open the next part of a mission, a run of its own that takes over the job so far."""
+    from agribot.app.simulated_run import simulate
+
+    config, parts = assignment.job.config(), list_parts(assignment.out_dir)
+    try:
+        saved = read_mission(parts[-1])
+    except MissionError:  # nothing of it can go on
+        for part in parts:
+            clear_run(part)
+        return simulate(config, assignment.out_dir)
+    earlier, out_dir = read_job(parts[-1], saved), _name_part(assignment.out_dir, len(parts) + 1)
+    return simulate(continue_config(config, saved), out_dir, saved, earlier)
+
+
+def list_parts(out_dir: Path) -> list[Path]:
+    """List the folders of a mission that was cut off, the first of which there need not be."""
+    parts = [out_dir]
+    while (part := _name_part(out_dir, len(parts) + 1)).exists():
+        parts.append(part)
+    return parts
+
+
+def _name_part(out_dir: Path, number: int) -> Path:
+    return out_dir.with_name(f"{out_dir.name}.{number}")
+
+
+class WayToldNow:
+    """Says, every few seconds, how far the missions that are on their way have come."""
+
+    def __init__(self, folders: Sequence[Path]) -> None:
+        self._folders = folders
+        self._told_s = read_clock()
+
+    def __call__(self) -> str:
+        """Return the ways, or nothing where it is not yet time."""
+        if read_clock() - self._told_s < TOLD_EVERY_S:
+            return ""
+        self._told_s = read_clock()
+        return ", ".join(filter(None, map(_tell_way, self._folders)))
+
+
+def _tell_way(out_dir: Path) -> str:
+    try:
+        saved = read_mission(list_parts(out_dir)[-1])
+    except MissionError:  # not begun, or done
+        return ""
+    return f"{saved.s_m / 1000.0:.2f} of {saved.length_m / 1000.0:.2f} km"
 
 
 def summarise(reports: Sequence[Report]) -> dict[str, Any]:

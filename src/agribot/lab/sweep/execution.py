@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
@@ -14,6 +15,9 @@ from agribot.app.workers import Stop, results
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.lab.sweep.plan import SweepJob
 from agribot.record.report import Report
+
+if TYPE_CHECKING:
+    from agribot.app.simulated_run import SimulatedRun
 
 INTERRUPTED = "interrupted by the operator"
 RAY_POLL_S = 0.5
@@ -35,6 +39,9 @@ class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
     error: str = ""
 
 
+Work = Callable[[Assignment, Stop], RunOutcome | None]
+
+
 class Executor(Protocol):
     def run(self, assignments: Sequence[Assignment], stop: Stop) -> Iterator[RunOutcome]:
         """Iterate over the outcomes; once `stop()` is true, only of runs that have begun."""
@@ -42,28 +49,37 @@ class Executor(Protocol):
 
 def drive(assignment: Assignment, stop: Stop) -> RunOutcome | None:
     """Drive one whole run, as `agribot run` does; None where it was stopped before its end."""
-    from agribot.app.simulated_run import simulate
+    return drive_run(assignment.job, partial(_begin, assignment), stop)
 
+
+def drive_run(job: SweepJob, begin: Callable[[], SimulatedRun], stop: Stop) -> RunOutcome | None:
+    """Drive the run that `begin` opens to its end; None where it was stopped before."""
     try:
-        clear_run(assignment.out_dir)  # what an interrupted sweep left
-        with simulate(assignment.job.config(), assignment.out_dir) as session:
+        with begin() as session:
             for _ in session.ticks():
                 if stop():
                     session.finish(INTERRUPTED)
                     return None
-            return RunOutcome(job=assignment.job, report=session.finish())
+            return RunOutcome(job=job, report=session.finish())
     except AgribotError as error:
-        return RunOutcome(job=assignment.job, error=str(error))
+        return RunOutcome(job=job, error=str(error))
+
+
+def _begin(assignment: Assignment) -> SimulatedRun:
+    from agribot.app.simulated_run import simulate
+
+    clear_run(assignment.out_dir)  # what an interrupted sweep left
+    return simulate(assignment.job.config(), assignment.out_dir)
 
 
 class ProcessExecutor:
-    """`workers` processes; one worker is this process itself."""
+    """`workers` processes, each of which drives runs by `work`; one worker is this one itself."""
 
-    def __init__(self, workers: int) -> None:
-        self._workers = workers
+    def __init__(self, workers: int, work: Work = drive) -> None:
+        self._workers, self._work = workers, work
 
     def run(self, assignments: Sequence[Assignment], stop: Stop) -> Iterator[RunOutcome]:
-        done = results(drive, assignments, self._workers, stop)
+        done = results(self._work, assignments, self._workers, stop)
         return (outcome for outcome in done if outcome is not None)
 
 
