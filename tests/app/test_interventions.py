@@ -15,12 +15,13 @@ def event(t_s: float, kind: EventKind, reason: str) -> Event:
 STOPPED = event(10.0, "gate", "driving -> stopped: the bumper touches something")
 CLEARED = event(30.0, "gate", "stopped -> driving: cleared")
 PAUSED = event(50.0, "mission", "paused: which row?")
+PRESSED = event(59.9, "operator", "resume (page)")
 RUNNING = event(60.0, "mission", "running")
 
 
 def test_each_stop_and_each_question_counts_once() -> None:
     found = list_interventions(
-        [event(0.0, "mission", "running"), STOPPED, CLEARED, PAUSED, RUNNING]
+        [event(0.0, "mission", "running"), STOPPED, CLEARED, PAUSED, PRESSED, RUNNING]
     )
     assert [(one.t_s, one.reason) for one in found] == [
         (10.0, STOPPED.reason),
@@ -53,6 +54,26 @@ def test_what_a_person_asked_for_is_no_intervention_that_the_robot_needed() -> N
     assert list_interventions([press, event(10.0, "mission", "paused: by the page")]) == ()
     late = event(20.0, "mission", "paused: GNSS jumped by 2 m")
     assert len(list_interventions([press, late])) == 1
+
+
+def test_a_pause_that_the_mission_ends_by_itself_needed_nobody() -> None:
+    assert list_interventions([STOPPED, CLEARED, PAUSED, RUNNING])[1:] == ()
+
+
+def test_a_robot_that_comes_home_to_be_charged_needs_a_person_once() -> None:
+    """Also where that person lets it go on from there, in a run of its own."""
+    found = list_interventions(
+        [
+            event(100.0, "mission", "paused: stops to return home, as the battery wants"),
+            event(100.5, "mission", "running"),
+            event(200.0, "mission", "cancelled: returned home, called by the battery"),
+            event(201.0, "mission", "waiting: waiting for the estimate to settle"),
+            event(202.0, "mission", "paused: was cut off: away from its work; resume goes on"),
+            event(202.1, "operator", "resume (page)"),
+            event(202.2, "mission", "running"),
+        ]
+    )
+    assert [one.t_s for one in found] == [200.0]
 
 
 def test_the_way_for_each_is_unknown_without_any() -> None:

@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import get_args
 
+from agribot.autonomy.plan.errand import BATTERY
 from agribot.core.messages import MissionState
 from agribot.record.events import Event
 from agribot.record.report import SafetyEvent
 
 NEEDY_STATES = ("paused", "failed")
-KNOWN_STATES = get_args(MissionState)  # other words of the mission are refusals
+# Other words of the mission are refusals, and what waits for its position has only just begun.
+GOING_STATES = tuple(state for state in get_args(MissionState) if state != "waiting")
 BY_HAND_S = 1.0  # what follows so soon on somebody's button is what that person wanted
 
 
 def list_interventions(events: Sequence[Event]) -> tuple[SafetyEvent, ...]:
     """List when the robot began to need a person, and why.
 
-    Those are stops that a person has to clear, pauses and questions of the mission, and its
-    failure; what comes while it already needs somebody is no other one. What a person asked for
-    is none.
+    Those are stops that a person has to clear, pauses and questions of the mission, its failure,
+    and that it came home to be charged; what comes while it already needs somebody is no other
+    one. What a person asked for is none, nor a pause that the mission ends by itself, as on its
+    way home.
     """
     found: list[SafetyEvent] = []
     is_stopped = is_waiting = False
-    pressed_s = -BY_HAND_S
+    waits_since_s = math.inf
+    pressed_s = -math.inf
     for event in events:
         needed = is_stopped or is_waiting
         if event.kind == "operator":
@@ -31,12 +36,22 @@ def list_interventions(events: Sequence[Event]) -> tuple[SafetyEvent, ...]:
         elif event.kind == "gate":
             is_stopped = event.reason.partition(" -> ")[2].startswith("stopped")
         elif event.kind == "mission":
-            state = event.reason.partition(":")[0]
-            is_waiting = state in NEEDY_STATES or (is_waiting and state not in KNOWN_STATES)
+            was_waiting, is_waiting = is_waiting, _waits(event.reason, is_waiting)
+            if is_waiting and not was_waiting:
+                waits_since_s = event.t_s
+            if was_waiting and not is_waiting and pressed_s < waits_since_s:
+                found = [one for one in found if one.t_s < waits_since_s]
         is_by_hand = 0.0 <= event.t_s - pressed_s < BY_HAND_S
         if (is_stopped or is_waiting) and not needed and not is_by_hand:
             found.append(SafetyEvent(t_s=event.t_s, reason=event.reason))
     return tuple(found)
+
+
+def _waits(reason: str, is_waiting: bool) -> bool:
+    """Tell whether a mission that says this, and may have waited before, waits for a person."""
+    state = reason.partition(":")[0]
+    is_to_be_charged = state == "cancelled" and reason.endswith(f"called by {BATTERY}")
+    return state in NEEDY_STATES or is_to_be_charged or (is_waiting and state not in GOING_STATES)
 
 
 def compute_km_per_intervention(distance_m: float | None, count: int) -> float | None:

@@ -6,6 +6,7 @@ import itertools
 import json
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from agribot.app.field_work import read_work
@@ -73,6 +74,22 @@ def test_a_mission_that_is_cut_off_twice_goes_on_and_is_one_job(
     assert whole is not None and whole.report is not None
     assert report.mission.distance_m == pytest.approx(whole.report.mission.distance_m, rel=0.05)
     assert report.time.sim_s == pytest.approx(whole.report.time.sim_s, rel=0.1)
+
+
+def test_a_robot_that_comes_home_for_its_battery_is_charged_and_finishes(tmp_path: Path) -> None:
+    """The work takes three thousandths of a charge, and this robot goes home after two."""
+    plan = tmp_path / "plan.geojson"
+    plan.write_text(make_plan(0.05), encoding="utf-8")
+    (job,) = list_jobs(0.05, plan, [1])
+    job = msgspec.structs.replace(job, fixed=(*job.fixed, "safety.low_charge_ratio=0.9983"))
+    assignment = Assignment(job=job, out_dir=tmp_path / "mission")
+    outcome = go_on(assignment, lambda: False)
+    assert outcome is not None and outcome.report is not None, outcome
+    report, parts = outcome.report, list_parts(assignment.out_dir)
+    assert report.ok, report.reason
+    assert len(parts) > 1
+    asked = [needed.reason for needed in report.safety.interventions]
+    assert asked == ["cancelled: returned home, called by the battery"] * (len(parts) - 1)
 
 
 def test_a_way_that_no_mission_holds_is_refused(

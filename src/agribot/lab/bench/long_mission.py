@@ -9,6 +9,8 @@ from pathlib import Path
 from time import monotonic as read_clock
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
 from agribot.app.mission_file import continue_config, read_mission
 from agribot.app.run_folder import clear_run
 from agribot.app.whole_job import read_job
@@ -16,9 +18,12 @@ from agribot.app.workers import Stop
 from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.drive import MAX_LENGTH_M
 from agribot.autonomy.plan.coverage.planner import plan_field
+from agribot.autonomy.plan.errand import BATTERY
 from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.core.config import load
 from agribot.core.errors import ConfigError, MissionError
+from agribot.core.messages import Inbox, OperatorEvent, TickRecord
 from agribot.description.loader import load_robot
 from agribot.gis.plan_file import SavedPlan, format_plan
 from agribot.lab.sweep.execution import Assignment, RunOutcome, drive_run
@@ -78,8 +83,14 @@ def list_jobs(
 
 
 def go_on(assignment: Assignment, stop: Stop) -> RunOutcome | None:
-    """Drive a mission to its end from where it was cut off, if it was; None where it is again."""
-    return drive_run(assignment.job, lambda: _open(assignment), stop)
+    """Drive a mission to its end from where it was cut off, if it was; None where it is again.
+
+    A robot that came home for its battery is charged there, and goes on with its work.
+    """
+    while True:
+        outcome = drive_run(assignment.job, lambda: _open(assignment), stop)
+        if outcome is None or outcome.report is None or _read_charged(assignment.out_dir) is None:
+            return outcome
 
 
 def _open(assignment: Assignment) -> SimulatedRun:
@@ -88,13 +99,39 @@ def _open(assignment: Assignment) -> SimulatedRun:
 
     config, parts = assignment.job.config(), list_parts(assignment.out_dir)
     try:
-        saved = read_mission(parts[-1])
+        saved = _read_charged(assignment.out_dir) or read_mission(parts[-1])
     except MissionError:  # nothing of it can go on
         for part in parts:
             clear_run(part)
         return simulate(config, assignment.out_dir)
     earlier, out_dir = read_job(parts[-1], saved), _name_part(assignment.out_dir, len(parts) + 1)
-    return simulate(continue_config(config, saved), out_dir, saved, earlier)
+    session = simulate(continue_config(config, saved), out_dir, saved, earlier)
+    if saved.is_away:
+        session.add_tap(_Charger(session.inbox))
+    return session
+
+
+class _Charger:
+    """A tap: whoever has charged the robot bids it go on, once it waits for that."""
+
+    def __init__(self, inbox: Inbox) -> None:
+        self._inbox: Inbox | None = inbox
+
+    def __call__(self, record: TickRecord) -> None:
+        if self._inbox is not None and record.status.state == "paused":
+            self._inbox.post(OperatorEvent(t_s=0.0, action="resume", source="whoever charged it"))
+            self._inbox = None
+
+
+def _read_charged(out_dir: Path) -> SavedMission | None:
+    """Read the mission of a robot that has come home for its battery; None where it has not."""
+    try:
+        saved = read_mission(list_parts(out_dir)[-1])
+    except MissionError:
+        return None
+    came_home = saved.errand is not None and saved.errand.source == BATTERY
+    is_home = came_home and saved.state == "cancelled"
+    return msgspec.structs.replace(saved, errand=None) if is_home else None
 
 
 def list_parts(out_dir: Path) -> list[Path]:
