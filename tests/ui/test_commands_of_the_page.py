@@ -69,6 +69,25 @@ def test_a_robot_that_stays_is_driven_by_hand_after_its_mission(tmp_path: Path) 
         process.communicate()
 
 
+def test_ctrl_c_at_the_very_address_of_the_page_ends_the_run_with_its_report(
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "run"
+    process = subprocess.Popen(
+        [*RUN, "--ui", "--port", "0", "--out", str(out)], stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr is not None
+    try:
+        next(line for line in process.stderr if line.startswith("page: "))
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == 130, said
+        assert "interrupted" in json.loads((out / "report.json").read_text())["reason"]
+    finally:
+        process.kill()
+        process.communicate()
+
+
 def test_a_recording_is_shown_without_a_robot(
     run_in_a_script: tuple[Path, subprocess.CompletedProcess[str]],
 ) -> None:

@@ -101,7 +101,11 @@ def run(options: argparse.Namespace) -> int:
     is_live = (bridging.is_wanted(options) or has_sources) and kind.is_simulated
     _check(options, config)
     pace = parse_pace(options.speed or ("1" if is_live else "max"))
-    with _open_run(options, config, kind) as session, ExitStack() as parts:
+    with (
+        _open_run(options, config, kind) as session,
+        stop_on_signal() as stop,  # before a page tells its address
+        ExitStack() as parts,
+    ):
         sys.stderr.writelines(f"warning: {warning}\n" for warning in session.warnings)
         service = parts.enter_context(service_manager.open_service(session))
         page = parts.enter_context(open_page(options, session)) if has_page(options) else None
@@ -111,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
         session.trouble_taps.append(progress.note)
         pacer = Pacer(pace, page, keeps_up=has_sources)
         sources = sensor_sources.open_sensor_sources(options, session)
-        with sources, bridging.open_bridges(options, session), stop_on_signal() as stop:
+        with sources, bridging.open_bridges(options, session):
             for record in session.ticks():
                 if stop:
                     break
