@@ -15,6 +15,10 @@ QUICK := $(filter-out $(DEAR),$(wildcard tests/test_*.py tests/app/test_*.py)) t
 
 WORKERS := -n auto --dist loadfile --no-loadscope-reorder
 
+# Tests start `agribot` some hundred times: where Python may not keep what it has compiled, each
+# start and each test process compiles all of it anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: run test nightly quick check pages generate format lint types clean
 
 run: $(VENV)/.run
