@@ -85,8 +85,10 @@ def test_lines_that_are_far_apart_in_time_are_no_neighbours() -> None:
 
 
 def test_lines_that_scatter_are_named_with_what_they_state() -> None:
-    assert look(4.0).fault.startswith("row lines scatter by 0.06 m, stated are 0.015; check the")
+    assert look(4.0).fault.startswith(
+        "the camera's row lines scatter by 0.06 m, stated are 0.015; check its"
+    )
     fault = look(1.0, 4.0).fault
-    assert float(fault.split()[4]) == pytest.approx(2.8, rel=0.3)
+    assert float(fault.split()[6]) == pytest.approx(2.8, rel=0.3)
     assert "deg, stated are 0.7" in fault
     assert not look(1.0, 1.0).fault

@@ -82,4 +82,4 @@ class RowLineNoise:
             scatter = f"{math.degrees(std_rad):.1f} deg, stated are {stated_deg:.1f}"
         else:
             return ""
-        return f"row lines scatter by {scatter}; check the camera's mount, lens and light"
+        return f"the camera's row lines scatter by {scatter}; check its mount, lens and light"

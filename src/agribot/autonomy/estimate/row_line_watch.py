@@ -129,9 +129,9 @@ class RowLineWatch:
         if self.led is None:
             return ""
         return (
-            f"row line moved by {abs(self.led.off_m):.2f} m though neither wheels nor gyro know of "
-            "it; look whether the camera was knocked or the robot pushed, then resume to believe "
-            "the camera"
+            f"the camera's row line moved by {abs(self.led.off_m):.2f} m though neither wheels nor "
+            "gyro know of it; look whether the camera was knocked or the robot pushed, then resume "
+            "to believe the camera"
         )
 
     def add(self, told: LineTold) -> None:
