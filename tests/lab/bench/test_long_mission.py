@@ -92,6 +92,19 @@ def test_a_robot_that_comes_home_for_its_battery_is_charged_and_finishes(tmp_pat
     assert asked == ["cancelled: returned home, called by the battery"] * (len(parts) - 1)
 
 
+def test_a_robot_that_a_whole_charge_brings_nowhere_ends_its_mission(tmp_path: Path) -> None:
+    plan = tmp_path / "plan.geojson"
+    plan.write_text(make_plan(0.05), encoding="utf-8")
+    (job,) = list_jobs(0.05, plan, [1])
+    job = msgspec.structs.replace(job, fixed=(*job.fixed, "safety.low_charge_ratio=0.9996"))
+    assignment = Assignment(job=job, out_dir=tmp_path / "mission")
+    outcome = go_on(assignment, lambda: False)
+    assert outcome is not None and outcome.report is not None, outcome
+    assert not outcome.report.ok
+    assert "called by the battery" in outcome.report.reason
+    assert len(list_parts(assignment.out_dir)) > 1
+
+
 def test_a_way_that_no_mission_holds_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

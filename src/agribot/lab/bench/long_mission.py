@@ -85,12 +85,16 @@ def list_jobs(
 def go_on(assignment: Assignment, stop: Stop) -> RunOutcome | None:
     """Drive a mission to its end from where it was cut off, if it was; None where it is again.
 
-    A robot that came home for its battery is charged there, and goes on with its work.
+    A robot that came home for its battery is charged there, and goes on with its work, unless a
+    whole charge brought it no farther.
     """
+    come_m = -1.0
     while True:
         outcome = drive_run(assignment.job, lambda: _open(assignment), stop)
-        if outcome is None or outcome.report is None or _read_charged(assignment.out_dir) is None:
+        charged = _read_charged(assignment.out_dir)
+        if outcome is None or outcome.report is None or charged is None or charged.s_m <= come_m:
             return outcome
+        come_m = charged.s_m
 
 
 def _open(assignment: Assignment) -> SimulatedRun:
@@ -106,7 +110,7 @@ def _open(assignment: Assignment) -> SimulatedRun:
         return simulate(config, assignment.out_dir)
     earlier, out_dir = read_job(parts[-1], saved), _name_part(assignment.out_dir, len(parts) + 1)
     session = simulate(continue_config(config, saved), out_dir, saved, earlier)
-    if saved.is_away:
+    if saved.asks_first:
         session.add_tap(_Charger(session.inbox))
     return session
 
