@@ -28,6 +28,12 @@ def double(x):
 """
 
 
+@pytest.fixture(autouse=True)
+def _python_keeps_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A source of the same length, changed within a second, is the same to Python's own cache."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+
+
 def load(folder: Path, name: str) -> Any:
     """A module of a folder, anew."""
     jit._stamp_sources.cache_clear()
