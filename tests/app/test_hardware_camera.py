@@ -115,7 +115,7 @@ def test_what_a_robots_camera_shows_is_seen_mapped_and_treated_and_a_replay_does
     scenes = [scene for tick in ticks for scene in tick.scenes]
     assert 0 < len(scenes) <= (report.perception.frames or 0)
     assert {scene.picture_crc32 for scene in scenes} <= pictures.keys()
-    assert all(scene.ready_s <= tick.batch.t_s for tick in ticks for scene in tick.scenes)
+    assert all(scene.t_s < tick.batch.t_s for tick in ticks for scene in tick.scenes)
     fullest = max(scenes, key=lambda scene: len(scene.plants))
     assert {plant.plant for plant in fullest.plants} == {PlantClass.CROP, PlantClass.WEED}
     picture = pictures[fullest.picture_crc32]

@@ -98,7 +98,10 @@ class WeedScores(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Scene(msgspec.Struct, frozen=True, kw_only=True):
-    """What the network saw in the frame captured at `t_s`; usable from `ready_s` on.
+    """What the network saw in the frame captured at `t_s`.
+
+    It is to be there at `ready_s`: a simulation waits for that, in real time it is used as soon as
+    it is there, and what comes later is late.
 
     `view_body_m` is the ground polygon that the camera covered, so that a plant that should
     have been seen and was not can count against its track.
