@@ -15,9 +15,9 @@ STATED_M, STATED_RAD, STEP_S = 0.015, math.radians(0.7), 0.07
 Aside = Callable[[float], float]
 
 
-def line(t_s: float) -> RowLine:
+def line(t_s: float, std_m: float = STATED_M) -> RowLine:
     return RowLine(
-        t_s=t_s, offset_m=0.0, heading_rad=0.0, offset_std_m=STATED_M, heading_std_rad=STATED_RAD
+        t_s=t_s, offset_m=0.0, heading_rad=0.0, offset_std_m=std_m, heading_std_rad=STATED_RAD
     )
 
 
@@ -50,12 +50,10 @@ def test_noise_beyond_what_is_stated_is_learnt_for_offset_and_heading(times: flo
 def test_the_floor_of_an_offset_counts_as_stated() -> None:
     """Lines that claim half a millimetre are believed to six millimetres anyhow."""
     noise, rng = RowLineNoise(), np.random.default_rng(1)
-    sure = RowLine(t_s=0.0, offset_m=0.0, heading_rad=0.0, offset_std_m=5e-4, heading_std_rad=0.01)
     for t_s in np.arange(0.0, 8.0, STEP_S).tolist():
-        told = RowLine(
-            t_s=t_s, offset_m=0.0, heading_rad=0.0, offset_std_m=5e-4, heading_std_rad=0.01
-        )
-        noise.add(told, float(rng.normal(0.0, 0.006)), float(rng.normal(0.0, 0.01)))
+        off_m, turned_rad = rng.normal(0.0, (0.006, STATED_RAD)).tolist()
+        noise.add(line(t_s, 5e-4), off_m, turned_rad)
+    sure = line(9.0, 5e-4)
     assert noise.widen(sure) is sure
 
 

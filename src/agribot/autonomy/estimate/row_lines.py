@@ -148,19 +148,20 @@ class RowLines(Correction[RowLine]):
         since_last_s = min(line.t_s - self._last_line_s, model.LASTING_MEMORY_S)
         self._last_line_s = line.t_s
         self._begin(line)
-        self._enter(self._frame(epoch, self._arm_m(line, epoch)).row)
-        off_m = self._off_m(line, offset_m, sign, epoch)
-        turned_rad = self._turned_rad(line, heading_rad, sign, epoch)
+        frame = self._frame(epoch, self._arm_m(line, epoch))
+        self._enter(frame.row)
+        off_m = self._off_m(line, offset_m, sign, epoch, frame)
+        turned_rad = self._turned_rad(heading_rad, sign, epoch, frame)
         self.pose.line_noise.add(line, off_m, turned_rad)
         line = self.pose.line_noise.widen(line)
-        measured = self._offset(line, off_m, sign, epoch)
+        measured = self._offset(line, off_m, sign, epoch, frame)
         if measured is None or (yield measured) != "accept":
             return
         self.pose.agreement.hold(line.t_s)
         self.pose.lines.fit()
-        pitch_m = self._frame(epoch, self._arm_m(line, epoch)).pitch_m
-        self.fitted += abs(offset_m) <= pitch_m / 2.0
-        turned_rad = self._turned_rad(line, heading_rad, sign, epoch)
+        frame = self._frame(epoch, self._arm_m(line, epoch))  # as the offset has moved the pose
+        self.fitted += abs(offset_m) <= frame.pitch_m / 2.0
+        turned_rad = self._turned_rad(heading_rad, sign, epoch, frame)
         variance = model.heading_variance(FLOATS, line.heading_std_rad, since_last_s)
         yield self._heading(turned_rad, variance)
 
@@ -197,23 +198,25 @@ class RowLines(Correction[RowLine]):
             x[X] - (now.x_m - then.x_m) + arm_m[0], x[Y] - (now.y_m - then.y_m) + arm_m[1]
         )
 
-    def _off_m(self, line: RowLine, offset_m: float, sign: float, epoch: Epoch) -> float:
+    def _off_m(
+        self, line: RowLine, offset_m: float, sign: float, epoch: Epoch, frame: RowFrame
+    ) -> float:
         """Return how far right of its pose the line puts the robot, by the nearest row."""
         (arm_x, arm_y), aside_m = self._arm_m(line, epoch), sign * offset_m
-        right_x, right_y = self._frame(epoch, (arm_x, arm_y)).right
+        right_x, right_y = frame.right
         return self._frame(epoch, (arm_x + aside_m * right_x, arm_y + aside_m * right_y)).off_m
 
-    def _turned_rad(self, line: RowLine, heading_rad: float, sign: float, epoch: Epoch) -> float:
+    def _turned_rad(self, heading_rad: float, sign: float, epoch: Epoch, frame: RowFrame) -> float:
         """Return the angle by which the line turns the robot's heading against its pose."""
-        row_yaw_rad = self._frame(epoch, self._arm_m(line, epoch)).yaw_rad
-        facing_rad = row_yaw_rad + (0.0 if sign > 0.0 else math.pi)
+        facing_rad = frame.yaw_rad + (0.0 if sign > 0.0 else math.pi)
         return wrap_rad(heading_rad + facing_rad - self._yaw_then_rad(epoch))
 
-    def _offset(self, line: RowLine, off_m: float, sign: float, epoch: Epoch) -> Measurement | None:
+    def _offset(
+        self, line: RowLine, off_m: float, sign: float, epoch: Epoch, frame: RowFrame
+    ) -> Measurement | None:
         """How far off its row the robot is; None where the pose cannot tell which row this is."""
         ekf = self.pose.ekf
         arm_m = self._arm_m(line, epoch)
-        frame = self._frame(epoch, arm_m)
         seen: Row = ((ROW_BIAS, -sign), (ROW_OFFSET, -1.0))
         row: Row = (*moved_row(frame.right, epoch, arm_m), *seen)
         across_m2 = ekf.project(row[:3])[1]
