@@ -24,6 +24,15 @@ from agribot.lab.bench.long_mission import (
 from agribot.lab.sweep.execution import Assignment
 
 
+def assign(tmp_path: Path, *settings: str) -> Assignment:
+    """A mission of 50 m."""
+    plan = tmp_path / "plan.geojson"
+    plan.write_text(make_plan(0.05), encoding="utf-8")
+    (job,) = list_jobs(0.05, plan, [1])
+    job = msgspec.structs.replace(job, fixed=(*job.fixed, *settings))
+    return Assignment(job=job, out_dir=tmp_path / "mission")
+
+
 @pytest.mark.parametrize("km", [0.2, 30.0])
 def test_a_plan_is_about_as_long_as_asked_for_and_a_mission_takes_it(km: float) -> None:
     work = read_work(make_plan(km), "the plan", load("farm"), load_robot())
@@ -51,10 +60,7 @@ def test_a_short_one_is_driven_to_its_end_and_is_not_driven_twice(
 def test_a_mission_that_is_cut_off_twice_goes_on_and_is_one_job(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plan = tmp_path / "plan.geojson"
-    plan.write_text(make_plan(0.05), encoding="utf-8")
-    (job,) = list_jobs(0.05, plan, [1])
-    assignment = Assignment(job=job, out_dir=tmp_path / "mission")
+    assignment = assign(tmp_path)
     now_s = itertools.count(100.0, 2.0)  # two seconds pass between looks
     monkeypatch.setattr(long_mission, "read_clock", lambda: next(now_s))
     tell, said = WayToldNow([assignment.out_dir, tmp_path / "not begun"]), []
@@ -70,18 +76,14 @@ def test_a_mission_that_is_cut_off_twice_goes_on_and_is_one_job(
     assert report.ok, report.reason
     ways_km = [float(text.removesuffix(" of 0.05 km")) for text in said if text]
     assert 0.0 < ways_km[0] < ways_km[1]
-    planned_m = read_work(plan.read_text(), "the plan", load("farm"), load_robot()).length_m
+    planned_m = read_work(make_plan(0.05), "the plan", load("farm"), load_robot()).length_m
     way_m = report.mission.distance_m  # that to the first swath counts, too
     assert way_m == pytest.approx(planned_m, rel=0.2)
 
 
 def test_a_robot_that_comes_home_for_its_battery_is_charged_and_finishes(tmp_path: Path) -> None:
     """The work takes three thousandths of a charge, and this robot goes home after two."""
-    plan = tmp_path / "plan.geojson"
-    plan.write_text(make_plan(0.05), encoding="utf-8")
-    (job,) = list_jobs(0.05, plan, [1])
-    job = msgspec.structs.replace(job, fixed=(*job.fixed, "safety.low_charge_ratio=0.9983"))
-    assignment = Assignment(job=job, out_dir=tmp_path / "mission")
+    assignment = assign(tmp_path, "safety.low_charge_ratio=0.9983")
     outcome = go_on(assignment, lambda: False)
     assert outcome is not None and outcome.report is not None, outcome
     report, parts = outcome.report, list_parts(assignment.out_dir)
@@ -92,11 +94,7 @@ def test_a_robot_that_comes_home_for_its_battery_is_charged_and_finishes(tmp_pat
 
 
 def test_a_robot_that_a_whole_charge_brings_nowhere_ends_its_mission(tmp_path: Path) -> None:
-    plan = tmp_path / "plan.geojson"
-    plan.write_text(make_plan(0.05), encoding="utf-8")
-    (job,) = list_jobs(0.05, plan, [1])
-    job = msgspec.structs.replace(job, fixed=(*job.fixed, "safety.low_charge_ratio=0.9996"))
-    assignment = Assignment(job=job, out_dir=tmp_path / "mission")
+    assignment = assign(tmp_path, "safety.low_charge_ratio=0.9996")
     outcome = go_on(assignment, lambda: False)
     assert outcome is not None and outcome.report is not None, outcome
     assert not outcome.report.ok

@@ -91,10 +91,12 @@ def go_on(assignment: Assignment, stop: Stop) -> RunOutcome | None:
     come_m = -1.0
     while True:
         outcome = drive_run(assignment.job, lambda: _open(assignment), stop)
-        charged = _read_charged(assignment.out_dir)
-        if outcome is None or outcome.report is None or charged is None or charged.s_m <= come_m:
+        saved = _read_last(assignment.out_dir)
+        if outcome is None or outcome.report is None or saved is None:
             return outcome
-        come_m = charged.s_m
+        if not _is_home_to_be_charged(saved) or saved.s_m <= come_m:
+            return outcome
+        come_m = saved.s_m
 
 
 def _open(assignment: Assignment) -> SimulatedRun:
@@ -102,12 +104,13 @@ def _open(assignment: Assignment) -> SimulatedRun:
     from agribot.app.simulated_run import simulate
 
     config, parts = assignment.job.config(), list_parts(assignment.out_dir)
-    try:
-        saved = _read_charged(assignment.out_dir) or read_mission(parts[-1])
-    except MissionError:  # nothing of it can go on
+    saved = _read_last(assignment.out_dir)
+    if saved is None:
         for part in parts:
             clear_run(part)
         return simulate(config, assignment.out_dir)
+    if _is_home_to_be_charged(saved):
+        saved = msgspec.structs.replace(saved, errand=None)
     earlier, out_dir = read_job(parts[-1], saved), _name_part(assignment.out_dir, len(parts) + 1)
     session = simulate(continue_config(config, saved), out_dir, saved, earlier)
     if saved.asks_first:
@@ -127,15 +130,17 @@ class _Charger:
             self._inbox = None
 
 
-def _read_charged(out_dir: Path) -> SavedMission | None:
-    """Read the mission of a robot that has come home for its battery; None where it has not."""
+def _read_last(out_dir: Path) -> SavedMission | None:
+    """Read a mission as its last part left it; None where it cannot go on: not begun, or done."""
     try:
-        saved = read_mission(list_parts(out_dir)[-1])
+        return read_mission(list_parts(out_dir)[-1])
     except MissionError:
         return None
+
+
+def _is_home_to_be_charged(saved: SavedMission) -> bool:
     came_home = saved.errand is not None and saved.errand.source == BATTERY
-    is_home = came_home and saved.state == "cancelled"
-    return msgspec.structs.replace(saved, errand=None) if is_home else None
+    return came_home and saved.state == "cancelled"
 
 
 def list_parts(out_dir: Path) -> list[Path]:
@@ -166,11 +171,8 @@ class WayToldNow:
 
 
 def _tell_way(out_dir: Path) -> str:
-    try:
-        saved = read_mission(list_parts(out_dir)[-1])
-    except MissionError:  # not begun, or done
-        return ""
-    return f"{saved.s_m / 1000.0:.2f} of {saved.length_m / 1000.0:.2f} km"
+    saved = _read_last(out_dir)
+    return f"{saved.s_m / 1000.0:.2f} of {saved.length_m / 1000.0:.2f} km" if saved else ""
 
 
 def summarise(reports: Sequence[Report]) -> dict[str, Any]:
