@@ -13,6 +13,7 @@ from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.core.messages import BaseFix, GnssFix, GnssQuality, SensorBatch
 
 MAX_AGE_S = 5.0
+MAX_ALT_M = 1e5  # beyond it, a number came to harm on its way
 # Multipath is each antenna's own: this much remains of a fix that a base station corrects.
 RESIDUAL_STD_M = 0.4
 UNCORRECTED = (GnssQuality.SINGLE, GnssQuality.DGNSS)
@@ -28,8 +29,9 @@ class BaseCorrection(Correction[BaseFix]):
         return batch.base
 
     def is_usable(self, sample: BaseFix) -> bool:
-        values = (*sample.error(), sample.known_lat_deg, sample.known_lon_deg)
-        return all(map(math.isfinite, values))
+        is_there = abs(sample.known_lat_deg) <= 90.0 and abs(sample.known_lon_deg) <= 360.0
+        lat_deg, lon_deg, alt_m = sample.error()
+        return is_there and abs(lat_deg) + abs(lon_deg) <= 720.0 and abs(alt_m) <= MAX_ALT_M
 
     def measure(self, sample: BaseFix, epoch: Epoch) -> Measurements:
         self.pose.base = sample

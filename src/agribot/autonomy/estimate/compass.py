@@ -18,6 +18,7 @@ from agribot.core.messages import MagSample, SensorBatch, Vec3
 
 # The first heading is the mean of this many samples.
 FIRST_SAMPLES = 8
+MAX_FIELD_T = 1e3  # beyond the strongest magnet: a number that came to harm on its way
 # Hard iron turns with the robot: after about a radian the old bias says little about the new.
 BIAS_MEMORY_RAD = 1.0
 # Once that is learnt, the mount's share stays; what the fit and the motors leave over turns.
@@ -48,7 +49,7 @@ def level_field(field_t: Vec3, up_body: Vec3) -> Level | None:
     ahead_t = sum(a * b for a, b in zip(field_t, forward, strict=True))
     left_t = sum(a * b for a, b in zip(field_t, left, strict=True))
     total = math.hypot(*field_t)
-    if not math.isfinite(total) or math.hypot(ahead_t, left_t) <= 1e-3 * total:
+    if not total <= MAX_FIELD_T or math.hypot(ahead_t, left_t) <= 1e-3 * total:
         return None
     return ahead_t, left_t
 

@@ -16,6 +16,7 @@ from agribot.core.messages import GnssHeading, SensorBatch
 
 # Multipath bends the baseline for some seconds; the receiver's sigma tells of single epochs.
 STD_FACTOR = 1.1
+MAX_STD_RAD = 1e3  # beyond what any receiver says: a number that came to harm on its way
 
 
 class DualHeading(Correction[GnssHeading]):
@@ -30,7 +31,7 @@ class DualHeading(Correction[GnssHeading]):
         return batch.headings
 
     def is_usable(self, sample: GnssHeading) -> bool:
-        return math.isfinite(sample.yaw_map_rad) and sample.std_rad > 0.0
+        return math.isfinite(sample.yaw_map_rad) and 0.0 < sample.std_rad <= MAX_STD_RAD
 
     def objection(self, sample: GnssHeading) -> str:
         return "of a frozen receiver" if self.pose.is_receiver_frozen else ""

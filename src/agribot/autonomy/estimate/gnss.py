@@ -8,6 +8,8 @@ import statistics
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import msgspec
+
 from agribot.autonomy.estimate.base_correction import take_off_base_error
 from agribot.autonomy.estimate.correction import Correction, Measurements
 from agribot.autonomy.estimate.drift_watch import MAX_LOST_RATIO, DriftWatch, Told, Trust
@@ -31,7 +33,7 @@ from agribot.autonomy.estimate.gnss_noise import (
     fix_noise,
     widen,
 )
-from agribot.autonomy.estimate.gnss_velocity import GnssVelocity
+from agribot.autonomy.estimate.gnss_velocity import GnssVelocity, has_usable_velocity
 from agribot.autonomy.estimate.history import Epoch, Motion
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.pose_filter import PoseFilter
@@ -43,6 +45,8 @@ from agribot.core.pose import Pose2
 
 # The first position is the median of this many fixes, so that no single one can spoil it.
 FIRST_FIXES = 5
+# Beyond what any receiver says: a number that came to harm on its way.
+MAX_STD_M, MAX_ALT_M = 1e6, 1e5
 UNKNOWN_M2 = 1e6
 SUSPICIOUS_REJECTIONS = 5  # in a row
 # While a robot turns so fast, and so far at least, fixes that lie within three sigmas of where
@@ -133,7 +137,7 @@ class Gnss(Correction[GnssFix]):
         return batch.gnss
 
     def is_usable(self, sample: GnssFix) -> bool:
-        is_told = sample.quality is not GnssQuality.NONE and math.isfinite(sample.pos_std_m)
+        is_told = sample.quality is not GnssQuality.NONE and abs(sample.pos_std_m) <= MAX_STD_M
         return is_told and abs(sample.lat_deg) <= 90.0 and abs(sample.lon_deg) <= 180.0
 
     def objection(self, sample: GnssFix) -> str:
@@ -141,6 +145,9 @@ class Gnss(Correction[GnssFix]):
         return "repeats itself" if self.pose.is_receiver_frozen else ""
 
     def measure(self, sample: GnssFix, epoch: Epoch) -> Measurements:
+        if sample.velocity_mps is not None and not has_usable_velocity(sample):
+            self.pose.rejected["velocity not usable"] += 1
+            sample = msgspec.structs.replace(sample, velocity_mps=None)
         differential = take_off_base_error(sample, self.pose)
         fix = differential or sample
         since_last_s = min(epoch.since_last_s, FLOAT_MEMORY_S)
@@ -228,7 +235,7 @@ class Gnss(Correction[GnssFix]):
         self, fix: GnssFix, lever_m: tuple[float, float], epoch: Epoch
     ) -> tuple[complex, complex]:
         """Find where a fix puts the antenna in the map, and the antenna from the robot's middle."""
-        alt_m = fix.alt_m if math.isfinite(fix.alt_m) else self._frame.datum.alt_m
+        alt_m = fix.alt_m if abs(fix.alt_m) <= MAX_ALT_M else self._frame.datum.alt_m
         east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, alt_m)
         yaw_rad = self.pose.ekf.x[YAW] - (epoch.now.yaw_rad - epoch.then.yaw_rad)
         return complex(east_m, north_m), complex(*Pose2(0.0, 0.0, yaw_rad).rotate(*lever_m))

@@ -18,6 +18,15 @@ from agribot.core.arithmetic import FLOATS
 from agribot.core.messages import GnssFix
 
 SPUN_S = 5.0  # so long wheels that slipped are named
+MAX_SPEED_MPS = 1e3  # beyond what any receiver says: a number that came to harm on its way
+
+
+def has_usable_velocity(fix: GnssFix) -> bool:
+    """Whether a fix tells a velocity in numbers that can be."""
+    if fix.velocity_mps is None:
+        return False
+    values = (*fix.velocity_mps[:2], fix.velocity_std_mps)
+    return all(abs(value) <= MAX_SPEED_MPS for value in values)
 
 
 class GnssVelocity:
@@ -52,9 +61,6 @@ class GnssVelocity:
         is_corrected: bool,
     ) -> Measurements:
         if fix.velocity_mps is None:
-            return
-        if not math.isfinite(sum(fix.velocity_mps[:2]) + fix.velocity_std_mps):
-            self._pose.rejected["velocity not finite"] += 1
             return
         ekf, (then, now, _) = self._pose.ekf, epoch
         yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
