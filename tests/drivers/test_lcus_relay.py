@@ -123,9 +123,30 @@ def test_another_channel_of_a_larger_relay_is_switched(line: Line) -> None:
         source.close()
 
 
+def test_two_contactors_are_switched_by_two_channels_at_once(line: Line) -> None:
+    source = open_source("contactor", f"lcus:{line.path}?channel=1&second=2")
+    assert isinstance(source, LcusContactor)
+    heard = bytearray()
+
+    def has_heard(*, is_on: bool) -> bool:
+        heard.extend(line.hear())
+        return bytes(heard).endswith(make_switch(1, is_on=is_on) + make_switch(2, is_on=is_on))
+
+    try:
+        wait_for(lambda: has_heard(is_on=False), "both to be switched off")
+        source.write(GO)
+        wait_for(lambda: has_heard(is_on=True), "both to hold")
+        wait_for(lambda: source.take(0.0)[0].is_closed, "the contactors to be told closed")
+        source.write(CUT)
+        wait_for(lambda: has_heard(is_on=False), "both to fall off")
+    finally:
+        source.close()
+
+
 @pytest.mark.parametrize(
     ("sensor", "uri", "words"),
     [
+        ("contactor", "lcus:{path}?channel=2&second=2", "is the first contactor's channel, too"),
         ("imu", "lcus:{path}", "imu from lcus:"),
         ("contactor", "lcus:{path}?channel=9", "write a number from 1 to 8"),
         ("contactor", "lcus:{path}?chanel=1", "unknown option 'chanel'; did you mean 'channel'?"),

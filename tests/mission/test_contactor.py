@@ -64,15 +64,28 @@ def test_a_board_that_runs_away_is_stopped_by_the_contactor_within_two_metres(
 
 def test_without_a_contactor_nothing_stops_it_but_the_red_button(tmp_path: Path) -> None:
     fault = f"motor.runaway@{FAULT_S}"
-    _, ticks, way_m = drive(tmp_path / "run", fault, "sim.has_contactor=false")
+    _, ticks, way_m = drive(tmp_path / "run", fault, "sim.contactors=0")
     assert not any(tick.command.is_power_cut or tick.batch.contactor for tick in ticks)
     assert way_m[-1] > 3.0
     assert any("RUNAWAY, cut the power with the red button" in tick.reason for tick in ticks)
 
 
-def test_a_welded_contactor_does_not_stop_it_and_calls_for_the_red_button(tmp_path: Path) -> None:
+def test_where_one_of_two_contactors_is_welded_the_other_stops_it_and_it_drives_no_more(
+    tmp_path: Path,
+) -> None:
+    faults = f"motor.runaway@{FAULT_S}+4;contactor.welded@1"
+    run, ticks, way_m = drive(tmp_path / "run", faults)
+    assert 0.2 < max(way_m) < 2.0
+    assert run.referee.score_safety().stops_too_long == 0
+    assert "one contactor stays closed" in ticks[-1].reason, "also after the stop is cleared"
+    assert ticks[-1].command.is_power_cut
+
+
+def test_a_single_contactor_that_is_welded_does_not_stop_it_and_calls_for_the_red_button(
+    tmp_path: Path,
+) -> None:
     faults = f"motor.runaway@{FAULT_S};contactor.welded@1"
-    _, ticks, way_m = drive(tmp_path / "run", faults)
+    _, ticks, way_m = drive(tmp_path / "run", faults, "sim.contactors=1")
     assert way_m[-1] > 3.0
     assert any(tick.command.is_power_cut for tick in ticks)
     asked = "RUNAWAY, cut the power with the red button: the contactor does not open"

@@ -125,33 +125,39 @@ def test_a_bent_row_is_inside_where_it_bends() -> None:
     assert reach_m == pytest.approx(bulge_m + MARGIN_M, abs=1e-6)
 
 
-DRIVE = load_robot("agribot").drive
+ROBOT = load_robot("agribot")
 
 
-def stop_from(judge: SafetyJudge, speeds_mps: list[float]) -> float:
-    """Let a robot at 0.4 m/s be stopped at the first of these speeds; return how far it rolls."""
+def stop_from(judge: SafetyJudge, speeds_mps: list[float], cut_after: int | None = None) -> float:
+    """Let a robot at 0.4 m/s be stopped at the first of these speeds; return how far it rolls.
+
+    Its motors lose their power after so many of them.
+    """
     x_m = 0.0
     for k, v_mps in enumerate([0.4] * 5 + speeds_mps + [0.0, 0.0]):
         x_m += 0.02 * v_mps
         is_stopped = k >= 5
         record = tick(0.0 if is_stopped else 0.4, "bumper" if is_stopped else "")
+        is_cut = cut_after is not None and k >= 5 + cut_after
+        command = msgspec.structs.replace(record.command, is_power_cut=is_cut)
+        record = msgspec.structs.replace(record, command=command)
         judge.look(record, truth(0.02 * k, x_m, v_mps))
     return 0.02 * sum(speeds_mps[1:])
 
 
 def test_the_way_of_a_stop_counts_from_the_command_until_it_stands() -> None:
-    judge = SafetyJudge(bounds(SQUARE), DRIVE)
+    judge = SafetyJudge(bounds(SQUARE), ROBOT)
     rolled_m = stop_from(judge, [0.4, 0.3, 0.2, 0.1])
     score = judge.score(set())
     assert score.stop_distance_m_max == pytest.approx(rolled_m)
-    promised_m = 0.4 * 0.2 + 0.4**2 / (2.0 * DRIVE.max_accel_mps2)
+    promised_m = 0.4 * 0.2 + 0.4**2 / (2.0 * ROBOT.drive.max_accel_mps2)
     assert score.stop_allowed_m == pytest.approx(promised_m)
     assert rolled_m < promised_m
     assert score.stops_too_long == 0
 
 
 def test_what_a_robot_drove_while_its_program_stood_still_is_no_way_of_the_stop() -> None:
-    judge = SafetyJudge(None, DRIVE)
+    judge = SafetyJudge(None, ROBOT)
     judge.look(tick(0.4), truth(1.0, 0.0, 0.4))
     judge.look(tick(0.0, "clock"), truth(4.0, 0.24, 0.0))  # its board had stopped it long before
     judge.look(tick(0.0, "clock"), truth(4.02, 0.24, 0.0))
@@ -160,17 +166,35 @@ def test_what_a_robot_drove_while_its_program_stood_still_is_no_way_of_the_stop(
 
 
 def test_a_robot_that_rolls_on_has_not_kept_what_its_drive_promises() -> None:
-    judge = SafetyJudge(None, DRIVE)
+    judge = SafetyJudge(None, ROBOT)
     rolled_m = stop_from(judge, [0.4] * 100)
     score = judge.score(set())
     assert score.stop_distance_m_max == pytest.approx(rolled_m)
     assert score.stops_too_long == 1
-    then = SafetyJudge(None, DRIVE)
+    then = SafetyJudge(None, ROBOT)
     then.restore(judge.export_state())
     stop_from(then, [0.1])
     kept = then.score(set())
     assert kept.stop_distance_m_max == pytest.approx(rolled_m)
     assert kept.stops_too_long == 1
+
+
+def test_a_robot_without_power_may_roll_out_from_where_it_lost_it_and_no_farther() -> None:
+    roll_out_m = ROBOT.promise_roll_out_m(0.4)
+    judge = SafetyJudge(None, ROBOT)
+    rolled_m = stop_from(judge, [0.4] * 40, cut_after=25)  # it was driven on for 0.5 s
+    score = judge.score(set())
+    assert score.stop_distance_m_max == pytest.approx(rolled_m)
+    assert score.stop_allowed_m == pytest.approx(0.4 * 0.5 + roll_out_m)
+    assert score.stops_too_long == 0
+    stop_from(judge, [0.4] * 40)
+    assert judge.score(set()).stops_too_long == 1, "with its power it should have braked"
+    stop_from(judge, [0.4] * 100, cut_after=25)
+    assert judge.score(set()).stops_too_long == 2
+    late = SafetyJudge(None, ROBOT)
+    stop_from(late, [0.4] * 150, cut_after=130)  # it ought to have lost its power after 1 s
+    driven_on_m = 1.0 * ROBOT.drive.max_speed_mps
+    assert late.score(set()).stop_allowed_m == pytest.approx(driven_on_m + roll_out_m)
 
 
 def test_a_stop_at_the_end_of_a_mission_is_no_stop_of_the_supervisor() -> None:

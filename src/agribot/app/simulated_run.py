@@ -63,7 +63,7 @@ class SimulatedRun(Run):
             tuple(task.waypoints),
             _find_bounds(task, setup),
             made.find_true_row,
-            setup.robot.drive,
+            setup.robot,
         )
         if task.explorer is not None:
             self.referee.take_true_rows(lay_rows(setup.config.field))

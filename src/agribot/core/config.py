@@ -247,7 +247,8 @@ class SimConfig(Config, frozen=True):
     actuation: Literal["servo", "effort"] = "servo"
     # A second receiver at the world's pole, with errors of its own or sharing the slow ones.
     base_station: Literal["off", "independent", "common"] = "off"
-    has_contactor: bool = True  # in the motors' supply, beside the red button; opened by the gate
+    # In the motors' supply, in series; gate and red button open all of them.
+    contactors: Annotated[int, msgspec.Meta(ge=0, le=2)] = 2
     imu: str = ""  # another IMU than the sensor preset's: ideal, hector, mpu9265
     declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] = 0.0  # of the true field
 

@@ -82,6 +82,7 @@ class TyreSpec(msgspec.Struct, frozen=True, kw_only=True):
     rolling_resistance_ratio: float = 0.03
 
 
+GRAVITY_MPS2 = 9.81
 REACTION_S = 0.2  # until the brakes bite: a tick, the network of the motor board, its lag
 
 
@@ -127,10 +128,6 @@ class DriveSpec(msgspec.Struct, frozen=True, kw_only=True):
     no_load_a: float = 0.137
     controller_efficiency_ratio: float = 0.95
     regeneration_ratio: float = 0.0  # of the power of braking that goes back into the battery
-
-    def promise_stop_m(self, v_mps: float) -> float:
-        """Return the way on which a robot at this speed stands after it was told to stop."""
-        return abs(v_mps) * REACTION_S + v_mps**2 / (2.0 * self.max_accel_mps2)
 
     @property
     def wheel_torque_nm(self) -> float:
@@ -221,6 +218,25 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
                 return link
         known = ", ".join(sorted(link.name for link in self.links))
         raise DescriptionError(f"robot '{self.name}' has no link '{name}'; it has: {known}")
+
+    def promise_stop_m(self, v_mps: float) -> float:
+        """Return the way on which it stands after it was told to stop at this speed."""
+        return abs(v_mps) * REACTION_S + v_mps**2 / (2.0 * self.drive.max_accel_mps2)
+
+    def promise_roll_out_m(self, v_mps: float) -> float:
+        """Return the way on which it stands, on level ground, after its motors lost their power.
+
+        Nothing but the rolling resistance of its tyres is counted on, and what turns rolls on, too:
+        a wheel, about the axis of its largest moment, with its motor and gear.
+        """
+        turning_kgm2 = sum(
+            max(self.link(name).inertia_kgm2[:3]) + self.drive.rotor_inertia_kgm2
+            for name in WHEEL_NAMES
+        )
+        weight_n = GRAVITY_MPS2 * self.mass_kg
+        rolling_kg = self.mass_kg + turning_kgm2 / self.drive.wheel_radius_m**2
+        rolling_mps2 = self.tyre.rolling_resistance_ratio * weight_n / rolling_kg
+        return abs(v_mps) * REACTION_S + v_mps**2 / (2.0 * rolling_mps2)
 
     @property
     def tool_x_m(self) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ContactorSample, RobotCommand
@@ -32,7 +32,7 @@ def make_switch(channel: int, *, is_on: bool) -> bytes:
 
 
 class LcusContactor:
-    """The relay holds the contactor while the robot's motors may have power.
+    """The relay holds the contactors while the robot's motors may have power, each by a channel.
 
     It is switched off when its line is opened, also after a loss, and when this is closed.
     """
@@ -40,15 +40,18 @@ class LcusContactor:
     sensor: Sensor = "contactor"
 
     def __init__(
-        self, name: str, open_stream: OpenStream, channel: int, tell: Callable[[str], None],
-        now_s: Callable[[], float] = time.monotonic,
+        self, name: str, open_stream: OpenStream, channels: Sequence[int],
+        tell: Callable[[str], None], now_s: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         """Open the line and switch it off.
 
         Raises: ConfigError: the line cannot be opened.
         """
         self.name, self._now_s = name, now_s
-        self._on, self._off = (make_switch(channel, is_on=is_on) for is_on in (True, False))
+        self._on, self._off = (
+            b"".join(make_switch(channel, is_on=is_on) for channel in channels)
+            for is_on in (True, False)
+        )
         self._is_wanted = self._is_on = self._is_lost = False
         self._asked_s, self._written_s = -math.inf, now_s()
         self._reader = StreamReader(
@@ -88,7 +91,7 @@ class LcusContactor:
 
 
 def open_relay(sensor: Sensor, uri: SourceUri, context: SourceContext) -> LcusContactor:
-    """Open `contactor=lcus:/dev/ttyUSB3?channel=1`.
+    """Open `contactor=lcus:/dev/ttyUSB3?channel=1`, with `&second=2` of a second contactor.
 
     Raises: ConfigError: no such line, a wrong option, or something else than the contactor.
     """
@@ -96,5 +99,9 @@ def open_relay(sensor: Sensor, uri: SourceUri, context: SourceContext) -> LcusCo
         raise ConfigError(f"{sensor} from lcus:{uri.path}: a relay switches; use contactor=lcus:")
     options = UriOptions(uri)
     channel = int(options.pop_number("channel", 1, 1, CHANNELS))
+    second = int(options.pop_number("second", 0, 0, CHANNELS))
     options.check_empty()
-    return LcusContactor(uri.path, lambda: SerialStream(uri.path, BAUD), channel, context.refuse)
+    if second == channel:
+        raise ConfigError(f"second={second} of {uri.path} is the first contactor's channel, too")
+    channels = (channel, second) if second else (channel,)
+    return LcusContactor(uri.path, lambda: SerialStream(uri.path, BAUD), channels, context.refuse)

@@ -25,7 +25,7 @@ from agribot.core.world import WorldSpec
 from agribot.sim.attitude import read_roll_pitch_yaw, read_rotation
 from agribot.sim.camera_sensor import CameraSensor
 from agribot.sim.clock import NS_PER_S, Schedule, round_step_ns
-from agribot.sim.contactor import SimContactor
+from agribot.sim.contactor import SimContactors
 from agribot.sim.driven_physics import DrivenPhysics, WheelDriver
 from agribot.sim.faults.bodies import move_start
 from agribot.sim.faults.layer import FaultLayer
@@ -87,7 +87,8 @@ class SimPlatform:
         self._implement = fit_effect(robot.implement, world, robot.base_height_m)
         self._treated_s = 0.0
         self._persons = PersonWatch(robot, world)
-        self._contactor = SimContactor() if config.sim.has_contactor else None
+        count = config.sim.contactors
+        self._contactors = SimContactors(count) if count else None
         self.inbox = Inbox()
         self._tunings: deque[tuple[str, str, float]] = deque()
         self._base_height_m = robot.base_height_m
@@ -129,7 +130,7 @@ class SimPlatform:
             ),
             bumper=self._read_bumper(t_s),
             battery=sensors.battery.take_samples(first, last, history),
-            contactor=() if self._contactor is None else (self._contactor.read(t_s),),
+            contactor=() if self._contactors is None else (self._contactors.read(t_s),),
         )
         return batch if self.faults is None else self.faults.alter(batch)
 
@@ -146,8 +147,8 @@ class SimPlatform:
             )
         if self._closed:
             raise PlatformError("the simulator is closed and takes no commands")
-        if self._contactor is not None:  # it has a line of its own, and needs no motor board
-            self._contactor.command(self._now_s, is_cut=command.is_power_cut)
+        if self._contactors is not None:  # on a line of their own, which needs no motor board
+            self._contactors.command(self._now_s, is_cut=command.is_power_cut)
         if self.faults is not None and not self.faults.hears(self._now_s):
             return
         self._implement.command(self._now_s, command.implement)
@@ -167,7 +168,7 @@ class SimPlatform:
     @property
     def has_power(self) -> bool:
         """Whether the motors have power."""
-        return self._contactor is None or self._contactor.is_closed
+        return self._contactors is None or self._contactors.feed_motors
 
     def tune(self, sensor: str, parameter: str, value: float) -> None:
         """Change a sensor's error from any thread, for all samples from the next read on.
@@ -285,12 +286,12 @@ class SimPlatform:
             self._feed.shift_mount(faults.find_mount_shift_m(t_s))
 
     def _switch_power(self, t_s: float) -> None:
-        """Let the contactor feed the motors, or not, for the tick that begins now."""
-        if self._contactor is not None:
+        """Let the contactors feed the motors, or not, for the tick that begins now."""
+        if self._contactors is not None:
             on = () if self.faults is None else self.faults.list_names(t_s)
             has_current = not {"button.pressed", "contactor.silent"}.intersection(on)
-            self._contactor.step(t_s, has_current=has_current, is_welded="contactor.welded" in on)
-            self._physics.switch_power(is_on=self._contactor.is_closed)
+            self._contactors.step(t_s, has_current=has_current, is_welded="contactor.welded" in on)
+            self._physics.switch_power(is_on=self._contactors.feed_motors)
 
     def _affect_field(self, start_s: float, end_s: float) -> None:
         before, after = self._physics.history[0], self._physics.history[-1]

@@ -22,7 +22,7 @@ from agribot.core.messages import (
     Row,
     TickRecord,
 )
-from agribot.core.robot import DriveSpec
+from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
 from agribot.sim.plant_judge import find_percentile, is_in_strips, match_plants
@@ -81,17 +81,17 @@ class Referee:
         goals_map_m: Sequence[tuple[float, float]] = (),
         bounds: FieldBounds | None = None,
         find_true_row: Callable[[Row], Row] = lambda row: row,
-        drive: DriveSpec | None = None,
+        robot: RobotSpec | None = None,
     ) -> None:
         """`rows` are those of the map; the judgement is by the line of their plants.
 
-        `bounds` is what the robot must not leave; None: nobody knows. `drive` is what promises
+        `bounds` is what the robot must not leave; None: nobody knows. `robot` is what promises
         how soon it stands.
         """
         self._source = source
         self._find_true_row = find_true_row
         self._world = world
-        self._safety = SafetyJudge(bounds, drive)
+        self._safety = SafetyJudge(bounds, robot)
         self._row_errors = GrowingTable(2)  # across_m, heading_rad; those not in the sums yet
         self._estimate_errors = GrowingTable(3)  # x_m, y_m, yaw_rad; likewise
         self._pose_covs = GrowingTable(9)

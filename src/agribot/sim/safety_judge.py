@@ -10,7 +10,7 @@ import numpy as np
 
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import STOP, FloatArray, MapPoint, Row, TickRecord
-from agribot.core.robot import DriveSpec
+from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import project_on_row
 from agribot.sim.field_edge import FieldEdge
 from agribot.sim.truth import Truth
@@ -19,6 +19,7 @@ MARGIN_M = 1.5  # around rows, start and headland: what turns need
 LOOK_S = 0.1
 STANDING_MPS = 0.02
 MOST_STANDS = 1000
+CUT_S = 1.0  # from a stop, until a board that drives on has lost its power at the latest
 
 
 class Crush(msgspec.Struct, frozen=True, kw_only=True):
@@ -33,8 +34,9 @@ class SafetyScore(msgspec.Struct, frozen=True, kw_only=True):
 
     `outside_m_max` is how far any place of the robot got outside the field, implement included.
     `stop_distance_m_max` is how far its middle rolled after the supervisor had stopped it,
-    `stop_allowed_m` what the drive promises at the speed of that stop, and `stops_too_long`
-    counts the stops that took more than was promised. `crushes` are those after the first fault,
+    `stop_allowed_m` what the robot promises at the speed of that stop, by its brakes or, where
+    the motors lost their power, by rolling out, and `stops_too_long` counts the stops that took
+    more than was promised. `crushes` are those after the first fault,
     `stood_s` when the robot came to rest since; both of this run alone.
     """
 
@@ -61,56 +63,71 @@ class SafetyState(msgspec.Struct, frozen=True, kw_only=True):
 class StopWatch:
     """Adds up the way of a robot that the supervisor stopped, until it stands."""
 
-    def __init__(self, drive: DriveSpec | None) -> None:
-        self._drive = drive
-        self.longest_m, self.allowed_m = 0.0, None if drive is None else 0.0
-        self.too_long = 0
-        self._way_m: float | None = None
+    def __init__(self, robot: RobotSpec | None) -> None:
+        self._robot = robot
+        self.longest_m, self.allowed_m = 0.0, None if robot is None else 0.0
+        self._too_long = 0  # of the stops that are over
+        self._way_m: float | None = None  # of the stop that lasts
         self._promised_m = math.inf
-        self._was_moving = False
+        self._was_moving = self._had_power = False
         self._last_xy: MapPoint | None = None
 
-    def look(self, xy_m: MapPoint, v_mps: float, *, is_stopped: bool) -> None:
-        """Look at the middle and the speed; `is_stopped` where the supervisor wants a stop."""
+    @property
+    def too_long(self) -> int:
+        """How many stops took more than was promised."""
+        return self._too_long + (self._way_m is not None and self._way_m > self._promised_m)
+
+    def look(self, xy_m: MapPoint, v_mps: float, *, is_stopped: bool, is_cut: bool = False) -> None:
+        """Look at the middle and the speed.
+
+        `is_stopped` where the supervisor wants a stop, `is_cut` where it takes the motors' power.
+        """
         is_moving = abs(v_mps) > STANDING_MPS
         if is_stopped and self._way_m is None and self._was_moving:
             self._way_m = 0.0  # the way of this tick is from before the stop
-            self._promised_m = (
-                math.inf if self._drive is None else self._drive.promise_stop_m(v_mps)
-            )
+            self._promised_m = self._promise_m(v_mps)
         elif not is_stopped or not is_moving:
-            self._way_m = None
+            self._too_long, self._way_m = self.too_long, None
         elif self._way_m is not None and self._last_xy is not None:
-            self._go_on(self._way_m, self._way_m + math.dist(xy_m, self._last_xy))
+            self._way_m += math.dist(xy_m, self._last_xy)
+        if self._way_m is not None and is_cut and self._had_power:
+            self._promised_m = max(self._promised_m, self._promise_cut_m(self._way_m, v_mps))
+        if self._way_m is not None and self._way_m > self.longest_m:
+            self.longest_m = self._way_m
+            self.allowed_m = self._promised_m if math.isfinite(self._promised_m) else None
         self._last_xy, self._was_moving = xy_m, is_moving and not is_stopped
+        self._had_power = not is_cut
 
     def restore(self, before: SafetyState) -> None:
-        self.too_long += before.stops_too_long
+        self._too_long += before.stops_too_long
         if before.stop_distance_m_max > self.longest_m:
             self.longest_m, self.allowed_m = before.stop_distance_m_max, before.stop_allowed_m
 
-    def _go_on(self, before_m: float, way_m: float) -> None:
-        self._way_m = way_m
-        self.too_long += before_m <= self._promised_m < way_m
-        if way_m > self.longest_m:
-            self.longest_m = way_m
-            self.allowed_m = self._promised_m if math.isfinite(self._promised_m) else None
+    def _promise_m(self, v_mps: float) -> float:
+        return math.inf if self._robot is None else self._robot.promise_stop_m(v_mps)
+
+    def _promise_cut_m(self, way_m: float, v_mps: float) -> float:
+        """Say what is promised of a robot whose power is taken so far from where it was stopped."""
+        if self._robot is None:
+            return math.inf
+        driven_on_m = min(way_m, CUT_S * self._robot.drive.max_speed_mps)
+        return driven_on_m + self._robot.promise_roll_out_m(v_mps)
 
 
 class SafetyJudge:
     """Call `look` with every tick and the truth of it."""
 
-    def __init__(self, bounds: FieldBounds | None, drive: DriveSpec | None = None) -> None:
+    def __init__(self, bounds: FieldBounds | None, robot: RobotSpec | None = None) -> None:
         """`bounds` is what must not be left, and the robot's rectangle; None: nobody knows.
 
-        It counts from when the robot was inside: a plan may lead into its field. `drive` is what
-        promises how soon the robot stands.
+        It counts from when the robot was inside: a plan may lead into its field. `robot` is what
+        promises how soon it stands.
         """
         self._edge = None if bounds is None else FieldEdge(bounds)
         self._was_inside = False
         self._outside_m = 0.0
         self._next_look_s = -math.inf
-        self._stop = StopWatch(drive)
+        self._stop = StopWatch(robot)
         self._is_moving = False
         self._stood_s: list[float] = []
         self.crushed_before: frozenset[int] | None = None
@@ -123,7 +140,8 @@ class SafetyJudge:
             self._was_inside = self._was_inside or not outside_m
             self._outside_m = max(self._outside_m, outside_m if self._was_inside else 0.0)
         is_stopped = record.command.drive == STOP and bool(record.reason)
-        self._stop.look(xy_m, truth.v_mps, is_stopped=is_stopped)
+        is_cut = record.command.is_power_cut
+        self._stop.look(xy_m, truth.v_mps, is_stopped=is_stopped, is_cut=is_cut)
         was_moving, self._is_moving = self._is_moving, abs(truth.v_mps) > STANDING_MPS
         came_to_rest = was_moving and not self._is_moving and self.crushed_before is not None
         if came_to_rest and len(self._stood_s) < MOST_STANDS:

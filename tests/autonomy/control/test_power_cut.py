@@ -29,6 +29,7 @@ class Machine:
     def __init__(self, *, has_contactor: bool = True) -> None:
         self.gate = Gate()
         self.has_contactor, self.is_closed, self.is_welded = has_contactor, True, False
+        self.is_one_welded = False  # of two
         self.trouble, self.is_silent, self.are_wheels_seen = "", False, True
         self.wheels: DriveCommand | None = None
         self.button = False
@@ -56,7 +57,10 @@ class Machine:
         if self.wheels is not None:
             rover.turn_wheels(self.wheels)
         batch = rover.batch()
-        told = ContactorSample(t_s=batch.t_s, is_closed=self.is_closed, trouble=self.trouble)
+        told = ContactorSample(
+            t_s=batch.t_s, is_closed=self.is_closed, trouble=self.trouble,
+            is_one_closed=self.is_one_welded and not self.is_closed,
+        )  # fmt: skip
         board = BoardSample(t_s=batch.t_s, inputs=("red button",), is_button_pressed=self.button)
         return msgspec.structs.replace(
             batch, t_s=rover.t_s + TICK_S,
@@ -214,6 +218,22 @@ def test_a_contactor_that_does_not_open_calls_for_the_red_button(
     machine.go(OPENING_S + 0.5)
     assert machine.sent.is_power_cut
     assert "RUNAWAY, cut the power with the red button" in machine.reason
+
+
+def test_a_robot_of_which_one_of_two_contactors_is_welded_stands_and_drives_no_more(
+    machine: Machine,
+) -> None:
+    machine.is_one_welded = True
+    run_away(machine)
+    assert "RUNAWAY, the motors' power is cut" in machine.reason, "the other one opened"
+    machine.wheels = None
+    machine.go(OPENING_S + 0.5, STOP, state="paused")
+    machine.go(2.0, STOP, "clear_stop", state="paused")
+    assert machine.sent.is_power_cut
+    assert "one contactor stays closed" in machine.reason and "replace it" in machine.reason
+    machine.is_one_welded = False  # it is replaced
+    machine.go(2.0, STOP, "clear_stop", state="paused")
+    assert not machine.stopped and not machine.sent.is_power_cut
 
 
 def test_a_wheel_that_rolls_out_slows_down_and_is_no_welded_contactor(machine: Machine) -> None:

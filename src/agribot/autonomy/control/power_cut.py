@@ -21,7 +21,8 @@ class PowerCut:
     """One call of `update` a tick; `is_cut` is what the contactor is to be told.
 
     A robot that begins stopped begins without power. What is cut stays cut until the stop is
-    cleared and all wheels stand. Where no contactor ever spoke, nothing is cut.
+    cleared, all wheels stand and, of two contactors, both have opened. Where no contactor ever
+    spoke, nothing is cut.
     """
 
     def __init__(self, timeout_s: float) -> None:
@@ -55,8 +56,8 @@ class PowerCut:
         is_blind = is_stopped and t_s - self._seen_s > BLIND_S
         if not self.is_cut and (demand or begins_stopped or is_blind):
             self.is_cut, self._cut_s, self._cut_radps = True, t_s, self._fastest_radps
-        elif self.is_cut and not (demand or is_stopped) and self.is_at_rest:
-            self.is_cut = False
+        elif self.is_cut and self.is_at_rest:
+            self.is_cut = bool(demand) or is_stopped or bool(self.find_weld())
         is_wrongly_open = not (self.is_cut or self._last.is_closed)
         self._open_s = min(self._open_s, t_s) if is_wrongly_open else math.inf
 
@@ -88,6 +89,15 @@ class PowerCut:
             return "the contactor stays open; check what else holds its coil, and its fuse"
         return ""
 
+    def find_weld(self) -> str:
+        """Tell of one of two contactors that stayed closed when both were told to open."""
+        if self._last is None or not (self._has_had_time and self._last.is_one_closed):
+            return ""
+        return (
+            "one contactor stays closed though it was told to open, and the other took the power; "
+            "replace it"
+        )
+
     def _deafness(self) -> str:
         """Tell of a contactor that is silent."""
         silent_s = self._t_s - self._heard_s
@@ -100,15 +110,22 @@ class PowerCut:
         last = self._last
         if last is None or (last.is_closed and not self.is_cut):
             return ""
+        if weld := self.find_weld():
+            return weld
         return "the motors have no power yet; the contactor closes once the wheels stand"
 
     @property
     def does_not_open(self) -> bool:
         """Whether the contactor tells so, or wheels turn on as if driven."""
-        if not self.is_cut or self._last is None or self._t_s - self._cut_s <= OPENING_S:
+        if self._last is None or not self._has_had_time:
             return False
         is_driven = self._fastest_radps > max(SLOWER_RATIO * self._cut_radps, 3.0 * REST_RADPS)
         return self._last.is_closed or is_driven
+
+    @property
+    def _has_had_time(self) -> bool:
+        """Whether a contactor that was told to open had the time to."""
+        return self.is_cut and self._t_s - self._cut_s > OPENING_S
 
     def _see(self, fastest_radps: float | None) -> None:
         if fastest_radps is None:

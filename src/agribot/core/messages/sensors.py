@@ -184,11 +184,14 @@ class BoardSample(msgspec.Struct, frozen=True, kw_only=True):
 class ContactorSample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """What the contactor in the motors' supply tells: whether it feeds them, as far as it knows.
 
-    `trouble` says why it does not do, or cannot be told, what it is to; empty where it can.
+    Where there are two in series, `is_closed` while both are, and `is_one_closed` while one of
+    them is alone: the other took the power. `trouble` says why it does not do, or cannot be told,
+    what it is to; empty where it can.
     """
 
     t_s: float
     is_closed: bool = True
+    is_one_closed: bool = False
     trouble: str = ""
 
 

@@ -130,9 +130,9 @@ def _check_fits(fault: Fault, config: RunConfig, has_camera: bool) -> None:
         )
     if part in CAMERA_PARTS and not has_camera:
         raise ConfigError(f"fault {fault.text}: robot '{config.robot}' has no camera; leave it out")
-    if part == "contactor" and not config.sim.has_contactor:
+    if part == "contactor" and not config.sim.contactors:
         raise ConfigError(
-            f"fault {fault.text}: the robot has no contactor, since sim.has_contactor is false; "
+            f"fault {fault.text}: the robot has no contactor, since sim.contactors is 0; "
             "leave it out"
         )
     if part == "disk" and not config.record.enabled:

@@ -128,7 +128,7 @@ FAULTS = (
     FaultKind(name="contactor.silent", part="contactor", words=("contactor",),
               about="the relay of the contactor is pulled out: it falls off, and tells nothing"),
     FaultKind(name="contactor.welded", part="contactor", words=("contactor",),
-              about="the contactor's contacts are welded: told to open, they stay closed"),
+              about="the contacts of one contactor are welded: told to open, they stay closed"),
     FaultKind(name="obstacle.unmapped", part="robot", words=("bumper", "obstacle"),
               is_momentary=True,
               about="a pole stands 2 m ahead of the robot, in the physics and in the picture"),
