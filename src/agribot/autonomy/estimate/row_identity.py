@@ -76,9 +76,9 @@ class RowIdentity:
         side = "right" if shift > 0 else "left"
         rows = "one row" if abs(shift) == 1 else f"{abs(shift)} rows"
         return (
-            f"which row? The crop in view fits better {rows} to the {side} (certainty of this row "
-            f"{self.certainty:.2f} < {self._least:.2f}); look where the robot stands and set its "
-            "place, or resume if it is right"
+            f"which row? The crop that the camera sees fits better {rows} to the {side} (certainty "
+            f"of this row {self.certainty:.2f} < {self._least:.2f}); look where the robot stands "
+            "and whether its picture is mirrored, then set its place, or resume if it is right"
         )
 
     def restart(self) -> None:
