@@ -16,7 +16,7 @@ from agribot.core.geo import Datum, MapFrame
 from agribot.core.implement.plants import REASONS
 from agribot.core.messages import FloatArray, MappedPlant, PlantClass
 
-Rows = npt.NDArray[Any]
+Rows = npt.NDArray[np.void]
 IndexArray = npt.NDArray[np.int64]
 
 DECISIONS = ("", "treat", "spare")

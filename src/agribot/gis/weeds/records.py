@@ -22,7 +22,7 @@ from agribot.autonomy.weeds.plant_table import (
 )
 from agribot.core.geo import Datum
 from agribot.core.implement.plants import REASONS
-from agribot.core.messages import PlantClass
+from agribot.core.messages import FloatArray, PlantClass
 
 # Name -> SQLite's type, in the order of the files.
 COLUMNS = {
@@ -94,7 +94,7 @@ def _make_records(table: PlantTable, rows: Rows, evidence: _Evidence) -> list[Re
     ]
 
 
-def _round_known(values: Rows, name: str) -> list[float | None]:
+def _round_known(values: FloatArray, name: str) -> list[float | None]:
     rounded = np.round(values, _DECIMALS[name]).tolist()
     if np.isfinite(values).all():
         return list(rounded)
