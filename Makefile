@@ -77,7 +77,8 @@ $(VENV)/.run: $(VENV)/bin/python pyproject.toml constraints.txt $(PAGE)
 	@touch $@
 
 # The exact torch is the one whose wheel is a CPU build on the machines that run these tests;
-# training elsewhere takes any version that pyproject.toml allows.
+# training elsewhere takes any version that pyproject.toml allows. Python compiles what it loads at
+# its first start; pip would compile all of it, for half a minute.
 $(VENV)/.dev: $(VENV)/bin/python pyproject.toml constraints.txt $(PAGE)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt 'torch==2.13.0' --editable '.[sim,ui,train,ros,dds,foxglove,maps,view,sweep,dev]'
+	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt 'torch==2.13.0' --editable '.[sim,ui,train,ros,dds,foxglove,maps,view,sweep,dev]'
 	@touch $@
