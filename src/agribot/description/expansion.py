@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from xml.parsers.expat import ExpatError
 
@@ -12,8 +13,9 @@ import xacro
 
 from agribot.core.errors import DescriptionError
 from agribot.description.absent_packages import AbsentPackages
-from agribot.description.elements import SourceFile
-from agribot.description.markup import parse_xml, read_xml
+from agribot.description.elements import FileFinding, SourceFile
+from agribot.description.markup import copy_tree, parse_xml, read_xml
+from agribot.description.package import list_robot_files, read_search_paths
 from agribot.description.xacro_arithmetic import bound_arithmetic
 from agribot.description.xacro_dialect import OldDialect
 
@@ -46,17 +48,35 @@ def expand(path: Path, mappings: Mapping[str, str], source: SourceFile) -> ET.El
             f"{path} is not a xacro file, so it takes no arguments such as "
             f"'{next(iter(mappings))}'; leave them out or name the .xacro file"
         )
-    if path.suffix == ".xacro":
-        dialect, absent = OldDialect(source), AbsentPackages(path, source)
-        root = parse_xml(_run_xacro(path, mappings, dialect, absent), path.name)
-        dialect.place(root)
-        absent.cut_loose_ends(root)
+    if path in list_robot_files().values():
+        once, findings = _expand_once(path, tuple(mappings.items()), read_search_paths())
+        source.findings += findings
+        root = copy_tree(once)
+    elif path.suffix == ".xacro":
+        root = _expand_xacro(path, mappings, source)
     else:
         root = read_xml(path)
     if root.tag != "robot":
         raise DescriptionError(
             f"{path}: the top element is <{root.tag}>, a robot description has <robot>"
         )
+    return root
+
+
+@cache
+def _expand_once(
+    path: Path, mappings: tuple[tuple[str, str], ...], _paths: tuple[str, ...]
+) -> tuple[ET.Element, tuple[FileFinding, ...]]:
+    """Expand a packaged robot; a run needs it as a robot and as text, and nobody writes to it."""
+    source = SourceFile(path.name)
+    return _expand_xacro(path, dict(mappings), source), tuple(source.findings)
+
+
+def _expand_xacro(path: Path, mappings: Mapping[str, str], source: SourceFile) -> ET.Element:
+    dialect, absent = OldDialect(source), AbsentPackages(path, source)
+    root = parse_xml(_run_xacro(path, mappings, dialect, absent), path.name)
+    dialect.place(root)
+    absent.cut_loose_ends(root)
     return root
 
 

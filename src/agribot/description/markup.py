@@ -59,6 +59,15 @@ def find_place(element: ET.Element) -> tuple[str, int]:
     return getattr(element, "file", ""), getattr(element, "line", 0)
 
 
+def copy_tree(element: ET.Element) -> ET.Element:
+    """Copy an element with all below it, and their places."""
+    copied = PlacedElement(element.tag, element.attrib)
+    copied.text, copied.tail = element.text, element.tail
+    copied.file, copied.line = find_place(element)
+    copied.extend(map(copy_tree, element))
+    return copied
+
+
 def _expand_name(name: str) -> str:
     """Convert expat's `uri}name` to the spelling of ElementTree."""
     return "{" + name if "}" in name else name

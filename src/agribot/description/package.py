@@ -12,6 +12,7 @@ PACKAGE = "agribot_description"
 NEIGHBOURS = 4  # levels up from a file, in which a package it asks for may lie
 # Variables that list folders with packages or models in them, or above them, by who sets them.
 ROS_PATHS = ("ROS_PACKAGE_PATH",)
+AMENT_PATH = "AMENT_PREFIX_PATH"
 GAZEBO_PATHS = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH")
 ROOT = Path(__file__).resolve().parent
 
@@ -66,6 +67,11 @@ def list_resource_folders() -> tuple[Path, ...]:
     return tuple(path for name in GAZEBO_PATHS for path in _split_path_variable(name))
 
 
+def read_search_paths() -> tuple[str, ...]:
+    """Read the variables on which it depends where a package is found."""
+    return tuple(os.environ.get(name, "") for name in (*ROS_PATHS, AMENT_PATH, *GAZEBO_PATHS))
+
+
 def _list_environment_folders(package: str) -> Iterator[Path]:
     """Yield the folders of a package that the variables of ROS and Gazebo name."""
     for path in (path for name in ROS_PATHS for path in _split_path_variable(name)):
@@ -73,7 +79,7 @@ def _list_environment_folders(package: str) -> Iterator[Path]:
             yield path
         for depth in ("", "*/", "*/*/"):
             yield from sorted(path.glob(depth + package))
-    for prefix in _split_path_variable("AMENT_PREFIX_PATH"):
+    for prefix in _split_path_variable(AMENT_PATH):
         yield prefix / "share" / package
     for folder in list_resource_folders():
         yield folder / package
