@@ -7,7 +7,7 @@ a merged map keeps what it was merged from, so that merging again counts nothing
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
