@@ -158,8 +158,9 @@ def test_a_field_is_saved_on_the_robot_under_its_name(
     page.get_by_role("button", name="Save", exact=True).first.click()
     page.get_by_label("Name of the field").fill("north acre")
     page.keyboard.press("Enter")
-    wait_for(lambda: "PUT fields/north acre" in server.requests, "the saved field")
+    wait_for(lambda: "fields/north acre" in server.written, "the saved field")
     assert server.written["fields/north acre"]["type"] == "FeatureCollection"
+    assert "PUT fields/north acre" in server.requests
 
 
 def test_a_changed_setting_reaches_the_robot(open_page: OpenPage, server: FakeServer) -> None:
