@@ -34,7 +34,7 @@ test: $(VENV)/.dev
 nightly: $(VENV)/.dev
 	$(BIN)/python -m pytest $(WORKERS) -m nightly $(TESTS)
 
-# While working: a minute instead of half an hour. It proves less than `make test`.
+# While working: a minute instead of twenty. It proves less than `make test`.
 quick: lint types
 	$(BIN)/python -m pytest -q -m 'not slow' $(QUICK)
 
