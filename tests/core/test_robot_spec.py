@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -209,3 +210,18 @@ def test_an_unknown_link_is_answered_with_the_known_ones() -> None:
 def test_a_robot_without_camera_says_so() -> None:
     with pytest.raises(DescriptionError, match="has no camera"):
         make_robot(camera=None).body_from_camera()
+
+
+def test_a_robot_without_power_rolls_until_its_tyres_have_taken_all_its_energy() -> None:
+    robot, v_mps = make_robot(), 0.8
+    turning_j = 4 * DRIVE.rotor_inertia_kgm2 * (v_mps / WHEEL_RADIUS_M) ** 2 / 2.0
+    moving_j = robot.mass_kg * v_mps**2 / 2.0
+    resistance_n = robot.tyre.rolling_resistance_ratio * robot.mass_kg * 9.81
+    rolled_m = robot.promise_roll_out_m(v_mps) - 0.2 * v_mps
+    assert rolled_m == pytest.approx((turning_j + moving_j) / resistance_n)
+    assert robot.promise_roll_out_m(v_mps) > robot.promise_stop_m(v_mps)
+
+
+def test_a_robot_whose_tyres_roll_without_resistance_promises_no_end() -> None:
+    slick = msgspec.structs.replace(make_robot(), tyre=TyreSpec(rolling_resistance_ratio=0.0))
+    assert slick.promise_roll_out_m(0.8) == math.inf

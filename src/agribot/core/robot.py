@@ -227,7 +227,8 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
         """Return the way on which it stands, on level ground, after its motors lost their power.
 
         Nothing but the rolling resistance of its tyres is counted on, and what turns rolls on, too:
-        a wheel, about the axis of its largest moment, with its motor and gear.
+        a wheel, about the axis of its largest moment, with its motor and gear. Infinite where a
+        description gives the tyres none.
         """
         turning_kgm2 = sum(
             max(self.link(name).inertia_kgm2[:3]) + self.drive.rotor_inertia_kgm2
@@ -236,6 +237,8 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
         weight_n = GRAVITY_MPS2 * self.mass_kg
         rolling_kg = self.mass_kg + turning_kgm2 / self.drive.wheel_radius_m**2
         rolling_mps2 = self.tyre.rolling_resistance_ratio * weight_n / rolling_kg
+        if rolling_mps2 <= 0.0:
+            return math.inf
         return abs(v_mps) * REACTION_S + v_mps**2 / (2.0 * rolling_mps2)
 
     @property
