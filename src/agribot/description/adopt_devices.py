@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agribot.core.messages import WHEEL_NAMES
-from agribot.core.robot import Joint, Link
+from agribot.core.robot import GRAVITY_MPS2, Joint, Link
 from agribot.description.devices import (
     DRIVE_PLUGINS,
     GNSS_PLUGINS,
@@ -57,7 +57,7 @@ def adopt_devices(
     scale = mass_kg / MASS_KG
     inertia = scale * (radius_m / RADIUS_M) ** 2
     efforts = [j.effort_nm for j in joints if j.child in WHEEL_NAMES and j.effort_nm > 0.0]
-    torque_nm = min([MIN_TORQUE_RATIO * mass_kg * 9.81 * radius_m, *efforts])
+    torque_nm = min([MIN_TORQUE_RATIO * mass_kg * GRAVITY_MPS2 * radius_m, *efforts])
     drive = {
         "yaw_multiplier": (half_base_m**2 + half_track_m**2) / half_track_m**2,
         "rotor_inertia_kgm2": 1.42e-3 * inertia, "servo_gain_nmspr": 1.0 * inertia,

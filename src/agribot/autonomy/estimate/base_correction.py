@@ -10,10 +10,10 @@ import msgspec
 from agribot.autonomy.estimate.correction import Correction, Measurements
 from agribot.autonomy.estimate.history import Epoch
 from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.sensor_ranges import MAX_ALT_M
 from agribot.core.messages import BaseFix, GnssFix, GnssQuality, SensorBatch
 
 MAX_AGE_S = 5.0
-MAX_ALT_M = 1e5  # beyond it, a number came to harm on its way
 # Multipath is each antenna's own: this much remains of a fix that a base station corrects.
 RESIDUAL_STD_M = 0.4
 UNCORRECTED = (GnssQuality.SINGLE, GnssQuality.DGNSS)

@@ -13,12 +13,12 @@ from agribot.autonomy.estimate.history import Epoch
 from agribot.autonomy.estimate.mag_fit import Level, MagCalibration, MagFit
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.sensor_ranges import MAX_FIELD_T
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import MagSample, SensorBatch, Vec3
 
 # The first heading is the mean of this many samples.
 FIRST_SAMPLES = 8
-MAX_FIELD_T = 1e3  # beyond the strongest magnet: a number that came to harm on its way
 # Hard iron turns with the robot: after about a radian the old bias says little about the new.
 BIAS_MEMORY_RAD = 1.0
 # Once that is learnt, the mount's share stays; what the fit and the motors leave over turns.

@@ -11,12 +11,12 @@ from agribot.autonomy.estimate.gate import Gate
 from agribot.autonomy.estimate.history import Epoch
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.sensor_ranges import MAX_YAW_STD_RAD
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import GnssHeading, SensorBatch
 
 # Multipath bends the baseline for some seconds; the receiver's sigma tells of single epochs.
 STD_FACTOR = 1.1
-MAX_STD_RAD = 1e3  # beyond what any receiver says: a number that came to harm on its way
 
 
 class DualHeading(Correction[GnssHeading]):
@@ -31,7 +31,7 @@ class DualHeading(Correction[GnssHeading]):
         return batch.headings
 
     def is_usable(self, sample: GnssHeading) -> bool:
-        return math.isfinite(sample.yaw_map_rad) and 0.0 < sample.std_rad <= MAX_STD_RAD
+        return math.isfinite(sample.yaw_map_rad) and 0.0 < sample.std_rad <= MAX_YAW_STD_RAD
 
     def objection(self, sample: GnssHeading) -> str:
         return "of a frozen receiver" if self.pose.is_receiver_frozen else ""

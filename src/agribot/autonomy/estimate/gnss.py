@@ -37,6 +37,7 @@ from agribot.autonomy.estimate.gnss_velocity import GnssVelocity, has_usable_vel
 from agribot.autonomy.estimate.history import Epoch, Motion
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.sensor_ranges import MAX_ALT_M, MAX_POS_STD_M
 from agribot.autonomy.estimate.velocity_way import VelocityMark
 from agribot.core.arithmetic import FLOATS, clamp
 from agribot.core.geo import MapFrame, rotation_from_rpy
@@ -45,8 +46,6 @@ from agribot.core.pose import Pose2
 
 # The first position is the median of this many fixes, so that no single one can spoil it.
 FIRST_FIXES = 5
-# Beyond what any receiver says: a number that came to harm on its way.
-MAX_STD_M, MAX_ALT_M = 1e6, 1e5
 UNKNOWN_M2 = 1e6
 SUSPICIOUS_REJECTIONS = 5  # in a row
 # While a robot turns so fast, and so far at least, fixes that lie within three sigmas of where
@@ -137,7 +136,7 @@ class Gnss(Correction[GnssFix]):
         return batch.gnss
 
     def is_usable(self, sample: GnssFix) -> bool:
-        is_told = sample.quality is not GnssQuality.NONE and abs(sample.pos_std_m) <= MAX_STD_M
+        is_told = sample.quality is not GnssQuality.NONE and abs(sample.pos_std_m) <= MAX_POS_STD_M
         return is_told and abs(sample.lat_deg) <= 90.0 and abs(sample.lon_deg) <= 180.0
 
     def objection(self, sample: GnssFix) -> str:

@@ -12,13 +12,13 @@ from agribot.autonomy.estimate.history import Epoch
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
 from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.autonomy.estimate.sensor_ranges import MAX_SPEED_MPS
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
 from agribot.autonomy.estimate.velocity_way import VelocityWay
 from agribot.core.arithmetic import FLOATS
 from agribot.core.messages import GnssFix
 
 SPUN_S = 5.0  # so long wheels that slipped are named
-MAX_SPEED_MPS = 1e3  # beyond what any receiver says: a number that came to harm on its way
 
 
 def has_usable_velocity(fix: GnssFix) -> bool:

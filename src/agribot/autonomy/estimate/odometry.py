@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
+from agribot.autonomy.estimate.sensor_ranges import MAX_READING
 from agribot.autonomy.estimate.slope import heading_rate_radps, project_from_above, rotate, slide_m
 from agribot.autonomy.estimate.standstill import Standstill
 from agribot.core.messages import ImuSample, Vec3, WheelSample
@@ -21,7 +22,6 @@ TILT_AVERAGE_S = 0.5
 # Outside it the averaged acceleration is not gravity: free fall, shocks, or an IMU that
 # subtracts gravity itself. The robot then counts as level.
 GRAVITY_MPS2 = (8.5, 11.1)
-MAX_READING = 1e9
 # Capture times lie before the batch that delivers them, but for rounding of the clocks.
 MAX_AHEAD_S = 0.05
 

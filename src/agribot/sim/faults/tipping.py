@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from agribot.core.arithmetic import clamp
-from agribot.core.robot import RobotSpec
+from agribot.core.robot import GRAVITY_MPS2, RobotSpec
 from agribot.sim.attitude import read_roll_pitch_yaw
 from agribot.sim.faults.schedule import Fault
 from agribot.sim.physics import Physics
@@ -22,7 +22,7 @@ class Tipping:
     def __init__(self, fault: Fault, robot: RobotSpec) -> None:
         self._fault = fault
         arm_m = robot.drive.wheelbase_m / 2.0
-        self._stiffness_nmprad = STIFFNESS * robot.mass_kg * 9.81 * arm_m
+        self._stiffness_nmprad = STIFFNESS * robot.mass_kg * GRAVITY_MPS2 * arm_m
         inertia_kgm2 = robot.mass_kg * arm_m**2  # about the wheels that stay down
         self._damping_nmspr = 2.0 * DAMPING_RATIO * math.sqrt(self._stiffness_nmprad * inertia_kgm2)
         self._from_rad: float | None = None
