@@ -125,6 +125,27 @@ def test_without_carrier_corrections_nothing_of_the_uncertainty_is_forgiven(
     assert Fenced()(replace_quality(beside, GnssQuality.RTK_FIXED)) == ""
 
 
+@pytest.mark.parametrize(
+    ("yaw_deg", "drive", "may"),
+    [
+        (90.0, AHEAD, True), (45.0, AHEAD, True), (-90.0, DriveCommand(v_mps=-0.4), True),
+        (0.0, AHEAD, False), (15.0, AHEAD, False), (-90.0, AHEAD, False), (90.0, STOP, False),
+    ],
+)  # fmt: skip
+def test_too_uncertain_for_where_it_is_the_robot_may_only_drive_away_from_the_edge(
+    yaw_deg: float, drive: DriveCommand, may: bool
+) -> None:
+    """It would stand for good otherwise, wherever somebody puts it down beside a field."""
+    near = believed(10.0, 0.8, math.radians(yaw_deg), std_m=0.3)
+    assert (Fenced()(replace_quality(near, GnssQuality.SINGLE), drive) == "") is may
+
+
+def test_two_solutions_that_differ_do_not_even_let_it_drive_away() -> None:
+    near = replace_quality(believed(10.0, 0.8, math.pi / 4.0, std_m=0.1), GnssQuality.SINGLE)
+    assert Fenced()(near) == ""
+    assert "contradict each other" in Fenced()(split(near, 0.6))
+
+
 def split(estimate: Estimate, apart_m: float) -> Estimate:
     """Two solutions differ by so much to the side, and each is good to 0.1 m."""
     return msgspec.structs.replace(

@@ -8,7 +8,7 @@ robot follows it to a few centimetres; and as far off as it may well be, less wh
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -20,10 +20,14 @@ from agribot.core.messages import DriveCommand, Estimate, GnssQuality, Goal, Pat
 from agribot.core.pose import Pose2
 from agribot.core.robot import REACTION_S
 
+if TYPE_CHECKING:
+    import shapely
+
 RECHECK_M = 0.25  # nearer than half the robot, so that it cannot get past an edge unseen
 # A way in or out of the field leaves it; so far around such a stretch only the box counts.
 AWAY_M, AWAY_STEP_M = 2.0, 0.2
 LEAST_HALF_M = 0.05
+DEEPER_RATIO = 0.5  # of its way, by which a robot that moves away from an edge gets farther off
 WITHOUT_CARRIER = (GnssQuality.SINGLE, GnssQuality.DGNSS)
 MOST_MPS, MOST_RADPS = 3.0, 3.0  # no wish is taken for more; what is sent has limits of its own
 
@@ -78,6 +82,7 @@ class _Edges:
         self._place, self._range_m = (math.inf, math.inf), -1.0
         self._near: list[tuple[float, float, float, float]] = []  # middle and half of its reach
         self._is_inside = False
+        self._lines: shapely.MultiLineString | None = None
 
     def touch(
         self, pose: tuple[float, float, float], box: tuple[float, float, float, float]
@@ -113,6 +118,21 @@ class _Edges:
                 return True
         return False
 
+    def measure_distance_m(
+        self, pose: tuple[float, float, float], box: tuple[float, float, float, float]
+    ) -> float:
+        """Measure from a rectangle of the body to the nearest edge; nothing where it touches."""
+        import shapely
+
+        rear_m, front_m, right_m, left_m = box
+        corners = ((front_m, left_m), (rear_m, left_m), (rear_m, right_m), (front_m, right_m))
+        body = Pose2(*pose)
+        rectangle = shapely.Polygon([body.transform(*corner) for corner in corners])
+        if self._lines is None:
+            self._lines = shapely.MultiLineString(list(np.stack([self._from, self._to], axis=1)))
+            shapely.prepare(self._lines)
+        return float(shapely.distance(rectangle, self._lines))
+
     def _look_around(self, x_m: float, y_m: float, reach_m: float) -> None:
         self._place, self._range_m = (x_m, y_m), reach_m + RECHECK_M
         here = np.array((x_m, y_m))
@@ -145,9 +165,11 @@ class FieldFence:
     def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> str:
         along_std_m, across_std_m = _std_m(estimate)
         believed = self._box(-self._config.fence_tolerance_m, -self._config.fence_tolerance_m)
-        quality = estimate.quality
-        across_m = max(self._growth_m(across_std_m, quality), self._split_m(estimate))
-        box = self._box(self._growth_m(along_std_m, quality), across_m)
+        along_m, unknown_m = (
+            measure_growth_m(std_m, estimate.quality, self._config)
+            for std_m in (along_std_m, across_std_m)
+        )
+        box = self._box(along_m, max(unknown_m, self._split_m(estimate)))
         here = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
         at_rest = predict_rest(here, drive, self._decel_mps2)
         if not self._was_inside:
@@ -159,19 +181,19 @@ class FieldFence:
         place = f"at East {here[0]:.2f} m, North {here[1]:.2f} m"
         if self._here.touch(here, believed):
             return f"beyond the edge of the field {place}; bring it back by hand"
-        if not self._rest.touch(at_rest, believed):
-            if self._split_m(estimate) > self._growth_m(across_std_m, quality):
-                return (
-                    f"too near to the edge of the field {place} for a robot that may be "
-                    f"{estimate.across_protection_m:.2f} m beside it, since its sensors contradict "
-                    "each other; look where it stands"
-                )
+        if self._rest.touch(at_rest, believed):
+            return f"about to leave the field {place}; turn it round by hand, or check the plan"
+        if self._split_m(estimate) > unknown_m:
             return (
-                f"too near to the edge of the field {place} for a position that is good to "
-                f"{max(along_std_m, across_std_m):.2f} m (1 sigma); wait for better GNSS, plan "
-                "with a larger --margin, or raise safety.fence_unsure_m"
+                f"too near to the edge of the field {place} for a robot that may be "
+                f"{estimate.across_protection_m:.2f} m beside it, since its sensors contradict "
+                "each other; look where it stands"
             )
-        return f"about to leave the field {place}; turn it round by hand, or check the plan"
+        return "" if self._leads_deeper(here, at_rest) else (
+            f"too near to the edge of the field {place} for a position that is good to "
+            f"{max(along_std_m, across_std_m):.2f} m (1 sigma); wait for better GNSS, plan with a "
+            "larger --margin, or raise safety.fence_unsure_m"
+        )  # fmt: skip
 
     def crossing(self, estimate: Estimate, drive: DriveCommand) -> str:
         """Tell a hand that it is about to take the robot, as it is believed to stand, out.
@@ -188,17 +210,6 @@ class FieldFence:
             "wants to take it out by hand clears the stop first"
         )
 
-    def _growth_m(self, std_m: float, quality: GnssQuality) -> float:
-        """Say by how much the body counts as larger, for what is not known of its position.
-
-        Errors of a receiver without carrier corrections last for minutes, and the wheels' add up:
-        the mission may drive along the edge for as long, so that nothing is forgiven.
-        """
-        config = self._config
-        if quality in WITHOUT_CARRIER:
-            return max(config.fence_single_sigma * std_m, -config.fence_tolerance_m)
-        return max(config.fence_sigma * std_m - config.fence_unsure_m, -config.fence_tolerance_m)
-
     def _split_m(self, estimate: Estimate) -> float:
         """Say how far to its side the robot is where the sensors contradict each other.
 
@@ -211,6 +222,20 @@ class FieldFence:
             return -config.fence_tolerance_m
         forgiven_m = 0.0 if estimate.quality in WITHOUT_CARRIER else config.fence_unsure_m
         return max(split_m - forgiven_m, -config.fence_tolerance_m)
+
+    def _leads_deeper(
+        self, here: tuple[float, float, float], at_rest: tuple[float, float, float]
+    ) -> bool:
+        """Whether a robot too uncertain for where it is moves away from every edge.
+
+        That makes nothing worse, whereas one that is put down near an edge would stand for good.
+        """
+        if here == at_rest:
+            return False
+        box = self._box(0.0, 0.0)
+        deeper_m = self._here.measure_distance_m(at_rest, box)
+        deeper_m -= self._here.measure_distance_m(here, box)
+        return deeper_m >= DEEPER_RATIO * math.dist(here[:2], at_rest[:2])
 
     def _box(self, along_m: float, across_m: float) -> tuple[float, float, float, float]:
         """Return the robot, larger by so much along and across its body."""
@@ -237,6 +262,17 @@ class FieldFence:
         )
         self._led_out = path, goal.s_m, is_out
         return is_out
+
+
+def measure_growth_m(std_m: float, quality: GnssQuality, config: SafetyConfig) -> float:
+    """Measure by how much the body counts as larger, for what is not known of its position.
+
+    Errors of a receiver without carrier corrections last for minutes, and the wheels' add up:
+    the mission may drive along the edge for as long, so that nothing is forgiven.
+    """
+    if quality in WITHOUT_CARRIER:
+        return max(config.fence_single_sigma * std_m, -config.fence_tolerance_m)
+    return max(config.fence_sigma * std_m - config.fence_unsure_m, -config.fence_tolerance_m)
 
 
 def predict_rest(
