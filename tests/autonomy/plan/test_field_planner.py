@@ -15,6 +15,7 @@ from agribot.autonomy.plan.coverage.area import (
     FieldPlan,
     Footprint,
     Leg,
+    MapLine,
     PlanRequest,
     measure_footprint,
 )
@@ -141,6 +142,27 @@ def test_crop_rows_are_straddled_each_once_and_no_wheel_comes_near_them() -> Non
     for leg in rows:
         line = shapely.LineString(ROWS.rows[leg.row])
         assert shapely.LineString(leg.xy_map_m).buffer(1e-6).covers(line)
+
+
+def nearest_turn_m(plan: FieldPlan, rows: tuple[MapLine, ...]) -> float:
+    """How near to any row the robot leaves one and turns."""
+    crop = shapely.MultiLineString(rows)
+    ends = [leg.xy_map_m[end] for leg in plan.legs if leg.kind == "row" for end in (0, -1)]
+    return min(crop.distance(shapely.Point(end)) for end in ends)
+
+
+@pytest.mark.parametrize(("margin_m", "clear_m"), [(0.05, 0.1), (0.3, 0.3), (1.5, 0.5)])
+def test_a_robot_unsure_of_its_place_turns_farther_from_the_crop_of_every_row(
+    margin_m: float, clear_m: float
+) -> None:
+    """Also where the rows do not end side by side."""
+    rows = tuple(((float(x), 0.4 * (x % 2)), (float(x), 10.0 + 0.3 * (x % 3))) for x in range(6))
+    request = msgspec.structs.replace(ROW_REQUEST, margin_m=margin_m)
+    plan, certificate = certified(msgspec.structs.replace(ROWS, rows=rows), request)
+    assert certificate.ok, certificate.problems
+    assert sum(leg.kind == "row" for leg in plan.legs) == 6
+    assert SHAPE.wheel_turn_radius_m + clear_m < nearest_turn_m(plan, rows)
+    assert nearest_turn_m(plan, rows) < SHAPE.wheel_turn_radius_m + clear_m + 0.2
 
 
 def test_a_plan_begins_where_the_robot_stands() -> None:

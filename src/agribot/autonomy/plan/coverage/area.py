@@ -15,13 +15,16 @@ MapLine = tuple[MapPoint, ...]
 LegKind = Literal["swath", "headland", "row", "link", "arc", "reverse"]
 TurnStyle = Literal["auto", "pivot", "arc", "three-point"]
 WORKING: tuple[LegKind, ...] = ("swath", "headland", "row")
+MARGIN_M, MOST_MARGIN_M = 0.05, 10.0  # to every edge, for a robot that knows where it is; limit
+MOST_CROP_MARGIN_M = 0.5  # so much of it counts to crop as well, where the robot turns
 
 
 class FieldArea(msgspec.Struct, frozen=True, kw_only=True):
     """A field: outer ring, holes that must not be entered, and what is marked in it.
 
     Rings do not repeat their first point. `rows` are crop rows to be straddled, `ab_line` two
-    points that the swaths run along.
+    points that the swaths run along. `margin_m` is what a plan keeps from the footprint to every
+    edge where nobody asks for another margin.
     """
 
     boundary: MapLine
@@ -29,6 +32,7 @@ class FieldArea(msgspec.Struct, frozen=True, kw_only=True):
     rows: tuple[MapLine, ...] = ()
     ab_line: MapLine = ()
     waypoints: MapLine = ()
+    margin_m: float = MARGIN_M
 
 
 class Footprint(msgspec.Struct, frozen=True, kw_only=True):
@@ -88,7 +92,7 @@ class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
 
     implement_width_m: float
     overlap_m: float = 0.05  # what neighbouring swaths share, for the error of the steering
-    margin_m: float = 0.05  # from the footprint to everything that is forbidden
+    margin_m: float = MARGIN_M  # from the footprint to everything that is forbidden
     headland_passes: int | None = None
     swath_yaw_rad: float | None = None
     start_map_m: MapPoint | None = None
@@ -96,6 +100,11 @@ class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
     plant_clearance_m: float = 0.1
     min_coverage_ratio: float = 0.99
     tool_x_m: float = 0.0  # where on the body the tool works; negative behind the origin
+
+    @property
+    def turn_clearance_m(self) -> float:
+        """From wheels to crop where the robot turns: what keeps it off an edge counts there too."""
+        return max(self.plant_clearance_m, min(self.margin_m, MOST_CROP_MARGIN_M))
 
     @property
     def spacing_m(self) -> float:

@@ -169,7 +169,7 @@ class FieldWork:
 
     @property
     def _row_clearance_m(self) -> float:
-        return self._shape.wheel_turn_radius_m + self.request.plant_clearance_m
+        return self._shape.wheel_turn_radius_m + self.request.turn_clearance_m
 
 
 def _split_stretches(legs: tuple[Leg, ...]) -> tuple[tuple[Row, ...], list[list[int] | None]]:

@@ -35,7 +35,7 @@ from agribot.autonomy.plan.coverage.tasks import (
 from agribot.autonomy.plan.coverage.turns import plan_arc_turn, plan_three_point_turn, yaw_rad
 from agribot.autonomy.plan.coverage.ways import Ways
 from agribot.core.errors import MissionError
-from agribot.core.messages import MapPoint
+from agribot.core.messages import FloatArray, MapPoint
 from agribot.core.pose import Pose2
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ MAX_SWATHS = 20000
 # The ways between four-cornered obstacles then bend at MAX_CORNERS of `Ways`; to see which of
 # them see each other took 44 CPU seconds and 330 MB.
 MAX_HOLES = 200
-BEYOND_ROW_M = 0.05
+BEYOND_ROW_M, NEAR_M = 0.05, 1e-3
 
 
 def plan_field(area: FieldArea, shape: Footprint, request: PlanRequest) -> FieldPlan:
@@ -150,24 +150,33 @@ def _make_row_tasks(
     """Make tasks of the rows, their strips taken out of the ground on which the robot may turn."""
     import shapely
 
-    clear_m = shape.wheel_turn_radius_m + request.plant_clearance_m
-    beyond_m = clear_m + BEYOND_ROW_M
-    tasks = [make_row_task(row, number, beyond_m) for number, row in enumerate(area.rows)]
+    clear_m = shape.wheel_turn_radius_m + request.turn_clearance_m
+    lines = [shapely.LineString(row) for row in area.rows]
+    strips = shapely.union_all(
+        shapely.buffer(lines, clear_m, cap_style="square", join_style="mitre")
+    )
+
+    def measure_beyond_m(before: FloatArray, end: FloatArray) -> float:
+        """Measure from the end of a row to where no row's strip is."""
+        ahead = (end - before) / np.hypot(*(end - before))
+        whole_m = math.hypot(*np.ptp(np.reshape(strips.bounds, (2, 2)), axis=0))
+        ray = shapely.LineString([end + NEAR_M * ahead, end + whole_m * ahead])
+        near = shapely.Point(ray.coords[0])
+        first = min(shapely.get_parts(ray.intersection(strips)).tolist(), key=near.distance)
+        return NEAR_M + float(first.length) + BEYOND_ROW_M
+
+    tasks = [make_row_task(row, number, measure_beyond_m) for number, row in enumerate(area.rows)]
     for number, (_, variants) in enumerate(tasks):
         line = shapely.LineString(variants[0][0])
         outside = line.difference(space.drivable)
         if not outside.is_empty:
             place = outside.representative_point()
             raise MissionError(
-                f"row {number + 1} with the {beyond_m:.2f} m needed to turn behind its ends leaves "
-                f"the ground on which the robot may drive at East {place.x:.2f} m, North "
-                f"{place.y:.2f} m; shorten the row or widen the headland"
+                f"row {number + 1} with the {clear_m + BEYOND_ROW_M:.2f} m or more needed to turn "
+                f"behind its ends leaves the ground on which the robot may drive at East "
+                f"{place.x:.2f} m, North {place.y:.2f} m; shorten the row or widen the headland"
             )
-    strips = shapely.buffer(
-        [shapely.LineString(row) for row in area.rows], clear_m, cap_style="square",
-        join_style="mitre",
-    )  # fmt: skip
-    space.remove(shapely.union_all(strips))
+    space.remove(strips)
     first = area.rows[0]
     return yaw_rad(first[0], first[-1]), tasks
 

@@ -63,10 +63,16 @@ def make_ring_tasks(region: BaseGeometry) -> list[CoverageTask]:
     return tasks
 
 
-def make_row_task(row: MapLine, number: int, beyond_m: float) -> CoverageTask:
-    """Drive along a crop row, far enough past both ends to turn clear of the crop."""
+def make_row_task(
+    row: MapLine, number: int, measure_beyond_m: Callable[[FloatArray, FloatArray], float]
+) -> CoverageTask:
+    """Drive along a crop row, and past both ends far enough to turn clear of the crop.
+
+    How far that is, is measured by the last two places of an end.
+    """
     xy = np.array(row)
-    ends = [_extend(xy[1], xy[0], beyond_m), _extend(xy[-2], xy[-1], beyond_m)]
+    last = ((xy[1], xy[0]), (xy[-2], xy[-1]))
+    ends = [_extend(before, end, measure_beyond_m(before, end)) for before, end in last]
     pieces = smooth(np.concatenate([[ends[0]], xy, [ends[1]]]), is_closed=False)
     if len(pieces) != 1:
         east_m, north_m = pieces[0][-1]
