@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
+import numpy as np
 
 from agribot.app import whole_job
 from agribot.app.run import Run
 from agribot.app.run_setup import RunSetup, prepare_run
-from agribot.app.run_world import make_run_world
+from agribot.app.run_world import RunWorld, make_run_world
 from agribot.app.truth_log import TruthLog
 from agribot.app.whole_job import JobSoFar
 from agribot.autonomy.perception_host import PerceptionHost
@@ -19,9 +20,10 @@ from agribot.autonomy.plan.coverage.area import measure_footprint
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import Task
+from agribot.autonomy.stack import Stack
 from agribot.core.config import RunConfig
 from agribot.core.field_bounds import FieldBounds
-from agribot.core.messages import TickRecord
+from agribot.core.messages import PlantClass, Row, TickRecord
 from agribot.core.platform import Platform, TrueState
 from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
@@ -62,7 +64,7 @@ class SimulatedRun(Run):
             tuple(task.rows),
             tuple(task.waypoints),
             _find_bounds(task, setup),
-            made.find_true_row,
+            _choose_row_finder(made, self.world, stack),
             setup.robot,
         )
         if task.explorer is not None:
@@ -149,6 +151,21 @@ def _open_simulator(
         setup.config, described, world, board=setup.robot.drive, began_s=setup.earlier.sim_s
     )
     return simulator, simulator
+
+
+def _choose_row_finder(made: RunWorld, world: WorldSpec, stack: Stack) -> Callable[[Row], Row]:
+    """Return what finds the line that a row truly has; who drew one into a plan may have erred."""
+    from agribot.sim.row_judge import lay_through_crop
+
+    crop = [(p.x_map_m, p.y_map_m) for p in world.plants if p.plant is PlantClass.CROP]
+    crop_xy_m = np.reshape(np.array(crop), (-1, 2))
+
+    def find_true_row(row: Row) -> Row:
+        true, task = made.find_true_row(row), stack.mission.task
+        is_drawn = task.work is not None and task.has_crop
+        return lay_through_crop(true, crop_xy_m) if is_drawn else true
+
+    return find_true_row
 
 
 def _let_stall(platform: Platform, layer: FaultLayer) -> Platform:

@@ -7,11 +7,20 @@ from collections.abc import Mapping, Sequence
 import msgspec
 import numpy as np
 
-from agribot.core.messages import MapPoint, Row
-from agribot.core.row_shape import project_on_row, row_length_m, row_points_map_m
+from agribot.core.messages import FloatArray, MapPoint, Row
+from agribot.core.pose import Pose2
+from agribot.core.row_shape import (
+    project_on_row,
+    row_length_m,
+    row_points_map_m,
+    start_yaw_rad,
+)
 
 # A found row is a true one's where its middle and both ends lie so near to its line.
 SAME_ROW_M = 0.3
+# The crop of a drawn row is what stands so near to its line, and then to the line of that crop.
+CROP_OF_ROW_M = (0.4, 0.25, 0.15)
+LEAST_PLANTS = 3
 
 
 class FoundRowsScore(msgspec.Struct, frozen=True, kw_only=True):
@@ -36,6 +45,29 @@ def find_true_row(row: Row, true_rows: Sequence[Row]) -> Row | None:
     near = [(_measure_off_m(row, true).max(), true) for true in true_rows]
     off_m, true = min(near, key=lambda pair: float(pair[0]), default=(np.inf, None))
     return true if off_m <= SAME_ROW_M else None
+
+
+def lay_through_crop(row: Row, crop_xy_m: FloatArray) -> Row:
+    """Lay a straight row that somebody drew through the crop, (N, 2), that stands about it.
+
+    A row without crop, and one that bends, stays as it was drawn.
+    """
+    if row.curvature_radpm or not len(crop_xy_m):
+        return row
+    for reach_m in CROP_OF_ROW_M:
+        along_m, left_m, _ = project_on_row(row, crop_xy_m[:, 0], crop_xy_m[:, 1])
+        length_m = row_length_m(row)
+        is_near = (np.abs(left_m) < reach_m) & (along_m > -reach_m) & (along_m < length_m + reach_m)
+        if np.count_nonzero(is_near) < LEAST_PLANTS or np.ptp(along_m[is_near]) < reach_m:
+            return row
+        slope, begin_m = np.polyfit(along_m[is_near], left_m[is_near], 1)
+        line = Pose2(*row.start_map_m, start_yaw_rad(row))
+        row = msgspec.structs.replace(
+            row,
+            start_map_m=line.transform(0.0, float(begin_m)),
+            end_map_m=line.transform(length_m, float(begin_m + slope * length_m)),
+        )
+    return row
 
 
 def shift_row(row: Row, by_m: MapPoint) -> Row:
