@@ -11,11 +11,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
+from agribot.app.field_work import plan_field_file
+from agribot.autonomy.plan.coverage.area import measure_footprint
 from agribot.autonomy.plan.plan_certificate import certify_plan
 from agribot.cli.main import main
+from agribot.core.config import load
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
+from agribot.description.loader import load_robot
 from agribot.gis.field_file import read_field
 from agribot.gis.plan_file import SavedPlan, format_plan, read_plan
 from tests.autonomy.plan.fields import REQUEST, ROWS, SHAPE, WITH_HOLE, certified
@@ -117,6 +122,9 @@ BAD = {
     "flat": (bad(lambda f: f[0]["geometry"].update(coordinates=[lonlat(POND[:2])])), "2 corners"),
     "many": (bad(lambda f: f[2]["geometry"].update(coordinates=lonlat(OUTLINE) * 6000)),
              "more than the limit of 20000"),
+    "margin of text": (bad(lambda f: f[0]["properties"].update(margin_m="wide")),
+                       "margin_m 'wide': must be a number from 0 to 10"),
+    "margin": (bad(lambda f: f[0]["properties"].update(margin_m=-1)), "margin_m -1: must be"),
     "no geojson": ([1, 2], "expected a GeoJSON object"),
 }  # fmt: skip
 
@@ -126,6 +134,23 @@ def test_a_broken_field_is_refused_with_what_and_where(name: str, tmp_path: Path
     tree, message = BAD[name]
     with pytest.raises(MissionError, match=message):
         read_field(written(tree, tmp_path), HERE)
+
+
+@pytest.mark.parametrize(("asked_m", "kept_m"), [(None, 0.8), (0.3, 0.3)])
+def test_a_plan_keeps_the_margin_of_its_field_unless_it_is_asked_for_another(
+    asked_m: float | None, kept_m: float, tmp_path: Path
+) -> None:
+    tree = copy.deepcopy(field())
+    tree["features"][0]["properties"].update(margin_m=0.8)
+    config = load("rows-10x12", [f"field.datum={{lat_deg={HERE.lat_deg}, lon_deg={HERE.lon_deg}}}"])
+    saved, certificate = plan_field_file(
+        written(tree, tmp_path), config, load_robot("agribot"), None, asked_m
+    )
+    assert saved.request.margin_m == kept_m and certificate.ok
+    shape = measure_footprint(load_robot("agribot"), saved.request.implement_width_m)
+    edge = shapely.LinearRing(saved.area.boundary)
+    way = shapely.MultiLineString([leg.xy_map_m for leg in saved.plan.legs])
+    assert edge.distance(way) > kept_m + shape.half_width_m - 0.02
 
 
 def test_coordinates_that_can_only_be_swapped_say_so(tmp_path: Path) -> None:

@@ -16,8 +16,9 @@ from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import RunConfig, load
 from agribot.core.messages import Row
 from agribot.core.world import WorldSpec
+from agribot.description.field_generator import generate_field
+from agribot.description.field_settings import CropSettings, FieldSettings, RowsSettings
 from agribot.description.loader import load_robot
-from agribot.description.worlds_sdf import load_run_world
 from agribot.gis.plan_file import format_plan
 from agribot.record.report import Report
 from tests import nightly
@@ -25,7 +26,7 @@ from tests.mission.paper_camera import CameraOnPaper
 
 Start = tuple[float, float, float]  # East, North, heading in degrees
 SETTINGS = ["seed=1", 'sim.sensors="rtk"', "perception.enabled=false", "record.enabled=false",
-            'world="empty"', "field.row_length_m=5.0", "field.row_count=3"]  # fmt: skip
+            "field.row_length_m=5.0", "field.row_count=3"]  # fmt: skip
 BEFORE, BESIDE, ELSEWHERE = (-2.4, -1.3, 8.0), (2.5, -5.0, 80.0), (7.2, 1.2, 180.0)
 
 
@@ -36,8 +37,19 @@ def drive(
     """Drive a mission that begins at a place; `seen_rows` are those that the camera can see."""
 
     def place(settings: RunConfig) -> WorldSpec:
+        field = settings.field
+        rows = RowsSettings(
+            count=field.row_count,
+            length_m=field.row_length_m,
+            pitch_m=field.row_pitch_m,
+            first_row_start_map_m=field.first_row_start_map_m,
+            yaw_deg=field.row_yaw_deg,
+        )
+        world = generate_field(
+            FieldSettings(rows=rows, crop=CropSettings(stem_radius_m=0.05)), settings.seed
+        )
         at = {"spawn_xy_map_m": start[:2], "spawn_yaw_map_rad": math.radians(start[2])}
-        return msgspec.structs.replace(load_run_world(settings), **at)
+        return msgspec.structs.replace(world, **at)
 
     patch.setattr("agribot.app.run_world.load_run_world", place)
     mark = [f"field.start_map_m=[{start[0]},{start[1]}]", f"field.start_yaw_deg={start[2]}"]
@@ -48,6 +60,17 @@ def drive(
         for _ in session.ticks():
             pass
         return session, session.finish()
+
+
+def drive_again(
+    first: SimulatedRun, folder: Path, patch: pytest.MonkeyPatch, *settings: str
+) -> Report:
+    """Drive what the first run drew in its folder, put down on the other side of the field."""
+    drawn = folder / "field.geojson"
+    saved, certificate = plan_field_file(drawn, first.config, load_robot("agribot"), None)
+    assert certificate.ok
+    plan = format_plan(saved, certificate)
+    return drive(ELSEWHERE, folder / "again", patch, *settings, plan=plan)[1]
 
 
 @pytest.mark.parametrize("start", [BEFORE, BESIDE], ids=["before a row's end", "beside a row"])
@@ -62,26 +85,23 @@ def test_rows_that_nobody_mapped_are_found_and_driven_again_from_their_drawing(
     assert found.offset_m_max is not None and found.offset_m_max < 0.03
     assert found.end_error_m_max is not None and found.end_error_m_max < 0.3
     assert report.tracking.xte_max_m is not None and report.tracking.xte_max_m < 0.1
-    drawn = tmp_path / "first" / "field.geojson"
-    saved, certificate = plan_field_file(drawn, session.config, load_robot("agribot"), None)
-    assert certificate.ok
-    again = format_plan(saved, certificate)
-    _, second = drive(ELSEWHERE, tmp_path / "second", monkeypatch, plan=again)
+    second = drive_again(session, tmp_path / "first", monkeypatch)
     assert second.ok, second.reason
     assert second.mission.rows_done == 3
+    assert report.tracking.plants_crushed == second.tracking.plants_crushed == 0
 
 
 @nightly.all_or_first(
     "cases", [(sensors, seed) for seed in range(1, 11) for sensors in ("m8n", "rtk")], 1, "drives"
 )
-def test_ten_rows_are_counted_once_each_with_any_receiver_while_it_drifts(
+def test_ten_rows_are_counted_once_each_with_any_receiver_and_driven_again_from_elsewhere(
     cases: Sequence[tuple[str, int]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for sensors, seed in cases:
-        settings = [f"seed={seed}", f'sim.sensors="{sensors}"', 'task="explore"',
-                    "field.row_count=10", "mission.speed_mps=1.0"]  # fmt: skip
+        settings = [f"seed={seed}", f'sim.sensors="{sensors}"', "field.row_count=10",
+                    "mission.speed_mps=1.0"]  # fmt: skip
         out = tmp_path / f"{sensors}-{seed}"
-        session, report = drive(BEFORE, out, monkeypatch, *settings)
+        session, report = drive(BEFORE, out, monkeypatch, *settings, 'task="explore"')
         assert report.ok, (sensors, seed, report.reason)
         found = report.found_rows
         assert found is not None and found.invented == 0
@@ -89,6 +109,10 @@ def test_ten_rows_are_counted_once_each_with_any_receiver_while_it_drifts(
         # Side by side as they stand, but for what the receiver drifts along one row.
         lines = [row.start_map_m for row in session.task.rows]
         assert np.abs(np.diff([y_m for _, y_m in lines])) == pytest.approx(1.0, abs=0.12)
+        second = drive_again(session, out, monkeypatch, *settings)
+        assert second.ok and second.mission.rows_done == 10, (sensors, seed, second.reason)
+        assert second.tracking.plants_total == 210 and second.safety.outside_m_max == 0.0
+        assert report.tracking.plants_crushed == second.tracking.plants_crushed == 0
 
 
 @pytest.mark.figures

@@ -800,13 +800,17 @@ export interface GoalPlace {
   yaw_map_rad?: number | null
 }
 
-/** A field (GeoJSON) to be worked, and how; what is left out keeps its default. */
+/**
+ * A field (GeoJSON) to be worked, and how; what is left out keeps its default.
+ *
+ * `margin_m` is left out for that of the field.
+ */
 export interface PlanWish {
   field: Record<string, unknown>
   implement_width_m?: number | null
   headland_passes?: number | null
   overlap_m?: number
-  margin_m?: number
+  margin_m?: number | null
   swath_yaw_deg?: number | null
 }
 

@@ -15,8 +15,6 @@ from agribot.core.robot import RobotSpec
 from agribot.gis.field_file import read_field
 from agribot.gis.plan_file import SavedPlan, parse_plan
 
-MARGIN_M = 0.05  # of a plan, to every edge, for a robot that knows where it is
-
 
 def read_plan_text(config: RunConfig) -> str:
     """Read the plan of the settings as it stands in its file; empty where a run has none."""
@@ -59,19 +57,23 @@ def plan_field_file(
     config: RunConfig,
     robot: RobotSpec,
     width_m: float | None,
-    margin_m: float = MARGIN_M,
+    margin_m: float | None = None,
 ) -> tuple[SavedPlan, Certificate]:
     """Plan a field in the map of a run, beginning where the robot is put down.
 
     Without a width, it is that of the robot's own implement. `margin_m` is from the footprint to
-    every edge: the more, the worse the position is known.
+    every edge, the more, the worse the position is known; None: as the field's file says.
     """
     if width_m is None:
         if robot.implement is None:
             raise MissionError(f"{robot.name} has no implement; give --implement-width M")
         width_m = robot.implement.width_m
     area, datum = read_field(field, config.field.datum)
-    request = PlanRequest(implement_width_m=width_m, tool_x_m=robot.tool_x_m, margin_m=margin_m)
+    request = PlanRequest(
+        implement_width_m=width_m,
+        tool_x_m=robot.tool_x_m,
+        margin_m=area.margin_m if margin_m is None else margin_m,
+    )
     shape = measure_footprint(robot, width_m)
     plan = plan_field(area, shape, request)
     return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)

@@ -19,6 +19,7 @@ from agribot.app.run_recording import RunRecording, files_to_run_again
 from agribot.app.run_setup import PLAN_FILE, RunSetup
 from agribot.app.unattended import Unattended
 from agribot.app.whole_job import WholeJob
+from agribot.autonomy.control.fence import measure_growth_m
 from agribot.autonomy.perception_host import PerceptionMeter
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.autonomy.plan.rows import list_row_ends
@@ -283,7 +284,16 @@ class Run:
             return ""
         track = np.column_stack([series.x_map_m, series.y_map_m])
         drawn = [DrawnRow(line, std_m) for line, std_m in rows]
-        return format_drawn_field(drawn, track, self.config.field.datum)
+        unsure_m = self._measure_fence_growth_m(series)
+        return format_drawn_field(drawn, track, self.config.field.datum, unsure_m)
+
+    def _measure_fence_growth_m(self, series: RunSeries) -> float:
+        """Measure how far from an edge the fence would have kept the robot while it drove."""
+        std_m = series.pos_std_m[(series.commanded_mps != 0.0) & np.isfinite(series.pos_std_m)]
+        if self.last is None or not len(std_m):
+            return 0.0
+        quality = self.last.estimate.quality
+        return max(0.0, measure_growth_m(float(np.max(std_m)), quality, self.config.safety))
 
     def _tick(self) -> TickRecord:
         self.last = self.stack.tick(self.platform)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agribot.app.run_recording import find_recording
+from agribot.autonomy.control.fence import measure_growth_m
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray
@@ -23,12 +24,14 @@ TURN_RADPM, BEND_OVER_M, SHORTEST_M = 0.25, 1.0, 2.0
 class DrivenTrack(NamedTuple):
     """Where a robot drove: t_s, x and y (m, map) and 1 sigma of its place, (N, 4).
 
-    `marks_s` are when its driver marked the beginnings and the ends of rows.
+    `marks_s` are when its driver marked the beginnings and the ends of rows. `unsure_m` is how far
+    from an edge the fence would have kept the robot; nothing, where only its fixes are known.
     """
 
     points: FloatArray
     marks_s: tuple[float, ...]
     datum: Datum
+    unsure_m: float = 0.0
 
 
 def teach_rows(recording: Path) -> tuple[str, int]:
@@ -46,7 +49,8 @@ def teach_rows(recording: Path) -> tuple[str, int]:
             "to end, or mark its beginning and its end"
         )
     rows = [_draw(stretch) for stretch in stretches]
-    return format_drawn_field(rows, track.points[:, 1:3], track.datum), len(rows)
+    text = format_drawn_field(rows, track.points[:, 1:3], track.datum, track.unsure_m)
+    return text, len(rows)
 
 
 def split_by_marks(track: DrivenTrack) -> list[FloatArray]:
@@ -113,12 +117,18 @@ def _read_run(path: Path) -> DrivenTrack:
 
     points: list[tuple[float, float, float, float]] = []
     marks_s: list[float] = []
+    config, unsure_m = read_config(path), 0.0
     for record in read_ticks(path):
         here = record.estimate
         marks_s += [record.batch.t_s for event in record.batch.events if event.action == "mark"]
         if here.ok and _has_moved(points, here.x_map_m, here.y_map_m):
+            if points:  # where it stood before it drove, it may not have known its place yet
+                unsure_m = max(
+                    unsure_m, measure_growth_m(here.pos_std_m, here.quality, config.safety)
+                )
             points.append((record.batch.t_s, here.x_map_m, here.y_map_m, here.pos_std_m))
-    return DrivenTrack(_make_table(points, path), tuple(marks_s), read_config(path).field.datum)
+    table = _make_table(points, path)
+    return DrivenTrack(table, tuple(marks_s), config.field.datum, unsure_m)
 
 
 def _read_fixes(path: Path) -> DrivenTrack:

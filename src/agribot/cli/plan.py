@@ -51,8 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--turns", choices=get_args(TurnStyle), default="auto",
                         help="between swaths: arcs where they fit and are quicker (auto), in "
                              "place, arcs or three-point turns wherever they fit")  # fmt: skip
-    parser.add_argument("--margin", type=float, default=0.05, metavar="M",
-                        help="from the footprint to every edge (default: 0.05)")  # fmt: skip
+    parser.add_argument("--margin", type=float, metavar="M",
+                        help="from the footprint to every edge (default: as the file "
+                             "says, else 0.05)")  # fmt: skip
     parser.add_argument("--min-coverage", type=float, default=0.99, metavar="RATIO",
                         help="of the reachable ground (default: 0.99)")  # fmt: skip
     parser.add_argument("--robot", default="agribot", metavar="NAME|FILE")
@@ -188,14 +189,15 @@ def _verify_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
 def _make_request(
     options: argparse.Namespace, area: FieldArea, frame: MapFrame, robot: RobotSpec
 ) -> PlanRequest:
-    from agribot.autonomy.plan.coverage.area import PlanRequest
+    from agribot.autonomy.plan.coverage.area import MOST_MARGIN_M, PlanRequest
 
     passes = options.headland_passes
     tool_x_m = robot.tool_x_m if options.tool_offset is None else options.tool_offset
+    margin_m = area.margin_m if options.margin is None else options.margin
     for name, value, low, high in (
         ("--implement-width", options.implement_width, 0.05, 50.0),
         ("--overlap", options.overlap, 0.0, 50.0),
-        ("--margin", options.margin, 0.0, 10.0),
+        ("--margin", margin_m, 0.0, MOST_MARGIN_M),
         ("--headland-passes", passes or 0, 0, 0 if area.rows else 50),
         ("--tool-offset", tool_x_m, -5.0, 5.0),
         ("--min-coverage", options.min_coverage, 0.0, 1.0),
@@ -209,7 +211,7 @@ def _make_request(
     return PlanRequest(
         implement_width_m=options.implement_width,
         overlap_m=options.overlap,
-        margin_m=options.margin,
+        margin_m=margin_m,
         headland_passes=passes,
         swath_yaw_rad=_parse_swath_yaw_rad(options.swath_angle),
         start_map_m=start,

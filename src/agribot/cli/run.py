@@ -67,8 +67,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--implement-width", type=finite, metavar="M",
                         help="for --field (default: that of the robot)")  # fmt: skip
     parser.add_argument("--margin", type=finite, metavar="M",
-                        help="for --field: from the robot to every edge (default: 0.05); 2.5 for a "
-                             "receiver without corrections")  # fmt: skip
+                        help="for --field: from the robot to every edge (default: as the file "
+                             "says, else 0.05); 4 for a receiver without corrections")  # fmt: skip
     parser.add_argument("--resume", metavar="RUNDIR", help="go on with a run that was cut off")
     parser.add_argument(
         "--clear-stop",
@@ -232,14 +232,15 @@ def _plan_field(config: RunConfig, options: argparse.Namespace) -> str:
 
     Raises: MissionError: no field, or one that cannot be worked, and why.
     """
-    from agribot.app.field_work import MARGIN_M, plan_field_file
+    from agribot.app.field_work import plan_field_file
+    from agribot.autonomy.plan.coverage.area import MOST_MARGIN_M
     from agribot.description.loader import load_robot
     from agribot.gis.plan_file import format_plan
 
     robot = load_robot(config.robot)
-    margin_m = MARGIN_M if options.margin is None else options.margin
-    if not 0.0 <= margin_m <= 10.0:
-        raise MissionError(f"--margin {margin_m:g}: must be from 0 to 10")
+    margin_m: float | None = options.margin
+    if margin_m is not None and not 0.0 <= margin_m <= MOST_MARGIN_M:
+        raise MissionError(f"--margin {margin_m:g}: must be from 0 to {MOST_MARGIN_M:g}")
     saved, certificate = plan_field_file(
         Path(options.field), config, robot, options.implement_width, margin_m
     )

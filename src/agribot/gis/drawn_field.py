@@ -9,15 +9,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agribot.autonomy.plan.coverage.area import MARGIN_M, MOST_CROP_MARGIN_M, MOST_MARGIN_M
+from agribot.core.arithmetic import clamp
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray, MapPoint
 
 # So much ground to both sides of its track the robot needs for a plan that turns there; a camera
 # sees a metre of it. Hollows narrower than twice CLOSED_M belong to the field, too.
-BESIDE_TRACK_M, CLOSED_M = 1.4, 1.2
-# A line keeps this close to what the robot drove: so it has few corners, a straight one two.
-SIMPLIFIED_M = 0.02
+BESIDE_TRACK_M, CLOSED_M = 1.45, 1.2
+# A line keeps this close to what the robot drove, so that it has few corners, a straight one two;
+# a robot that does not know its place so well has drawn its own error, which may be more.
+SIMPLIFIED_M, MOST_SIMPLIFIED_M = 0.02, 0.1
 DECIMALS = 9  # a tenth of a millimetre
 EDGE_M = 0.05  # corners of the boundary are as exact as that
 
@@ -32,30 +35,43 @@ class DrawnRow(NamedTuple):
     std_m: float
 
 
-def format_drawn_field(rows: Sequence[DrawnRow], track_map_m: FloatArray, datum: Datum) -> str:
+def format_drawn_field(
+    rows: Sequence[DrawnRow], track_map_m: FloatArray, datum: Datum, unsure_m: float = 0.0
+) -> str:
     """Write rows with their uncertainty, and the ground that was driven as the boundary.
 
-    `track_map_m` (N, 2) is where the robot was. Rows are numbered from the first one to the left.
+    `track_map_m` (N, 2) is where the robot was, `unsure_m` how far its fence keeps such a robot
+    off every edge: plans are told to keep it as a margin, which counts to crop as well where they
+    turn, so that the boundary is farther away by both.
+    Rows are numbered from the first one to the left.
     Raises: MissionError: there is no row.
     """
     if not rows:
         raise MissionError("no row was driven; there is nothing to draw")
     frame = MapFrame(datum)
-    ring = _draw_boundary(rows, track_map_m)
-    features = [_make_feature("Polygon", [_to_degrees([*ring, ring[0]], frame)], kind="boundary")]
+    rows = [row._replace(line=_simplify(row)) for row in _sort(rows)]
+    margin_m = min(MARGIN_M + unsure_m, MOST_MARGIN_M)
+    room_m = BESIDE_TRACK_M + unsure_m + min(unsure_m, MOST_CROP_MARGIN_M)
+    ring = _draw_boundary(rows, track_map_m, room_m)
+    features = [
+        _make_feature(
+            "Polygon", [_to_degrees([*ring, ring[0]], frame)],
+            kind="boundary", margin_m=round(margin_m, 2),
+        )
+    ]  # fmt: skip
     features += [
         _make_feature(
-            "LineString", _to_degrees(_simplify(row.line), frame),
+            "LineString", _to_degrees(row.line, frame),
             kind="row", name=f"row {number}",
             std_m=round(row.std_m, 4) if math.isfinite(row.std_m) else None,
         )
-        for number, row in enumerate(_sort(rows), start=1)
+        for number, row in enumerate(rows, start=1)
     ]  # fmt: skip
     lines = ",\n".join(json.dumps(feature) for feature in features)
     return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'
 
 
-def _simplify(line: Sequence[MapPoint]) -> list[MapPoint]:
+def _simplify(row: DrawnRow) -> list[MapPoint]:
     """Leave out points of a line that lie so near to what is left.
 
     Source: Douglas and Peucker 1973, "Algorithms for the reduction of the number of points",
@@ -63,7 +79,9 @@ def _simplify(line: Sequence[MapPoint]) -> list[MapPoint]:
     """
     import shapely
 
-    left = shapely.get_coordinates(shapely.LineString(line).simplify(SIMPLIFIED_M))
+    std_m = row.std_m if math.isfinite(row.std_m) else 0.0
+    tolerance_m = clamp(std_m, SIMPLIFIED_M, MOST_SIMPLIFIED_M)
+    left = shapely.get_coordinates(shapely.LineString(row.line).simplify(tolerance_m))
     return [(float(x_m), float(y_m)) for x_m, y_m in left]
 
 
@@ -85,13 +103,15 @@ def _sort(rows: Sequence[DrawnRow]) -> list[DrawnRow]:
     return sorted(map(turn, rows), key=place)
 
 
-def _draw_boundary(rows: Sequence[DrawnRow], track_map_m: FloatArray) -> list[MapPoint]:
+def _draw_boundary(
+    rows: Sequence[DrawnRow], track_map_m: FloatArray, beside_m: float
+) -> list[MapPoint]:
     import shapely
 
     known = track_map_m[np.all(np.isfinite(track_map_m), axis=1)]
     lines = [shapely.LineString(row.line) for row in rows]
     driven = shapely.union_all([shapely.LineString(known), *lines])
-    ground = driven.buffer(BESIDE_TRACK_M + CLOSED_M).buffer(-CLOSED_M)
+    ground = driven.buffer(beside_m + CLOSED_M).buffer(-CLOSED_M)
     whole = max(shapely.get_parts(ground), key=lambda part: part.area)
     corners = shapely.get_coordinates(whole.exterior.simplify(EDGE_M))[:-1]
     return [(float(x_m), float(y_m)) for x_m, y_m in corners]

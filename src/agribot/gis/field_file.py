@@ -9,9 +9,15 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agribot.autonomy.plan.coverage.area import FieldArea, MapLine
+from agribot.autonomy.plan.coverage.area import (
+    MARGIN_M,
+    MOST_MARGIN_M,
+    FieldArea,
+    MapLine,
+)
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
+from agribot.core.json_number import is_number
 from agribot.core.messages import MapPoint
 from agribot.gis.formats.table import READERS, read_other
 from agribot.gis.geojson import KINDS, Feature, LonLat, parse_features, read_json
@@ -54,6 +60,7 @@ def parse_field(
         rows=tuple(_to_map_line(f.parts[0], frame) for f in kinds["row"]),
         ab_line=_to_map_line(kinds["ab_line"][0].parts[0], frame) if kinds["ab_line"] else (),
         waypoints=tuple(_to_map(f.parts[0][0], frame) for f in kinds["waypoint"]),
+        margin_m=_read_margin_m(kinds["boundary"][0]),
     )
     return check_field(area, frame, source_name), datum
 
@@ -79,6 +86,18 @@ def _sort_by_kind(found: Sequence[Feature], source_name: str) -> dict[str, list[
     if len(kinds["ab_line"]) > 1 or any(len(f.parts[0]) != 2 for f in kinds["ab_line"]):
         raise MissionError(f"{source_name}: give one ab_line of two points, A and B")
     return kinds
+
+
+def _read_margin_m(boundary: Feature) -> float:
+    margin_m = boundary.properties.get("margin_m")
+    if margin_m is None:
+        return MARGIN_M
+    if not is_number(margin_m) or not 0.0 <= margin_m <= MOST_MARGIN_M:
+        raise MissionError(
+            f"{boundary.where}: margin_m {margin_m!r}: must be a number from 0 to "
+            f"{MOST_MARGIN_M:g}, in metres"
+        )
+    return float(margin_m)
 
 
 def _guess_kind(feature: Feature, has_boundary: bool) -> str:
@@ -150,7 +169,7 @@ def check_field(area: FieldArea, frame: MapFrame, source_name: str) -> FieldArea
     rings = tuple(_list_points(hole.exterior) for hole in joined)
     return FieldArea(
         boundary=area.boundary, holes=rings, rows=area.rows, ab_line=area.ab_line,
-        waypoints=area.waypoints,
+        waypoints=area.waypoints, margin_m=area.margin_m,
     )  # fmt: skip
 
 

@@ -905,13 +905,16 @@ class GoalPlace(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class PlanWish(msgspec.Struct, frozen=True, kw_only=True):
-    """A field (GeoJSON) to be worked, and how; what is left out keeps its default."""
+    """A field (GeoJSON) to be worked, and how; what is left out keeps its default.
+
+    `margin_m` is left out for that of the field.
+    """
 
     field: dict[str, Any]
     implement_width_m: float | None = None
     headland_passes: int | None = None
     overlap_m: float = 0.05
-    margin_m: float = 0.05
+    margin_m: float | None = None
     swath_yaw_deg: float | None = None
 
 
