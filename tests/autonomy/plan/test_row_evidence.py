@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
@@ -10,10 +10,11 @@ import pytest
 
 from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.mission import Mission
-from agribot.autonomy.plan.row_evidence import row_pitch_m
+from agribot.autonomy.plan.row_evidence import link_stretches, row_pitch_m
+from agribot.autonomy.plan.row_log import Doubt, RowLog
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig
-from agribot.core.messages import Estimate, GnssQuality, MissionStatus
+from agribot.core.messages import Estimate, GnssQuality, MissionStatus, Row
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, point_at, rover
 
@@ -117,3 +118,58 @@ def test_what_was_not_seen_before_a_crash_is_not_forgotten() -> None:
         status = second.step(estimate).status
     assert status.rows_unproven == (1,)
     assert "no crop row seen over 3.0 m" in status.reason
+
+
+def work(log: RowLog, row: int, metres: Sequence[tuple[float, Doubt]], t_s: float) -> None:
+    """Drive through a stretch, so many metres with each doubt; the path goes on from stretch 0."""
+    s_m = 10.0 * row
+    log.work(row, 0.0, s_m, t_s)
+    for length_m, doubt in metres:
+        s_m += length_m
+        log.work(row, 0.0, s_m, t_s, doubt)
+
+
+BENT = {0: 1}  # stretch 0 of a row goes on as stretch 1; row 2 is another
+
+
+@pytest.mark.parametrize("short", [0, 1], ids=["first", "last"])
+def test_a_short_stretch_of_a_bent_row_is_proven_by_the_rest_of_the_row(short: int) -> None:
+    """At its ends a camera that looks ahead sees no more crop."""
+    log = RowLog([0, 1, 2], BENT)
+    for row in (0, 1):
+        work(log, row, [(0.2, ""), (0.5, "unseen")] if row == short else [(5.0, "")], row)
+    log.work(-1, 0.0, 30.0, 9.0)
+    assert (log.done, log.unproven) == ((0, 1), ())
+    straight = RowLog([0])
+    work(straight, 0, [(0.2, ""), (0.5, "unseen")], 0.0)
+    straight.work(-1, 0.0, 30.0, 9.0)
+    assert (straight.done, straight.unproven) == ((), (0,))
+
+
+def test_a_bent_row_that_nobody_saw_is_not_done_in_any_of_its_stretches() -> None:
+    log = RowLog([0, 1, 2], BENT)
+    work(log, 2, [(5.0, "")], 0.0)
+    work(log, 0, [(1.0, "")], 1.0)
+    work(log, 1, [(5.0, "unsure")], 2.0)
+    assert log.done == (2, 0), "the row under the robot may still be proven"
+    log.work(-1, 0.0, 30.0, 9.0)
+    assert (log.done, log.unproven) == ((2,), (0, 1))
+
+
+def test_a_bent_row_whose_rest_is_skipped_is_judged_by_what_was_driven() -> None:
+    log = RowLog([0, 1, 2], BENT)
+    work(log, 0, [(1.0, "unseen")], 1.0)
+    log.skip(1)
+    log.work(-1, 0.0, 30.0, 9.0)
+    assert (log.done, log.unproven, log.skipped) == ((), (0,), (1,))
+
+
+def test_stretches_that_join_end_to_end_are_one_row() -> None:
+    places = ((0.0, 0.0), (4.0, 0.0), (6.0, 0.3), (6.0, 1.3), (0.0, 1.0))
+    lines = [(0, 1), (1, 2), (3, 4)]
+    rows = [
+        Row(index=7 + k, start_map_m=places[first], end_map_m=places[last])
+        for k, (first, last) in enumerate(lines)
+    ]
+    assert link_stretches(rows) == {7: 8}
+    assert link_stretches(ROWS) == {}

@@ -11,7 +11,12 @@ import msgspec
 from agribot.autonomy.plan.covered import CoveredRows, cover_row
 from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.route import Route
-from agribot.autonomy.plan.row_evidence import find_doubt, is_counted, row_pitch_m
+from agribot.autonomy.plan.row_evidence import (
+    find_doubt,
+    is_counted,
+    link_stretches,
+    row_pitch_m,
+)
 from agribot.autonomy.plan.row_log import MOST_NUDGED_M, RowLog
 from agribot.autonomy.plan.saved_mission import PoseTuple, SavedMission, name_task, take_pose
 from agribot.autonomy.plan.task import Task
@@ -47,7 +52,7 @@ class MissionJob:
         self.task, self.planned_from = task, planned_from
         self._config = config
         self._waypoints = tuple(task.waypoints)
-        self.rows = RowLog(row.index for row in task.rows)
+        self.rows = RowLog([row.index for row in task.rows], link_stretches(task.rows))
         self.name = name_task(self.rows.indices, self._waypoints, path)
         self._pitch_m = row_pitch_m(task.rows)
         self._covered = CoveredRows(task.rows) if covered is None else covered

@@ -27,6 +27,15 @@ def row_pitch_m(rows: Sequence[Row]) -> float:
     return min((gap_m for gap_m in gaps_m if gap_m > SAME_ROW_M), default=math.inf)
 
 
+def link_stretches(rows: Sequence[Row]) -> dict[int, int]:
+    """Find the stretches of bent rows: the number of each and of the one that goes on behind it."""
+    return {
+        row.index: following.index
+        for row, following in pairwise(rows)
+        if math.dist(row.end_map_m, following.start_map_m) < SAME_ROW_M
+    }
+
+
 def find_doubt(task: Task, estimate: Estimate, row_yaw_rad: float, pitch_m: float) -> Doubt:
     """Say why the robot may not be in the row of a task; empty where it has good reason to.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal
 
 import msgspec
@@ -39,10 +39,6 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
     unproven: bool = False
 
     @property
-    def has_evidence(self) -> bool:
-        return self.unseen_m + self.unsure_m <= UNPROVEN_RATIO * self.worked_m
-
-    @property
     def is_counted(self) -> bool:
         return self.counted_m > UNPROVEN_RATIO * self.worked_m
 
@@ -53,7 +49,7 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def missing(self) -> str:
         """What speaks against the row; it counts from 1."""
-        if self.has_evidence:
+        if has_evidence([self]):
             return f"row {self.index + 1}: maybe one row off"
         lacks = []
         if self.unseen_m:
@@ -63,11 +59,20 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
         return f"row {self.index + 1}: {' and '.join(lacks)}"
 
 
+def has_evidence(stretches: Sequence[RowResult]) -> bool:
+    """Say whether a row, in one stretch or several, was seen or known over most of its length."""
+    doubted_m = sum(stretch.unseen_m + stretch.unsure_m for stretch in stretches)
+    return doubted_m <= UNPROVEN_RATIO * sum(stretch.worked_m for stretch in stretches)
+
+
 class RowLog:
     """Rows by number; `here` is the one under the robot, or -1."""
 
-    def __init__(self, indices: Iterable[int]) -> None:
+    def __init__(self, indices: Iterable[int], go_on: Mapping[int, int] | None = None) -> None:
+        """`go_on` has for a stretch of a bent row the number of the next one."""
         self._results = {index: RowResult(index=index) for index in indices}
+        self._go_on = dict(go_on or {})
+        self._behind: list[tuple[int, bool]] = []  # of a bent row, and whether each was done before
         self.here = -1
         self._entered_m = self._last_m = 0.0
         self.done: tuple[int, ...] = ()
@@ -134,14 +139,28 @@ class RowLog:
         self.here, self._last_m = row, s_m
 
     def _finish(self, row: int, t_s: float) -> None:
-        result = self._results[row]
-        is_done = result.done or result.has_evidence
-        others = tuple(index for index in self.unproven if index != row)
-        self.unproven = others if is_done else (*others, row)
-        if is_done and not result.done:
-            self.done += (row,)
-        self._change(row, finished_s=t_s, done=is_done, unproven=not is_done)
+        """End a row, or a stretch of a bent one, which counts as done until all of it is driven."""
+        if not self._behind or self._go_on.get(self._behind[-1][0]) != row:
+            self._behind = []
+        self._behind.append((row, self._results[row].done))
+        self._change(row, finished_s=t_s)
+        following = self._go_on.get(row)
+        if following is not None and not self._results[following].skipped:
+            self._settle(row, is_done=True)
+            return
+        is_proven = has_evidence([self._results[stretch] for stretch, _ in self._behind])
+        for stretch, was_done in self._behind:
+            self._settle(stretch, is_done=is_proven or was_done)
         self._doubt_count()
+
+    def _settle(self, row: int, *, is_done: bool) -> None:
+        self.unproven = tuple(index for index in self.unproven if index != row)
+        if not is_done:
+            self.done = tuple(index for index in self.done if index != row)
+            self.unproven += (row,)
+        elif row not in self.done:
+            self.done += (row,)
+        self._change(row, done=is_done, unproven=not is_done)
 
     def _doubt_count(self) -> None:
         """Bare ground for a row says that the count is off: no row that it tells is proven."""
