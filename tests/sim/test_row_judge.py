@@ -33,10 +33,17 @@ def drawn(off_m: float, turn_deg: float, curvature_radpm: float = 0.0) -> Row:
 @pytest.mark.parametrize(("off_m", "turn_deg"), [(0, 0), (0.3, 0), (-0.2, 1.5), (0.1, -2.0)])
 def test_a_drawn_row_is_laid_through_its_crop(off_m: float, turn_deg: float) -> None:
     row = lay_through_crop(drawn(off_m, turn_deg), sow(jitter_m=0.02))
-    for end, x_m in ((row.start_map_m, -1.0), (row.end_map_m, 11.0)):
+    for end, x_m in ((row.start_map_m, 0.0), (row.end_map_m, 10.0)):
         assert end[1] == pytest.approx(0.0, abs=0.02)
-        assert end[0] == pytest.approx(x_m, abs=0.05), "as long as it was drawn"
+        assert end[0] == pytest.approx(x_m, abs=0.06), "from plant to plant"
     assert row.index == 4
+
+
+def test_a_row_that_was_drawn_too_short_stays_so() -> None:
+    row = Row(index=0, start_map_m=(2.1, 0.1), end_map_m=(6.9, 0.1))
+    laid = lay_through_crop(row, sow())
+    assert laid.start_map_m == pytest.approx((2.1, 0.0), abs=0.2)
+    assert laid.end_map_m == pytest.approx((6.9, 0.0), abs=0.2)
 
 
 def test_a_row_drawn_beside_all_crop_stays_where_it_is() -> None:

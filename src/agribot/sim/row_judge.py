@@ -50,7 +50,8 @@ def find_true_row(row: Row, true_rows: Sequence[Row]) -> Row | None:
 def lay_through_crop(row: Row, crop_xy_m: FloatArray) -> Row:
     """Lay a straight row that somebody drew through the crop, (N, 2), that stands about it.
 
-    A row without crop, and one that bends, stays as it was drawn.
+    It runs from the first plant to the last, as far as it was drawn. A row without crop, and one
+    that bends, stays as it was drawn.
     """
     if row.curvature_radpm or not len(crop_xy_m):
         return row
@@ -61,12 +62,10 @@ def lay_through_crop(row: Row, crop_xy_m: FloatArray) -> Row:
         if np.count_nonzero(is_near) < LEAST_PLANTS or np.ptp(along_m[is_near]) < reach_m:
             return row
         slope, begin_m = np.polyfit(along_m[is_near], left_m[is_near], 1)
+        ends_m = np.clip((along_m[is_near].min(), along_m[is_near].max()), 0.0, length_m).tolist()
         line = Pose2(*row.start_map_m, start_yaw_rad(row))
-        row = msgspec.structs.replace(
-            row,
-            start_map_m=line.transform(0.0, float(begin_m)),
-            end_map_m=line.transform(length_m, float(begin_m + slope * length_m)),
-        )
+        start, end = (line.transform(end_m, float(begin_m + slope * end_m)) for end_m in ends_m)
+        row = msgspec.structs.replace(row, start_map_m=start, end_map_m=end)
     return row
 
 
