@@ -18,6 +18,8 @@ from agribot.core.messages import FloatArray, MapPoint
 # So much ground to both sides of its track the robot needs for a plan that turns there; a camera
 # sees a metre of it. Hollows narrower than twice CLOSED_M belong to the field, too.
 BESIDE_TRACK_M, CLOSED_M = 1.45, 1.2
+# The drive that draws a field and one that is planned in it are off by some centimetres each.
+LEAST_UNSURE_M = 0.1
 # A line keeps this close to what the robot drove, so that it has few corners, a straight one two;
 # a robot that does not know its place so well has drawn its own error, which may be more.
 SIMPLIFIED_M, MOST_SIMPLIFIED_M = 0.02, 0.1
@@ -50,6 +52,7 @@ def format_drawn_field(
         raise MissionError("no row was driven; there is nothing to draw")
     frame = MapFrame(datum)
     rows = [row._replace(line=_simplify(row)) for row in _sort(rows)]
+    unsure_m = max(unsure_m, LEAST_UNSURE_M)
     margin_m = min(MARGIN_M + unsure_m, MOST_MARGIN_M)
     room_m = BESIDE_TRACK_M + unsure_m + min(unsure_m, MOST_CROP_MARGIN_M)
     ring = _draw_boundary(rows, track_map_m, room_m)
