@@ -43,7 +43,7 @@ def test_the_status_bar_tells_link_age_position_battery_stop_operator_and_viewer
     open_page: OpenPage, server: FakeServer
 ) -> None:
     page = open_page()
-    for label, said in {
+    told: dict[str, str | re.Pattern[str]] = {
         "Link": re.compile(r"^\d+ ms$"),
         "Age": re.compile(r"^\d+\.\d s$"),
         "GNSS": "RTK 1.4 cm",
@@ -51,7 +51,8 @@ def test_the_status_bar_tells_link_age_position_battery_stop_operator_and_viewer
         "Stop": "Clear",
         "Operator": "Nobody",
         "Viewers": "1",
-    }.items():
+    }
+    for label, said in told.items():
         expect(chip(page, label)).to_have_text(said)
     expect(page.locator(".mode")).to_have_text("On mission")
     server.robot.stop = "pressed elsewhere"
