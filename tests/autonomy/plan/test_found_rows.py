@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -13,8 +14,8 @@ from agribot.autonomy.plan.explore.crop_view import CropView
 from agribot.autonomy.plan.explore.first_row import FirstRow
 from agribot.autonomy.plan.explore.found_row import FoundRow
 from agribot.autonomy.plan.explore.lay import KEPT_M, back_out, lay_on
-from agribot.core.geo import is_backwards
-from agribot.core.messages import FloatArray
+from agribot.core.geo import is_backwards, wrap_rad
+from agribot.core.messages import FloatArray, RowLine
 from agribot.core.pose import Pose2
 
 
@@ -38,6 +39,59 @@ def test_the_first_row_is_the_line_on_which_plants_stand_close(yaw_deg: float) -
     assert found is not None
     assert abs(math.sin(found.yaw_rad - line.yaw_rad)) < math.radians(2.0)
     assert line.locate(*found.xy_m)[1] == pytest.approx(0.0, abs=0.03)
+
+
+def line_of(row: Pose2, pose: Pose2, std_deg: float = 2.0, error_deg: float = 0.0) -> RowLine:
+    """What a picture says of a row that is seen from a pose."""
+    _, left_m = row.locate(*pose.xy_m)
+    heading_rad = wrap_rad(pose.yaw_rad - row.yaw_rad) + math.radians(error_deg)
+    return RowLine(t_s=0.0, offset_m=left_m, heading_rad=heading_rad, offset_std_m=0.02,
+                   heading_std_rad=math.radians(std_deg))  # fmt: skip
+
+
+def look_ahead(
+    finder: FirstRow, row: Pose2, yaw_deg: float, std_deg: float, error_deg: Sequence[float]
+) -> None:
+    """Drive towards the end of a row whose wide leaves are in view over 0.8 m, with weeds."""
+    leaves = np.mgrid[-0.15:0.65:0.05, -0.22:0.22:0.05].reshape(2, -1)
+    for k, error in enumerate(error_deg):
+        pose = Pose2(*row.transform(-1.6 + 0.04 * k, 0.05), math.radians(yaw_deg))
+        finder.look(np.column_stack(row.transform(*leaves)))
+        finder.look_along(line_of(row, pose, std_deg, error), pose)
+
+
+@pytest.mark.parametrize("yaw_deg", [-15.0, 0.0, 20.0])
+def test_the_row_ahead_runs_as_its_pictures_say_not_as_its_leaves_lie(yaw_deg: float) -> None:
+    """A metre of a row that is half as wide has no direction of its own."""
+    finder, row = FirstRow(), Pose2(2.0, -1.0, 0.0)
+    look_ahead(finder, row, yaw_deg, 2.0, [2.0, -2.0, 1.0, -1.0, 0.0])
+    found = finder.find()
+    assert found is not None
+    assert found.yaw_rad == pytest.approx(row.yaw_rad, abs=math.radians(1.0))
+    along_m, left_m = row.locate(*found.xy_m)
+    assert along_m == pytest.approx(-0.125, abs=0.05), "where its crop begins"
+    assert left_m == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("std_deg", "error_deg"),
+    [(9.0, [0.0] * 5), (2.0, [0.0] * 4), (2.0, [8.0, -8.0, 8.0, -8.0, 8.0])],
+    ids=["too unsure", "too few", "at odds"],
+)
+def test_no_row_is_ahead_while_its_pictures_do_not_agree(
+    std_deg: float, error_deg: list[float]
+) -> None:
+    finder = FirstRow()
+    look_ahead(finder, Pose2(2.0, -1.0, 0.0), 0.0, std_deg, error_deg)
+    assert finder.find() is None
+
+
+def test_a_line_without_crop_on_it_is_no_row() -> None:
+    finder, row = FirstRow(), Pose2(2.0, -1.0, 0.0)
+    for _ in range(5):
+        finder.look(grow(row, 0.0, 0.1))
+        finder.look_along(line_of(row, Pose2(0.5, -1.0, 0.0)), Pose2(0.5, -1.0, 0.0))
+    assert finder.find() is None
 
 
 def test_the_ends_of_neighbouring_rows_are_no_row() -> None:

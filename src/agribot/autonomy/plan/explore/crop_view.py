@@ -1,4 +1,4 @@
-"""The crop of one picture as places of the map."""
+"""The crop of one picture, and the line of the row that it shows, as places of the map."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.core.messages import CropCover, FloatArray
+from agribot.core.messages import CropCover, FloatArray, RowLine
 from agribot.core.pose import Pose2
 
 
@@ -30,3 +30,14 @@ def see_crop(cover: CropCover, pose: Pose2) -> CropView:
     at: tuple[FloatArray, FloatArray] = pose.transform(x_m, y_m)
     places = np.column_stack(at)
     return CropView(places[crop & seen], places[seen])
+
+
+def place_line(line: RowLine, pose: Pose2) -> Pose2 | None:
+    """Place the line of a row that a picture shows, seen from a pose, the way the robot looks.
+
+    None: the picture has no line.
+    """
+    if line.offset_m is None or line.heading_rad is None:
+        return None
+    here = Pose2(*pose.transform(line.at_ahead_m, 0.0), pose.yaw_rad - line.heading_rad)
+    return Pose2(*here.transform(0.0, -line.offset_m), here.yaw_rad)

@@ -90,6 +90,7 @@ class Explorer:
         view = see_crop(scene.crop_cover, pose)
         if self.phase == "search":
             self._first.look(view.crop_map_m)
+            self._first.look_along(scene.row_line, pose)
             self._has_news = True
         elif self._target is not None and self.phase != "done":
             self._look_at(self._target, scene, view, pose, pos_std_m)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from agribot.autonomy.plan.explore.crop_view import CropView
+from agribot.autonomy.plan.explore.crop_view import CropView, place_line
 from agribot.core.growing_table import GrowingTable
 from agribot.core.messages import FloatArray, MapPoint, Row, RowLine
 from agribot.core.pose import Pose2
@@ -108,14 +108,13 @@ class FoundRow:
 
         It is read the way the frame looks. None: the picture has no line.
         """
-        if line.offset_m is None or line.heading_rad is None:
+        there = place_line(line, pose)
+        if there is None:
             return None
-        here = Pose2(*pose.transform(line.at_ahead_m, 0.0), pose.yaw_rad - line.heading_rad)
         for ahead_m in (0.0, ARM_M):
-            self._places.append(self.frame.locate(*here.transform(ahead_m, -line.offset_m)))
-        is_along = math.cos(here.yaw_rad - self.frame.yaw_rad) > 0.0
-        yaw_rad = here.yaw_rad if is_along else here.yaw_rad + math.pi
-        return Pose2(*here.transform(0.0, -line.offset_m), yaw_rad)
+            self._places.append(self.frame.locate(*there.transform(ahead_m, 0.0)))
+        is_along = math.cos(there.yaw_rad - self.frame.yaw_rad) > 0.0
+        return there if is_along else Pose2(*there.xy_m, there.yaw_rad + math.pi)
 
     def add_crop(self, view: CropView, line: Pose2 | None = None, *, is_astride: bool) -> None:
         """Take in what a picture shows of it; from beside it that also tells where it runs.
