@@ -21,6 +21,7 @@ from agribot.core.messages import (
     Path,
     RobotCommand,
 )
+from agribot.core.pose import Pose2
 from tests.autonomy.control.kinematic_rover import TICK_S
 from tests.autonomy.control.test_supervisor import ROBOT, Gate, assert_stopped, goal
 from tests.autonomy.plan.planting import at
@@ -219,6 +220,18 @@ def test_the_rectangle_leaves_the_field_exactly_when_a_polygon_library_says_so()
         assert edges.touch((x_m, y_m, yaw_rad), (-rear_m, front_m, -side_m, side_m)) is expected
         answers.add(expected)
     assert answers == {True, False}
+
+
+def test_a_rectangle_is_as_far_from_the_edges_as_a_polygon_library_says() -> None:
+    rng = np.random.default_rng(2)
+    edges, box = _Edges(FIELD), (-REAR_M, FRONT_M, -HALF_M, HALF_M)
+    rings = shapely.MultiLineString([shapely.LinearRing(OUTER), shapely.LinearRing(HOLE)])
+    corners = [(FRONT_M, HALF_M), (-REAR_M, HALF_M), (-REAR_M, -HALF_M), (FRONT_M, -HALF_M)]
+    for _ in range(300):
+        pose = (rng.uniform(0.5, 19.5), rng.uniform(0.5, 11.0), rng.uniform(-4.0, 4.0))
+        body = shapely.Polygon([Pose2(*pose).transform(*corner) for corner in corners])
+        expected = 0.0 if edges.touch(pose, box) else body.distance(rings)
+        assert edges.measure_distance_m(pose, box) == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_new_way_in_the_same_field_does_not_free_a_robot_that_is_over_the_edge() -> None:

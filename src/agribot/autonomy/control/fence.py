@@ -8,7 +8,7 @@ robot follows it to a few centimetres; and as far off as it may well be, less wh
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,12 +16,9 @@ from agribot.core.arithmetic import clamp
 from agribot.core.config import SafetyConfig
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import std_along_m
-from agribot.core.messages import DriveCommand, Estimate, GnssQuality, Goal, Path
+from agribot.core.messages import DriveCommand, Estimate, FloatArray, GnssQuality, Goal, Path
 from agribot.core.pose import Pose2
 from agribot.core.robot import REACTION_S
-
-if TYPE_CHECKING:
-    import shapely
 
 RECHECK_M = 0.25  # nearer than half the robot, so that it cannot get past an edge unseen
 # A way in or out of the field leaves it; so far around such a stretch only the box counts.
@@ -82,7 +79,6 @@ class _Edges:
         self._place, self._range_m = (math.inf, math.inf), -1.0
         self._near: list[tuple[float, float, float, float]] = []  # middle and half of its reach
         self._is_inside = False
-        self._lines: shapely.MultiLineString | None = None
 
     def touch(
         self, pose: tuple[float, float, float], box: tuple[float, float, float, float]
@@ -121,27 +117,33 @@ class _Edges:
     def measure_distance_m(
         self, pose: tuple[float, float, float], box: tuple[float, float, float, float]
     ) -> float:
-        """Measure from a rectangle of the body to the nearest edge; nothing where it touches."""
-        import shapely
-
+        """Measure from a rectangle of the body to the nearest edge; nothing where it leaves."""
+        if self.touch(pose, box):
+            return 0.0
         rear_m, front_m, right_m, left_m = box
-        corners = ((front_m, left_m), (rear_m, left_m), (rear_m, right_m), (front_m, right_m))
         body = Pose2(*pose)
-        rectangle = shapely.Polygon([body.transform(*corner) for corner in corners])
-        if self._lines is None:
-            self._lines = shapely.MultiLineString(list(np.stack([self._from, self._to], axis=1)))
-            shapely.prepare(self._lines)
-        return float(shapely.distance(rectangle, self._lines))
+        x_m, y_m = body.locate(self._from[:, 0], self._from[:, 1])
+        past_x_m = np.maximum(np.maximum(rear_m - x_m, x_m - front_m), 0.0)
+        past_y_m = np.maximum(np.maximum(right_m - y_m, y_m - left_m), 0.0)
+        corners = [body.transform(x, y) for x in (rear_m, front_m) for y in (right_m, left_m)]
+        edges_m = [self._measure_edges_m(*corner).min() for corner in corners]
+        return min(float(np.hypot(past_x_m, past_y_m).min()), *map(float, edges_m))
+
+    def _measure_edges_m(self, x_m: float, y_m: float) -> FloatArray:
+        """Measure from a place to each edge, (N,)."""
+        start = self._from - (x_m, y_m)
+        along = self._to - self._from
+        length2 = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
+        part = np.clip(-np.einsum("ij,ij->i", start, along) / length2, 0.0, 1.0)
+        distance_m: FloatArray = np.hypot(*(start + part[:, None] * along).T)
+        return distance_m
 
     def _look_around(self, x_m: float, y_m: float, reach_m: float) -> None:
         self._place, self._range_m = (x_m, y_m), reach_m + RECHECK_M
         here = np.array((x_m, y_m))
         start, end = self._from - here, self._to - here
         along = end - start
-        length2 = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
-        part = np.clip(-np.einsum("ij,ij->i", start, along) / length2, 0.0, 1.0)
-        nearest_m = np.hypot(*(start + part[:, None] * along).T)
-        is_near = nearest_m <= self._range_m + RECHECK_M
+        is_near = self._measure_edges_m(x_m, y_m) <= self._range_m + RECHECK_M
         middle, arm = (self._from + self._to) / 2.0, (self._to - self._from) / 2.0
         self._near = [
             (x, y, along_x, along_y)
