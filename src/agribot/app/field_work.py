@@ -72,7 +72,7 @@ def plan_field_file(
     request = PlanRequest(
         implement_width_m=width_m,
         tool_x_m=robot.tool_x_m,
-        margin_m=area.margin_m if margin_m is None else margin_m,
+        margin_m=area.choose_margin_m(margin_m),
     )
     shape = measure_footprint(robot, width_m)
     plan = plan_field(area, shape, request)

@@ -193,7 +193,7 @@ def _make_request(
 
     passes = options.headland_passes
     tool_x_m = robot.tool_x_m if options.tool_offset is None else options.tool_offset
-    margin_m = area.margin_m if options.margin is None else options.margin
+    margin_m = area.choose_margin_m(options.margin)
     for name, value, low, high in (
         ("--implement-width", options.implement_width, 0.05, 50.0),
         ("--overlap", options.overlap, 0.0, 50.0),

@@ -76,6 +76,8 @@ class _Edges:
         rings = bounds.rings_map_m
         self._from = np.concatenate(rings)
         self._to = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
+        self._along = self._to - self._from
+        self._length2 = np.maximum(np.einsum("ij,ij->i", self._along, self._along), 1e-12)
         self._place, self._range_m = (math.inf, math.inf), -1.0
         self._near: list[tuple[float, float, float, float]] = []  # middle and half of its reach
         self._is_inside = False
@@ -132,25 +134,22 @@ class _Edges:
     def _measure_edges_m(self, x_m: float, y_m: float) -> FloatArray:
         """Measure from a place to each edge, (N,)."""
         start = self._from - (x_m, y_m)
-        along = self._to - self._from
-        length2 = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
-        part = np.clip(-np.einsum("ij,ij->i", start, along) / length2, 0.0, 1.0)
-        distance_m: FloatArray = np.hypot(*(start + part[:, None] * along).T)
+        part = np.clip(-np.einsum("ij,ij->i", start, self._along) / self._length2, 0.0, 1.0)
+        distance_m: FloatArray = np.hypot(*(start + part[:, None] * self._along).T)
         return distance_m
 
     def _look_around(self, x_m: float, y_m: float, reach_m: float) -> None:
         self._place, self._range_m = (x_m, y_m), reach_m + RECHECK_M
         here = np.array((x_m, y_m))
         start, end = self._from - here, self._to - here
-        along = end - start
         is_near = self._measure_edges_m(x_m, y_m) <= self._range_m + RECHECK_M
-        middle, arm = (self._from + self._to) / 2.0, (self._to - self._from) / 2.0
+        middle, arm = (self._from + self._to) / 2.0, self._along / 2.0
         self._near = [
             (x, y, along_x, along_y)
             for x, y, along_x, along_y in np.hstack([middle, arm])[is_near].tolist()
         ]
         is_across = (start[:, 1] > 0.0) != (end[:, 1] > 0.0)
-        start, along = start[is_across], along[is_across]
+        start, along = start[is_across], self._along[is_across]
         crossing_m = start[:, 0] - start[:, 1] * along[:, 0] / along[:, 1]
         self._is_inside = bool(np.count_nonzero(crossing_m > 0.0) % 2)
 

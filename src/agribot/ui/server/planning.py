@@ -47,7 +47,7 @@ def _plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
     request = PlanRequest(
         implement_width_m=_width_m(wanted, robot),
         overlap_m=wanted.overlap_m,
-        margin_m=area.margin_m if wanted.margin_m is None else wanted.margin_m,
+        margin_m=area.choose_margin_m(wanted.margin_m),
         headland_passes=wanted.headland_passes,
         swath_yaw_rad=None if yaw_deg is None else math.radians(yaw_deg),
         tool_x_m=robot.tool_x_m,

@@ -34,6 +34,9 @@ class FieldArea(msgspec.Struct, frozen=True, kw_only=True):
     waypoints: MapLine = ()
     margin_m: float = MARGIN_M
 
+    def choose_margin_m(self, asked_m: float | None) -> float:
+        return self.margin_m if asked_m is None else asked_m
+
 
 class Footprint(msgspec.Struct, frozen=True, kw_only=True):
     """Rectangle in the body frame that holds robot and implement, and the wheels inside it."""

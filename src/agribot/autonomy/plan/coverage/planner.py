@@ -156,10 +156,11 @@ def _make_row_tasks(
         shapely.buffer(lines, clear_m, cap_style="square", join_style="mitre")
     )
 
+    whole_m = math.hypot(*np.ptp(np.reshape(strips.bounds, (2, 2)), axis=0))
+
     def measure_beyond_m(before: FloatArray, end: FloatArray) -> float:
         """Measure from the end of a row to where no row's strip is."""
         ahead = (end - before) / np.hypot(*(end - before))
-        whole_m = math.hypot(*np.ptp(np.reshape(strips.bounds, (2, 2)), axis=0))
         ray = shapely.LineString([end + NEAR_M * ahead, end + whole_m * ahead])
         near = shapely.Point(ray.coords[0])
         first = min(shapely.get_parts(ray.intersection(strips)).tolist(), key=near.distance)
