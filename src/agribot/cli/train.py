@@ -40,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--threads", type=int, default=1, help="CPU threads; part of the result")
     parser.add_argument(
         "--workers", type=int, default=0, metavar="N",
-        help="threads that draw batches ahead; the weights are the same (default: none)",
+        help="processes that draw images, and threads that draw batches ahead; the weights are the "
+        "same (default: none)",
     )  # fmt: skip
     parser.add_argument(
         "--device", choices=("auto", "cpu", "cuda"), default="auto", help="auto: a GPU if any"
@@ -99,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
     use_threads(args.threads)
     group = join_group(args.device)
     try:
-        source = group.run_leader_first(lambda: _make_source(args))
+        source = group.run_leader_first(lambda: _make_source(args, group.device))
         plan = _make_plan(args, source, group)
         return _train(args, source, plan, group)
     finally:
@@ -153,7 +154,7 @@ def _check(args: argparse.Namespace) -> None:
     read_size(args.size, STRIDE_PX)
     if args.fold is not None and not 0 <= args.fold < args.folds:
         raise ConfigError(f"--fold {args.fold}: must be from 0 to {args.folds - 1}, of --folds")
-    for option in ("images", "test_images", "threads", "train_width", "crop_px"):
+    for option in ("images", "test_images", "threads", "train_width", "crop_px", "batch_size"):
         if getattr(args, option) < 1:
             flag = option.replace("_", "-")
             raise ConfigError(f"--{flag} is {getattr(args, option)}; it must be at least 1")
@@ -187,11 +188,11 @@ def _print_progress(text: str) -> None:
     sys.stderr.flush()
 
 
-def _make_source(args: argparse.Namespace) -> Any:
+def _make_source(args: argparse.Namespace, device: str) -> Any:
     if args.data == "sim":
         from agribot.lab.train.sources import make_simulated_source
 
-        return make_simulated_source(args, _print_progress)
+        return make_simulated_source(args, _print_progress, device)
     from agribot.lab.train.photo_source import make_photo_source
 
     return make_photo_source(args, _print_progress)
@@ -288,6 +289,7 @@ def _evaluate(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: A
         cpu_ms_per_frame=round(card.measure_cpu_ms_per_frame(segmenter), 1),
         cpu_ms_conditions=card.describe_speed_conditions(threads=1),
         training_cpu_min=round(trainer.cpu_s / 60.0, 1),
+        training_device=trainer.device_name,
         test=tests,
         plants=_judge_plants(args, onnx_path) if segmenter.finds_plants else {},
     )

@@ -37,6 +37,7 @@ def add_recipe_options(group: argparse._ArgumentGroup) -> None:
     )
 
     group.add_argument("--crop-px", type=int, default=320, help="width of the crops trained on")
+    group.add_argument("--batch-size", type=int, default=8, help="crops in a step")
     group.add_argument(
         "--validate",
         type=int,
@@ -102,7 +103,7 @@ def _check_plants(args: argparse.Namespace) -> None:
     if args.keep_classes and args.start is None:
         raise ConfigError(
             "--keep-classes keeps those of the weights that the training begins with; give them, "
-            "such as --start agribot-sim"
+            "such as --start agribot-plants"
         )
     if args.precision != "fp32":
         raise ConfigError(
@@ -208,6 +209,14 @@ def add_drawn_options(group: argparse._ArgumentGroup) -> None:
         help="so many more of the fields of --variety standard, half along rows and half in turns, "
         "which another variety forgets; half of --validate then are such pictures, too",
     )
+    group.add_argument(
+        "--seedling-images",
+        type=int,
+        default=0,
+        metavar="N",
+        help="so many more of carrot seedlings among weeds, from close above, half of them in red "
+        "and near infrared",
+    )
     group.add_argument("--test-images", type=int, default=120, help="of each test set")
     group.add_argument("--cache", type=Path, help="where they lie (default: OUT/images)")
 
@@ -227,6 +236,8 @@ def check_drawn_options(args: argparse.Namespace) -> None:
             f"--usual-images {args.usual_images}: a number of images to add to those of another "
             "--variety; leave it out with standard"
         )
+    if args.seedling_images < 0:
+        raise ConfigError(f"--seedling-images {args.seedling_images}: must be 0 or more images")
     if args.row_images is None:
         args.row_images = args.images // 2
     if args.turn_images is None:

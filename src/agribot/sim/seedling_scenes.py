@@ -35,8 +35,11 @@ CARROT_HEIGHT_M = (0.010, 0.032)
 WEED_HEIGHT_M = (0.004, 0.045)
 
 
-def sample_seedlings(rng: np.random.Generator) -> WorldSpec:
-    """Sample a stretch of a carrot row along x through the origin, with weeds."""
+def sample_seedlings(rng: np.random.Generator, scale: float = 1.0) -> WorldSpec:
+    """Sample a stretch of a carrot row along x through the origin, with weeds.
+
+    Plants are `scale` times as tall as seedlings, and stand as much farther apart.
+    """
     light = sample_light(rng)
     if rng.random() < 0.7:  # shaded, as such cameras often are
         light = Light(
@@ -47,7 +50,7 @@ def sample_seedlings(rng: np.random.Generator) -> WorldSpec:
         datum=DATUM,
         light=light,
         ground=(make_ground_tile("soil", -60.0, 60.0),),
-        plants=(*_sample_carrots(rng), *_sample_weeds(rng)),
+        plants=(*_sample_carrots(rng, scale), *_sample_weeds(rng, scale)),
         obstacles=(),
         soil=sample_soil(rng) if rng.random() < 0.15 else Soil(),
     )
@@ -71,6 +74,15 @@ def sample_red_infrared_look(rng: np.random.Generator) -> Appearance:
     )
 
 
+def sample_near_look(rng: np.random.Generator) -> Appearance:
+    """Sample a look in colours, with soil as rough as it is from so near."""
+    return msgspec.structs.replace(
+        sample_look(rng),
+        soil_contrast=rng.uniform(1.0, 2.6),
+        soil_scale=math.exp(rng.uniform(math.log(0.1), math.log(0.8))),
+    )
+
+
 def to_red_infrared(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray:
     """Convert a picture (H, W, 3) to the bands of such a camera, (H, W, 3): red, infrared, red.
 
@@ -90,9 +102,14 @@ def to_red_infrared(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray
     return np.clip(both.round(), 0, 255).astype(np.uint8)
 
 
-def sample_overhead_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
-    """Sample a camera that looks straight down on 0.13 to 0.24 m, and `map_from_camera` (4, 4)."""
-    width_m, height_m = rng.uniform(0.13, 0.24), rng.uniform(0.4, 0.6)
+def sample_overhead_view(
+    rng: np.random.Generator, scale: float = 1.0
+) -> tuple[CameraSpec, FloatArray]:
+    """Sample a camera that looks straight down, and `map_from_camera` (4, 4).
+
+    It sees 0.13 to 0.24 m, times `scale`.
+    """
+    width_m, height_m = scale * rng.uniform(0.13, 0.24), scale * rng.uniform(0.4, 0.6)
     camera = CameraSpec(
         link="camera_link",
         width_px=648,
@@ -103,24 +120,25 @@ def sample_overhead_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArr
         clip_near_m=0.02,
         clip_far_m=100.0,
     )
-    position_m = (rng.uniform(-0.1, 0.1), rng.uniform(-0.04, 0.04), height_m)
+    aside_m = scale * rng.uniform((-0.1, -0.04), (0.1, 0.04))
+    position_m = (float(aside_m[0]), float(aside_m[1]), height_m)
     tilt_rad = 0.5 * math.pi + rng.normal(0.0, 0.05)
     link = transform(position_m, (rng.normal(0.0, 0.03), tilt_rad, rng.uniform(-math.pi, math.pi)))
     return camera, link @ LINK_FROM_OPTICAL
 
 
-def _sample_carrots(rng: np.random.Generator) -> list[Plant]:
+def _sample_carrots(rng: np.random.Generator, scale: float) -> list[Plant]:
     height_m, spacing_m = rng.uniform(*CARROT_HEIGHT_M), rng.uniform(0.02, 0.07)
     plants = []
     for x_m in np.arange(-HALF_M, HALF_M, spacing_m):
         if rng.random() < 0.8:
-            place_m = rng.normal((x_m, 0.0), 0.012)
-            size_m = height_m * rng.lognormal(0.0, 0.25)
+            place_m = scale * rng.normal((x_m, 0.0), 0.012)
+            size_m = scale * height_m * rng.lognormal(0.0, 0.25)
             plants.append(place_plant(rng, "carrot", PlantClass.CROP, place_m, size_m))
     return plants
 
 
-def _sample_weeds(rng: np.random.Generator) -> list[Plant]:
+def _sample_weeds(rng: np.random.Generator, scale: float) -> list[Plant]:
     kinds = rng.choice(OTHER_WEEDS, size=int(rng.integers(1, 3)), replace=False).tolist()
     if rng.random() < 0.75:
         kinds.append(LOOKALIKE)
@@ -128,8 +146,8 @@ def _sample_weeds(rng: np.random.Generator) -> list[Plant]:
     median_m = rng.uniform(0.008, 0.026)
     plants = []
     for _ in range(int(rng.poisson(density_per_m2 * (2.0 * HALF_M) ** 2))):
-        place_m = rng.uniform(-HALF_M, HALF_M, 2)
-        size_m = float(np.clip(median_m * rng.lognormal(0.0, 0.5), *WEED_HEIGHT_M))
+        place_m = scale * rng.uniform(-HALF_M, HALF_M, 2)
+        size_m = scale * float(np.clip(median_m * rng.lognormal(0.0, 0.5), *WEED_HEIGHT_M))
         species = kinds[rng.integers(len(kinds))]
         plants.append(place_plant(rng, species, PlantClass.WEED, place_m, size_m))
     return plants

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.lab.train.augment import augment_batch
+from agribot.lab.train.picture_stack import PictureStack
 
 COLOURS = np.array([[170, 170, 40], [40, 150, 40], [110, 80, 60]], dtype=np.float64)
 SHAPE = (96, 128)
@@ -30,5 +31,4 @@ def drawn_scene(rng: np.random.Generator, views: int) -> Iterator[tuple[ByteArra
 
 
 def batch_of_four(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-    pairs = list(drawn_scene(rng, 4))
-    return augment_batch([p[0] for p in pairs], [p[1] for p in pairs], 64, rng)
+    return augment_batch(PictureStack(drawn_scene(rng, 4)), 4, 64, rng)

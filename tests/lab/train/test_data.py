@@ -10,7 +10,8 @@ from agribot.core.errors import AgribotError
 from agribot.core.messages import ByteArray
 from agribot.lab.train.augment import augment_batch
 from agribot.lab.train.data import DataSet
-from tests.lab.train.drawn_images import SHAPE, drawn_image, drawn_scene
+from agribot.lab.train.picture_stack import PictureStack
+from tests.lab.train.drawn_images import drawn_image, drawn_scene
 
 
 def quiet(text: str) -> None:
@@ -46,6 +47,13 @@ def test_drawing_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     assert all(np.array_equal(one[0], other[0]) for one, other in pairs)
 
 
+def test_processes_draw_the_same_images(tmp_path: Path) -> None:
+    data_set(tmp_path / "one").draw(9, drawn_scene, quiet)
+    data_set(tmp_path / "two").draw(9, drawn_scene, quiet, workers=2)
+    pairs = zip(data_set(tmp_path / "one").read(9), data_set(tmp_path / "two").read(9), strict=True)
+    assert all(np.array_equal(one[0], other[0]) for one, other in pairs)
+
+
 def test_training_and_test_scenes_differ(tmp_path: Path) -> None:
     train, test = data_set(tmp_path), data_set(tmp_path, "test", stream=1)
     for images in (train, test):
@@ -62,13 +70,12 @@ def test_a_folder_of_another_seed_is_refused(tmp_path: Path) -> None:
 
 def test_augmentation_repeats_with_its_seed_and_keeps_labels_on_their_pixels() -> None:
     images = [drawn_image(np.random.default_rng(seed)) for seed in range(6)]
-    pixels, labels = [i for i, _ in images], [label for _, label in images]
-    batch, target = augment_batch(pixels, labels, 64, np.random.default_rng(1))
-    again, _ = augment_batch(pixels, labels, 64, np.random.default_rng(1))
+    stack = PictureStack(images)
+    batch, target = augment_batch(stack, 6, 64, np.random.default_rng(1))
+    again, _ = augment_batch(stack, 6, 64, np.random.default_rng(1))
     assert batch.shape == (6, 3, 64, 64) and target.shape == (6, 64, 64)
     assert (batch == again).all()
     assert set(target.flatten().tolist()) <= {0, 1, 2}
     # Crop discs are greener than the ground whatever the light.
     greenness = batch[:, 1] - batch[:, 0]
     assert greenness[target == 1].mean() > greenness[target == 2].mean() + 20
-    assert labels[0].shape == SHAPE

@@ -8,8 +8,9 @@ import torch
 
 from agribot.autonomy.perceive.stems import CELL_PX
 from agribot.core.messages import ByteArray, PlantClass
-from agribot.lab.train.augment import choose_crop
+from agribot.lab.train.augment import choose_windows
 from agribot.lab.train.losses import IGNORED
+from agribot.lab.train.picture_stack import PictureStack
 from agribot.lab.train.plant_loss import plant_loss
 from agribot.lab.train.plant_targets import (
     HEAT,
@@ -25,6 +26,7 @@ from agribot.lab.train.plant_targets import (
 from agribot.lab.train.plant_truth import LEAST_PX, DrawnView, PlantTruth
 from agribot.lab.train.simulated import draw_random_field
 from agribot.sim.random_scenes import DENSE
+from tests.lab.train.whole_pictures import stack_up, tell_targets
 
 SHAPE = (96, 128)
 
@@ -55,7 +57,7 @@ def follow_ways(targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def test_heat_is_one_at_the_cell_of_a_stem_of_its_class_and_nowhere_else() -> None:
     discs = ((30.0, 40.0, 12.0, PlantClass.CROP), (90.0, 20.0, 5.0, PlantClass.WEED))
-    targets = make_targets(*draw_discs(*discs))
+    targets = tell_targets(*draw_discs(*discs))
     weed, crop = targets[HEAT]
     assert list_peaks(crop) == {(10, 7)} and list_peaks(weed) == {(5, 22)}
     assert crop[10, 8] > crop[10, 9] > 0.0
@@ -64,7 +66,7 @@ def test_heat_is_one_at_the_cell_of_a_stem_of_its_class_and_nowhere_else() -> No
 def test_every_cell_of_a_plant_says_the_way_to_its_stem() -> None:
     discs = ((30.0, 40.0, 15.0, PlantClass.CROP), (48.0, 44.0, 15.0, PlantClass.CROP))
     label, plants = draw_discs(*discs)
-    points, counts = follow_ways(make_targets(label, plants))
+    points, counts = follow_ways(tell_targets(label, plants))
     for index, (u, v) in enumerate(plants.stem_px, 1):
         whole = (plants.number == index).reshape(24, CELL_PX, 32, CELL_PX).all(axis=(1, 3))
         assert whole.sum() > 15 and counts[whole].all()
@@ -75,7 +77,7 @@ def test_a_stem_behind_another_plants_leaf_still_has_its_peak_and_its_place() ->
     discs = ((30.0, 40.0, 14.0, PlantClass.WEED), (38.0, 40.0, 12.0, PlantClass.CROP))
     label, plants = draw_discs(*discs)
     assert plants.number[40, 30] == 2
-    targets = make_targets(label, plants)
+    targets = tell_targets(label, plants)
     points, _ = follow_ways(targets)
     assert list_peaks(targets[HEAT][0]) == {(10, 7)}
     np.testing.assert_allclose(points[10, 7], (30.0, 40.0), atol=1e-4)
@@ -85,7 +87,7 @@ def test_a_plant_of_which_little_is_seen_and_a_stem_out_of_the_picture_have_no_p
     discs = ((30.0, 40.0, 1.4, PlantClass.WEED), (-5.0, 60.0, 15.0, PlantClass.CROP))
     label, plants = draw_discs(*discs)
     assert 0 < (plants.number == 1).sum() < LEAST_PX < (plants.number == 2).sum()
-    targets = make_targets(label, plants)
+    targets = tell_targets(label, plants)
     assert not list_peaks(targets[HEAT])
     points, counts = follow_ways(targets)
     assert counts.any()
@@ -94,7 +96,7 @@ def test_a_plant_of_which_little_is_seen_and_a_stem_out_of_the_picture_have_no_p
 
 def test_a_small_plant_counts_for_the_ways_more_than_its_area() -> None:
     discs = ((30.0, 40.0, 5.0, PlantClass.WEED), (90.0, 45.0, 20.0, PlantClass.CROP))
-    targets = make_targets(*draw_discs(*discs))
+    targets = tell_targets(*draw_discs(*discs))
     weight = targets[WAY_WEIGHT][0]
     small, big = weight[:, :16], weight[:, 16:]
     cells = (big > 0.0).sum() / (small > 0.0).sum()
@@ -105,7 +107,7 @@ def test_a_small_plant_counts_for_the_ways_more_than_its_area() -> None:
 def test_heat_does_not_count_where_nobody_knows_the_class() -> None:
     label, plants = draw_discs((30.0, 40.0, 12.0, PlantClass.CROP))
     label[:21] = IGNORED
-    counted = make_targets(label, plants)[HEAT_WEIGHT][0]
+    counted = tell_targets(label, plants)[HEAT_WEIGHT][0]
     assert not counted[:6].any() and counted[6:].all()
 
 
@@ -114,27 +116,54 @@ def test_the_classes_of_all_pixels_come_back_out_of_a_target() -> None:
         (30.0, 40.0, 12.0, PlantClass.CROP), (90.3, 20.0, 5.0, PlantClass.WEED)
     )
     label[0, :7] = IGNORED
-    targets = torch.from_numpy(make_targets(label, plants))[None]
+    targets = torch.from_numpy(tell_targets(label, plants))[None]
     np.testing.assert_array_equal(join_labels(targets)[0].numpy(), label)
 
 
 def test_a_crop_of_a_picture_moves_stems_with_their_pixels() -> None:
     label, plants = draw_discs((40.0, 50.0, 8.0, PlantClass.CROP))
-    sides = set()
-    for seed in range(30):
-        crop = choose_crop(label, 64, np.random.default_rng(seed))
-        sides.add(crop.is_mirrored)
-        rows, columns = np.nonzero(crop.cut_label(plants.number).numpy())
-        whole = len(rows) and min(rows.min(), columns.min()) > 0 and max(*rows, *columns) < 63
-        if whole:
-            (u, v) = crop.move_points(plants.stem_px)[0]
+    stack, chosen = stack_up(label, plants), np.zeros(30, dtype=np.int64)
+    windows = choose_windows(stack, chosen, 64, np.random.default_rng(0))
+    assert set(windows.is_mirrored.tolist()) == {True, False}
+    numbers = windows.cut_pixels(stack.numbers[chosen])
+    images = windows.cut_images(numbers_as_images(stack)[chosen])
+    points_px = windows.move_points(stack.stems_px[chosen])[:, 0]
+    whole = 0
+    for number, image, (u, v) in zip(numbers, images, points_px, strict=True):
+        rows, columns = np.nonzero(number.numpy())
+        if len(rows) and min(rows.min(), columns.min()) > 0 and max(*rows, *columns) < 63:
+            whole += 1
             assert abs(columns.mean() - u) < 0.7 and abs(rows.mean() - v) < 0.7
-    assert sides == {True, False}
+            assert float((image[0] / 255.0 - number).abs().mean()) < 0.03
+    assert whole > 5
+
+
+def numbers_as_images(stack: PictureStack) -> torch.Tensor:
+    return (255 * stack.numbers[..., None].expand(-1, -1, -1, 3)).to(torch.uint8)
+
+
+def test_of_a_batch_every_picture_has_the_target_that_it_has_alone() -> None:
+    pictures = [
+        draw_discs((30.0, 40.0, 14.0, PlantClass.WEED), (38.0, 40.0, 12.0, PlantClass.CROP)),
+        draw_discs(),
+        draw_discs((90.0, 20.0, 5.0, PlantClass.WEED)),
+    ]
+    stack = PictureStack(
+        DrawnView(np.zeros((*SHAPE, 3), dtype=np.uint8), *picture) for picture in pictures
+    )
+    together = make_targets(
+        stack.labels.to(torch.int64),
+        stack.numbers.to(torch.int64),
+        stack.stems_px,
+        stack.kinds.to(torch.int64),
+    )
+    for picture, target in zip(pictures, together, strict=True):
+        np.testing.assert_array_equal(target.numpy(), tell_targets(*picture))
 
 
 def test_the_loss_is_least_for_the_maps_of_the_truth() -> None:
     discs = ((30.0, 40.0, 12.0, PlantClass.CROP), (90.0, 20.0, 5.0, PlantClass.WEED))
-    target = torch.from_numpy(make_targets(*draw_discs(*discs)))[None]
+    target = torch.from_numpy(tell_targets(*draw_discs(*discs)))[None]
     peak = torch.where(target[:, HEAT] == 1.0, 12.0, -12.0)
     right = torch.cat([peak, target[:, WAY]], dim=1)
     moved = torch.cat([peak.roll(2, dims=3), target[:, WAY]], dim=1)
@@ -149,7 +178,7 @@ def test_the_loss_is_least_for_the_maps_of_the_truth() -> None:
 
 def test_a_picture_without_plants_has_a_loss_that_learns() -> None:
     label, plants = draw_discs()
-    target = torch.from_numpy(make_targets(label, plants))[None]
+    target = torch.from_numpy(tell_targets(label, plants))[None]
     maps = torch.zeros((1, 4, *target.shape[2:]), requires_grad=True)
     loss = plant_loss(maps, target)
     loss.backward()  # type: ignore[no-untyped-call]
@@ -185,7 +214,8 @@ def test_drawn_stems_stand_among_the_pixels_of_their_plants() -> None:
 @pytest.mark.slow
 def test_batches_of_views_repeat_with_their_seed() -> None:
     views: list[DrawnView] = list(draw_random_field(np.random.default_rng([71, 9]), 2, DENSE))
-    images, targets = augment_views(views, 160, np.random.default_rng(1))
-    again, targets_again = augment_views(views, 160, np.random.default_rng(1))
+    stack = PictureStack(views)
+    images, targets = augment_views(stack, 2, 160, np.random.default_rng(1))
+    again, targets_again = augment_views(stack, 2, 160, np.random.default_rng(1))
     assert images.shape == (2, 3, 160, 160) and targets.shape == (2, MAPS, 40, 40)
     assert torch.equal(images, again) and torch.equal(targets, targets_again)

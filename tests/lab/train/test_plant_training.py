@@ -19,7 +19,6 @@ from agribot.lab.train.card import ModelCard
 from agribot.lab.train.export import export_onnx
 from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.fit import Trainer, TrainingPlan
-from agribot.lab.train.network import CropWeedNet
 from agribot.lab.train.photo_source import make_photo_source
 from agribot.lab.train.plant_network import PlantNet
 from agribot.lab.train.plant_targets import (
@@ -52,9 +51,9 @@ def draw_image() -> ByteArray:
 
 
 @pytest.fixture(scope="module")
-def class_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("classes") / "classes.onnx"
-    export_onnx(change_norms(CropWeedNet()), path, 96, 128, temperature=1.7)
+def start_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("start") / "start.onnx"
+    export_onnx(change_norms(PlantNet()), path, 96, 128, temperature=1.7)
     return path
 
 
@@ -74,19 +73,19 @@ def learn(folder: Path, start: Path, *, keeps_classes: bool = False) -> tuple[nn
     return network, changed
 
 
-def test_classes_and_stems_learn_together(tmp_path: Path, class_file: Path) -> None:
-    assert learn(tmp_path, class_file)[1] == {"classes", "plants"}
+def test_classes_and_stems_learn_together(tmp_path: Path, start_file: Path) -> None:
+    assert learn(tmp_path, start_file)[1] == {"classes", "plants"}
 
 
 def test_stems_alone_learn_where_the_classes_are_to_be_kept(
-    tmp_path: Path, class_file: Path
+    tmp_path: Path, start_file: Path
 ) -> None:
-    network, changed = learn(tmp_path, class_file, keeps_classes=True)
+    network, changed = learn(tmp_path, start_file, keeps_classes=True)
     assert changed == {"plants"}
-    temperature = read_temperature(class_file)
+    temperature = read_temperature(start_file)
     assert temperature == pytest.approx(1.7)
     export_onnx(network, tmp_path / "plants.onnx", 96, 128, temperature=temperature)
-    one = Segmenter(class_file).segment(draw_image())
+    one = Segmenter(start_file).segment(draw_image())
     other = Segmenter(tmp_path / "plants.onnx").segment(draw_image())
     # Its weights are stored in 16 bits: probabilities move a little, and ties may fall otherwise.
     steps = one.confidence.astype(int) - other.confidence.astype(int)  # of 1/255
@@ -113,11 +112,10 @@ def test_the_file_answers_with_the_stems_and_ways_of_the_network(tmp_path: Path)
     np.testing.assert_allclose(found.way_px, WAY_UNIT_PX * maps[0, 2:].numpy(), atol=0.3)
 
 
-def test_a_file_with_plants_can_be_resized_and_begun_with(tmp_path: Path, class_file: Path) -> None:
-    first = change_norms(PlantNet())
-    start_from(class_file, first, torch.randn(2, 3, 64, 64))
+def test_a_file_with_plants_can_be_resized_and_begun_with(tmp_path: Path) -> None:
+    first = change_norms(PlantNet()).eval()
     path = tmp_path / "net.onnx"
-    export_onnx(first.eval(), path, 96, 128)
+    export_onnx(first, path, 96, 128)
     again = PlantNet()
     start_from(path, again, torch.randn(4, 3, 96, 128))
     x = torch.randn(1, 3, 96, 128)
@@ -132,9 +130,9 @@ def test_a_file_with_plants_can_be_resized_and_begun_with(tmp_path: Path, class_
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (("--keep-classes",), "--start agribot-sim"),
-        (("--keep-classes", "--start", "random"), "--start agribot-sim"),
-        (("--start", "agribot-sim", "--precision", "int8"), "--precision int8"),
+        (("--keep-classes",), "--start agribot-plants"),
+        (("--keep-classes", "--start", "random"), "--start agribot-plants"),
+        (("--start", "agribot-plants", "--precision", "int8"), "--precision int8"),
     ],
 )
 def test_what_no_plants_can_be_learned_from_is_refused(
@@ -176,22 +174,23 @@ def test_photographs_teach_classes_and_drawn_fields_keep_the_stems(tmp_path: Pat
     assert set(np.unique(join_labels(photos).numpy())) <= {0, 1, 2}
     plan = msgspec.structs.replace(source.recipe, steps=1, model="agribot-plants", bf16=False)
     trainer = Trainer(plan, source.batches, tmp_path, start=args.start)
-    assert math.isfinite(trainer.advance())
+    assert math.isfinite(float(trainer.advance()))
 
 
 def test_classes_that_are_kept_keep_their_temperature(tmp_path: Path) -> None:
-    args = parsed(*PLANTS, "--keep-classes", "--start", "agribot-sim", "--out", str(tmp_path))
+    args = parsed(*PLANTS, "--keep-classes", "--start", "agribot-plants", "--out", str(tmp_path))
     check_recipe_options(args)
-    assert keep_temperature(args) == read_temperature(model_path("agribot-sim")) != 1.0
+    assert keep_temperature(args) == read_temperature(model_path("agribot-plants")) != 1.0
     assert "--keep-classes" in args.recipe_words and args.asked["keeps_classes"]
 
 
 @pytest.mark.slow
-def test_one_command_goes_from_classes_to_weights_that_find_plants(
+def test_one_command_draws_fields_and_makes_weights_that_find_plants(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ("--variety", "dense", "--start", "agribot-sim", "--images", "2", "--row-images", "1")
-    few = ("--turn-images", "0", "--test-images", "1", "--steps", "2", "--out", str(tmp_path))
+    words = ("--variety", "dense", "--images", "2", "--row-images", "1", "--turn-images", "0")
+    more = ("--usual-images", "2", "--seedling-images", "1", "--batch-size", "3")
+    few = (*more, "--test-images", "1", "--steps", "2", "--out", str(tmp_path))
     assert run(parsed(*PLANTS, *words, *few, "--validate", "2")) == 0
     weights = tmp_path / "agribot-plants.onnx"
     card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
@@ -204,5 +203,7 @@ def test_one_command_goes_from_classes_to_weights_that_find_plants(
     assert read_temperature(weights) == pytest.approx(card.calibration.temperature, rel=1e-4)
     told = weights.with_suffix(".md").read_text(encoding="utf-8")
     assert "| beet-25-25 |" in told and "over the pixels taken for plants" in told
-    assert "--validate 2" in card.command
+    assert "--validate 2" in card.command and card.train_images == 5
+    assert "--usual-images 2 --seedling-images 1" in card.command
+    assert "--batch-size 3" in card.command and "young carrots" in card.data
     assert "valid_stem_f1" in capsys.readouterr().err

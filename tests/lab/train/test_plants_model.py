@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
@@ -13,7 +14,10 @@ from agribot.core.config import load
 from agribot.lab.bench.plant_scenes import SCENES
 from agribot.lab.bench.plants import judge_scenes
 from agribot.lab.train.card import ModelCard
-from agribot.lab.train.simulated import draw_random_field
+from agribot.lab.train.data import LabelledImage
+from agribot.lab.train.evaluate import evaluate
+from agribot.lab.train.farm import draw_row_crop
+from agribot.sim.random_scenes import DENSE
 
 MODEL = "agribot-plants"
 FRESH_STREAM = 78  # no training draws from it
@@ -31,13 +35,23 @@ def test_the_card_tells_of_single_plants_scene_by_scene() -> None:
     assert card.plants.keys() == {*SCENES, "all"}
 
 
-def test_its_classes_are_those_of_the_default_network() -> None:
-    one, other = Segmenter("agribot-sim"), Segmenter(MODEL)
-    assert other.finds_plants and not one.finds_plants
-    for image_rgb, *_ in draw_random_field(np.random.default_rng([0, FRESH_STREAM]), 2):
-        expected, found = one.segment(image_rgb), other.segment(image_rgb)
-        assert (found.class_id == expected.class_id).mean() > 0.9995
-        assert np.abs(found.confidence.astype(int) - expected.confidence).max() <= 5
+@pytest.mark.parametrize("species", [crop for crop, *_ in DENSE.crops])
+def test_it_tells_each_of_the_five_crops_from_weeds(species: str) -> None:
+    segmenter = Segmenter(MODEL)
+    one_crop = DENSE._replace(
+        crops=tuple(crop for crop in DENSE.crops if crop[0] == species), crop_share=(1.0,)
+    )
+
+    def draw_views() -> Iterator[LabelledImage]:
+        for scene in range(6):
+            rng = np.random.default_rng([0, FRESH_STREAM, scene])
+            for image_rgb, label, _ in draw_row_crop(rng, 1, one_crop):
+                yield image_rgb, label
+
+    scores = evaluate(lambda image_rgb: segmenter.segment(image_rgb).class_id, draw_views())
+    crop, weed = scores.iou["crop"], scores.iou["weed"]
+    assert crop is not None and weed is not None
+    assert crop > 0.7 and weed > 0.6
 
 
 def test_missions_in_rows_that_touch_use_it() -> None:
@@ -49,7 +63,7 @@ def test_missions_in_rows_that_touch_use_it() -> None:
 def test_beets_whose_leaves_touch_are_single_plants(name: str) -> None:
     found = judge(name)
     assert found["crops_truth"] > 80
-    assert found["crop_recall"] > 0.75 and found["crop_precision"] > 0.75
+    assert found["crop_recall"] > 0.8 and found["crop_precision"] > 0.8
     assert found["stem_error_median_m"] < 0.02
     assert found["crops_hit"] <= 0.01 * found["crops_truth"]
 
@@ -62,4 +76,4 @@ def test_other_crops_are_found_plant_by_plant_too() -> None:
 def test_most_weeds_of_a_carpet_are_found() -> None:
     found = judge("weeds-20")
     assert found["weeds_truth"] > 80
-    assert found["weed_recall"] > 0.5 and found["weed_precision"] > 0.7
+    assert found["weed_recall"] > 0.6 and found["weed_precision"] > 0.7

@@ -61,7 +61,7 @@ def test_several_processes_need_a_number_of_steps(
     monkeypatch.setattr(
         "agribot.lab.train.processes.join_group", lambda device: TrainingGroup(size=2)
     )
-    monkeypatch.setattr("agribot.cli.train._make_source", lambda args: None)
+    monkeypatch.setattr("agribot.cli.train._make_source", lambda args, device: None)
     monkeypatch.setattr("torch.distributed.barrier", lambda: None)
     with pytest.raises(ConfigError, match="--steps"):
         run(parsed("--minutes", "1", "--out", str(tmp_path)))

@@ -120,7 +120,7 @@ def test_a_network_of_rough_fields_is_judged_on_the_test_sets_of_all_and_on_roug
     tmp_path: Path,
 ) -> None:
     words = ("--model", "agribot-sim", "--variety", "rough", "--images", "2", "--row-images", "1")
-    few = ("--turn-images", "0", "--usual-images", "2", "--test-images", "2")
+    few = ("--turn-images", "0", "--usual-images", "2", "--test-images", "2", "--precision", "int8")
     args = parsed(*words, *few, "--out", str(tmp_path))
     source = make_simulated_source(args, lambda line: None)
     assert source.train_images == 4 and "--usual-images 2 " in source.command

@@ -1,7 +1,11 @@
-"""Augment a training image: a random crop, at a random scale, in other light."""
+"""Augment training images: random windows, at random scales, in other light; a batch at a time.
+
+All of a batch is computed at once, on the device where its pictures lie.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -10,109 +14,150 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from agribot.core.messages import ByteArray, FloatArray, PlantClass
-from agribot.lab.train.losses import IGNORED
+from agribot.lab.train.picture_stack import Numbers, PictureStack
 
 # Around the scale at which the network sees a camera image (512 of 640 pixels).
 SCALE_RATIO = (0.6, 1.3)
-BLUR_SIGMA_PX = 1.2
+BLUR_RATIO, BLUR_SIGMA_PX = 0.2, (0.3, 1.2)
+NOISE_STD = (0.0, 4.0)
 WINDOW_TRIES = 2
+FINE = 2  # samples along each side of a pixel, so that what is shrunk does not alias
 
 
-class PictureWindow(NamedTuple):
-    """A square of a picture, `source_px` wide at `window`, shown `size_px` wide."""
+class PictureWindows(NamedTuple):
+    """A square of each of some pictures, (N,) each, to be shown `size_px` wide."""
 
-    window: tuple[slice, slice]  # rows, columns
-    source_px: int
+    top: Numbers
+    left: Numbers
+    source_px: Numbers
+    is_mirrored: npt.NDArray[np.bool_]
     size_px: int
-    is_mirrored: bool
 
-    def cut_image(self, image_rgb: ByteArray) -> Tensor:
-        """Cut (H, W, 3) to float32 (3, size_px, size_px)."""
-        image = torch.from_numpy(image_rgb[self.window].copy()).permute(2, 0, 1)[None]
-        size = (self.size_px, self.size_px)
-        cut = functional.interpolate(
-            image.to(torch.float32), size, mode="bilinear", align_corners=False,
-            antialias=self.source_px > self.size_px,
-        )[0]  # fmt: skip
-        return cut.flip(-1) if self.is_mirrored else cut
+    def place_samples(self, device: torch.device, fine: int = 1) -> tuple[Tensor, Tensor]:
+        """Where in the pictures the rows and columns of what is shown lie, (N, size_px * fine)."""
+        samples = self.size_px * fine
+        share = (torch.arange(samples, dtype=torch.float64) + 0.5) / samples
+        along = share * torch.from_numpy(self.source_px)[:, None] - 0.5
+        mirrored = torch.from_numpy(self.is_mirrored)[:, None]
+        across = torch.where(mirrored, along.flip(1), along)
+        limit = torch.from_numpy(self.source_px)[:, None] - 1.0
+        rows = along.clamp(min=0.0).minimum(limit) + torch.from_numpy(self.top)[:, None]
+        columns = across.clamp(min=0.0).minimum(limit) + torch.from_numpy(self.left)[:, None]
+        return rows.to(device), columns.to(device)
 
-    def cut_label(self, label: ByteArray | npt.NDArray[np.uint16]) -> Tensor:
-        """Cut (H, W) to int64 (size_px, size_px), by the nearest pixel."""
-        target = torch.from_numpy(label[self.window].astype(np.float32))[None, None]
-        size = (self.size_px, self.size_px)
-        cut = functional.interpolate(target, size, mode="nearest-exact")[0, 0].to(torch.int64)
-        return cut.flip(-1) if self.is_mirrored else cut
+    def cut_images(self, images_rgb: Tensor) -> Tensor:
+        """Cut (N, H, W, 3) uint8 to float32 (N, 3, size_px, size_px)."""
+        _, height, width, _ = images_rgb.shape
+        rows, columns = (
+            one.to(torch.float32) for one in self.place_samples(images_rgb.device, FINE)
+        )
+        down = (2.0 * rows + 1.0) / height - 1.0
+        right = (2.0 * columns + 1.0) / width - 1.0
+        samples = self.size_px * FINE
+        places = torch.stack(
+            [right[:, None, :].expand(-1, samples, -1), down[:, :, None].expand(-1, -1, samples)],
+            dim=-1,
+        )
+        images = images_rgb.permute(0, 3, 1, 2).to(torch.float32)
+        cut = functional.grid_sample(images, places, padding_mode="border", align_corners=False)
+        return functional.avg_pool2d(cut, FINE)
 
-    def move_points(self, points_px: FloatArray) -> FloatArray:
-        """Where points (N, 2) of the picture, u and v, lie in what is cut."""
-        rows, columns = self.window
-        scale = self.size_px / self.source_px
-        moved: FloatArray = (points_px - (columns.start, rows.start) + 0.5) * scale - 0.5
-        if self.is_mirrored:
-            moved[:, 0] = self.size_px - 1.0 - moved[:, 0]
-        return moved
+    def cut_pixels(self, pixels: Tensor) -> Tensor:
+        """Cut whole numbers (N, H, W), such as classes, to int64 (N, size_px, size_px)."""
+        rows, columns = (one.round().to(torch.int64) for one in self.place_samples(pixels.device))
+        picture = torch.arange(len(pixels), device=pixels.device)[:, None, None]
+        return pixels[picture, rows[:, :, None], columns[:, None, :]].to(torch.int64)
+
+    def move_points(self, points_px: Tensor) -> Tensor:
+        """Where points (N, K, 2) of the pictures, u and v, lie in what is cut."""
+        corners = torch.from_numpy(np.stack([self.left, self.top], axis=1)).to(points_px)
+        scale = torch.from_numpy(self.size_px / self.source_px).to(points_px)[:, None]
+        moved = (points_px - corners[:, None, :] + 0.5) * scale[:, None] - 0.5
+        mirrored = torch.from_numpy(self.is_mirrored).to(points_px.device)[:, None]
+        u = torch.where(mirrored, self.size_px - 1.0 - moved[..., 0], moved[..., 0])
+        return torch.stack([u, moved[..., 1]], dim=-1)
+
+
+def choose_windows(
+    stack: PictureStack, chosen: Numbers, size_px: int, rng: np.random.Generator
+) -> PictureWindows:
+    """Choose a square of each chosen picture; of some tries the one with most weed, the rare class.
+
+    None is larger than its picture, so that it holds no invented pixels.
+    """
+    count, (rows, columns) = len(chosen), stack.shape
+    scale = np.exp(rng.uniform(math.log(SCALE_RATIO[0]), math.log(SCALE_RATIO[1]), count))
+    source_px = np.minimum(np.round(size_px / scale), min(rows, columns)).astype(np.int64)
+    tries = rng.integers(1, WINDOW_TRIES + 1, count)
+    top, left = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    most = np.full(count, -1)
+    for attempt in range(WINDOW_TRIES):
+        other_top = rng.integers(rows - source_px + 1)
+        other_left = rng.integers(columns - source_px + 1)
+        weed_px = stack.count_weeds(chosen, other_top, other_left, source_px)
+        is_better = (weed_px > most) & (attempt < tries)
+        top, left = np.where(is_better, other_top, top), np.where(is_better, other_left, left)
+        most = np.where(is_better, weed_px, most)
+    return PictureWindows(top, left, source_px, rng.random(count) < 0.5, size_px)
 
 
 def augment_batch(
-    images_rgb: list[ByteArray], labels: list[ByteArray], crop_px: int, rng: np.random.Generator
+    stack: PictureStack, count: int, crop_px: int, rng: np.random.Generator
 ) -> tuple[Tensor, Tensor]:
-    """Make (N, 3, crop_px, crop_px) float32 in 0..255 and (N, crop_px, crop_px) int64."""
-    crops = [choose_crop(label, crop_px, rng) for label in labels]
-    images = torch.stack(
-        [recolour(c.cut_image(i), rng) for c, i in zip(crops, images_rgb, strict=True)]
-    )
-    return images, torch.stack([c.cut_label(i) for c, i in zip(crops, labels, strict=True)])
+    """Make (count, 3, crop_px, crop_px) float32 in 0..255 and (count, crop_px, crop_px) int64."""
+    chosen = stack.choose(count, rng)
+    windows = choose_windows(stack, chosen, crop_px, rng)
+    images = recolour(windows.cut_images(stack.images[chosen]), rng)
+    return images, windows.cut_pixels(stack.labels[chosen])
 
 
-def choose_crop(label: ByteArray, crop_px: int, rng: np.random.Generator) -> PictureWindow:
-    """Choose a random crop of an image with these classes (H, W), at a random scale."""
-    scale = float(np.exp(rng.uniform(*np.log(SCALE_RATIO))))
-    # Never larger than the image, so that a crop holds no invented pixels.
-    source_px = min(round(crop_px / scale), *label.shape)
-    window = _window(label, source_px, rng)
-    return PictureWindow(window, source_px, crop_px, bool(rng.random() < 0.5))
+def recolour(images: Tensor, rng: np.random.Generator) -> Tensor:
+    """Vary exposure, contrast, white balance, gamma, blur and noise of (N, 3, S, S) in 0..255."""
+    count = len(images)
+
+    def draw(low: float, high: float, channels: int = 1) -> Tensor:
+        return to_factors(rng.uniform(low, high, (count, channels)), images)
+
+    images = (images * (draw(0.85, 1.18) * draw(0.95, 1.05, 3))).clamp(0.0, 255.0)
+    images = 255.0 * (images / 255.0) ** draw(0.85, 1.18)
+    grey = images.mean(dim=1, keepdim=True)
+    images = grey + (images - grey) * draw(0.85, 1.15)
+    mean = images.mean(dim=(1, 2, 3), keepdim=True)
+    images = mean + (images - mean) * draw(0.9, 1.12)
+    images = blur_some(images, BLUR_RATIO, BLUR_SIGMA_PX, rng)
+    noise = torch.randn(images.shape, generator=seed_generator(images.device, rng),
+                        device=images.device)  # fmt: skip
+    return (images + draw(*NOISE_STD) * noise).clamp(0.0, 255.0)
 
 
-def _window(label: ByteArray, size_px: int, rng: np.random.Generator) -> tuple[slice, slice]:
-    """Choose a random square; of several tries the one with most weed, the rare class."""
-    height, width = label.shape
-    best, most = (slice(0, size_px), slice(0, size_px)), -1
-    for _ in range(int(rng.integers(1, WINDOW_TRIES + 1))):
-        top = int(rng.integers(height - size_px + 1))
-        left = int(rng.integers(width - size_px + 1))
-        window = (slice(top, top + size_px), slice(left, left + size_px))
-        weed_px = int((label[window] == PlantClass.WEED).sum())
-        if weed_px > most:
-            best, most = window, weed_px
-    return best
+def to_factors(values: npt.NDArray[np.float64], images: Tensor) -> Tensor:
+    """Bring values (N, channels) to the images' device, as (N, channels, 1, 1)."""
+    return torch.from_numpy(values[:, :, None, None]).to(images)
 
 
-def recolour(image: Tensor, rng: np.random.Generator) -> Tensor:
-    """Vary exposure, contrast, white balance, gamma, blur and noise."""
-    gain = torch.from_numpy(rng.uniform(0.85, 1.18) * rng.uniform(0.95, 1.05, (3, 1, 1)))
-    image = (image * gain.to(torch.float32)).clamp(0.0, 255.0)
-    image = 255.0 * (image / 255.0) ** rng.uniform(0.85, 1.18)
-    grey = image.mean(dim=0, keepdim=True)
-    image = grey + (image - grey) * rng.uniform(0.85, 1.15)
-    mean = image.mean()
-    image = mean + (image - mean) * rng.uniform(0.9, 1.12)
-    if rng.random() < 0.2:
-        image = blur(image, rng.uniform(0.3, BLUR_SIGMA_PX))
-    noise_std = rng.uniform(0.0, 4.0)
-    noise = torch.from_numpy(rng.standard_normal(image.shape, dtype=np.float32))
-    return (image + noise_std * noise).clamp(0.0, 255.0)
+def seed_generator(device: torch.device, rng: np.random.Generator) -> torch.Generator:
+    return torch.Generator(device).manual_seed(int(rng.integers(2**63)))
 
 
-def blur(image: Tensor, sigma_px: float) -> Tensor:
-    """Blur (3, H, W) with a Gaussian, of which three pixels on each side are kept."""
-    taps = torch.exp(-0.5 * (torch.arange(-3.0, 4.0) / sigma_px) ** 2)
-    taps = (taps / taps.sum()).to(image.dtype)
-    padded = functional.pad(image[:, None], (3, 3, 3, 3), mode="reflect")
-    across = functional.conv2d(padded, taps.view(1, 1, 1, 7))
-    return functional.conv2d(across, taps.view(1, 1, 7, 1))[:, 0]
+def blur_some(
+    images: Tensor, share: float, sigma_px: tuple[float, float], rng: np.random.Generator
+) -> Tensor:
+    """Blur a share of (N, 3, H, W), each as far as it comes."""
+    chosen = np.flatnonzero(rng.random(len(images)) < share)
+    sigmas_px = rng.uniform(*sigma_px, len(images))[chosen]
+    if not len(chosen):
+        return images
+    images = images.clone()
+    images[chosen] = blur(images[chosen], torch.from_numpy(sigmas_px))
+    return images
 
 
-def clean_labels(label: ByteArray) -> ByteArray:
-    """Turn what is no class in (H, W), such as a renderer's sky, into pixels that do not count."""
-    return np.where(label < 3, label, np.uint8(IGNORED))
+def blur(images: Tensor, sigmas_px: Tensor) -> Tensor:
+    """Blur (N, 3, H, W) with Gaussians (N,), of which three pixels on each side are kept."""
+    count, channels, *_ = images.shape
+    taps = torch.exp(-0.5 * (torch.arange(-3.0, 4.0) / sigmas_px[:, None]) ** 2)
+    taps = (taps / taps.sum(dim=1, keepdim=True)).to(images).repeat_interleave(channels, dim=0)
+    padded = functional.pad(images, (3, 3, 3, 3), mode="reflect").flatten(0, 1)[None]
+    across = functional.conv2d(padded, taps.view(-1, 1, 1, 7), groups=count * channels)
+    down = functional.conv2d(across, taps.view(-1, 1, 7, 1), groups=count * channels)
+    return down[0].view_as(images)

@@ -54,6 +54,7 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     cpu_ms_per_frame: float
     cpu_ms_conditions: str
     training_cpu_min: float
+    training_device: str = ""  # the GPU, if it was trained on one
     test: dict[str, Scores]
     plants: dict[str, PlantScores] = {}  # of single plants, by scene of `agribot bench plants`
     kept_temperature: float | None = None  # with the classes of the weights it began with
@@ -85,7 +86,7 @@ crop ({int(PlantClass.CROP)}) or soil ({int(PlantClass.SOIL)}).
 - Training images: {self.train_images}
 - Command: `{self.command}`{self._change()}
 - Begun with: {self._beginning()}
-- Optimiser steps: {self.plan.steps}, seed {self.plan.seed}, {self.training_cpu_min:.1f} CPU-minutes
+- Optimiser steps: {self.plan.steps}, seed {self.plan.seed}, {self._effort()}
 - Parameters: {self.parameters:,}; file {self.file_bytes / 1e6:.2f} MB in {self.precision}, \
 SHA-256 `{self.sha256}`
 - Network resolution: {self.input_width_px} x {self.input_height_px}; the graph takes uint8 images \
@@ -105,6 +106,10 @@ Limits: {self.limits}
         if start == IMAGENET:
             return f"an encoder with the ImageNet weights of {PACKAGE} {VERSION} (Apache-2.0)"
         return f"the weights of {start}" if start else "random weights"
+
+    def _effort(self) -> str:
+        gpu = f" beside one {self.training_device}" if self.training_device else ""
+        return f"{self.training_cpu_min:.1f} CPU-minutes{gpu}"
 
     def _change(self) -> str:
         return f"\n- Changed since: {self.changed_since}" if self.changed_since else ""

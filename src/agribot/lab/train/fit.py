@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 from agribot.core.errors import AgribotError
 from agribot.core.whole_file import make_at_once
@@ -89,7 +90,9 @@ class Trainer:
         self._loader = BatchLoader(batches, plan.seed, self._crew.rank, plan.steps, workers)
         self._folder = folder
         self._rows: list[dict[str, float]] = []
+        self._unread_losses: list[Tensor] = []
         self.cpu_s = 0.0
+        self.device_name = self._crew.name_device()
         torch.manual_seed(plan.seed)
         self._features = find_architecture(plan.model).features
         self.network = find_architecture(plan.model).build()
@@ -132,6 +135,7 @@ class Trainer:
             if self._judge and self._is_due(self.plan.judge_every):
                 self._look(progress)
             if self._is_due(self.plan.checkpoint_every):
+                self._read_losses()
                 if self._crew.is_leader:
                     self._save()
                 recent = [row["loss"] for row in self._rows[-50:]]
@@ -152,8 +156,8 @@ class Trainer:
         figures = "  ".join(f"{name} {value:.4f}" for name, value in judged.items())
         progress(f"step {self.step}: {figures}; best at step {self._best.step}")
 
-    def advance(self) -> float:
-        """Do one optimiser step; return its loss."""
+    def advance(self) -> Tensor:
+        """Do one optimiser step; return its loss, on the device."""
         rate = self.plan.rate_at(self.step)
         for group in self._optimiser.param_groups:
             group["lr"] = rate
@@ -171,7 +175,7 @@ class Trainer:
         self._optimiser.step()
         self.step += 1
         self._update_average()
-        return float(loss.item())
+        return loss.detach()
 
     def _compute_loss(self, answer: Tensor | tuple[Tensor, Tensor], truth: Tensor) -> Tensor:
         overlap = OVERLAP_LOSSES[self.plan.overlap_loss]
@@ -187,21 +191,33 @@ class Trainer:
     def _update_average(self) -> None:
         # A short memory at first, so that the random start is forgotten.
         decay = min(self.plan.ema_decay, (1 + self.step) / (10 + self.step))
+        averaged, current = self.average.state_dict(), self.network.state_dict()
+        moving = [name for name, one in averaged.items() if one.dtype.is_floating_point]
         with torch.no_grad():
-            pairs = zip(
-                self.average.state_dict().values(), self.network.state_dict().values(), strict=True
-            )
-            for averaged, current in pairs:
-                if averaged.dtype.is_floating_point:
-                    averaged.lerp_(current, 1.0 - decay)
-                else:
-                    averaged.copy_(current)
+            update = get_ema_multi_avg_fn(decay)  # type: ignore[no-untyped-call]
+            update([averaged[name] for name in moving], [current[name] for name in moving], 1)
+            for name in averaged.keys() - moving:
+                averaged[name].copy_(current[name])
 
-    def _note(self, loss: float) -> None:
+    def _note(self, loss: Tensor) -> None:
         rate = self.plan.rate_at(self.step - 1)
         self._rows.append(
-            {"step": self.step, "learning_rate": rate, "loss": loss, "cpu_s": round(self.cpu_s, 2)}
+            {
+                "step": self.step,
+                "learning_rate": rate,
+                "loss": math.nan,
+                "cpu_s": round(self.cpu_s, 2),
+            }
         )
+        self._unread_losses.append(loss)
+
+    def _read_losses(self) -> None:
+        """Read what the last steps lost; a GPU is waited for."""
+        if self._unread_losses:
+            losses = torch.stack(self._unread_losses).tolist()
+            for row, loss in zip(self._rows[-len(losses) :], losses, strict=True):
+                row["loss"] = loss
+            self._unread_losses.clear()
 
     def _save(self) -> None:
         state = {
@@ -213,6 +229,7 @@ class Trainer:
             "rows": self._rows,
             "best": self._best.to_state(),
             "cpu_s": self.cpu_s,
+            "device": self.device_name,
         }
         make_at_once(self._folder / CHECKPOINT, lambda path: torch.save(state, path))
         make_at_once(self._folder / LOG, self._write_log)
@@ -239,6 +256,7 @@ class Trainer:
         self._rows = state["rows"]
         self._best = BestSoFar.from_state(state.get("best", {}))
         self.cpu_s = state["cpu_s"]
+        self.device_name = state.get("device", self.device_name)
         # The log may be gone, or ahead of the checkpoint.
         make_at_once(self._folder / LOG, self._write_log)
         progress(f"going on from step {self.step} of {self._folder / CHECKPOINT}")
@@ -262,10 +280,10 @@ def count_steps_within(
     """Estimate the steps that fit into `minutes` of CPU time, from a few trial steps."""
     trial = Trainer(plan, batches, folder, group)
     trial.network.train()
-    trial.advance()
+    trial.advance().item()  # waits for a GPU
     started_s = time.process_time()
     for _ in range(3):
-        trial.advance()
+        trial.advance().item()
     step_s = (time.process_time() - started_s) / 3.0
     return max(50, int(minutes * 60.0 / step_s))
 

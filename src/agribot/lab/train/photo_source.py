@@ -31,6 +31,7 @@ from agribot.lab.train.photographs import (
     split_fold,
     tally_classes,
 )
+from agribot.lab.train.picture_stack import PictureStack
 from agribot.lab.train.plant_targets import tell_classes_alone
 from agribot.lab.train.plant_truth import DrawnView
 from agribot.lab.train.precision import sample_pictures
@@ -38,11 +39,12 @@ from agribot.lab.train.simulated import (
     draw_random_field,
 )
 from agribot.lab.train.sources import (
+    BATCH_SIZE,
     SIM_TEXT,
     TrainingSource,
     WantedSet,
     draw_set,
-    make_plant_batches,
+    make_batches,
 )
 from agribot.lab.train.standing import Judge
 from agribot.lab.train.validation import HeldOutPictures, shrink_pair
@@ -63,6 +65,7 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
     options = _format_options(args)
     recipe = TrainingPlan(
         steps=1,
+        batch_size=args.batch_size,
         crop_px=args.crop_px,
         class_weights=PHOTO_WEIGHTS,
         overlap_loss=args.loss,
@@ -85,7 +88,8 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
         "soils and cameras were not measured.",
         command=f"agribot train --data {args.data} --data-dir DIR --model {args.model} "
         f"--loss {args.loss} --train-width {args.train_width} --size {args.size} "
-        f"--crop-px {args.crop_px}{options.ids}{options.fold}{options.with_sim}",
+        f"--crop-px {args.crop_px}{options.batch_size}{options.ids}{options.fold}"
+        f"{options.with_sim}",
         problems=tuple(problems),
     )
 
@@ -169,6 +173,7 @@ def _read_sample(args: argparse.Namespace, files: PairFiles) -> list[ByteArray]:
 class _DataOptions(NamedTuple):
     """Options as they stand in a command, each with a space before it, or nothing."""
 
+    batch_size: str
     ids: str
     fold: str
     with_sim: str
@@ -176,6 +181,7 @@ class _DataOptions(NamedTuple):
 
 def _format_options(args: argparse.Namespace) -> _DataOptions:
     return _DataOptions(
+        batch_size="" if args.batch_size == BATCH_SIZE else f" --batch-size {args.batch_size}",
         ids=f" --ids {args.ids}" if args.ids else "",
         fold="" if args.fold is None else f" --folds {args.folds} --fold {args.fold}",
         with_sim=f" --with-sim {args.with_sim}" if args.with_sim else "",
@@ -229,7 +235,7 @@ def _mix_with_plants(
     photos: BatchSource, views: list[DrawnView], count: int, recipe: TrainingPlan
 ) -> BatchSource:
     """Photographs teach classes alone; of every batch `count` are views that teach stems, too."""
-    drawn = make_plant_batches(views, recipe, count)
+    drawn = make_batches(PictureStack(views), count, recipe.crop_px)
 
     def draw_mixed(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         images, label = photos(rng)

@@ -15,8 +15,10 @@ from agribot.lab.train.network import (
 )
 
 # Of the branch, at strides of 4, 8, 16 and 32.
-WIDTHS = (32, 48, 80, 112)
-ENCODED_WIDTH, MERGED_WIDTH = 24, 24  # of the classes' features at stride 4, down and up
+WIDTHS = (32, 48, 80, 128)
+# Of the classes: the encoder at strides of 2 to 32, with what a stage has of blocks, and back up.
+CLASS_WIDTHS, CLASS_BLOCKS, CLASS_DECODER = (16, 24, 48, 80, 128), (1, 1, 2, 2), (16, 24, 32, 48)
+ENCODED_WIDTH, MERGED_WIDTH = CLASS_WIDTHS[1], CLASS_DECODER[1]  # their features at stride 4
 BRANCH_MAPS = 4  # heat of weeds and of crops, way right and down
 # Before training nearly every cell holds no stem.
 HEAT_BIAS = -3.0
@@ -57,7 +59,7 @@ class PlantNet(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.classes = CropWeedNet()
+        self.classes = CropWeedNet(CLASS_WIDTHS, CLASS_BLOCKS, CLASS_DECODER)
         self.plants = PlantBranch(ENCODED_WIDTH + MERGED_WIDTH)
         self._keeps_classes = False
 

@@ -6,18 +6,21 @@ says the way to its stem (Panoptic-DeepLab, Cheng et al. 2020).
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 from torch.nn import functional
 
 from agribot.autonomy.perceive.stems import CELL_PX, find_centres
-from agribot.core.messages import ByteArray, FloatArray
-from agribot.lab.train.augment import PictureWindow, choose_crop, recolour
+from agribot.lab.train.augment import choose_windows, recolour
 from agribot.lab.train.losses import IGNORED
-from agribot.lab.train.plant_truth import LEAST_PX, DrawnView, PlantTruth
-from agribot.lab.train.sensors import change_sensor
+from agribot.lab.train.picture_stack import NO_PLANT, PictureStack
+from agribot.lab.train.plant_truth import LEAST_PX
+from agribot.lab.train.sensors import change_sensors
 
 # The maps of a target, (MAPS, H / CELL_PX, W / CELL_PX): heat of weeds and of crops, the way to the
 # stem in units of WAY_UNIT_PX, right and down, how much the way counts, and the heat; then the
@@ -29,63 +32,54 @@ WAY_UNIT_PX = 32.0
 # Width of a peak of heat: of the radius of what is seen of the plant, and its limits in cells.
 SIGMA_RATIO, SIGMA_CELLS = 0.3, (0.7, 2.0)
 
-Numbers = npt.NDArray[np.int64]
+PEAK_REACH_CELLS = int(np.ceil(3.0 * SIGMA_CELLS[1]))
 
 
 def augment_views(
-    views: list[DrawnView], crop_px: int, rng: np.random.Generator
+    stack: PictureStack, count: int, crop_px: int, rng: np.random.Generator
 ) -> tuple[Tensor, Tensor]:
-    """Make (N, 3, crop_px, crop_px) float32 in 0..255 and targets (N, MAPS, cells, cells)."""
-    crops = [choose_crop(view.label, crop_px, rng) for view in views]
-    pairs = list(zip(crops, views, strict=True))
-    images = [
-        recolour(change_sensor(crop.cut_image(view.image_rgb), rng), rng) for crop, view in pairs
-    ]
-    return torch.stack(images), torch.stack([_cut_targets(crop, view) for crop, view in pairs])
+    """Make (count, 3, crop_px, crop_px) float32 in 0..255 and targets (count, MAPS, cells, cells).
 
-
-def _cut_targets(crop: PictureWindow, view: DrawnView) -> Tensor:
-    plants = view.plants
-    moved = PlantTruth(
-        number=crop.cut_label(plants.number).numpy().astype(np.uint16),
-        stem_px=crop.move_points(plants.stem_px),
-        kind=plants.kind,
-    )
-    label = crop.cut_label(view.label).numpy().astype(np.uint8)
-    return torch.from_numpy(make_targets(label, moved))
-
-
-def make_targets(label: ByteArray, plants: PlantTruth) -> npt.NDArray[np.float32]:
-    """Make the target (MAPS, H / CELL_PX, W / CELL_PX) of a picture with these classes (H, W).
-
-    Plants of which little is seen are left out; heat counts nowhere where a pixel has no class.
+    The pictures are those of a stack with plants.
     """
-    pixels = _split_cells(plants.number)
-    seen_px = np.bincount(plants.number.ravel(), minlength=len(plants.kind) + 1)
-    is_seen = seen_px >= LEAST_PX
-    is_seen[0] = False
-    owner = _find_commonest(np.where(is_seen[pixels], pixels, 0))
-    targets = np.zeros((MAPS, *owner.shape), dtype=np.float32)
-    row, column = np.floor((plants.stem_px + 0.5) / CELL_PX).astype(np.int64).T[::-1]
-    rows, columns = owner.shape
-    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    stems = np.flatnonzero(is_seen[1:] & inside)
-    for index in stems:
-        radius_cells = np.sqrt(seen_px[index + 1] / np.pi) / CELL_PX
-        heat = targets[plants.kind[index]]
-        _add_peak(heat, row[index], column[index], float(radius_cells))
-        top, left = max(0, row[index] - 1), max(0, column[index] - 1)
-        near = owner[top : row[index] + 2, left : column[index] + 2]
-        near[near == 0] = index + 1
-    owner[row[stems], column[stems]] = stems + 1
-    targets[WAY] = _find_ways(owner, plants.stem_px)
-    cells = np.bincount(owner.ravel(), minlength=len(is_seen))
-    weight = 1.0 / np.sqrt(np.maximum(cells, 1))
-    weight[0] = 0.0
-    targets[WAY_WEIGHT] = weight[owner]
-    classes = _split_cells(label)
-    targets[LABEL] = np.moveaxis(classes, -1, 0)
-    targets[HEAT_WEIGHT] = (classes != IGNORED).all(axis=-1)
+    chosen = stack.choose(count, rng)
+    windows = choose_windows(stack, chosen, crop_px, rng)
+    images = recolour(change_sensors(windows.cut_images(stack.images[chosen]), rng), rng)
+    targets = make_targets(
+        windows.cut_pixels(stack.labels[chosen]),
+        windows.cut_pixels(stack.numbers[chosen]),
+        windows.move_points(stack.stems_px[chosen]),
+        stack.kinds[chosen].to(torch.int64),
+    )
+    return images, targets
+
+
+def make_targets(label: Tensor, number: Tensor, stems_px: Tensor, kinds: Tensor) -> Tensor:
+    """Make targets (N, MAPS, H / CELL_PX, W / CELL_PX) of pictures.
+
+    `label` and `number` (N, H, W) are the class and the plant of each pixel, `stems_px` (N, K, 2)
+    and `kinds` (N, K) the plants, as of `PictureStack`. Plants of which little is seen are left
+    out; heat counts nowhere where a pixel has no class.
+    """
+    count, most = kinds.shape
+    is_seen, seen_px = _count_seen(number, most)
+    pixels = functional.pixel_unshuffle(number[:, None].to(torch.float32), CELL_PX).to(torch.int64)
+    shape = pixels.shape[2:]
+    seen_cells = is_seen.gather(1, pixels.flatten(1)).view_as(pixels)
+    owner = _find_commonest(torch.where(seen_cells, pixels, 0))
+    stems = _list_stems(stems_px, is_seen[:, 1:] & (kinds != NO_PLANT), shape)
+    _give_cells(owner, stems)
+    targets = torch.zeros((count, MAPS, *shape), device=label.device)
+    radius_cells = torch.sqrt(seen_px[stems.picture, stems.plant + 1] / torch.pi) / CELL_PX
+    _add_peaks(targets, stems, kinds[stems.picture, stems.plant], radius_cells)
+    targets[:, WAY] = _find_ways(owner, stems_px)
+    cells = _count_numbers(owner, most).clamp(min=1).to(torch.float32)
+    weight = cells.rsqrt()
+    weight[:, 0] = 0.0
+    targets[:, WAY_WEIGHT] = weight.gather(1, owner.flatten(1)).view(count, 1, *shape)
+    classes = functional.pixel_unshuffle(label[:, None].to(torch.float32), CELL_PX)
+    targets[:, LABEL] = classes
+    targets[:, HEAT_WEIGHT] = (classes != IGNORED).all(dim=1, keepdim=True).to(torch.float32)
     return targets
 
 
@@ -104,37 +98,89 @@ def join_labels(targets: Tensor) -> Tensor:
     return functional.pixel_shuffle(targets[:, LABEL], CELL_PX)[:, 0].to(torch.int64)
 
 
-def _split_cells(pixels: npt.NDArray[np.integer]) -> npt.NDArray[np.integer]:
-    """Sort the pixels (H, W) by cell, (H / CELL_PX, W / CELL_PX, CELL_PX ** 2)."""
-    height, width = pixels.shape
-    split = pixels.reshape(height // CELL_PX, CELL_PX, width // CELL_PX, CELL_PX)
-    return split.swapaxes(1, 2).reshape(height // CELL_PX, width // CELL_PX, CELL_PX**2)
+class _Stems(NamedTuple):
+    """Stems within their pictures, (M,) each: picture, plant in its list, and cell."""
+
+    picture: Tensor
+    plant: Tensor
+    row: Tensor
+    column: Tensor
 
 
-def _find_commonest(numbers: npt.NDArray[np.integer]) -> Numbers:
-    """Find the number other than 0 that most of the last axis are; 0 where all are 0."""
-    same = [(numbers == numbers[..., k : k + 1]).sum(axis=-1) for k in range(numbers.shape[-1])]
-    votes = np.where(numbers > 0, np.stack(same, axis=-1), 0)
-    best = votes.argmax(axis=-1)
-    return np.take_along_axis(numbers, best[..., None], axis=-1)[..., 0].astype(np.int64)
+def _count_numbers(numbers: Tensor, most: int) -> Tensor:
+    """Count how often each number from 0 to `most` is in (N, ...): (N, most + 1)."""
+    counts = torch.zeros((len(numbers), most + 1), dtype=torch.int64, device=numbers.device)
+    flat = numbers.flatten(1)
+    return counts.scatter_add_(1, flat, torch.ones_like(flat))
 
 
-def _add_peak(heat: npt.NDArray[np.float32], row: int, column: int, radius_cells: float) -> None:
-    """Raise the map to a Gaussian about a cell, 1 there."""
-    sigma = float(np.clip(SIGMA_RATIO * radius_cells, *SIGMA_CELLS))
-    reach = int(np.ceil(3.0 * sigma))
-    top, left = max(0, row - reach), max(0, column - reach)
-    window = heat[top : row + reach + 1, left : column + reach + 1]
-    down = np.arange(top, top + window.shape[0])[:, None] - row
-    right = np.arange(left, left + window.shape[1])[None, :] - column
-    peak = np.exp(-(down**2 + right**2) / (2.0 * sigma**2))
-    np.maximum(window, peak.astype(np.float32), out=window)
+def _count_seen(number: Tensor, most: int) -> tuple[Tensor, Tensor]:
+    """Tell of which plants enough is seen, and how many pixels, (N, most + 1); 0 is none."""
+    seen_px = _count_numbers(number, most)
+    is_seen = seen_px >= LEAST_PX
+    is_seen[:, 0] = False
+    return is_seen, seen_px
 
 
-def _find_ways(owner: Numbers, stem_px: FloatArray) -> FloatArray:
-    """Find the ways (2, rows, columns), right and down, from cells to the stems of their plants."""
-    ways = np.zeros((2, *owner.shape))
-    is_owned = owner > 0
-    centre_px = find_centres(np.argwhere(is_owned))
-    ways[:, is_owned] = ((stem_px[owner[is_owned] - 1] - centre_px) / WAY_UNIT_PX).T
-    return ways
+def _find_commonest(numbers: Tensor) -> Tensor:
+    """Find the number other than 0 that most of (N, PIXELS, rows, columns) are; 0 if all are 0."""
+    votes = torch.stack([(numbers == one[:, None]).sum(dim=1) for one in numbers.unbind(1)], dim=1)
+    best = torch.where(numbers > 0, votes, 0).argmax(dim=1, keepdim=True)
+    return numbers.gather(1, best)[:, 0]
+
+
+def _list_stems(stems_px: Tensor, is_wanted: Tensor, shape: Sequence[int]) -> _Stems:
+    cells = torch.floor((stems_px + 0.5) / CELL_PX).to(torch.int64)
+    column, row = cells[..., 0], cells[..., 1]
+    inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
+    picture, plant = torch.nonzero(is_wanted & inside, as_tuple=True)
+    return _Stems(picture, plant, row[picture, plant], column[picture, plant])
+
+
+def _give_cells(owner: Tensor, stems: _Stems) -> None:
+    """Give a stem its cell, and what is nobody's of the eight around it, of (N, rows, columns)."""
+    _, rows, columns = owner.shape
+    nobody = torch.iinfo(torch.int64).max
+    claims = torch.full_like(owner, nobody)
+    for down, right in itertools.product((-1, 0, 1), repeat=2):
+        row, column = stems.row + down, stems.column + right
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        place = ((stems.picture * rows + row) * columns + column)[inside]
+        claims.view(-1).scatter_reduce_(0, place, stems.plant[inside] + 1, "amin")
+    owner.copy_(torch.where((owner == 0) & (claims != nobody), claims, owner))
+    own = torch.zeros_like(owner)
+    place = (stems.picture * rows + stems.row) * columns + stems.column
+    own.view(-1).scatter_reduce_(0, place, stems.plant + 1, "amax")
+    owner.copy_(torch.where(own > 0, own, owner))
+
+
+def _add_peaks(targets: Tensor, stems: _Stems, kinds: Tensor, radius_cells: Tensor) -> None:
+    """Raise the heat of targets (N, MAPS, rows, columns) to Gaussians about the stems, 1 there."""
+    _, maps, rows, columns = targets.shape
+    low, high = SIGMA_CELLS
+    sigma = (SIGMA_RATIO * radius_cells).clamp(low, high)[:, None, None]
+    around = torch.arange(-PEAK_REACH_CELLS, PEAK_REACH_CELLS + 1, device=targets.device)
+    gap2 = around[:, None] ** 2 + around[None, :] ** 2
+    peak = torch.exp(-gap2 / (2.0 * sigma**2))
+    row = stems.row[:, None, None] + around[None, :, None]
+    column = stems.column[:, None, None] + around[None, None, :]
+    reach = torch.ceil(3.0 * sigma)
+    near = (around.abs()[None, :, None] <= reach) & (around.abs()[None, None, :] <= reach)
+    inside = near & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    plane = (stems.picture * maps + kinds)[:, None, None]
+    place = (plane * rows + row) * columns + column
+    targets.view(-1).scatter_reduce_(0, place[inside], peak[inside].to(targets.dtype), "amax")
+
+
+def _find_ways(owner: Tensor, stems_px: Tensor) -> Tensor:
+    """Find the ways (N, 2, rows, columns), right and down, from cells to the stems of their plants.
+
+    They are 0 in cells of no plant.
+    """
+    count, rows, columns = owner.shape
+    index = (owner - 1).clamp(min=0).flatten(1)[..., None].expand(-1, -1, 2)
+    stem_px = stems_px.gather(1, index).view(count, rows, columns, 2)
+    cells = np.indices((rows, columns)).reshape(2, -1).T
+    centre_px = torch.from_numpy(find_centres(cells)).to(stems_px).view(rows, columns, 2)
+    ways = (stem_px - centre_px) / WAY_UNIT_PX * (owner > 0)[..., None]
+    return ways.permute(0, 3, 1, 2).to(torch.float32)

@@ -40,6 +40,10 @@ class TrainingGroup(msgspec.Struct, frozen=True, kw_only=True):
     def is_leader(self) -> bool:
         return self.rank == 0
 
+    def name_device(self) -> str:
+        """Name the GPU that the network is trained on; empty without one."""
+        return "" if self.device == "cpu" else torch.cuda.get_device_name(self.device)
+
     def run_leader_first(self, work: Callable[[], Result]) -> Result:
         """Call in every process, in the others after the first one, which may write files."""
         if not self.is_leader:
@@ -73,6 +77,8 @@ def join_group(device: str = "auto") -> TrainingGroup:
     if has_gpu and device != "cpu":
         index = int(os.environ.get("LOCAL_RANK", "0"))
         torch.cuda.set_device(index)
+        torch.backends.cudnn.benchmark = True  # all batches have one size
+        torch.set_float32_matmul_precision("high")
         device = f"cuda:{index}"
     else:
         device = "cpu"

@@ -6,7 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from agribot.lab.train.augment import blur
+from agribot.core.messages import FloatArray
+from agribot.lab.train.augment import blur_some, to_factors
 
 # How often a picture is changed, and, of the changed ones, how often in each way.
 CHANGE_RATIO = 0.4
@@ -19,36 +20,52 @@ BALANCE = (0.72, 1.35)
 BLUR_SIGMA_PX = (0.6, 1.8)
 
 
-def change_sensor(image: Tensor, rng: np.random.Generator) -> Tensor:
-    """Show some of the pictures (3, S, S), in 0..255, as another camera would.
+def change_sensors(images: Tensor, rng: np.random.Generator) -> Tensor:
+    """Show some of the pictures (N, 3, S, S), in 0..255, as other cameras would.
 
     That is one of red and near infrared, one with channels that overlap, another white balance or
     a lens out of focus, or several of these.
     """
-    if rng.random() >= CHANGE_RATIO:
-        return image
-    if rng.random() < INFRARED_RATIO:
-        image = to_red_and_infrared(image, rng.uniform(*INFRARED_GAIN), rng.uniform(*INFRARED_LIFT))
-    elif rng.random() < MIX_RATIO:
-        image = mix_channels(image, np.eye(3) + rng.normal(0.0, MIX_STD, (3, 3)))
-    if rng.random() < BALANCE_RATIO:
-        low, high = np.log(BALANCE).tolist()
-        gains = torch.from_numpy(np.exp(rng.uniform(low, high, (3, 1, 1))))
-        image = (image * gains.to(image.dtype)).clamp(0.0, 255.0)
-    return blur(image, rng.uniform(*BLUR_SIGMA_PX)) if rng.random() < BLUR_RATIO else image
+    chosen = np.flatnonzero(rng.random(len(images)) < CHANGE_RATIO)
+    if not len(chosen):
+        return images
+    images = images.clone()
+    images[chosen] = _change(images[chosen], rng)
+    return images
 
 
-def to_red_and_infrared(image: Tensor, gain: float, lift: float) -> Tensor:
-    """Show red as red and blue, and a guess of the near infrared as green, of (3, H, W)."""
-    red, green, blue = image
+def _change(images: Tensor, rng: np.random.Generator) -> Tensor:
+    """Change each of (N, 3, S, S) in some of the ways."""
+    count = len(images)
+    is_infrared = rng.random(count) < INFRARED_RATIO
+    is_mixed = ~is_infrared & (rng.random(count) < MIX_RATIO)
+    gains, lifts = rng.uniform(*INFRARED_GAIN, count), rng.uniform(*INFRARED_LIFT, count)
+    mixtures = np.eye(3) + rng.normal(0.0, MIX_STD, (count, 3, 3))
+    if is_infrared.any():
+        images[is_infrared] = to_red_and_infrared(
+            images[is_infrared], gains[is_infrared], lifts[is_infrared]
+        )
+    if is_mixed.any():
+        images[is_mixed] = mix_channels(images[is_mixed], mixtures[is_mixed])
+    low, high = np.log(BALANCE).tolist()
+    is_balanced = rng.random((count, 1)) < BALANCE_RATIO
+    balances = np.where(is_balanced, np.exp(rng.uniform(low, high, (count, 3))), 1.0)
+    images = (images * to_factors(balances, images)).clamp(0.0, 255.0)
+    return blur_some(images, BLUR_RATIO, BLUR_SIGMA_PX, rng)
+
+
+def to_red_and_infrared(images: Tensor, gains: FloatArray, lifts: FloatArray) -> Tensor:
+    """Show red as red and blue, and a guess of the near infrared as green, of (N, 3, H, W)."""
+    red, green, blue = (images[:, one : one + 1] for one in range(3))
+    gain, lift = (to_factors(one[:, None], images) for one in (gains, lifts))
     infrared = lift * red + gain * (2.0 * green - red - blue).clamp(min=0.0)
-    return torch.stack([red, infrared.clamp(max=255.0), red])
+    return torch.cat([red, infrared.clamp(max=255.0), red], dim=1)
 
 
-def mix_channels(image: Tensor, mixture: np.ndarray) -> Tensor:
-    """Make each channel of (3, H, W) of all three: `mixture` (3, 3), rows are what comes out.
+def mix_channels(images: Tensor, mixtures: FloatArray) -> Tensor:
+    """Make each channel of (N, 3, H, W) of all three: `mixtures` (N, 3, 3), rows come out.
 
     Grey stays grey: the rows are scaled to a sum of 1.
     """
-    rows = torch.from_numpy(mixture / mixture.sum(axis=1, keepdims=True)).to(image.dtype)
-    return torch.einsum("ij,jhw->ihw", rows, image).clamp(0.0, 255.0)
+    rows = torch.from_numpy(mixtures / mixtures.sum(axis=2, keepdims=True)).to(images)
+    return torch.einsum("nij,njhw->nihw", rows, images).clamp(0.0, 255.0)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import msgspec
 import numpy as np
 
 from agribot.core.messages import ByteArray
@@ -15,10 +16,27 @@ from agribot.lab.train.plant_truth import LABEL_RANGE_M, DrawnView, find_plants
 from agribot.lab.train.rough_ground import roughen
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
 from agribot.sim.ground_surface import build_ground_surface
-from agribot.sim.random_scenes import STANDARD, Variety, sample_field, sample_look, sample_view
+from agribot.sim.random_scenes import (
+    STANDARD,
+    Variety,
+    draw_log_uniform,
+    sample_field,
+    sample_look,
+    sample_view,
+)
+from agribot.sim.seedling_scenes import (
+    sample_near_look,
+    sample_overhead_view,
+    sample_red_infrared_look,
+    sample_seedlings,
+    to_red_infrared,
+)
 
 VIEWS_PER_SCENE = 2
+WIDTH_PX, HEIGHT_PX = 640, 480
+INFRARED_SHARE, MOST_GROWTH = 0.5, 4.0
 ROUGH_VIEWS_PER_SCENE = 3  # relief is dear to light
+TAUGHT_VIEWS_PER_SCENE = 6  # of such scenes, where many are needed
 
 
 def draw_random_field(
@@ -36,6 +54,28 @@ def draw_random_field(
         )
         plants = find_plants(drawn, world, camera, map_from_camera, ground)
         yield DrawnView(drawn.image_rgb, make_label(drawn), plants)
+
+
+def draw_seedlings(
+    rng: np.random.Generator, views: int, variety: Variety = STANDARD
+) -> Iterator[DrawnView]:
+    """Draw views straight down on young carrots, half of the scenes in red and near infrared.
+
+    Those are seedlings, as of `seedling_scenes`; in colours the plants are up to MOST_GROWTH times
+    as tall. They are of no `variety`.
+    """
+    is_infrared = rng.random() < INFRARED_SHARE
+    scale = 1.0 if is_infrared else draw_log_uniform(rng, 1.0, MOST_GROWTH)
+    world = sample_seedlings(rng, scale)
+    look = sample_red_infrared_look(rng) if is_infrared else sample_near_look(rng)
+    renderer = CameraRenderer(world, appearance=look, threads=1)
+    for _ in range(views):
+        camera, map_from_camera = sample_overhead_view(rng, scale)
+        camera = msgspec.structs.replace(camera, width_px=WIDTH_PX, height_px=HEIGHT_PX)
+        drawn = renderer.render(map_from_camera, camera, noise_seed=int(rng.integers(2**31)))
+        image_rgb = to_red_infrared(drawn.image_rgb, rng) if is_infrared else drawn.image_rgb
+        plants = find_plants(drawn, world, camera, map_from_camera)
+        yield DrawnView(image_rgb, make_label(drawn), plants)
 
 
 def make_label(drawn: Rendering) -> ByteArray:

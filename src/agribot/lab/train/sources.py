@@ -21,12 +21,16 @@ from agribot.lab.train.export import INPUT_HEIGHT_PX, INPUT_WIDTH_PX
 from agribot.lab.train.farm import draw_farm, draw_row_crop, draw_turn
 from agribot.lab.train.fit import Progress, TrainingPlan
 from agribot.lab.train.loader import BatchSource
+from agribot.lab.train.picture_stack import PictureStack
 from agribot.lab.train.plant_targets import augment_views
 from agribot.lab.train.plant_truth import DrawnView
+from agribot.lab.train.precision import sample_pictures
 from agribot.lab.train.simulated import (
     ROUGH_VIEWS_PER_SCENE,
+    TAUGHT_VIEWS_PER_SCENE,
     VIEWS_PER_SCENE,
     draw_random_field,
+    draw_seedlings,
 )
 from agribot.lab.train.standing import Judge
 from agribot.lab.train.validation import HeldOutPictures
@@ -34,6 +38,7 @@ from agribot.sim.random_scenes import STANDARD, VARIETIES, Variety
 
 VariedDrawer = Callable[..., Iterator[DrawnView]]  # of a scene; all but one of any variety
 CROP_PX = 320
+BATCH_SIZE = 8
 FOLDERS = {one: "" if one is STANDARD else name for name, one in VARIETIES.items()}
 
 
@@ -45,6 +50,7 @@ TAUGHT: dict[str, tuple[int, VariedDrawer, bool]] = {
     "train-turns": (2, draw_turn, False),
     "train-usual-rows": (113, draw_row_crop, True),
     "train-usual-turns": (114, draw_turn, True),
+    "train-seedlings": (117, draw_seedlings, False),
     "valid-random": (109, draw_random_field, False),
     "valid-rows": (110, draw_row_crop, False),
     "valid-usual-rows": (115, draw_row_crop, True),
@@ -85,27 +91,32 @@ class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
     problems: tuple[str, ...] = ()
 
 
-def make_simulated_source(args: argparse.Namespace, progress: Progress) -> TrainingSource:
-    """Draw what is missing of the training sets and the held-out sets."""
+def make_simulated_source(
+    args: argparse.Namespace, progress: Progress, device: str = "cpu"
+) -> TrainingSource:
+    """Draw what is missing of the training sets and the held-out sets.
+
+    The pictures to train on lie in the memory of `device`, where batches are cut from them.
+    """
     counts, judged = _count_training(args), _count_validation(args)
     finds_plants = find_architecture(args.model).finds_plants
     learns_classes = not args.keep_classes
     sets = _draw_sets(args, counts | judged, progress, finds_plants, learns_classes)
     trained = [(sets.pop(name), count) for name, count in counts.items()]
-    recipe = TrainingPlan(steps=1, crop_px=args.crop_px, data=f"sim --variety {args.variety}")
-    words = f" --model {args.model}" if finds_plants else ""
-    words += f" --crop-px {args.crop_px}" if args.crop_px != CROP_PX else ""
-    usual = f"--usual-images {args.usual_images} " if args.usual_images else ""
+    recipe = TrainingPlan(
+        steps=1,
+        batch_size=args.batch_size,
+        crop_px=args.crop_px,
+        data=f"sim --variety {args.variety}",
+    )
     judge = _make_view_judge(args, [(sets.pop(name), count) for name, count in judged.items()])
-    if finds_plants:
-        views = [view for one, count in trained for view in one.read_views(count)]
-        images = [view.image_rgb for view in views]
-        batches = make_plant_batches(views, recipe, recipe.batch_size)
-    else:
-        images, labels = _load(
-            itertools.chain.from_iterable(one.read(count) for one, count in trained)
-        )
-        batches = _make_view_batches(images, labels, recipe)
+    stack = PictureStack(
+        itertools.chain.from_iterable(
+            one.read_views(count) if finds_plants else one.read(count) for one, count in trained
+        ),
+        device,
+    )
+    batches = make_batches(stack, args.batch_size, args.crop_px)
     aside = None
     if learns_classes:
         asides = sets.pop("aside-random"), sets.pop("aside-rows")
@@ -114,18 +125,31 @@ def make_simulated_source(args: argparse.Namespace, progress: Progress) -> Train
         aside=aside,
         judge=judge,
         batches=batches,
-        pictures=images,
+        pictures=_copy_sample(stack) if args.precision == "int8" else [],
         recipe=recipe,
         tests={name: partial(one.read, args.test_images) for name, one in sets.items()},
-        train_images=args.images + args.usual_images,
+        train_images=args.images + args.usual_images + args.seedling_images,
         input_size_px=(INPUT_HEIGHT_PX, INPUT_WIDTH_PX),
         antialias=False,
-        about=f"{SIM_TEXT}{VARIETY_TEXTS.get(args.variety, '')}; no photograph was used",
+        about=f"{SIM_TEXT}{VARIETY_TEXTS.get(args.variety, '')}"
+        f"{SEEDLING_TEXT if args.seedling_images else ''}; no photograph was used",
         license=LICENSE,
         limits=SIM_LIMITS,
-        command=f"agribot train --data sim --variety {args.variety}{words} --images {args.images} "
-        f"--row-images {args.row_images} --turn-images {args.turn_images} {usual}"
-        f"--test-images {args.test_images}",
+        command=_format_command(args),
+    )
+
+
+def _format_command(args: argparse.Namespace) -> str:
+    """Write what was asked as a command; the network is named where it finds plants."""
+    words = f" --model {args.model}" if find_architecture(args.model).finds_plants else ""
+    words += f" --batch-size {args.batch_size}" if args.batch_size != BATCH_SIZE else ""
+    words += f" --crop-px {args.crop_px}" if args.crop_px != CROP_PX else ""
+    more = f"--usual-images {args.usual_images} " if args.usual_images else ""
+    more += f"--seedling-images {args.seedling_images} " if args.seedling_images else ""
+    return (
+        f"agribot train --data sim --variety {args.variety}{words} --images {args.images} "
+        f"--row-images {args.row_images} --turn-images {args.turn_images} {more}"
+        f"--test-images {args.test_images}"
     )
 
 
@@ -145,6 +169,8 @@ def _count_training(args: argparse.Namespace) -> dict[str, int]:
         "train-rows": args.row_images,
         "train-turns": args.turn_images,
     }
+    if args.seedling_images:
+        own["train-seedlings"] = args.seedling_images
     return own | _halve("train-usual", args.usual_images)
 
 
@@ -224,45 +250,36 @@ def draw_set(
         name=name,
         stream=stream,
         seed=args.seed,
-        views_per_scene=ROUGH_VIEWS_PER_SCENE if variety.rough_share else VIEWS_PER_SCENE,
+        views_per_scene=_count_views(wanted),
         has_plants=has_plants,
     )
     drawn.draw(
-        images, drawer if drawer is draw_farm else partial(drawer, variety=variety), progress
+        images,
+        drawer if drawer is draw_farm else partial(drawer, variety=variety),
+        progress,
+        max(1, args.workers),
     )
     return drawn
 
 
-def _load(
-    pairs: Iterable[LabelledImage],
-) -> tuple[list[ByteArray], list[ByteArray]]:
-    images, labels = [], []
-    for image_rgb, label in pairs:
-        images.append(image_rgb)
-        labels.append(label)
-    return images, labels
+def _count_views(wanted: WantedSet) -> int:
+    """Count the views of each scene of a set."""
+    if not wanted.variety.rough_share:
+        return VIEWS_PER_SCENE
+    return TAUGHT_VIEWS_PER_SCENE if wanted.name in TAUGHT else ROUGH_VIEWS_PER_SCENE
 
 
-def _make_view_batches(
-    images: list[ByteArray], labels: list[ByteArray], recipe: TrainingPlan
-) -> BatchSource:
-    def batch(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-        chosen = rng.integers(len(images), size=recipe.batch_size)
-        return augment_batch(
-            [images[i] for i in chosen], [labels[i] for i in chosen], recipe.crop_px, rng
-        )
-
-    return batch
+def _copy_sample(stack: PictureStack) -> list[ByteArray]:
+    """Copy some of the pictures, on which 8-bit numbers are calibrated."""
+    return [stack.images[index].cpu().numpy() for index in sample_pictures(range(len(stack)))]
 
 
-def make_plant_batches(
-    views: list[DrawnView], recipe: TrainingPlan, batch_size: int
-) -> BatchSource:
-    """Draw batches of views with the targets of classes and stems."""
+def make_batches(stack: PictureStack, count: int, crop_px: int) -> BatchSource:
+    """Draw batches with classes, or of pictures with plants with the targets of stems as well."""
+    augment = augment_views if stack.has_plants else augment_batch
 
     def batch(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-        chosen = rng.integers(len(views), size=batch_size)
-        return augment_views([views[i] for i in chosen], recipe.crop_px, rng)
+        return augment(stack, count, crop_px, rng)
 
     return batch
 
@@ -271,6 +288,9 @@ SIM_TEXT = (
     "images of AGRIBOT's own simulator: procedural fields of several crops and weeds in random "
     "soil, light, growth stage and density, some from random camera poses, the others from the "
     "robot's own camera along and beside rows, labelled by the renderer"
+)
+SEEDLING_TEXT = (
+    "; young carrots among weeds from close above, half of them in red and near infrared"
 )
 VARIETY_TEXTS = {
     "rough": "; five crops from seedlings on, half of the fields with the relief, litter, "

@@ -11,7 +11,6 @@ from torch import Tensor, nn
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.errors import ConfigError
 from agribot.lab.train.architectures import ARCHITECTURES, find_architecture
-from agribot.lab.train.plant_network import PlantNet
 from agribot.lab.train.precision import HALF
 
 IMAGENET, RANDOM = "imagenet", "random"
@@ -38,15 +37,10 @@ def start_from(path: Path, network: nn.Module, x: Tensor) -> None:
     again with the statistics of the batch, so that the network answers as the file does and its
     normalisations are about 0 and 1, as training wants them.
 
-    A network that finds plants may begin with the classes alone.
-
     Raises: PerceptionError: no network that runs. ConfigError: one of another architecture.
     """
     weights = _convolutions(path)
     layers = _list_convolutions(network)
-    if isinstance(network, PlantNet) and len(weights) < len(layers):
-        network = network.classes
-        layers = _list_convolutions(network)
     if [tuple(layer.weight.shape) for layer in layers] != [tuple(w.shape) for w, _ in weights]:
         raise ConfigError(
             f"--start {path}: its {len(weights)} convolutions are not the {len(layers)} of this "

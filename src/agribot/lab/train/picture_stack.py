@@ -1,0 +1,111 @@
+"""Pictures of one size in the memory of a device, from which batches are cut all at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from agribot.core.errors import ConfigError
+from agribot.core.messages import ByteArray, FloatArray, PlantClass
+from agribot.lab.train.data import LabelledImage
+from agribot.lab.train.plant_truth import DrawnView, PlantTruth
+
+BLOCK_PX = 8  # windows are compared by the weeds in such squares
+NO_PLANT = 255  # kind of what only fills up a list of plants
+
+Numbers = npt.NDArray[np.int64]
+_NO_NUMBERS = np.zeros((0, 0), dtype=np.uint16)  # instead of those that lie in the stack
+
+
+class PictureStack:
+    """N pictures (H, W), with their single plants where they are drawn views.
+
+    `images` (N, H, W, 3) and `labels` (N, H, W) are uint8; `numbers` (N, H, W) int16 is the plant
+    of each pixel as of `PlantTruth`, `stems_px` (N, K, 2) and `kinds` (N, K) are its plants, filled
+    up with `NO_PLANT`. All of these lie on `device`.
+
+    Raises: ConfigError: no picture, or of different sizes.
+    """
+
+    def __init__(self, pictures: Iterable[LabelledImage | DrawnView], device: str = "cpu") -> None:
+        images, labels, numbers = [], [], []
+        plants: list[PlantTruth] = []
+        for picture in pictures:
+            images.append(picture[0])
+            labels.append(picture[1])
+            if isinstance(picture, DrawnView):
+                numbers.append(picture.plants.number.astype(np.int16))
+                plants.append(picture.plants._replace(number=_NO_NUMBERS))
+        shapes = sorted({label.shape for label in labels})
+        if len(shapes) != 1:
+            raise ConfigError(
+                f"{len(labels)} pictures of sizes {shapes} (rows, columns): give at least one, all "
+                "of the same size"
+            )
+        self.device = device
+        self.images, self.labels = (_move(one, device) for one in (images, labels))
+        self._weeds_px = np.stack([_sum_weeds(label) for label in labels])
+        self.has_plants = bool(plants)
+        if self.has_plants:
+            self.numbers = _move(numbers, device)
+            stems_px, kinds = _fill_up(plants)
+            self.stems_px = torch.from_numpy(stems_px).to(torch.float32).to(device)
+            self.kinds = torch.from_numpy(kinds).to(device)
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of a picture."""
+        _, rows, columns = self.labels.shape
+        return rows, columns
+
+    def choose(self, count: int, rng: np.random.Generator) -> Numbers:
+        """Choose pictures by their numbers, (count,)."""
+        return rng.integers(len(self), size=count)
+
+    def count_weeds(
+        self, chosen: Numbers, top: Numbers, left: Numbers, size_px: Numbers
+    ) -> Numbers:
+        """Count the weed pixels of a square (count,) of each, to the nearest block."""
+        first_row, first_column = top // BLOCK_PX, left // BLOCK_PX
+        last_row, last_column = (top + size_px) // BLOCK_PX, (left + size_px) // BLOCK_PX
+        sums = self._weeds_px
+        counted: Numbers = (
+            sums[chosen, last_row, last_column]
+            - sums[chosen, first_row, last_column]
+            - sums[chosen, last_row, first_column]
+            + sums[chosen, first_row, first_column]
+        ).astype(np.int64)
+        return counted
+
+
+def _move(pictures: list[npt.NDArray[Any]], device: str) -> Tensor:
+    """Stack pictures in the memory of a device."""
+    return torch.from_numpy(np.stack(pictures)).to(device)
+
+
+def _sum_weeds(label: ByteArray) -> npt.NDArray[np.int32]:
+    """Sum the weed pixels of a picture (H, W) above and left of each corner of its blocks."""
+    rows, columns = (size // BLOCK_PX for size in label.shape)
+    is_weed = label[: rows * BLOCK_PX, : columns * BLOCK_PX] == PlantClass.WEED
+    blocks = is_weed.reshape(rows, BLOCK_PX, columns, BLOCK_PX).sum(axis=(1, 3), dtype=np.int32)
+    sums: npt.NDArray[np.int32] = np.pad(blocks, ((1, 0), (1, 0))).cumsum(0).cumsum(1)
+    return sums.astype(np.int32)
+
+
+def _fill_up(plants: list[PlantTruth]) -> tuple[FloatArray, ByteArray]:
+    """Make all lists of stems and kinds as long as the longest."""
+    most = max(1, *(len(one.kind) for one in plants))
+    stems_px = np.zeros((len(plants), most, 2))
+    kinds = np.full((len(plants), most), NO_PLANT, dtype=np.uint8)
+    for index, one in enumerate(plants):
+        stems_px[index, : len(one.kind)] = one.stem_px
+        kinds[index, : len(one.kind)] = one.kind
+    return stems_px, kinds
