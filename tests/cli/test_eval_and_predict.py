@@ -37,12 +37,12 @@ def test_eval_reports_one_pooled_confusion_matrix(
     assert main(["eval", str(folder), "--data", "cwfid", "--json"]) == 0
     result = result_of(capsys)
     assert set(result) == EVAL_KEYS
-    assert (result["dataset"], result["model"], result["images"]) == ("cwfid", "agribot-sim", 3)
+    assert (result["dataset"], result["model"], result["images"]) == ("cwfid", "agribot-plants", 3)
     assert (result["height_px"], result["width_px"]) == (480, 640)
-    assert result["params"] == 718_963
+    assert result["params"] == 1_815_767
     assert result["fps_cpu"] > 0.0
     counts = np.zeros((3, 3), int)
-    segmenter = Segmenter("agribot-sim")
+    segmenter = Segmenter("agribot-plants")
     for index in range(3):
         image = np.asarray(Image.open(folder / "images" / f"{index:03d}_image.png"))
         mask = np.asarray(Image.open(folder / "annotations" / f"{index:03d}_annotation.png"))
@@ -157,7 +157,8 @@ def test_predict_writes_pictures_and_tables_that_agree(
     Image.open(folder / "000_image.png").save(folder / "photo.jpg")
     Image.open(folder / "000_image.png").save(folder / "scan.tif")
     out = tmp_path / "seen"
-    assert main(["predict", str(folder), "-o", str(out), "--json", "--least-px", "1"]) == 0
+    words = ["predict", str(folder), "-o", str(out), "--model", "agribot-sim", "--least-px", "1"]
+    assert main([*words, "--json"]) == 0
     assert result_of(capsys)["pictures"] == 4
     areas = rows(out / "areas.csv")
     assert [row["image"] for row in areas] == [
@@ -234,7 +235,7 @@ def test_predict_goes_through_a_video_frame_by_frame(tmp_path: Path) -> None:
 def test_models_lists_the_default_with_its_licence(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["models", "--json"]) == 0
     result = result_of(capsys)
-    assert result["default"] == "agribot-sim"
+    assert result["default"] == "agribot-plants"
     assert result["models"]["agribot-sim"]["license"] == "Apache-2.0"
     assert main(["models", "agribot-sim"]) == 0
     assert "Licence of the weights: Apache-2.0" in capsys.readouterr().err

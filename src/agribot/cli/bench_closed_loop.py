@@ -9,6 +9,7 @@ import sys
 from agribot.cli.ranges import finite
 from agribot.cli.standard_error import print_line
 from agribot.cli.word_list import parse_names
+from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import ConfigError
 from agribot.description.conditions import load_condition_preset
 from agribot.lab.sweep.plan import read_seeds
@@ -42,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how ground, plants and camera differ from seed to seed; light and growth are the "
         "benchmark's own (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
+    parser.add_argument("--model", default=DEFAULT_MODEL, help="name, or path to an .onnx file")
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 

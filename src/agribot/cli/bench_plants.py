@@ -11,6 +11,7 @@ from agribot.cli.ranges import seed, whole
 from agribot.cli.standard_error import print_line
 from agribot.cli.word_list import parse_names
 from agribot.core import extras
+from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import RecordingError
 from agribot.core.whole_file import write_at_once
 from agribot.description.conditions import load_condition_preset
@@ -18,7 +19,7 @@ from agribot.lab.bench.plant_scenes import SCENES
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
+    parser.add_argument("--model", default=DEFAULT_MODEL, help="name, or path to an .onnx file")
     parser.add_argument(
         "--preset", default="field", metavar="NAME|FILE",
         help="of ground, light and sowing: kind, field, hard, or a file (default: %(default)s)",

@@ -19,6 +19,7 @@ from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import threads
 from agribot.cli.standard_error import print_line
 from agribot.core import extras
+from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import ConfigError
 
 
@@ -31,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="folder",
         help="layout and mask values (default: any pair of folders)",
     )
-    parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
+    parser.add_argument("--model", default=DEFAULT_MODEL, help="name, or path to an .onnx file")
     parser.add_argument("--size", help="another input size for the network, WxH px")
     parser.add_argument("--tile", help="judge in overlapping tiles of WxH image px")
     parser.add_argument("--images", help="name of the folder of images, for other layouts")

@@ -12,6 +12,7 @@ from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import port, threads
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
+from agribot.core.config import DEFAULT_MODEL
 
 LOOK_S = 0.2
 
@@ -21,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "folder", type=Path, metavar="DIR", help="its folder 'images' holds the photographs"
     )
     parser.add_argument(
-        "--model", default="agribot-sim", help="network that labels first: name, or .onnx file"
+        "--model", default=DEFAULT_MODEL, help="network that labels first: name, or .onnx file"
     )
     parser.add_argument("--size", help="another input size for the network, WxH px")
     add_ids_option(parser)

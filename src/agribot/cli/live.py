@@ -13,6 +13,7 @@ from typing import Any
 from agribot.cli.newest_frame import FrameSource, NewestFrame
 from agribot.cli.ranges import finite, seed, threads
 from agribot.cli.stopping import stop_on_signal
+from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import ConfigError, PerceptionError
 
 LINE_EVERY_S = 1.0
@@ -22,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source", help="sim, number of a webcam, path of a video, or address such as rtsp://..."
     )
-    parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
+    parser.add_argument("--model", default=DEFAULT_MODEL, help="name, or path to an .onnx file")
     parser.add_argument("--size", help="another input size for the network, WxH px")
     parser.add_argument("--seconds", type=finite, help="stop after this time (default: never)")
     parser.add_argument("--patience", type=finite, default=5.0, help="s without frame to give up")

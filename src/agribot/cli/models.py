@@ -8,9 +8,8 @@ import sys
 from typing import Any
 
 from agribot.autonomy.perceive.segmenter import model_names, model_path
+from agribot.core.config import DEFAULT_MODEL
 from agribot.lab.train.networks import read_card
-
-DEFAULT = "agribot-sim"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     for name, card in cards.items():
         sys.stderr.write(format_line(name, card) + "\n")
     if args.json:
-        sys.stdout.write(json.dumps({"default": DEFAULT, "models": cards}) + "\n")
+        sys.stdout.write(json.dumps({"default": DEFAULT_MODEL, "models": cards}) + "\n")
     return 0
 
 
@@ -53,7 +52,7 @@ def format_line(name: str, card: dict[str, Any]) -> str:
     tests = ", ".join(f"{test} {s['miou']:.3f}" for test, s in scored.items())
     if held_out:
         tests += f" (of the same recipe on {held_out['train_images']} images)"
-    mark = " (default)" if name == DEFAULT else ""
+    mark = " (default)" if name == DEFAULT_MODEL else ""
     return (
         f"{name}{mark}: {card['license']}; {card['input_width_px']}x{card['input_height_px']}, "
         f"{card['parameters'] / 1e6:.2f} M parameters; mIoU {tests or 'not measured'}"

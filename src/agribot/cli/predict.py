@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from agribot.cli.ranges import above, threads
+from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import ByteArray, PlantClass
 
@@ -42,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "inputs", nargs="+", metavar="INPUT", help="picture, folder, glob pattern or video"
     )
     parser.add_argument("-o", "--out", type=Path, required=True, help="folder for the results")
-    parser.add_argument("--model", default="agribot-sim", help="name, or path to an .onnx file")
+    parser.add_argument("--model", default=DEFAULT_MODEL, help="name, or path to an .onnx file")
     parser.add_argument("--size", help="another input size for the network, WxH px")
     parser.add_argument("--tile", help="look at overlapping tiles of WxH image px")
     parser.add_argument("--only", help="of mask,overlay,panel (default: all three)")

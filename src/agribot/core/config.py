@@ -168,9 +168,12 @@ class SafetyConfig(Config, frozen=True):
     clock_jump_s: Positive = 1.0  # between two ticks; the motor board has stopped by then
 
 
+DEFAULT_MODEL = "agribot-plants"  # knows five crops, and finds single plants
+
+
 class PerceptionConfig(Config, frozen=True):
     enabled: bool = True  # a camera looks
-    model: str = "agribot-sim"  # the network: a packaged name or an ONNX file
+    model: str = DEFAULT_MODEL  # the network: a packaged name or an ONNX file
     camera_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=60)] = 10.0  # pictures a second
     # From the picture to its plants. A simulation waits for it, so that it repeats; a robot in real
     # time uses plants as soon as they are there, and names pictures that come 0.2 s later.

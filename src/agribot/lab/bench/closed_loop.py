@@ -19,6 +19,7 @@ import numpy.typing as npt
 import tomli_w
 
 from agribot.core import config
+from agribot.core.config import DEFAULT_MODEL
 from agribot.core.world import Light, WorldSpec
 from agribot.description.conditions import load_condition_preset
 from agribot.description.field_generator import generate_field
@@ -95,7 +96,7 @@ def conditions(
 def run_conditions(
     wanted: Sequence[Condition],
     seconds: float,
-    model: str = "agribot-sim",
+    model: str = DEFAULT_MODEL,
     tell: Callable[[str], None] = lambda line: None,
     preset: str = PRESET,
 ) -> dict[str, Any]:

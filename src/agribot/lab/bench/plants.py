@@ -20,7 +20,7 @@ from agribot.autonomy.perceive.plants import find_pieces, ground_plants
 from agribot.autonomy.perceive.segmenter import ClassMap, Segmenter
 from agribot.autonomy.perceive.stem_plants import LEAST_SCORE
 from agribot.autonomy.perceive.stems import find_owners, find_stems
-from agribot.core.config import PerceptionConfig
+from agribot.core.config import DEFAULT_MODEL, PerceptionConfig
 from agribot.core.geo import inverse, transform
 from agribot.core.messages import WHEEL_NAMES, ByteArray, FloatArray, GroundPlant, PlantClass, Row
 from agribot.core.robot import CameraSpec, RobotSpec
@@ -65,7 +65,7 @@ class PictureOfPlants(NamedTuple):
 
 def judge_scenes(
     scenes: Sequence[PlantScene],
-    model: str = "agribot-sim",
+    model: str = DEFAULT_MODEL,
     preset: str = PRESET,
     frames: int = FRAMES,
     seed: int = 0,
