@@ -120,6 +120,8 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
     network = trainer.run(_print_progress if group.is_leader else lambda text: None).cpu()
     if not group.is_leader:
         return 0
+    if args.blend < 1.0:
+        network = _blend(network, args, source)
     onnx_path = args.out / f"{args.name}.onnx"
     features = find_architecture(args.model).features
     calibration = _calibrate(network, features, source)
@@ -148,6 +150,17 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
     write_curves(args.out / LOG, args.out / "training.png")
     _print_progress(card.markdown())
     return 1 if source.problems else 0
+
+
+def _blend(network: Any, args: argparse.Namespace, source: Any) -> Any:
+    import numpy as np
+
+    from agribot.lab.train.architectures import find_architecture
+    from agribot.lab.train.blend import blend_with_start
+
+    images, _ = source.batches(np.random.default_rng(args.seed))
+    x = find_architecture(args.model).features(images.cpu())
+    return blend_with_start(network, args.start, args.blend, x)
 
 
 def _check(args: argparse.Namespace) -> None:

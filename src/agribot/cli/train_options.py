@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 
+from agribot.cli.ranges import finite
 from agribot.core.errors import ConfigError
 from agribot.core.messages import PlantClass
 
@@ -23,6 +24,14 @@ def add_recipe_options(group: argparse._ArgumentGroup) -> None:
         metavar="MODEL",
         help="begin with these weights of the same network, a name or an .onnx file; imagenet: "
         "an encoder that has learned there (the default of agribot-s and agribot-m); random",
+    )
+    group.add_argument(
+        "--blend",
+        type=finite,
+        default=1.0,
+        metavar="SHARE",
+        help="with --start: write weights that lie so far from those begun with to those learned, "
+        "0.5 half-way, which know nearly all of both (default: 1)",
     )
     group.add_argument(
         "--class-weights",
@@ -79,11 +88,18 @@ def check_recipe_options(args: argparse.Namespace) -> None:
         args.validate = VALIDATION_VIEWS if args.data == "sim" else 0
     if args.validate < 0:
         raise ConfigError(f"--validate {args.validate}: must be 0 or more pictures")
+    if not 0.0 < args.blend <= 1.0:
+        raise ConfigError(f"--blend {args.blend}: must be more than 0 and at most 1")
     usual = IMAGENET if find_architecture(args.model).load_imagenet else RANDOM
     wanted = args.start or usual
     args.is_imagenet = wanted == IMAGENET
     args.recipe_words = _format_options(args, "" if wanted == usual else Path(wanted).name)
     args.start = None if wanted in {IMAGENET, RANDOM} else model_path(wanted)
+    if args.blend < 1.0 and args.start is None:
+        raise ConfigError(
+            f"--blend {args.blend}: is between the weights that the training begins with and what "
+            "it learns; give --start MODEL, or leave it out"
+        )
     if find_architecture(args.model).finds_plants:
         _check_plants(args)
     elif args.keep_classes:
@@ -136,6 +152,7 @@ def _format_options(args: argparse.Namespace, start: str) -> str:
         words += f"--class-weights {args.class_weights} "
     if args.learning_rate is not None:
         words += f"--learning-rate {args.learning_rate} "
+    words += f"--blend {args.blend:g} " if args.blend < 1.0 else ""
     words += "--keep-classes " if args.keep_classes else ""
     if args.validate != (VALIDATION_VIEWS if args.data == "sim" else 0):
         words += f"--validate {args.validate} "

@@ -39,16 +39,24 @@ def start_from(path: Path, network: nn.Module, x: Tensor) -> None:
 
     Raises: PerceptionError: no network that runs. ConfigError: one of another architecture.
     """
-    weights = _convolutions(path)
+    weights = read_convolutions(path)
     layers = _list_convolutions(network)
     if [tuple(layer.weight.shape) for layer in layers] != [tuple(w.shape) for w, _ in weights]:
         raise ConfigError(
             f"--start {path}: its {len(weights)} convolutions are not the {len(layers)} of this "
             "network; give the --model that the file was trained as, one of ours"
         )
+    set_convolutions(network, weights, x)
+
+
+def set_convolutions(network: nn.Module, weights: list[tuple[Tensor, Tensor]], x: Tensor) -> None:
+    """Give `network` these weights and biases, as of `read_convolutions`.
+
+    `x` is as of `start_from`.
+    """
     biases = {}
     with torch.no_grad():
-        for layer, (weight, bias) in zip(layers, weights, strict=True):
+        for layer, (weight, bias) in zip(_list_convolutions(network), weights, strict=True):
             layer.weight.copy_(weight)
             if layer.bias is not None:
                 layer.bias.copy_(bias)
@@ -68,8 +76,11 @@ def _list_convolutions(network: nn.Module) -> list[nn.Conv2d]:
     return [module for module in network.modules() if isinstance(module, nn.Conv2d)]
 
 
-def _convolutions(path: Path) -> list[tuple[Tensor, Tensor]]:
-    """Weights and biases in the order in which the graph computes them."""
+def read_convolutions(path: Path) -> list[tuple[Tensor, Tensor]]:
+    """Read the weights and biases of a file in the order in which its graph computes them.
+
+    Raises: PerceptionError: no network that runs. ConfigError: no plain weights.
+    """
     import onnx
     from onnx import numpy_helper
 
