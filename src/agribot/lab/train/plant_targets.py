@@ -20,7 +20,7 @@ from agribot.lab.train.augment import choose_windows, recolour
 from agribot.lab.train.losses import IGNORED
 from agribot.lab.train.picture_stack import NO_PLANT, PictureStack
 from agribot.lab.train.plant_truth import LEAST_PX
-from agribot.lab.train.sensors import change_sensors
+from agribot.lab.train.sensors import change_sensors, compress_some
 
 # The maps of a target, (MAPS, H / CELL_PX, W / CELL_PX): heat of weeds and of crops, the way to the
 # stem in units of WAY_UNIT_PX, right and down, how much the way counts, and the heat; then the
@@ -44,7 +44,8 @@ def augment_views(
     """
     chosen = stack.choose(count, rng)
     windows = choose_windows(stack, chosen, crop_px, rng)
-    images = recolour(change_sensors(windows.cut_images(stack.images[chosen]), rng), rng)
+    images = change_sensors(windows.cut_images(stack.images[chosen]), rng)
+    images = compress_some(recolour(images, rng), rng)
     targets = make_targets(
         windows.cut_pixels(stack.labels[chosen]),
         windows.cut_pixels(stack.numbers[chosen]),

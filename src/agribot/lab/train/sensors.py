@@ -8,6 +8,7 @@ from torch import Tensor
 
 from agribot.core.messages import FloatArray
 from agribot.lab.train.augment import blur_some, to_factors
+from agribot.lab.train.jpeg import compress
 
 # How often a picture is changed, and, of the changed ones, how often in each way.
 CHANGE_RATIO = 0.4
@@ -18,6 +19,8 @@ INFRARED_GAIN, INFRARED_LIFT = (0.35, 1.1), (0.9, 1.15)
 MIX_STD = 0.1
 BALANCE = (0.72, 1.35)
 BLUR_SIGMA_PX = (0.6, 1.8)
+# How often a picture comes as JPEG, and of what quality.
+JPEG_RATIO, JPEG_QUALITY = 0.5, (40.0, 97.0)
 
 
 def change_sensors(images: Tensor, rng: np.random.Generator) -> Tensor:
@@ -31,6 +34,17 @@ def change_sensors(images: Tensor, rng: np.random.Generator) -> Tensor:
         return images
     images = images.clone()
     images[chosen] = _change(images[chosen], rng)
+    return images
+
+
+def compress_some(images: Tensor, rng: np.random.Generator) -> Tensor:
+    """Show some of the pictures (N, 3, S, S), in 0..255, as JPEG leaves them."""
+    chosen = np.flatnonzero(rng.random(len(images)) < JPEG_RATIO)
+    qualities = rng.uniform(*JPEG_QUALITY, len(images))[chosen]
+    if not len(chosen):
+        return images
+    images = images.clone()
+    images[chosen] = compress(images[chosen], qualities)
     return images
 
 
