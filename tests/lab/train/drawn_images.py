@@ -31,4 +31,4 @@ def drawn_scene(rng: np.random.Generator, views: int) -> Iterator[tuple[ByteArra
 
 
 def batch_of_four(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-    return augment_batch(PictureStack(drawn_scene(rng, 4)), 4, 64, rng)
+    return augment_batch(PictureStack(drawn_scene(rng, 4), 4), 4, 64, rng)

@@ -70,7 +70,7 @@ def test_a_folder_of_another_seed_is_refused(tmp_path: Path) -> None:
 
 def test_augmentation_repeats_with_its_seed_and_keeps_labels_on_their_pixels() -> None:
     images = [drawn_image(np.random.default_rng(seed)) for seed in range(6)]
-    stack = PictureStack(images)
+    stack = PictureStack(images, 6)
     batch, target = augment_batch(stack, 6, 64, np.random.default_rng(1))
     again, _ = augment_batch(stack, 6, 64, np.random.default_rng(1))
     assert batch.shape == (6, 3, 64, 64) and target.shape == (6, 64, 64)

@@ -15,13 +15,13 @@ PICTURES = [drawn_image(np.random.default_rng(seed)) for seed in range(4)]
 def test_pictures_of_different_sizes_are_refused() -> None:
     image_rgb, label = PICTURES[0]
     with pytest.raises(ConfigError, match="same size"):
-        PictureStack([*PICTURES, (image_rgb[:64], label[:64])])
-    with pytest.raises(ConfigError, match="at least one"):
-        PictureStack([])
+        PictureStack([*PICTURES, (image_rgb[:64], label[:64])], 5)
+    with pytest.raises(ConfigError, match="at least 1"):
+        PictureStack([], 0)
 
 
 def test_weeds_are_counted_in_whole_blocks() -> None:
-    stack, chosen = PictureStack(PICTURES), np.arange(4)
+    stack, chosen = PictureStack(PICTURES, 4), np.arange(4)
     top, left = np.array([0, 8, 16, 24]), np.array([8, 0, 32, 16])
     counted = stack.count_weeds(chosen, top, left, np.full(4, 8 * BLOCK_PX))
     for (_, label), row, column, weeds in zip(PICTURES, top, left, counted, strict=True):
@@ -30,7 +30,7 @@ def test_weeds_are_counted_in_whole_blocks() -> None:
 
 
 def test_windows_lie_within_their_pictures_and_show_more_weeds_than_chance() -> None:
-    stack, rng = PictureStack(PICTURES), np.random.default_rng(3)
+    stack, rng = PictureStack(PICTURES, 4), np.random.default_rng(3)
     chosen = stack.choose(400, rng)
     windows = choose_windows(stack, chosen, 40, rng)
     assert (windows.top >= 0).all() and (windows.left >= 0).all()

@@ -149,7 +149,7 @@ def test_of_a_batch_every_picture_has_the_target_that_it_has_alone() -> None:
         draw_discs((90.0, 20.0, 5.0, PlantClass.WEED)),
     ]
     stack = PictureStack(
-        DrawnView(np.zeros((*SHAPE, 3), dtype=np.uint8), *picture) for picture in pictures
+        (DrawnView(np.zeros((*SHAPE, 3), dtype=np.uint8), *picture) for picture in pictures), 3
     )
     together = make_targets(
         stack.labels.to(torch.int64),
@@ -214,7 +214,7 @@ def test_drawn_stems_stand_among_the_pixels_of_their_plants() -> None:
 @pytest.mark.slow
 def test_batches_of_views_repeat_with_their_seed() -> None:
     views: list[DrawnView] = list(draw_random_field(np.random.default_rng([71, 9]), 2, DENSE))
-    stack = PictureStack(views)
+    stack = PictureStack(views, 2)
     images, targets = augment_views(stack, 2, 160, np.random.default_rng(1))
     again, targets_again = augment_views(stack, 2, 160, np.random.default_rng(1))
     assert images.shape == (2, 3, 160, 160) and targets.shape == (2, MAPS, 40, 40)

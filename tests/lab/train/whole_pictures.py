@@ -13,7 +13,7 @@ from agribot.lab.train.plant_truth import DrawnView, PlantTruth
 
 
 def stack_up(label: ByteArray, plants: PlantTruth) -> PictureStack:
-    return PictureStack([DrawnView(np.zeros((*label.shape, 3), dtype=np.uint8), label, plants)])
+    return PictureStack([DrawnView(np.zeros((*label.shape, 3), dtype=np.uint8), label, plants)], 1)
 
 
 def tell_targets(label: ByteArray, plants: PlantTruth) -> npt.NDArray[np.float32]:

@@ -235,7 +235,7 @@ def _mix_with_plants(
     photos: BatchSource, views: list[DrawnView], count: int, recipe: TrainingPlan
 ) -> BatchSource:
     """Photographs teach classes alone; of every batch `count` are views that teach stems, too."""
-    drawn = make_batches(PictureStack(views), count, recipe.crop_px)
+    drawn = make_batches(PictureStack(views, len(views)), count, recipe.crop_px)
 
     def draw_mixed(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
         images, label = photos(rng)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import torch
-from torch import Tensor
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, FloatArray, PlantClass
@@ -29,33 +27,47 @@ class PictureStack:
     of each pixel as of `PlantTruth`, `stems_px` (N, K, 2) and `kinds` (N, K) are its plants, filled
     up with `NO_PLANT`. All of these lie on `device`.
 
-    Raises: ConfigError: no picture, or of different sizes.
+    Raises: ConfigError: no picture, fewer than `count`, or of different sizes.
     """
 
-    def __init__(self, pictures: Iterable[LabelledImage | DrawnView], device: str = "cpu") -> None:
-        images, labels, numbers = [], [], []
-        plants: list[PlantTruth] = []
-        for picture in pictures:
-            images.append(picture[0])
-            labels.append(picture[1])
-            if isinstance(picture, DrawnView):
-                numbers.append(picture.plants.number.astype(np.int16))
-                plants.append(picture.plants._replace(number=_NO_NUMBERS))
-        shapes = sorted({label.shape for label in labels})
-        if len(shapes) != 1:
-            raise ConfigError(
-                f"{len(labels)} pictures of sizes {shapes} (rows, columns): give at least one, all "
-                "of the same size"
-            )
+    def __init__(
+        self, pictures: Iterable[LabelledImage | DrawnView], count: int, device: str = "cpu"
+    ) -> None:
         self.device = device
-        self.images, self.labels = (_move(one, device) for one in (images, labels))
-        self._weeds_px = np.stack([_sum_weeds(label) for label in labels])
+        self._weeds_px: list[npt.NDArray[np.int32]] = []
+        plants: list[PlantTruth] = []
+        for index, picture in enumerate(pictures):
+            if index == 0:
+                self._allocate(count, picture[1].shape, isinstance(picture, DrawnView))
+            self._take(index, picture)
+            if isinstance(picture, DrawnView):
+                self.numbers[index] = torch.from_numpy(picture.plants.number.astype(np.int16))
+                plants.append(picture.plants._replace(number=_NO_NUMBERS))
+        if not count or len(self._weeds_px) != count:
+            raise ConfigError(f"{len(self._weeds_px)} pictures instead of {count}; give at least 1")
         self.has_plants = bool(plants)
         if self.has_plants:
-            self.numbers = _move(numbers, device)
             stems_px, kinds = _fill_up(plants)
             self.stems_px = torch.from_numpy(stems_px).to(torch.float32).to(device)
             self.kinds = torch.from_numpy(kinds).to(device)
+
+    def _allocate(self, count: int, shape: tuple[int, ...], has_plants: bool) -> None:
+        """Take the memory for pictures of a shape, before they come."""
+        self.images = torch.empty((count, *shape, 3), dtype=torch.uint8, device=self.device)
+        self.labels = torch.empty((count, *shape), dtype=torch.uint8, device=self.device)
+        numbered = count if has_plants else 0
+        self.numbers = torch.empty((numbered, *shape), dtype=torch.int16, device=self.device)
+
+    def _take(self, index: int, picture: LabelledImage | DrawnView) -> None:
+        image_rgb, label = picture[:2]
+        if label.shape != self.shape:
+            raise ConfigError(
+                f"pictures of {label.shape} and of {self.shape} (rows, columns): a training cuts "
+                "its batches from pictures of the same size"
+            )
+        self.images[index] = torch.from_numpy(image_rgb.copy())
+        self.labels[index] = torch.from_numpy(label.copy())
+        self._weeds_px.append(_sum_weeds(label))
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -76,19 +88,15 @@ class PictureStack:
         """Count the weed pixels of a square (count,) of each, to the nearest block."""
         first_row, first_column = top // BLOCK_PX, left // BLOCK_PX
         last_row, last_column = (top + size_px) // BLOCK_PX, (left + size_px) // BLOCK_PX
-        sums = self._weeds_px
+        sums = np.stack([self._weeds_px[index] for index in chosen])
+        each = np.arange(len(chosen))
         counted: Numbers = (
-            sums[chosen, last_row, last_column]
-            - sums[chosen, first_row, last_column]
-            - sums[chosen, last_row, first_column]
-            + sums[chosen, first_row, first_column]
+            sums[each, last_row, last_column]
+            - sums[each, first_row, last_column]
+            - sums[each, last_row, first_column]
+            + sums[each, first_row, first_column]
         ).astype(np.int64)
         return counted
-
-
-def _move(pictures: list[npt.NDArray[Any]], device: str) -> Tensor:
-    """Stack pictures in the memory of a device."""
-    return torch.from_numpy(np.stack(pictures)).to(device)
 
 
 def _sum_weeds(label: ByteArray) -> npt.NDArray[np.int32]:

@@ -114,6 +114,7 @@ def make_simulated_source(
         itertools.chain.from_iterable(
             one.read_views(count) if finds_plants else one.read(count) for one, count in trained
         ),
+        sum(counts.values()),
         device,
     )
     batches = make_batches(stack, args.batch_size, args.crop_px)
