@@ -6,6 +6,7 @@ All of a batch is computed at once, on the device where its pictures lie.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -139,17 +140,24 @@ def seed_generator(device: torch.device, rng: np.random.Generator) -> torch.Gene
     return torch.Generator(device).manual_seed(int(rng.integers(2**63)))
 
 
+def change_some(
+    images: Tensor, chosen: npt.NDArray[np.bool_], change: Callable[[Tensor], Tensor]
+) -> Tensor:
+    """Change the chosen ones (N,) of (N, 3, H, W), all at once; the others stay."""
+    if not chosen.any():
+        return images
+    images = images.clone()
+    images[chosen] = change(images[chosen])
+    return images
+
+
 def blur_some(
     images: Tensor, share: float, sigma_px: tuple[float, float], rng: np.random.Generator
 ) -> Tensor:
     """Blur a share of (N, 3, H, W), each as far as it comes."""
-    chosen = np.flatnonzero(rng.random(len(images)) < share)
-    sigmas_px = rng.uniform(*sigma_px, len(images))[chosen]
-    if not len(chosen):
-        return images
-    images = images.clone()
-    images[chosen] = blur(images[chosen], torch.from_numpy(sigmas_px))
-    return images
+    chosen = rng.random(len(images)) < share
+    sigmas_px = torch.from_numpy(rng.uniform(*sigma_px, len(images))[chosen])
+    return change_some(images, chosen, lambda some: blur(some, sigmas_px))
 
 
 def blur(images: Tensor, sigmas_px: Tensor) -> Tensor:

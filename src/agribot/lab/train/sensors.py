@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from agribot.core.messages import FloatArray
-from agribot.lab.train.augment import blur_some, to_factors
+from agribot.lab.train.augment import blur_some, change_some, to_factors
 from agribot.lab.train.jpeg import compress
 
 # How often a picture is changed, and, of the changed ones, how often in each way.
@@ -29,23 +29,15 @@ def change_sensors(images: Tensor, rng: np.random.Generator) -> Tensor:
     That is one of red and near infrared, one with channels that overlap, another white balance or
     a lens out of focus, or several of these.
     """
-    chosen = np.flatnonzero(rng.random(len(images)) < CHANGE_RATIO)
-    if not len(chosen):
-        return images
-    images = images.clone()
-    images[chosen] = _change(images[chosen], rng)
-    return images
+    chosen = rng.random(len(images)) < CHANGE_RATIO
+    return change_some(images, chosen, lambda some: _change(some, rng))
 
 
 def compress_some(images: Tensor, rng: np.random.Generator) -> Tensor:
     """Show some of the pictures (N, 3, S, S), in 0..255, as JPEG leaves them."""
-    chosen = np.flatnonzero(rng.random(len(images)) < JPEG_RATIO)
+    chosen = rng.random(len(images)) < JPEG_RATIO
     qualities = rng.uniform(*JPEG_QUALITY, len(images))[chosen]
-    if not len(chosen):
-        return images
-    images = images.clone()
-    images[chosen] = compress(images[chosen], qualities)
-    return images
+    return change_some(images, chosen, lambda some: compress(some, qualities))
 
 
 def _change(images: Tensor, rng: np.random.Generator) -> Tensor:
@@ -55,12 +47,12 @@ def _change(images: Tensor, rng: np.random.Generator) -> Tensor:
     is_mixed = ~is_infrared & (rng.random(count) < MIX_RATIO)
     gains, lifts = rng.uniform(*INFRARED_GAIN, count), rng.uniform(*INFRARED_LIFT, count)
     mixtures = np.eye(3) + rng.normal(0.0, MIX_STD, (count, 3, 3))
-    if is_infrared.any():
-        images[is_infrared] = to_red_and_infrared(
-            images[is_infrared], gains[is_infrared], lifts[is_infrared]
-        )
-    if is_mixed.any():
-        images[is_mixed] = mix_channels(images[is_mixed], mixtures[is_mixed])
+    images = change_some(
+        images,
+        is_infrared,
+        lambda some: to_red_and_infrared(some, gains[is_infrared], lifts[is_infrared]),
+    )
+    images = change_some(images, is_mixed, lambda some: mix_channels(some, mixtures[is_mixed]))
     low, high = np.log(BALANCE).tolist()
     is_balanced = rng.random((count, 1)) < BALANCE_RATIO
     balances = np.where(is_balanced, np.exp(rng.uniform(low, high, (count, 3))), 1.0)
