@@ -20,6 +20,7 @@ from tests.ui.client import Browser
 from tests.ui.conftest import Robot
 from tests.ui.messages import make_weed
 from tests.ui.test_saved_frames import MASK, estimate, tick
+from tests.waiting import wait_for
 
 ROBOT = load_robot("agribot")
 REACH_M = 0.12
@@ -168,6 +169,7 @@ def test_frames_and_scenes_meet_in_a_thread_of_their_own() -> None:
 def test_a_browser_gets_the_picture_of_a_weed_and_when_it_was_taken(robot: Robot) -> None:
     robot.say(wire.WeedChanges(set=[make_weed(12, 3.5, 1.25)]))
     browser = Browser(robot.port)
+    wait_for(lambda: browser.ask("GET", "/api/v1/weeds.geojson")[1]["features"], "the weed")
     path = "/api/v1/weeds/12/picture"
     robot.answers[wire.FindPlantPicture] = wire.PlantPictureFile(jpeg=b"picture", t_s=1.5)
     assert browser.ask("GET", path) == (200, b"picture")
