@@ -32,6 +32,8 @@ CLOSING_S = 2.0  # a driver that hangs keeps no program from ending
 # From the middle of the exposure until the picture is there, at least.
 LATENCY_S = {"v4l2": 0.05, "rtsp": 0.2, "video": 0.0, "pipe": 0.05}
 PIPE_ERROR_CHARS = 200
+# For what a program said before it ended; one that it started may hold its error output open.
+LAST_WORDS_S = 2.0
 SAME_ASPECT = 0.01
 
 
@@ -114,7 +116,10 @@ class PipeGrabber:
             stderr=subprocess.PIPE,
         )  # fmt: skip
         self._said = b""
-        threading.Thread(target=self._listen, name="hears a camera's program", daemon=True).start()
+        self._listener = threading.Thread(
+            target=self._listen, name="hears a camera's program", daemon=True
+        )
+        self._listener.start()
 
     def read(self) -> ByteArray:
         width, height = self._size_px
@@ -122,6 +127,7 @@ class PipeGrabber:
         data = self._program.stdout.read(width * height * 3)
         if len(data) < width * height * 3:
             status = self._program.wait()
+            self._listener.join(LAST_WORDS_S)
             said = self._said.decode(errors="replace").strip().splitlines()
             told = f": {said[-1]}" if said else ""
             raise OSError(f"its program ended with status {status}{told}")
