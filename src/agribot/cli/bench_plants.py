@@ -7,11 +7,11 @@ import json
 import sys
 from pathlib import Path
 
-from agribot.cli.ranges import seed, whole
+from agribot.cli.ranges import above, seed, whole
 from agribot.cli.standard_error import print_line
 from agribot.cli.word_list import parse_names
 from agribot.core import extras
-from agribot.core.config import DEFAULT_MODEL
+from agribot.core.config import DEFAULT_MODEL, PerceptionConfig
 from agribot.core.errors import RecordingError
 from agribot.core.whole_file import write_at_once
 from agribot.description.conditions import load_condition_preset
@@ -33,6 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--seed", type=seed, default=0, metavar="N", help="default: %(default)s")
     parser.add_argument(
+        "--range", type=above(0.0, 10.0), default=PerceptionConfig().max_range_m, metavar="M",
+        help="judge plants up to so far from the point below the camera (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
         "--out", type=Path, metavar="DIR", help="write plants.md and plants.json there"
     )
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
@@ -47,8 +51,9 @@ def run(options: argparse.Namespace) -> int:
 
     scenes = [SCENES[name] for name in names]
     result = plants.judge_scenes(
-        scenes, options.model, options.preset, options.frames, options.seed, print_line
-    )
+        scenes, options.model, options.preset, options.frames, options.seed, options.range,
+        print_line,
+    )  # fmt: skip
     if options.out is not None:
         _write(options.out, "plants.md", format_table(plants.list_scores(result)))
         _write(options.out, "plants.json", json.dumps(result, indent=1) + "\n")

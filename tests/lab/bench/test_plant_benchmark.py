@@ -103,3 +103,7 @@ def test_the_command_prints_and_writes_the_figures(
     assert "beet-7-9" in said.err
     assert json.loads((tmp_path / "plants.json").read_text()) == result
     assert "| beet-7-9 |" in (tmp_path / "plants.md").read_text()
+    assert main([*words.split(), "--range", "0.8"]) == 0
+    near = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert near["max_range_m"] == 0.8
+    assert 0 < near["crops_truth"] < result["crops_truth"]

@@ -37,6 +37,7 @@ from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 
 PRESET = "field"
 FRAMES = 12
+MAX_RANGE_M = PerceptionConfig().max_range_m
 LEAST_PX = 30  # fewer pixels show no plant: neither in truth nor in an answer
 FRAMES_PER_FIELD = 4  # then the next one is drawn, in other light and on other ground
 PLACES_M = (0.0, 4.0)  # along the row, so that there is row ahead
@@ -69,13 +70,15 @@ def judge_scenes(
     preset: str = PRESET,
     frames: int = FRAMES,
     seed: int = 0,
+    max_range_m: float = MAX_RANGE_M,
     tell: Callable[[str], None] = lambda line: None,
 ) -> dict[str, Any]:
     """Judge a network on so many frames of each scene: pooled figures, and those `by` scene.
 
+    To be found are the plants up to `max_range_m` from the point below the camera.
     Raises: AgribotError: no such network or preset.
     """
-    config = PerceptionConfig(model=model)
+    config = PerceptionConfig(model=model, max_range_m=max_range_m)
     robot, segmenter = load_robot(), Segmenter(model, config.threads)
     pooled = PlantTally()
     rows = []
@@ -93,6 +96,7 @@ def judge_scenes(
         "preset": preset,
         "seed": seed,
         "frames": frames * len(scenes),
+        "max_range_m": max_range_m,
         **msgspec.to_builtins(scores),
         "by": rows,
     }
