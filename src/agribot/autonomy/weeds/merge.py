@@ -31,6 +31,7 @@ from agribot.autonomy.weeds.plant_table import (
     is_crop,
     move_to_datum,
     number_groups,
+    read_column,
 )
 from agribot.autonomy.weeds.track import MAX_CLASS_LOGIT
 from agribot.core.errors import RecordingError
@@ -69,7 +70,8 @@ def fuse(table: PlantTable) -> PlantTable:
     order = np.lexsort((table.rows["id"], table.rows["map"], -table.rows["sightings"]))
     order = order[np.argsort(table.rows["group"][order], kind="stable")]
     rows = table.rows[order]
-    _, begin, counts = np.unique(rows["group"], return_index=True, return_counts=True)
+    group: IndexArray = rows["group"]
+    _, begin, counts = np.unique(group, return_index=True, return_counts=True)
     fused = rows[begin].copy()
     several = counts > 1
     joint = _fuse_rows(rows, begin)
@@ -93,7 +95,9 @@ def _join(tables: Sequence[PlantTable]) -> PlantTable:
             )
         rows = move_to_datum(table, datum).rows.copy()
         number_of = np.array([names.index(name) for name in table.maps], dtype=np.int32)
-        rows["map"] = number_of[rows["map"]] if len(rows) else rows["map"]
+        if len(rows):
+            of_table: IndexArray = rows["map"]
+            rows["map"] = number_of[of_table]
         parts.append(rows)
     return PlantTable(datum, tuple(names), np.concatenate(parts))
 
@@ -102,10 +106,10 @@ def _drop_repetitions(table: PlantTable) -> PlantTable:
     """Keep the latest state of every row; a map may be given twice, or as it was earlier."""
     rows = table.rows
     by = ("y_map_m", "x_map_m", "confidence", "treated_s", "sightings", "last_seen_s", "id", "map")
-    order = np.lexsort([np.nan_to_num(rows[name], nan=-1e300) for name in by])
+    order = np.lexsort([np.nan_to_num(read_column(rows, name), nan=-1e300) for name in by])
     rows = rows[order]
     is_again = (rows["map"][1:] == rows["map"][:-1]) & (rows["id"][1:] == rows["id"][:-1])
-    moved_m = np.hypot(np.diff(rows["x_map_m"]), np.diff(rows["y_map_m"]))
+    moved_m = np.hypot(np.diff(read_column(rows, "x_map_m")), np.diff(read_column(rows, "y_map_m")))
     std_m = compute_std_m(rows)
     far = is_again & (moved_m > np.maximum(SAME_PLANT_M, 2 * REACH_SIGMA * std_m[1:]))
     if far.any():
@@ -139,8 +143,12 @@ def _find_candidates(table: PlantTable) -> tuple[IndexArray, IndexArray]:
 def _compute_cost(rows: Rows, i: IndexArray, j: IndexArray) -> FloatArray:
     """Squared distance in sigmas plus the cost of unlike classes, (P,)."""
     one, other = rows[i], rows[j]
-    dx_m, dy_m = other["x_map_m"] - one["x_map_m"], other["y_map_m"] - one["y_map_m"]
-    xx, xy, yy = (one[name] + other[name] for name in ("xx_m2", "xy_m2", "yy_m2"))
+    dx_m, dy_m = (
+        read_column(other, name) - read_column(one, name) for name in ("x_map_m", "y_map_m")
+    )
+    xx, xy, yy = (
+        read_column(one, name) + read_column(other, name) for name in ("xx_m2", "xy_m2", "yy_m2")
+    )
     distance2 = (dx_m**2 * yy - 2.0 * dx_m * dy_m * xy + dy_m**2 * xx) / (xx * yy - xy**2)
     doubt = np.minimum(np.abs(_find_logit(one)), np.abs(_find_logit(other)))
     unlike = is_crop(one) != is_crop(other)
@@ -150,9 +158,10 @@ def _compute_cost(rows: Rows, i: IndexArray, j: IndexArray) -> FloatArray:
 
 def _find_logit(rows: Rows) -> FloatArray:
     """Log-odds of weed against crop, (N,); 0 where no map says how sure it is."""
-    share = np.clip(np.nan_to_num(rows["confidence"], nan=0.5), 1e-6, 1.0 - 1e-6)
-    logit: FloatArray = np.where(is_crop(rows), -1.0, 1.0) * np.log(share / (1.0 - share))
-    return logit
+    confidence = np.nan_to_num(read_column(rows, "confidence"), nan=0.5)
+    share: FloatArray = np.clip(confidence, 1e-6, 1.0 - 1e-6)
+    sign: FloatArray = np.where(is_crop(rows), -1.0, 1.0)
+    return sign * np.log(share / (1.0 - share))
 
 
 def _check_classes(table: PlantTable, first: IndexArray, second: IndexArray) -> None:
@@ -217,12 +226,15 @@ def _fuse_rows(rows: Rows, begin: IndexArray) -> Rows:
         return sums
 
     joint = np.zeros(len(begin), dtype=[(n, ROW[n]) for n in _FUSED])
-    weight = 1.0 / (rows["xx_m2"] + rows["yy_m2"])
+    x_m, y_m, xx_m2, xy_m2, yy_m2 = (
+        read_column(rows, name) for name in ("x_map_m", "y_map_m", "xx_m2", "xy_m2", "yy_m2")
+    )
+    weight = 1.0 / (xx_m2 + yy_m2)
     weight /= np.repeat(add(weight), np.diff(np.append(begin, len(rows))))
-    det = rows["xx_m2"] * rows["yy_m2"] - rows["xy_m2"] ** 2
-    ixx, ixy, iyy = (weight * part / det for part in (rows["yy_m2"], -rows["xy_m2"], rows["xx_m2"]))
-    ix = add(ixx * rows["x_map_m"] + ixy * rows["y_map_m"])
-    iy = add(ixy * rows["x_map_m"] + iyy * rows["y_map_m"])
+    det = xx_m2 * yy_m2 - xy_m2**2
+    ixx, ixy, iyy = (weight * part / det for part in (yy_m2, -xy_m2, xx_m2))
+    ix = add(ixx * x_m + ixy * y_m)
+    iy = add(ixy * x_m + iyy * y_m)
     sxx, sxy, syy = add(ixx), add(ixy), add(iyy)
     det = sxx * syy - sxy**2
     joint["xx_m2"], joint["xy_m2"], joint["yy_m2"] = syy / det, -sxy / det, sxx / det

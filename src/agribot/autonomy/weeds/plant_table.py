@@ -94,10 +94,21 @@ def move_to_datum(table: PlantTable, datum: Datum) -> PlantTable:
     return PlantTable(datum, table.maps, rows)
 
 
+def read_column(rows: Rows, name: str) -> FloatArray:
+    """Read a column of numbers, (N,).
+
+    To a type checker `rows[name]` may be anything, and sums of such columns keep it busy for
+    seconds.
+    """
+    values: FloatArray = rows[name]
+    return values
+
+
 def compute_std_m(rows: Rows) -> FloatArray:
     """Compute the longer axis of each 1-sigma ellipse, (N,)."""
-    half_m2 = (rows["xx_m2"] + rows["yy_m2"]) / 2.0
-    root_m2 = np.hypot((rows["xx_m2"] - rows["yy_m2"]) / 2.0, rows["xy_m2"])
+    xx_m2, xy_m2, yy_m2 = (read_column(rows, name) for name in ("xx_m2", "xy_m2", "yy_m2"))
+    half_m2 = (xx_m2 + yy_m2) / 2.0
+    root_m2 = np.hypot((xx_m2 - yy_m2) / 2.0, xy_m2)
     std_m: FloatArray = np.sqrt(np.maximum(half_m2 + root_m2, 0.0))
     return std_m
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from agribot.autonomy.weeds.plant_table import ROW, PlantTable, Rows, round_rows
+from agribot.autonomy.weeds.plant_table import ROW, PlantTable, Rows, read_column, round_rows
 from agribot.core.errors import RecordingError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray, PlantClass
@@ -194,12 +194,12 @@ def _check_degrees(lonlat_deg: FloatArray, shown: str) -> None:
 
 
 def _check_numbers(rows: Rows, shown: str) -> None:
-    det = rows["xx_m2"] * rows["yy_m2"] - rows["xy_m2"] ** 2
+    xx_m2, xy_m2, yy_m2 = (read_column(rows, name) for name in ("xx_m2", "xy_m2", "yy_m2"))
+    confidence = read_column(rows, "confidence")
     wrong = {
-        "its covariance is none": ~((rows["xx_m2"] > 0) & (rows["yy_m2"] > 0) & (det > 0)),
-        "its confidence is not between 0 and 1": (rows["confidence"] < 0)
-        | (rows["confidence"] > 1),
-        "its area is negative": rows["area_m2"] < 0,
+        "its covariance is none": ~((xx_m2 > 0) & (yy_m2 > 0) & (xx_m2 * yy_m2 - xy_m2**2 > 0)),
+        "its confidence is not between 0 and 1": (confidence < 0) | (confidence > 1),
+        "its area is negative": read_column(rows, "area_m2") < 0,
     }
     for what, is_wrong in wrong.items():
         if is_wrong.any():

@@ -144,7 +144,7 @@ def measure_footprint(
         for shape in link.collisions:
             corners.append(_list_corners(robot.body_from_link(link.name) @ shape.origin.matrix(),
                                           shape.kind, shape.size_m))  # fmt: skip
-    points = np.vstack(corners)
+    points: FloatArray = np.vstack(corners)
     wheels = robot.wheel_xy_body_m()
     radius_m, half_wheel_m = robot.drive.wheel_radius_m, robot.drive.wheel_width_m / 2.0
     across_m = max(
