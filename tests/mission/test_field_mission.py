@@ -24,7 +24,7 @@ from agribot.record.replay import read_truth
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)  # of the farm profile
 OUTLINE = ((-1.5, -1.5), (4.5, -1.5), (5.0, 4.5), (-1.5, 4.0))
 HOLE = ((1.4, 1.2), (2.0, 1.2), (2.0, 1.8), (1.4, 1.7))
-ROOMY = (((-2.0, -3.0), (6.0, -3.0), (6.0, 3.0), (-2.0, 3.0)),)
+ROOMY = (((-2.0, -3.0), (4.2, -3.0), (4.2, 3.0), (-2.0, 3.0)),)
 EMPTY = ["perception.enabled=false", 'world="empty"', "field.start_map_m=[0,0]",
          'sim.sensors="rtk"']  # fmt: skip
 
