@@ -19,6 +19,8 @@ from collections.abc import Generator
 import pytest
 from _pytest.terminal import TerminalReporter
 
+from tests.outcomes import HAS_FAILED
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # read when numpy or torch is imported
 
 pytest_plugins = ["tests.cpu_times", "tests.askers", "tests.figures"]
@@ -34,6 +36,8 @@ def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     report = yield
+    if report.failed:
+        item.stash[HAS_FAILED] = True
     is_expected = hasattr(report, "wasxfail") or item.get_closest_marker("elsewhere")
     if report.skipped and not is_expected and os.environ.get("AGRIBOT_REQUIRE_ALL"):
         report.outcome = "failed"

@@ -11,6 +11,7 @@ from playwright.sync_api import TimeoutError as NotThere
 
 from agribot.ui import wire
 from tests import machine
+from tests.outcomes import HAS_FAILED
 from tests.ui.page.fake_server import PAGE, FakeServer, serving
 from tests.waiting import PATIENCE_S, wait_for
 
@@ -36,6 +37,19 @@ PLUG_IN = """
   navigator.getGamepads = () => [window.__pad]
 """
 UNPLUG = "navigator.getGamepads = () => [null]"
+# Of a page whose test failed.
+FACTS = """() => {
+  const {state, field, map, counters, screen} = window.__agribot ?? {}
+  const node = document.querySelector('.map'), canvas = map?.getCanvas()
+  return {
+    screen, counters, state: state?.(), has_field: Boolean(field?.()),
+    map: map && {moving: map.isMoving(), center: map.getCenter(), zoom: map.getZoom(),
+      bearing: map.getBearing(), node: [node?.clientWidth, node?.clientHeight],
+      canvas: [canvas.clientWidth, canvas.clientHeight]},
+    chosen: [...document.querySelectorAll('select')].map((select) => select.value),
+    text: document.body.innerText.slice(0, 2000),
+  }
+}"""
 LEFT_SHOULDER = "window.__pad.buttons[4].pressed = %s"
 
 
@@ -74,7 +88,9 @@ def sharpness() -> float:
 
 
 @pytest.fixture
-def context(browser: Browser, sharpness: float) -> Iterator[BrowserContext]:
+def context(
+    browser: Browser, sharpness: float, request: pytest.FixtureRequest
+) -> Iterator[BrowserContext]:
     context = new_context(
         browser,
         viewport={"width": 1280, "height": 800},
@@ -82,8 +98,22 @@ def context(browser: Browser, sharpness: float) -> Iterator[BrowserContext]:
         locale="en",
         reduced_motion="reduce",  # no colour is looked at half-way to another
     )
+    said: list[str] = []
+    context.on("console", lambda line: said.append(f"{line.type}: {line.text}"))
+    context.on("weberror", lambda error: said.append(f"error: {error.error}"))
     yield context
+    if request.node.stash.get(HAS_FAILED, False):
+        told = [*map(describe, context.pages), *said]
+        request.node.add_report_section("teardown", "pages", "\n".join(told))
     context.close()
+
+
+def describe(page: Page) -> str:
+    """What a page shows and knows, for whoever has to find out why its test failed."""
+    try:
+        return f"{page.url}: {page.evaluate(FACTS)}"
+    except Error as error:
+        return f"{page.url}: {error}"
 
 
 OpenPage = Callable[..., Page]
