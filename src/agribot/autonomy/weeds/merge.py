@@ -96,7 +96,7 @@ def _join(tables: Sequence[PlantTable]) -> PlantTable:
         rows = move_to_datum(table, datum).rows.copy()
         number_of = np.array([names.index(name) for name in table.maps], dtype=np.int32)
         if len(rows):
-            of_table: IndexArray = rows["map"]
+            of_table: npt.NDArray[np.int32] = rows["map"]
             rows["map"] = number_of[of_table]
         parts.append(rows)
     return PlantTable(datum, tuple(names), np.concatenate(parts))
