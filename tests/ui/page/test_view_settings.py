@@ -95,6 +95,21 @@ def test_the_map_stays_on_the_robot_and_turns_with_it_until_somebody_moves_the_m
     expect(target).to_have_value("heading")
 
 
+def test_the_map_goes_after_a_robot_that_moved_while_the_map_did_and_says_no_more(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = opened(open_page, server)
+    page.get_by_label("Target frame").select_option("position")
+    wait_middle(page, put(page, server, ON_FIRST_ROW_M))
+    slowly = "duration: 600000, essential: true"
+    page.evaluate(f"{MAP}.easeTo({{ zoom: {MAP}.getZoom() - 1, {slowly} }})")
+    place = put(page, server, ON_SECOND_ROW_M)
+    server.silent = True
+    assert page.evaluate(f"{MAP}.isMoving()") and from_middle_px(page, place) > 40.0
+    page.evaluate(f"{MAP}.stop()")
+    wait_middle(page, place)
+
+
 def test_target_and_size_of_pictures_are_kept_with_the_view(
     open_page: OpenPage, server: FakeServer
 ) -> None:

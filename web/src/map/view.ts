@@ -97,11 +97,16 @@ export class MapView implements DisplayHost {
     this.map.on('movestart', ({ originalEvent }) => {
       if (originalEvent) this.fitted = null
     })
+    // A map that moves, or has another size than its screen, cannot go after the robot: it does so once it can,
+    // also where the robot's next word is long in coming.
     this.map.on('moveend', () => {
-      if (!this.tracking.isMoving) this.remember()
+      if (this.tracking.isMoving) return
+      this.remember()
+      this.tracking.follow()
     })
     this.map.on('resize', () => {
       if (this.fitted) this.fit(this.fitted, 0)
+      this.tracking.follow()
     })
     onTheme(() => this.retheme())
     if (window.__agribot) Object.assign(window.__agribot, { map: this.map, goal: () => this.tools.proposals.goal })
