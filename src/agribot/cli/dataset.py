@@ -56,7 +56,7 @@ def _add_generate(actions: Any) -> None:
         choices=("standard", "wide", "seedlings"),
         default="standard",
         help="wide: all species, and soil with residue, stones and wet patches; seedlings: young "
-        "carrots and weeds close from above, in red and near infrared",
+        "carrots or parsley among weeds, close from above, in red and near infrared",
     )
     generate.add_argument("--colour", action="store_true", help="red, green and blue masks as well")
     generate.add_argument(

@@ -231,7 +231,7 @@ def add_drawn_options(group: argparse._ArgumentGroup) -> None:
         type=int,
         default=0,
         metavar="N",
-        help="so many more of carrot seedlings among weeds, from close above, half of them in red "
+        help="so many more of young carrots or parsley among weeds, from close above, half in red "
         "and near infrared",
     )
     group.add_argument("--test-images", type=int, default=120, help="of each test set")

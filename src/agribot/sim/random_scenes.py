@@ -24,9 +24,11 @@ DATUM = Datum(lat_deg=0.0, lon_deg=0.0)
 CROPS = (("sugar_beet", 0.07, 0.26), ("lettuce", 0.06, 0.20), ("maize", 0.12, 0.45))
 CROP_SHARE = (0.5, 0.25, 0.25)
 WEEDS = ("grass", "goosefoot", "thistle", "amaranth")
-ALL_CROPS = (*CROPS, ("carrot", 0.05, 0.22), ("onion", 0.08, 0.32))
-ALL_CROP_SHARE = (0.3, 0.15, 0.15, 0.2, 0.2)
+ALL_CROPS = (*CROPS, ("carrot", 0.05, 0.22), ("onion", 0.08, 0.32), ("parsley", 0.05, 0.22))
+ALL_CROP_SHARE = (0.25, 0.15, 0.15, 0.15, 0.15, 0.15)
 ALL_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock", "chamomile")
+# What the shipped networks saw on fields ends with chamomile; more stand among seedlings alone.
+SEEDLING_WEEDS = (*ALL_WEEDS, "millet", "knotweed", "quickweed", "milk_thistle", "mayweed")
 WEED_HEIGHT_M = (0.025, 0.17)
 # From the first true leaves on; a preset's growth makes them still smaller.
 YOUNG_CROPS = (
@@ -56,7 +58,7 @@ class Variety(NamedTuple):
 
 
 STANDARD = Variety(CROPS, CROP_SHARE, WEEDS)
-WIDE = Variety(ALL_CROPS, ALL_CROP_SHARE, ALL_WEEDS, has_litter=True)
+WIDE = Variety(ALL_CROPS, ALL_CROP_SHARE, SEEDLING_WEEDS, has_litter=True)
 ROUGH = Variety(
     YOUNG_CROPS,
     crop_share=(0.35, 0.15, 0.15, 0.175, 0.175),

@@ -1,9 +1,10 @@
 """Seedlings close from above, as a camera for red and near infrared sees them.
 
-Young carrots stand in a row with weeds among them, of which chamomile looks most like them. The
-camera looks straight down on a stretch of about two hand-widths. Its picture shows red as red
-and blue, and near infrared as green, as that of the Crop/Weed Field Image Dataset does: soil is
-grey there, and leaves are green, because they reflect far more of the infrared than of the red.
+Young carrots, or parsley with its broader leaflets, stand in a row. Of the weeds among them
+chamomile and mayweed look most like them. The camera looks straight down on a stretch of about two
+hand-widths. Its picture shows red as red and blue, and near infrared as green, as that of the
+Crop/Weed Field Image Dataset does: soil is grey there, and leaves are green, because they reflect
+far more of the infrared than of the red.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import math
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
 from agribot.core.messages import ByteArray, FloatArray, PlantClass
@@ -19,8 +21,8 @@ from agribot.core.robot import CameraSpec
 from agribot.core.world import Light, Plant, Soil, WorldSpec
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.random_scenes import (
-    ALL_WEEDS,
     DATUM,
+    SEEDLING_WEEDS,
     make_ground_tile,
     place_plant,
     sample_light,
@@ -29,14 +31,15 @@ from agribot.sim.random_scenes import (
 )
 
 HALF_M = 0.3
-LOOKALIKE = "chamomile"
-OTHER_WEEDS = tuple(name for name in ALL_WEEDS if name != LOOKALIKE)
-CARROT_HEIGHT_M = (0.010, 0.032)
+LOOKALIKES = ("chamomile", "mayweed")
+OTHER_WEEDS = tuple(name for name in SEEDLING_WEEDS if name not in LOOKALIKES)
+GRASSES = ("millet", "grass")
+CROP_HEIGHT_M = (0.010, 0.032)
 WEED_HEIGHT_M = (0.004, 0.045)
 
 
 def sample_seedlings(rng: np.random.Generator, scale: float = 1.0) -> WorldSpec:
-    """Sample a stretch of a carrot row along x through the origin, with weeds.
+    """Sample a stretch of a row of carrots or parsley along x through the origin, with weeds.
 
     Plants are `scale` times as tall as seedlings, and stand as much farther apart.
     """
@@ -50,7 +53,7 @@ def sample_seedlings(rng: np.random.Generator, scale: float = 1.0) -> WorldSpec:
         datum=DATUM,
         light=light,
         ground=(make_ground_tile("soil", -60.0, 60.0),),
-        plants=(*_sample_carrots(rng, scale), *_sample_weeds(rng, scale)),
+        plants=(*_sample_row(rng, scale), *_sample_weeds(rng, scale)),
         obstacles=(),
         soil=sample_soil(rng) if rng.random() < 0.15 else Soil(),
     )
@@ -98,8 +101,27 @@ def to_red_infrared(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray
         spread = np.kron(grain, np.ones((coarse, coarse)))[:height, :width]
         both[..., 0] += spread
         both[..., 1] -= 0.5 * spread
+    if rng.random() < 0.5:
+        _scatter_grains(both, rng)
     both[..., 2] = both[..., 0]
     return np.clip(both.round(), 0, 255).astype(np.uint8)
+
+
+def _scatter_grains(both: npt.NDArray[np.float32], rng: np.random.Generator) -> None:
+    """Scatter heaps of bright grains, as of fertiliser, over the soil of a picture (H, W, 3)."""
+    height, width = both.shape[:2]
+    for _ in range(int(rng.integers(1, 12))):
+        spread_px = rng.uniform(4.0, 30.0)
+        middle = rng.uniform(0.0, (height, width))
+        at = rng.normal(middle, spread_px, (int(rng.integers(10, 90)), 2)).astype(int)
+        for row, column in at:
+            if not (0 <= row < height and 0 <= column < width):
+                continue
+            side = int(rng.integers(1, 4))
+            grain = both[row : row + side, column : column + side]
+            if (grain[..., 1] < grain[..., 0] + 30.0).all():
+                grain[..., 0] += rng.uniform(40.0, 150.0)
+                grain[..., 1] += rng.uniform(30.0, 110.0)
 
 
 def sample_overhead_view(
@@ -107,9 +129,9 @@ def sample_overhead_view(
 ) -> tuple[CameraSpec, FloatArray]:
     """Sample a camera that looks straight down, and `map_from_camera` (4, 4).
 
-    It sees 0.13 to 0.24 m, times `scale`.
+    It sees 0.12 to 0.32 m, times `scale`.
     """
-    width_m, height_m = scale * rng.uniform(0.13, 0.24), scale * rng.uniform(0.4, 0.6)
+    width_m, height_m = scale * rng.uniform(0.12, 0.32), scale * rng.uniform(0.4, 0.6)
     camera = CameraSpec(
         link="camera_link",
         width_px=648,
@@ -127,22 +149,24 @@ def sample_overhead_view(
     return camera, link @ LINK_FROM_OPTICAL
 
 
-def _sample_carrots(rng: np.random.Generator, scale: float) -> list[Plant]:
-    height_m, spacing_m = rng.uniform(*CARROT_HEIGHT_M), rng.uniform(0.02, 0.07)
+def _sample_row(rng: np.random.Generator, scale: float) -> list[Plant]:
+    height_m, spacing_m = rng.uniform(*CROP_HEIGHT_M), rng.uniform(0.02, 0.07)
+    crop = "parsley" if rng.random() < 0.35 else "carrot"
     plants = []
     for x_m in np.arange(-HALF_M, HALF_M, spacing_m):
         if rng.random() < 0.8:
             place_m = scale * rng.normal((x_m, 0.0), 0.012)
             size_m = scale * height_m * rng.lognormal(0.0, 0.25)
-            plants.append(place_plant(rng, "carrot", PlantClass.CROP, place_m, size_m))
+            plants.append(place_plant(rng, crop, PlantClass.CROP, place_m, size_m))
     return plants
 
 
 def _sample_weeds(rng: np.random.Generator, scale: float) -> list[Plant]:
-    kinds = rng.choice(OTHER_WEEDS, size=int(rng.integers(1, 3)), replace=False).tolist()
-    if rng.random() < 0.75:
-        kinds.append(LOOKALIKE)
-    density_per_m2 = math.exp(rng.uniform(math.log(40.0), math.log(250.0)))
+    kinds = rng.choice(OTHER_WEEDS, size=int(rng.integers(1, 5)), replace=False).tolist()
+    if rng.random() < 0.5:
+        kinds.append(str(rng.choice(GRASSES)))
+    kinds += [name for name in LOOKALIKES if rng.random() < 0.45]
+    density_per_m2 = math.exp(rng.uniform(math.log(40.0), math.log(500.0)))
     median_m = rng.uniform(0.008, 0.026)
     plants = []
     for _ in range(int(rng.poisson(density_per_m2 * (2.0 * HALF_M) ** 2))):

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from agribot.core.messages import PlantClass
-from agribot.sim.flora.fronds import grow_carrot
+from agribot.sim.flora.fronds import (
+    grow_carrot,
+    grow_chamomile,
+    grow_mayweed,
+    grow_parsley,
+)
 from agribot.sim.flora.mesh import Leaves, Mesh
 from agribot.sim.flora.species import (
     LODS,
@@ -17,6 +24,9 @@ from agribot.sim.flora.species import (
     find_nearest_stage,
 )
 from agribot.sim.flora.texture import build_leaf_atlas, make_tileable_noise
+from agribot.sim.flora.weeds import grow_millet, grow_quickweed
+
+Grow = Callable[[np.random.Generator, float], list[Leaves]]
 
 EVERY_SPECIES = pytest.mark.parametrize("species", sorted(SPECIES))
 
@@ -29,10 +39,11 @@ def _leaf_area(mesh: Mesh) -> float:
 
 def test_there_are_crops_and_weeds() -> None:
     crops = {name for name, kind in SPECIES.items() if kind.plant == PlantClass.CROP}
-    assert crops == {"sugar_beet", "maize", "lettuce", "carrot", "onion"}
+    assert crops == {"sugar_beet", "maize", "lettuce", "carrot", "onion", "parsley"}
     assert set(SPECIES) - crops == {
         "grass", "goosefoot", "thistle", "amaranth", "chickweed", "plantain", "charlock",
-        "chamomile",
+        "chamomile", "millet", "knotweed", "quickweed", "milk_thistle",
+        "mayweed",
     }  # fmt: skip
 
 
@@ -100,6 +111,39 @@ def test_chamomile_covers_less_of_its_outline_than_carrot() -> None:
         return _leaf_area(near) / _leaf_area(far)
 
     assert cover("chamomile") < cover("carrot")
+
+
+def test_lobes_are_threads_in_mayweed_and_broad_in_parsley() -> None:
+    def broadest(grow: Grow) -> float:
+        """Width over length of the broadest parts of the fronds, in the mean of ten plants."""
+        plants = [grow(np.random.default_rng(seed), 0.6) for seed in range(10)]
+        parts = [max((kind.width / kind.length).mean() for kind in kinds[1:]) for kinds in plants]
+        return float(np.mean(parts))
+
+    of_all = [broadest(grow) for grow in (grow_mayweed, grow_chamomile, grow_carrot, grow_parsley)]
+    assert of_all == sorted(of_all)
+    assert of_all[0] < 0.2 and of_all[-1] > 0.5
+
+
+def test_a_seedling_of_millet_is_a_few_long_straps() -> None:
+    for seed in range(8):
+        (blades,) = grow_millet(np.random.default_rng(seed), STAGES[0])
+        assert 2 <= len(blades.length) <= 5
+        assert (blades.length > 5.0 * blades.width).all()
+
+
+def test_leaves_of_quickweed_stand_in_pairs_that_cross() -> None:
+    (blades,) = grow_quickweed(np.random.default_rng(5), STAGES[-1])
+    one, other = blades.yaw_rad[::2], blades.yaw_rad[1::2]
+    assert (np.cos(one - other) < -0.6).all(), "two leaves of a pair opposite each other"
+    assert (np.abs(np.cos(np.diff(one))) < 0.7).all(), "and the next pair across"
+
+
+def test_the_veins_of_milk_thistle_are_brighter_than_its_leaves() -> None:
+    atlas = build_leaf_atlas(3)
+    brightness = atlas.mean(axis=-1)[:, 60:, :]  # without petioles
+    spread = np.percentile(brightness, 97, axis=(1, 2)) - np.median(brightness, axis=(1, 2))
+    assert spread.argmax() == list(SPECIES).index("milk_thistle")
 
 
 def test_height_tells_the_growth_stage() -> None:

@@ -20,7 +20,7 @@ from agribot.lab.dataset.records import (
     image_name,
     read_records,
 )
-from agribot.sim.random_scenes import ALL_CROPS, ALL_WEEDS, CROPS, WEEDS
+from agribot.sim.random_scenes import DENSE, STANDARD, WIDE
 
 POSE_COLUMNS = (
     "image", "field", "x_map_m", "y_map_m", "z_map_m", "qx", "qy", "qz", "qw", "focal_px",
@@ -30,12 +30,12 @@ PLANT_COLUMNS = (
     "image", "instance", "species", "class", "left_px", "top_px", "width_px", "height_px",
     "area_px", "x_map_m", "y_map_m", "size_m",
 )  # fmt: skip
-# Those of the standard variety first: their numbers are the same in every set.
+# New species go to the end: the numbers of the others are the same in every set.
 CATEGORIES = tuple(
     dict.fromkeys(
         (kind, species)
-        for crops, weeds in ((CROPS, WEEDS), (ALL_CROPS, ALL_WEEDS))
-        for kind, names in (("crop", [name for name, *_ in crops]), ("weed", weeds))
+        for one in (STANDARD, DENSE, WIDE)
+        for kind, names in (("crop", [name for name, *_ in one.crops]), ("weed", one.weeds))
         for species in names
     )
 )

@@ -265,7 +265,7 @@ def draw_set(
 
 def _count_views(wanted: WantedSet) -> int:
     """Count the views of each scene of a set."""
-    if not wanted.variety.rough_share:
+    if not wanted.variety.rough_share or wanted.drawer is draw_seedlings:
         return VIEWS_PER_SCENE
     return TAUGHT_VIEWS_PER_SCENE if wanted.name in TAUGHT else ROUGH_VIEWS_PER_SCENE
 
@@ -291,7 +291,7 @@ SIM_TEXT = (
     "robot's own camera along and beside rows, labelled by the renderer"
 )
 SEEDLING_TEXT = (
-    "; young carrots among weeds from close above, half of them in red and near infrared"
+    "; young carrots or parsley among weeds from close above, half of them in red and near infrared"
 )
 VARIETY_TEXTS = {
     "rough": "; five crops from seedlings on, half of the fields with the relief, litter, "

@@ -21,6 +21,9 @@ RADIUS_RATIO: dict[str, tuple[float, float, float]] = {
     "amaranth": (0.97, 0.75, 0.54), "carrot": (1.46, 1.07, 0.81), "onion": (0.36, 0.34, 0.33),
     "chickweed": (3.30, 1.36, 1.64), "plantain": (1.85, 1.76, 1.58),
     "charlock": (1.34, 1.03, 0.78), "chamomile": (1.54, 1.37, 1.35),
+    "parsley": (1.84, 1.47, 1.16), "millet": (1.49, 1.11, 0.98), "knotweed": (2.04, 1.34, 1.07),
+    "quickweed": (1.31, 1.11, 0.84), "milk_thistle": (1.70, 1.83, 1.65),
+    "mayweed": (1.74, 1.56, 1.55),
 }  # fmt: skip
 
 

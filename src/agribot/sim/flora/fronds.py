@@ -60,6 +60,21 @@ def grow_carrot(rng: np.random.Generator, stage: float) -> list[Leaves]:
     return [*kinds, _grow_seed_leaves(rng, fronds)] if stage < 0.5 else kinds
 
 
+def grow_parsley(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    count = choose_leaf_count(rng, stage, 3, 9)
+    age = np.arange(count) / count
+    length = (0.75 + 0.25 * stage) * (1 - 0.4 * age)
+    fronds = grow_leaves(
+        rng, arrange_spiral(rng, count), length=length, width=length,
+        pitch_deg=24 + 22 * stage + 36 * age, curl=(0.2, 0.9), profile=_outline_blade,
+        petiole=0.42, fold=0.1, twist=0.15, tone=0.9 + 0.2 * age,
+    )  # fmt: skip
+    shape = _Frond(leaflet=rng.uniform(0.36, 0.54), lobe=0.78,
+                   lobe_width=rng.uniform(0.45, 0.95), fork_rad=rng.uniform(0.6, 0.95),
+                   pairs=int(rng.integers(1, 3)))  # fmt: skip
+    return _grow_compound(rng, _widen_outline(fronds, shape), shape)
+
+
 def grow_chamomile(rng: np.random.Generator, stage: float) -> list[Leaves]:
     count = choose_leaf_count(rng, stage, 4, 11)
     age = np.arange(count) / count
@@ -73,6 +88,28 @@ def grow_chamomile(rng: np.random.Generator, stage: float) -> list[Leaves]:
     shape = _Frond(leaflet=0.26, lobe=0.66, lobe_width=0.24, fork_rad=0.5,
                    pairs=2 + round(1.5 * stage))  # fmt: skip
     return _grow_compound(rng, fronds, shape)
+
+
+def grow_mayweed(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    """Grow fronds of long threads, finer than those of chamomile."""
+    count = choose_leaf_count(rng, stage, 3, 11)
+    age = np.arange(count) / count
+    length = (0.8 + 0.2 * stage) * (1 - 0.4 * age)
+    fronds = grow_leaves(
+        rng, arrange_spiral(rng, count), length=length, width=length,
+        pitch_deg=16 + 46 * age, curl=(0.0, 0.6), profile=_outline_blade, petiole=0.25, fold=0.1,
+        twist=0.3, tone=0.9 + 0.2 * age,
+    )  # fmt: skip
+    shape = _Frond(leaflet=rng.uniform(0.26, 0.40), lobe=rng.uniform(0.5, 0.75),
+                   lobe_width=rng.uniform(0.12, 0.22), fork_rad=rng.uniform(0.4, 0.7),
+                   pairs=int(rng.integers(2, 5)))  # fmt: skip
+    return _grow_compound(rng, _widen_outline(fronds, shape), shape)
+
+
+def _widen_outline(fronds: Leaves, shape: _Frond) -> Leaves:
+    """Make outlines about as large as half of the stalks and lobes that they stand for."""
+    lobes = (2 * shape.pairs + 1) * (shape.leaflet * shape.lobe) ** 2 * shape.lobe_width
+    return fronds._replace(width=(0.15 + 3.2 * lobes) * fronds.length)
 
 
 def _grow_compound(rng: np.random.Generator, fronds: Leaves, shape: _Frond) -> list[Leaves]:

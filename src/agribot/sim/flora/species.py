@@ -12,7 +12,7 @@ import numpy as np
 from agribot.core.errors import DescriptionError
 from agribot.core.messages import PlantClass
 from agribot.sim.flora import crops, weeds
-from agribot.sim.flora.fronds import grow_carrot, grow_chamomile
+from agribot.sim.flora.fronds import grow_carrot, grow_chamomile, grow_mayweed, grow_parsley
 from agribot.sim.flora.habit import Species, stem_blade
 from agribot.sim.flora.mesh import (
     Leaves,
@@ -55,6 +55,18 @@ _ALL = (
             (146, 176, 100), (132, 152, 92), 6, 0.13, 11),
     Species("chamomile", PlantClass.WEED, 0.15, grow_chamomile, 3, (90, 140, 62), (122, 164, 88),
             (124, 158, 88), 0, 0.10, 12, is_compound=True),
+    Species("parsley", PlantClass.CROP, 0.20, grow_parsley, 3, (72, 134, 66), (118, 166, 92),
+            (120, 160, 88), 0, 0.10, 13, is_compound=True),
+    Species("millet", PlantClass.WEED, 0.15, weeds.grow_millet, 9, (112, 158, 60),
+            (146, 180, 92), (130, 150, 80), 0, 0.08, 14),
+    Species("knotweed", PlantClass.WEED, 0.12, weeds.grow_knotweed, 5, (88, 140, 64),
+            (132, 168, 96), (150, 130, 88), 0, 0.10, 15),
+    Species("quickweed", PlantClass.WEED, 0.12, weeds.grow_quickweed, 6, (94, 146, 62),
+            (136, 174, 96), (138, 158, 98), 4, 0.12, 16),
+    Species("milk_thistle", PlantClass.WEED, 0.15, weeds.grow_milk_thistle, 12, (72, 116, 84),
+            (226, 234, 216), (160, 180, 140), 9, 0.10, 17),
+    Species("mayweed", PlantClass.WEED, 0.15, grow_mayweed, 3, (92, 144, 62), (124, 166, 88),
+            (126, 156, 88), 0, 0.10, 18, is_compound=True),
 )  # fmt: skip
 SPECIES: dict[str, Species] = {kind.name: kind for kind in _ALL}
 

@@ -45,6 +45,21 @@ def _charlock_blade(b: FloatArray) -> FloatArray:
     return np.where(b < 0.45, lobes, np.sin(np.pi * np.clip((b - 0.36) / 0.64, 0, 1)) ** 0.7)
 
 
+def _strap_blade(b: FloatArray) -> FloatArray:
+    """Return the width of a blade that is broad from its foot on and runs out into its tip."""
+    return np.clip(np.minimum(0.6 + 2.0 * b, (1.0 - b) / 0.65), 0.0, 1.0) ** 0.8
+
+
+def _lance_blade(b: FloatArray) -> FloatArray:
+    return np.sin(np.pi * np.clip(b, 0, 1) ** 0.9) ** 0.75
+
+
+def _milk_thistle_blade(b: FloatArray) -> FloatArray:
+    """Return the width of a broad blade with shallow lobes."""
+    body = np.sin(np.pi * np.clip(b, 0, 1) ** 0.95) ** 0.6
+    return body * (0.88 + 0.14 * np.sin(2 * np.pi * 4.0 * b))
+
+
 def grow_grass(rng: np.random.Generator, stage: float) -> list[Leaves]:
     count = choose_leaf_count(rng, stage, 5, 18)
     length = rng.uniform(0.55, 1.1, count)
@@ -143,3 +158,62 @@ def grow_charlock(rng: np.random.Generator, stage: float) -> list[Leaves]:
         base_z=stem * 0.9 * place, tone=0.9 + 0.2 * place,
     )  # fmt: skip
     return [blades, grow_stalk(rng, stem, 0.04)]
+
+
+def grow_millet(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    """Grow a grass of few broad straps in two ranks, which arch down to the ground."""
+    count = choose_leaf_count(rng, stage, 3, 8)
+    place = np.arange(count) / count
+    ranks = rng.uniform(0, np.pi) + np.arange(count) % 2 * np.pi + rng.normal(0, 0.45, count)
+    length = rng.uniform(0.85, 1.2, count) * (1 - 0.25 * place)
+    return [
+        grow_leaves(rng, ranks, length=length, width=(0.14 - 0.05 * stage) * length,
+               pitch_deg=36 + 30 * place, curl=(0.6, 1.5), profile=_strap_blade, fold=0.5,
+               twist=0.5, base_z=(0.05 + 0.25 * stage) * place, tone=0.9 + 0.2 * place),
+    ]  # fmt: skip
+
+
+def grow_knotweed(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    """Grow long narrow leaves, the two seed leaves of a seedling the longest."""
+    count = choose_leaf_count(rng, stage, 3, 12)
+    place = np.arange(count) / count
+    length = 1.0 - 0.5 * place
+    return [
+        grow_leaves(rng, _arrange_pairs(rng, count), length=length,
+               width=rng.uniform(0.17, 0.30) * length, pitch_deg=14 + 36 * place,
+               curl=(0.0, 0.5), profile=_lance_blade, petiole=0.12, fold=0.2,
+               base_z=0.4 * stage * place, tone=0.9 + 0.2 * place),
+    ]  # fmt: skip
+
+
+def grow_quickweed(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    """Grow crossed pairs of egg-shaped or round leaves, each pair above the last."""
+    count = 2 * choose_leaf_count(rng, stage, 2, 5)
+    pair = np.arange(count) // 2 / (count // 2)
+    length = np.where(pair == 0, 0.75, 1.0) * (1 - 0.35 * pair) * rng.uniform(0.9, 1.1, count)
+    return [
+        grow_leaves(rng, _arrange_pairs(rng, count), length=length,
+               width=rng.uniform(0.5, 0.95) * length, pitch_deg=14 + 34 * pair,
+               curl=(0.0, 0.6), profile=_ovate_blade, petiole=0.26, fold=0.2, wave=0.08,
+               base_z=(0.2 + 0.4 * stage) * pair, tone=0.88 + 0.24 * pair),
+    ]  # fmt: skip
+
+
+def grow_milk_thistle(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    """Grow a rosette of broad leaves, whose veins are white."""
+    count = choose_leaf_count(rng, stage, 3, 8)
+    age = np.arange(count) / count
+    length = 1 - 0.45 * age
+    return [
+        grow_leaves(rng, arrange_spiral(rng, count), length=length, width=0.46 * length,
+               pitch_deg=18 + 40 * age, curl=(0.1, 0.6), profile=_milk_thistle_blade, fold=0.2,
+               wave=0.35, tone=0.9 + 0.2 * age),
+    ]  # fmt: skip
+
+
+def _arrange_pairs(rng: np.random.Generator, count: int) -> FloatArray:
+    """Return the yaws of leaves (count,), two opposite each other and the next across, rad."""
+    index = np.arange(count)
+    across = index // 2 * (np.pi / 2) + index % 2 * np.pi
+    angles: FloatArray = rng.uniform(0, 2 * np.pi) + across + rng.normal(0, 0.2, count)
+    return angles
