@@ -29,9 +29,8 @@ def test_grains_lie_on_the_soil_and_never_on_leaves() -> None:
     picture[:, 80:] = (40, 180, 40)  # leaves
     with_grains = 0
     for k in range(SCENES):
-        red, infrared, again = to_red_infrared(picture, np.random.default_rng([9, k])).transpose(
-            2, 0, 1
-        )
+        bands = to_red_infrared(picture, np.random.default_rng([9, k]))
+        red, infrared, again = np.moveaxis(bands, 2, 0)
         assert np.array_equal(red, again)
         assert (infrared[:, 80:] > red[:, 80:]).all()
         with_grains += bool((red[:, :80] > 160).any())

@@ -26,9 +26,9 @@ CROP_SHARE = (0.5, 0.25, 0.25)
 WEEDS = ("grass", "goosefoot", "thistle", "amaranth")
 ALL_CROPS = (*CROPS, ("carrot", 0.05, 0.22), ("onion", 0.08, 0.32), ("parsley", 0.05, 0.22))
 ALL_CROP_SHARE = (0.25, 0.15, 0.15, 0.15, 0.15, 0.15)
-ALL_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock", "chamomile")
-# What the shipped networks saw on fields ends with chamomile; more stand among seedlings alone.
-SEEDLING_WEEDS = (*ALL_WEEDS, "millet", "knotweed", "quickweed", "milk_thistle", "mayweed")
+FIELD_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock", "chamomile")
+# Those that the packaged networks have not learned go to the end.
+ALL_WEEDS = (*FIELD_WEEDS, "millet", "knotweed", "quickweed", "milk_thistle", "mayweed")
 WEED_HEIGHT_M = (0.025, 0.17)
 # From the first true leaves on; a preset's growth makes them still smaller.
 YOUNG_CROPS = (
@@ -58,11 +58,11 @@ class Variety(NamedTuple):
 
 
 STANDARD = Variety(CROPS, CROP_SHARE, WEEDS)
-WIDE = Variety(ALL_CROPS, ALL_CROP_SHARE, SEEDLING_WEEDS, has_litter=True)
+WIDE = Variety(ALL_CROPS, ALL_CROP_SHARE, ALL_WEEDS, has_litter=True)
 ROUGH = Variety(
     YOUNG_CROPS,
     crop_share=(0.35, 0.15, 0.15, 0.175, 0.175),
-    weeds=ALL_WEEDS,
+    weeds=FIELD_WEEDS,
     weed_share=(0.18, 0.18, 0.18, 0.18, 0.07, 0.07, 0.07, 0.07),
     rough_share=0.5,
 )
@@ -76,7 +76,7 @@ DENSE = Variety(
         ("onion", 0.05, 0.32),
     ),
     crop_share=(0.4, 0.15, 0.15, 0.15, 0.15),
-    weeds=ALL_WEEDS,
+    weeds=FIELD_WEEDS,
     rough_share=0.6,
     spacing_m=(0.05, 1.5),
     weeds_per_m2=(0.5, 80.0),

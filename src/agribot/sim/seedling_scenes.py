@@ -21,8 +21,8 @@ from agribot.core.robot import CameraSpec
 from agribot.core.world import Light, Plant, Soil, WorldSpec
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.random_scenes import (
+    ALL_WEEDS,
     DATUM,
-    SEEDLING_WEEDS,
     make_ground_tile,
     place_plant,
     sample_light,
@@ -32,7 +32,7 @@ from agribot.sim.random_scenes import (
 
 HALF_M = 0.3
 LOOKALIKES = ("chamomile", "mayweed")
-OTHER_WEEDS = tuple(name for name in SEEDLING_WEEDS if name not in LOOKALIKES)
+OTHER_WEEDS = tuple(name for name in ALL_WEEDS if name not in LOOKALIKES)
 GRASSES = ("millet", "grass")
 CROP_HEIGHT_M = (0.010, 0.032)
 WEED_HEIGHT_M = (0.004, 0.045)

@@ -20,7 +20,7 @@ from agribot.lab.train.rough_ground import roughen, stand_on
 from agribot.lab.train.simulated import draw_random_field
 from agribot.lab.train.sources import make_simulated_source
 from agribot.sim.ground_surface import GroundSurface
-from agribot.sim.random_scenes import ALL_WEEDS, CROPS, ROUGH, STANDARD, sample_field
+from agribot.sim.random_scenes import CROPS, FIELD_WEEDS, ROUGH, STANDARD, sample_field
 from tests.lab.train.command_line import parsed
 
 
@@ -61,7 +61,7 @@ def test_all_crops_and_weeds_occur_from_seedlings_on(worlds: list[WorldSpec]) ->
         assert min(sizes_m) < low_m, name
         assert max(sizes_m) > 2.0 * low_m, name
     weeds = {p.species for world in worlds for p in world.plants if p.plant == PlantClass.WEED}
-    assert weeds == set(ALL_WEEDS)
+    assert weeds == set(FIELD_WEEDS)
 
 
 def test_ridges_run_under_the_rows_of_the_crop_and_some_have_wheel_tracks() -> None:

@@ -49,10 +49,9 @@ def grow_carrot(rng: np.random.Generator, stage: float) -> list[Leaves]:
     age = np.arange(count) / count
     length = (0.7 + 0.3 * stage) * (1 - 0.35 * age)
     upright_deg = 36 + 24 * stage + (40 - 16 * stage) * age
-    fronds = grow_leaves(
-        rng, arrange_spiral(rng, count), length=length, width=0.60 * length, pitch_deg=upright_deg,
-        curl=(0.3, 1.0), profile=_outline_blade, petiole=0.36, fold=0.1, twist=0.15,
-        tone=0.9 + 0.2 * age,
+    fronds = _grow_fronds(
+        rng, age, length=length, width=0.60 * length, pitch_deg=upright_deg, curl=(0.3, 1.0),
+        petiole=0.36, twist=0.15,
     )  # fmt: skip
     shape = _Frond(leaflet=0.30, lobe=0.62, lobe_width=0.46, fork_rad=0.66,
                    pairs=2 + round(2 * stage))  # fmt: skip
@@ -64,10 +63,9 @@ def grow_parsley(rng: np.random.Generator, stage: float) -> list[Leaves]:
     count = choose_leaf_count(rng, stage, 3, 9)
     age = np.arange(count) / count
     length = (0.75 + 0.25 * stage) * (1 - 0.4 * age)
-    fronds = grow_leaves(
-        rng, arrange_spiral(rng, count), length=length, width=length,
-        pitch_deg=24 + 22 * stage + 36 * age, curl=(0.2, 0.9), profile=_outline_blade,
-        petiole=0.42, fold=0.1, twist=0.15, tone=0.9 + 0.2 * age,
+    fronds = _grow_fronds(
+        rng, age, length=length, width=length, pitch_deg=24 + 22 * stage + 36 * age,
+        curl=(0.2, 0.9), petiole=0.42, twist=0.15,
     )  # fmt: skip
     shape = _Frond(leaflet=rng.uniform(0.36, 0.54), lobe=0.78,
                    lobe_width=rng.uniform(0.45, 0.95), fork_rad=rng.uniform(0.6, 0.95),
@@ -79,11 +77,9 @@ def grow_chamomile(rng: np.random.Generator, stage: float) -> list[Leaves]:
     count = choose_leaf_count(rng, stage, 4, 11)
     age = np.arange(count) / count
     length = (0.75 + 0.25 * stage) * (1 - 0.45 * age)
-    fronds = grow_leaves(
-        rng, arrange_spiral(rng, count), length=length, width=0.40 * length,
-        pitch_deg=22 + 50 * age,
-        curl=(0.0, 0.6), profile=_outline_blade, petiole=0.3, fold=0.1, twist=0.2,
-        tone=0.9 + 0.2 * age,
+    fronds = _grow_fronds(
+        rng, age, length=length, width=0.40 * length, pitch_deg=22 + 50 * age, curl=(0.0, 0.6),
+        petiole=0.3, twist=0.2,
     )  # fmt: skip
     shape = _Frond(leaflet=0.26, lobe=0.66, lobe_width=0.24, fork_rad=0.5,
                    pairs=2 + round(1.5 * stage))  # fmt: skip
@@ -95,10 +91,9 @@ def grow_mayweed(rng: np.random.Generator, stage: float) -> list[Leaves]:
     count = choose_leaf_count(rng, stage, 3, 11)
     age = np.arange(count) / count
     length = (0.8 + 0.2 * stage) * (1 - 0.4 * age)
-    fronds = grow_leaves(
-        rng, arrange_spiral(rng, count), length=length, width=length,
-        pitch_deg=16 + 46 * age, curl=(0.0, 0.6), profile=_outline_blade, petiole=0.25, fold=0.1,
-        twist=0.3, tone=0.9 + 0.2 * age,
+    fronds = _grow_fronds(
+        rng, age, length=length, width=length, pitch_deg=16 + 46 * age, curl=(0.0, 0.6),
+        petiole=0.25, twist=0.3,
     )  # fmt: skip
     shape = _Frond(leaflet=rng.uniform(0.26, 0.40), lobe=rng.uniform(0.5, 0.75),
                    lobe_width=rng.uniform(0.12, 0.22), fork_rad=rng.uniform(0.4, 0.7),
@@ -106,8 +101,20 @@ def grow_mayweed(rng: np.random.Generator, stage: float) -> list[Leaves]:
     return _grow_compound(rng, _widen_outline(fronds, shape), shape)
 
 
+def _grow_fronds(
+    rng: np.random.Generator, age: FloatArray, *, length: FloatArray, width: FloatArray,
+    pitch_deg: FloatArray, curl: tuple[float, float], petiole: float, twist: float,
+) -> Leaves:  # fmt: skip
+    """Grow the outline of a frond for each age (n,), 0 the oldest, in a spiral."""
+    return grow_leaves(
+        rng, arrange_spiral(rng, len(age)), length=length, width=width, pitch_deg=pitch_deg,
+        curl=curl, profile=_outline_blade, petiole=petiole, fold=0.1, twist=twist,
+        tone=0.9 + 0.2 * age,
+    )  # fmt: skip
+
+
 def _widen_outline(fronds: Leaves, shape: _Frond) -> Leaves:
-    """Make outlines about as large as half of the stalks and lobes that they stand for."""
+    """Make outlines of any width half as large as the stalks and lobes of their fronds."""
     lobes = (2 * shape.pairs + 1) * (shape.leaflet * shape.lobe) ** 2 * shape.lobe_width
     return fronds._replace(width=(0.15 + 3.2 * lobes) * fronds.length)
 

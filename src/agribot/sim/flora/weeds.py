@@ -45,12 +45,12 @@ def _charlock_blade(b: FloatArray) -> FloatArray:
     return np.where(b < 0.45, lobes, np.sin(np.pi * np.clip((b - 0.36) / 0.64, 0, 1)) ** 0.7)
 
 
-def _strap_blade(b: FloatArray) -> FloatArray:
+def _millet_blade(b: FloatArray) -> FloatArray:
     """Return the width of a blade that is broad from its foot on and runs out into its tip."""
     return np.clip(np.minimum(0.6 + 2.0 * b, (1.0 - b) / 0.65), 0.0, 1.0) ** 0.8
 
 
-def _lance_blade(b: FloatArray) -> FloatArray:
+def _knotweed_blade(b: FloatArray) -> FloatArray:
     return np.sin(np.pi * np.clip(b, 0, 1) ** 0.9) ** 0.75
 
 
@@ -168,7 +168,7 @@ def grow_millet(rng: np.random.Generator, stage: float) -> list[Leaves]:
     length = rng.uniform(0.85, 1.2, count) * (1 - 0.25 * place)
     return [
         grow_leaves(rng, ranks, length=length, width=(0.14 - 0.05 * stage) * length,
-               pitch_deg=36 + 30 * place, curl=(0.6, 1.5), profile=_strap_blade, fold=0.5,
+               pitch_deg=36 + 30 * place, curl=(0.6, 1.5), profile=_millet_blade, fold=0.5,
                twist=0.5, base_z=(0.05 + 0.25 * stage) * place, tone=0.9 + 0.2 * place),
     ]  # fmt: skip
 
@@ -181,7 +181,7 @@ def grow_knotweed(rng: np.random.Generator, stage: float) -> list[Leaves]:
     return [
         grow_leaves(rng, _arrange_pairs(rng, count), length=length,
                width=rng.uniform(0.17, 0.30) * length, pitch_deg=14 + 36 * place,
-               curl=(0.0, 0.5), profile=_lance_blade, petiole=0.12, fold=0.2,
+               curl=(0.0, 0.5), profile=_knotweed_blade, petiole=0.12, fold=0.2,
                base_z=0.4 * stage * place, tone=0.9 + 0.2 * place),
     ]  # fmt: skip
 
