@@ -21,6 +21,25 @@ from tests.waiting import wait_for
 MAP = "window.__agribot.map"
 ON_FIRST_ROW_M, ON_SECOND_ROW_M = 6.0, 20.0  # along the path: eastwards, then back
 
+# A banner comes, goes, and is here once more for a moment between two frames, which no observer of
+# sizes is told.
+BANNER = """() => new Promise((resolve) => {
+  const map = document.querySelector('.map'), place = map.parentElement
+  const has = (banner) => { place.style.marginBottom = banner ? '48px' : '0' }
+  const atPlace = [() => has(true), () => has(false)]
+  const atMap = [() => {}, () => {}, () => {
+    has(true)
+    for (const end = performance.now() + 80; performance.now() < end;);
+    setTimeout(() => { has(false); resolve() })
+  }]
+  const watch = (node, steps) => {
+    const seen = new ResizeObserver(() => steps.length ? steps.shift()() : seen.disconnect())
+    seen.observe(node)
+  }
+  watch(place, atPlace)
+  watch(map, atMap)
+})"""
+
 
 @pytest.fixture
 def sharpness() -> float:
@@ -108,6 +127,17 @@ def test_the_map_goes_after_a_robot_that_moved_while_the_map_did_and_says_no_mor
     assert page.evaluate(f"{MAP}.isMoving()") and from_middle_px(page, place) > 40.0
     page.evaluate(f"{MAP}.stop()")
     wait_middle(page, place)
+
+
+def test_the_map_fills_its_place_and_stays_on_the_robot_where_banners_come_and_go(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = opened(open_page, server)
+    page.get_by_label("Target frame").select_option("position")
+    page.evaluate(BANNER)
+    wait_middle(page, put(page, server, ON_FIRST_ROW_M))
+    box = page.locator(".map").bounding_box()
+    assert box and page.evaluate(f"{MAP}.getCanvas().clientHeight") == box["height"]
 
 
 def test_target_and_size_of_pictures_are_kept_with_the_view(

@@ -22,6 +22,8 @@ interface TrackedMap {
   readonly app: App
   readonly map: MapLibre
   readonly node: HTMLElement
+  /** Whether the canvas is as large as the map's place on the page. */
+  readonly isFilled: boolean
   /** The part of the earth that stays in view until somebody moves the map. */
   fitted: unknown
   /** Bring all of the field into view again, if that is what is shown. */
@@ -90,12 +92,10 @@ export class Tracking {
   follow(): void {
     const { view, target } = this
     const pose = view.app.store.state?.pose
-    if (!pose || target === 'map' || view.map.isMoving() || !view.node.isConnected) return
+    if (!pose || target === 'map' || view.map.isMoving() || !view.node.isConnected || !view.isFilled) return
     const at = view.app.projection.toLonLat(pose[0], pose[1])
     const { x, y } = view.map.project(at)
     const { clientWidth: w, clientHeight: h } = view.node
-    const canvas = view.map.getCanvas()
-    if (canvas.clientWidth !== w || canvas.clientHeight !== h) return // the map does not know its new size yet
     const [dx, dy] = [Math.abs(x - w / 2), Math.abs(y - h / 2)]
     if (target !== 'near') {
       const bearing = target === 'heading' ? 90 - pose[2] / RAD + this.turnDeg : view.map.getBearing()

@@ -75,6 +75,7 @@ export class MapView implements DisplayHost {
       maxPitch: 0,
       attributionControl: false,
       dragRotate: true,
+      trackResize: false,
       style: {
         version: 8,
         sources: {},
@@ -108,6 +109,9 @@ export class MapView implements DisplayHost {
       if (this.fitted) this.fit(this.fitted, 0)
       this.tracking.follow()
     })
+    // MapLibre's own observer reads the size up to 50 ms after it was told of one, and keeps a wrong one for good
+    // where a banner came and went meanwhile.
+    new ResizeObserver(() => this.resize()).observe(this.node)
     onTheme(() => this.retheme())
     if (window.__agribot) Object.assign(window.__agribot, { map: this.map, goal: () => this.tools.proposals.goal })
   }
@@ -117,6 +121,18 @@ export class MapView implements DisplayHost {
     host.prepend(this.node)
     this.map.resize()
     this.overlay.request()
+  }
+
+  /** Whether the canvas is as large as the map's place on the page. */
+  get isFilled(): boolean {
+    const canvas = this.map.getCanvas()
+    return canvas.clientWidth === this.node.clientWidth && canvas.clientHeight === this.node.clientHeight
+  }
+
+  private resize(): void {
+    if (!this.node.isConnected || this.isFilled) return
+    this.map.resize()
+    this.map.redraw() // a canvas of a new size is empty
   }
 
   ready(work: () => void): void {
