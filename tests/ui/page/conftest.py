@@ -29,6 +29,7 @@ WITHOUT_GL = "off=map,scene"
 # time that a program needs for a frame of the map.
 COARSE, SHARP = 0.5, 1.0
 PRESSES, PRESS_S = 18, 10.0
+ANSWERS_WITHIN_S = 20.0  # a page that has not hung
 SCREENS = [*wire.SCREENS]
 # A gamepad as the browser gives one; tests press and push what they like.
 PLUG_IN = """
@@ -111,6 +112,7 @@ def context(
 def describe(page: Page) -> str:
     """What a page shows and knows, for whoever has to find out why its test failed."""
     try:
+        page.locator("body").wait_for(timeout=1000 * ANSWERS_WITHIN_S)  # evaluate waits for ever
         return f"{page.url}: {page.evaluate(FACTS)}"
     except Error as error:
         return f"{page.url}: {error}"

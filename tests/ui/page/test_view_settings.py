@@ -12,10 +12,12 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page, expect
 
+from agribot.ui import wire
 from tests.ui.page import display_messages as messages
 from tests.ui.page.conftest import SHARP, OpenPage, until
 from tests.ui.page.fake_robot import DATUM
 from tests.ui.page.fake_server import FakeServer
+from tests.ui.page.test_safety import commands
 from tests.waiting import wait_for
 
 MAP = "window.__agribot.map"
@@ -138,6 +140,17 @@ def test_the_map_fills_its_place_and_stays_on_the_robot_where_banners_come_and_g
     wait_middle(page, put(page, server, ON_FIRST_ROW_M))
     box = page.locator(".map").bounding_box()
     assert box and page.evaluate(f"{MAP}.getCanvas().clientHeight") == box["height"]
+
+
+def test_stop_works_while_the_map_shows_all_the_earth_and_cannot_have_the_robot_in_its_middle(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = opened(open_page, server)
+    page.get_by_label("Target frame").select_option("position")
+    page.evaluate(f"setTimeout(() => {MAP}.jumpTo({{ zoom: 0 }}))")
+    page.locator("#stop").click()
+    wait_for(lambda: commands(server, wire.PressStop), "a stop command")
+    assert page.evaluate(f"{MAP}.getZoom()") < 1.0
 
 
 def test_target_and_size_of_pictures_are_kept_with_the_view(

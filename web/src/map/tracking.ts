@@ -14,6 +14,8 @@ export type Target = keyof typeof TARGETS
 
 /** How far from the middle the followed robot may go, as a share of the map's size. */
 const KEEP_WITHIN = 0.36
+/** What the events of a move after the robot carry. */
+export const FOLLOWING = { isFollowing: true }
 const NEAR_PX = 0.5
 const NEAR_DEG = 0.2
 
@@ -36,8 +38,6 @@ export class Tracking {
   /** What is up in the map besides the robot's heading, degrees clockwise. */
   turnDeg = 0
   onTarget: () => void = () => undefined
-  /** The map moves by itself: nobody has chosen another view. */
-  isMoving = false
   private onRobot: Target = 'near'
 
   constructor(private readonly view: TrackedMap) {}
@@ -100,17 +100,11 @@ export class Tracking {
     if (target !== 'near') {
       const bearing = target === 'heading' ? 90 - pose[2] / RAD + this.turnDeg : view.map.getBearing()
       const off = Math.abs(((bearing - view.map.getBearing() + 540) % 360) - 180)
-      if (dx > NEAR_PX || dy > NEAR_PX || off > NEAR_DEG) this.jump(at, bearing)
+      if (dx > NEAR_PX || dy > NEAR_PX || off > NEAR_DEG) view.map.jumpTo({ center: at, bearing }, FOLLOWING)
       return
     }
     const within = view.fitted ? 0.5 : KEEP_WITHIN // the whole field is in view: do not move it without need
     if (dx <= w * within && dy <= h * within) return
-    if (!view.refit()) view.map.easeTo({ center: at, duration: 600 })
-  }
-
-  private jump(center: [number, number], bearing: number): void {
-    this.isMoving = true
-    this.view.map.jumpTo({ center, bearing })
-    this.isMoving = false
+    if (!view.refit()) view.map.easeTo({ center: at, duration: 600 }, FOLLOWING)
   }
 }

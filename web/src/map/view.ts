@@ -23,7 +23,7 @@ import { Overlay } from './overlay.ts'
 import { RobotSight } from './robot-sight.ts'
 import { serveLabels, soilTexture } from './texture.ts'
 import { MapTools } from './tools.ts'
-import { Tracking } from './tracking.ts'
+import { FOLLOWING, Tracking } from './tracking.ts'
 import type { Target } from './tracking.ts'
 
 maplibregl.setWorkerUrl(workerUrl)
@@ -99,9 +99,10 @@ export class MapView implements DisplayHost {
       if (originalEvent) this.fitted = null
     })
     // A map that moves, or has another size than its screen, cannot go after the robot: it does so once it can,
-    // also where the robot's next word is long in coming.
-    this.map.on('moveend', () => {
-      if (this.tracking.isMoving) return
+    // also where the robot's next word is long in coming. After such a move the robot may be anywhere, at the edge of
+    // the earth where the map ends: then the map waits for that word, instead of moving for ever.
+    this.map.on('moveend', (event) => {
+      if ('isFollowing' in event) return
       this.remember()
       this.tracking.follow()
     })
@@ -238,7 +239,7 @@ export class MapView implements DisplayHost {
   /** Bring all of the field into view again, if that is what is shown. */
   refit(): boolean {
     const box = this.fitted && this.wholeField()
-    if (box) this.fit(box, 600)
+    if (box) this.fit(box, 600, FOLLOWING)
     return box !== null
   }
 
@@ -265,7 +266,7 @@ export class MapView implements DisplayHost {
   }
 
   /** The field clear of the buttons; it stays so in a screen of another shape until the operator moves the map. */
-  private fit(box: Box, durationMs: number): void {
+  private fit(box: Box, durationMs: number, eventData = {}): void {
     const isNarrow = this.node.clientWidth < NARROW_PX
     // A low screen has two columns of buttons on the right.
     const isLow = matchMedia('(min-width: 600px) and (max-height: 560px)').matches
@@ -275,7 +276,7 @@ export class MapView implements DisplayHost {
       left: isNarrow ? 20 : 72,
       right: isLow ? 112 : isNarrow ? 68 : 72,
     }
-    this.map.fitBounds(box, { padding, maxZoom: 21, bearing: 0, duration: durationMs })
+    this.map.fitBounds(box, { padding, maxZoom: 21, bearing: 0, duration: durationMs }, eventData)
     this.fitted = box
   }
 
