@@ -122,6 +122,7 @@ class FakeRobot:
         self.receiver = make_receiver()
         self.gnss: wire.GnssState | None = GNSS
         self.replay: wire.ReplayProgress | None = None
+        self.calibration: wire.CalibrationProgress | None = None
         self.trajectory: list[wire.Vec2] = []
         self.commands: list[wire.PageMessage] = []
         self.path = path()
@@ -221,6 +222,7 @@ class FakeRobot:
             pace_ratio=1.0,
             recording="2026-05-03-171500-farm",
             replay=self.replay,
+            calibration=self.calibration,
             signals=[[self.t_s, speed_mps, *wave, 24.6]],
         )
 

@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image
@@ -15,7 +16,8 @@ from playwright.sync_api import Page, Route, expect
 
 from agribot.core.geo import Datum, MapFrame
 from agribot.ui import wire
-from tests.ui.page.conftest import SCREENS, SHARP, OpenPage, show, until
+from tests.ui.page import fake_answers
+from tests.ui.page.conftest import SCREENS, SHARP, OpenPage, show, take_control, until
 from tests.ui.page.fake_robot import DATUM, field
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.test_safety import commands
@@ -23,6 +25,7 @@ from tests.waiting import wait_for
 
 BLUE, GREEN = (31, 95, 224), (23, 145, 63)  # of the light theme
 NEAR_RGB = 60
+UNDO = "[...document.querySelectorAll('.calibration button')].at(-1)"
 AXE = Path(__file__).parents[3] / "web" / "node_modules" / "axe-core" / "axe.min.js"
 SERIOUS = {"serious", "critical"}
 # A dialog of each kind: text and name, list of screens and pages, a question, a line of text.
@@ -192,6 +195,54 @@ def test_a_late_answer_leaves_what_was_typed_meanwhile(
     assert speed.input_value() == "0.3"
     speed.press("Enter")
     wait_for(lambda: server.written["settings"] == {"mission.speed_mps": 0.3}, "the other setting")
+
+
+def calibrate_compass(server: FakeServer, phase: wire.CalibrationPhase) -> None:
+    """Another stage, of which the page asks for more."""
+    server.robot.calibration = wire.CalibrationProgress(
+        kind="compass", phase=phase, motion="", share=1.0, reason="", directions=None
+    )
+
+
+def test_calibrations_asked_for_before_an_undo_do_not_come_back_with_a_late_answer(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page("settings")
+    take_control(page)
+    card = page.locator(".calibration")
+    expect(card).to_contain_text("calibration.wheel_radius_m")
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    page.route("**/api/v1/calibrations", hold, times=1)
+    calibrate_compass(server, "failed")
+    known = msgspec.structs.replace(fake_answers.CALIBRATIONS, now=server.robot.calibration)
+    wait_for(lambda: page.evaluate("true") and held, "the request that is answered late")
+    undone = msgspec.structs.replace(known, settings=[], can_undo=False)
+    server.answers["calibrations"] = undone
+    page.route(
+        "**/calibrations/undo", lambda route: route.fulfill(body=msgspec.json.encode(undone))
+    )
+    card.get_by_role("button", name="Undo the newest").click()
+    expect(card).to_contain_text("Nothing was measured")
+    with page.expect_response("**/api/v1/calibrations"):
+        held[0].fulfill(body=msgspec.json.encode(known))
+    page.evaluate("new Promise((resolve) => setTimeout(resolve, 100))")
+    expect(card).to_contain_text("Nothing was measured")
+
+
+def test_a_button_of_the_calibrations_stays_the_same_while_nothing_changes(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page("settings")
+    take_control(page)
+    page.evaluate(f"window.__button = {UNDO}")
+    with page.expect_response("**/api/v1/calibrations"):
+        calibrate_compass(server, "found")  # but what is asked for knows of none any more
+    page.evaluate("new Promise((resolve) => setTimeout(resolve, 100))")
+    assert page.evaluate(f"window.__button === {UNDO}")
 
 
 def test_a_recording_is_replayed_and_a_moment_marked(

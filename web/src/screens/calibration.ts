@@ -25,6 +25,8 @@ export class CalibrationCard {
   private readonly ring = new CoverageRing()
   private known: Calibrations | null = null
   private shown = ''
+  private asked = 0
+  private changing = 0
   private readonly undo: (() => void)[]
 
   constructor(private readonly app: App) {
@@ -41,16 +43,30 @@ export class CalibrationCard {
   async look(): Promise<void> {
     const source = this.app.session.source
     this.node.hidden = source === 'replay' || source === 'description'
-    if (!this.node.hidden) await this.take(api.calibrations())
+    if (!this.node.hidden) await this.ask()
   }
 
-  private async take(work: Promise<Calibrations>): Promise<boolean> {
-    const found = await this.app.attempt(work)
-    if (!found) return false
-    this.known = found
-    this.shown = stage(found.now)
+  /** What a change answers is newer than what was asked for before it or meanwhile. */
+  private async ask(): Promise<void> {
+    if (this.changing) return
+    const asked = ++this.asked
+    const found = await this.app.attempt(api.calibrations())
+    if (found && asked === this.asked) this.show(found)
+  }
+
+  private async change(...words: Parameters<typeof api.calibrate>): Promise<boolean> {
+    this.asked++
+    this.changing++
+    const found = await this.app.attempt(api.calibrate(...words))
+    this.changing--
+    if (found) this.show(found)
+    return found !== null
+  }
+
+  private show(known: Calibrations): void {
+    this.known = known
+    this.shown = stage(known.now)
     this.draw()
-    return true
   }
 
   /** The newest state: another stage is asked for and drawn anew, progress within one only moves. */
@@ -59,7 +75,7 @@ export class CalibrationCard {
     const now = this.app.store.state?.calibration ?? null
     if (stage(now) !== this.shown) {
       this.shown = stage(now)
-      void this.take(api.calibrations())
+      void this.ask()
     } else if (now?.phase === 'driving') this.progress(now)
   }
 
@@ -74,9 +90,16 @@ export class CalibrationCard {
     const { known } = this
     if (!known) return
     const now = known.now
-    if (now && (now.phase === 'driving' || now.phase === 'computing')) replace(this.body, ...this.underWay(now))
-    else if (now?.phase === 'found' && known.found) replace(this.body, ...this.result(now, known.found))
-    else replace(this.body, ...this.choice(known, now))
+    if (now && (now.phase === 'driving' || now.phase === 'computing')) this.put(this.underWay(now))
+    else if (now?.phase === 'found' && known.found) this.put(this.result(now, known.found))
+    else this.put(this.choice(known, now))
+  }
+
+  /** What is there already stays: a button that is replaced under a finger is not pressed. */
+  private put(content: Element[]): void {
+    const there = this.body.children
+    if (content.length !== there.length || content.some((one, i) => !one.isEqualNode(there[i] ?? null)))
+      replace(this.body, ...content)
   }
 
   private underWay(now: CalibrationProgress): Element[] {
@@ -85,7 +108,7 @@ export class CalibrationCard {
     this.ring.show(now.directions)
     const cancel = el(
       'button',
-      { type: 'button', class: 'button danger', onclick: () => void this.take(api.calibrate('cancel')) },
+      { type: 'button', class: 'button danger', onclick: () => void this.change('cancel') },
       icon('cancel', 20),
       'Cancel',
     )
@@ -101,7 +124,7 @@ export class CalibrationCard {
     const mine = this.app.store.seat === 'you'
     const leave = el(
       'button',
-      { type: 'button', class: 'button', onclick: () => void this.take(api.calibrate('cancel')) },
+      { type: 'button', class: 'button', onclick: () => void this.change('cancel') },
       found.settings.length && found.ok ? 'Leave as it was' : 'Close',
     )
     const accept = el(
@@ -187,16 +210,16 @@ export class CalibrationCard {
       ],
       'Drive now',
     )
-    if (go) await this.take(api.calibrate('start', { kind: kind.name }))
+    if (go) await this.change('start', { kind: kind.name })
   }
 
   private async accept(): Promise<void> {
-    if (await this.take(api.calibrate('accept')))
+    if (await this.change('accept'))
       this.app.toasts.show('info', "In the robot's settings; it counts from the next start.")
   }
 
   private async goBack(): Promise<void> {
-    if (await this.take(api.calibrate('undo')))
+    if (await this.change('undo'))
       this.app.toasts.show('info', 'As it was before the newest calibration; it counts from the next start.')
   }
 
