@@ -40,6 +40,13 @@ export function replace(node: Element, ...children: Child[]): void {
   append(node, children)
 }
 
+/** As `replace`, where the children differ: a button that is made anew under a finger is not pressed. */
+export function update(node: Element, ...children: Element[]): void {
+  const there = node.children
+  if (children.length !== there.length || children.some((one, i) => !one.isEqualNode(there[i] ?? null)))
+    node.replaceChildren(...children)
+}
+
 export function setText(node: Node, text: string): void {
   if (node.textContent !== text) node.textContent = text
 }

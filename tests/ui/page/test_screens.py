@@ -259,6 +259,18 @@ def test_a_recording_is_replayed_and_a_moment_marked(
     assert commands(server, wire.MarkMoment)[0].text == "stone"
 
 
+def test_a_button_of_a_recording_keeps_the_focus_while_the_list_is_asked_for_again(
+    open_page: OpenPage,
+) -> None:
+    page = open_page("recordings")
+    replay = page.get_by_role("button", name="Replay").nth(1)
+    replay.focus()
+    with page.expect_response("**/api/v1/recordings"):
+        pass
+    page.evaluate("new Promise((resolve) => setTimeout(resolve, 100))")
+    expect(replay).to_be_focused()
+
+
 def test_the_plots_draw_the_chosen_signals(open_page: OpenPage) -> None:
     page = open_page("plots")
     expect(page.locator(".chart")).to_have_count(3)

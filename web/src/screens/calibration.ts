@@ -2,7 +2,7 @@
 
 import { api } from '../api.ts'
 import type { App } from '../app.ts'
-import { el, replace } from '../dom.ts'
+import { el, update } from '../dom.ts'
 import { duration, fixed, words } from '../format.ts'
 import { icon } from '../icons.ts'
 import { seatButton } from '../shell/seat.ts'
@@ -90,16 +90,9 @@ export class CalibrationCard {
     const { known } = this
     if (!known) return
     const now = known.now
-    if (now && (now.phase === 'driving' || now.phase === 'computing')) this.put(this.underWay(now))
-    else if (now?.phase === 'found' && known.found) this.put(this.result(now, known.found))
-    else this.put(this.choice(known, now))
-  }
-
-  /** What is there already stays: a button that is replaced under a finger is not pressed. */
-  private put(content: Element[]): void {
-    const there = this.body.children
-    if (content.length !== there.length || content.some((one, i) => !one.isEqualNode(there[i] ?? null)))
-      replace(this.body, ...content)
+    if (now && (now.phase === 'driving' || now.phase === 'computing')) update(this.body, ...this.underWay(now))
+    else if (now?.phase === 'found' && known.found) update(this.body, ...this.result(now, known.found))
+    else update(this.body, ...this.choice(known, now))
   }
 
   private underWay(now: CalibrationProgress): Element[] {

@@ -40,7 +40,7 @@ export const recordings: Screen = {
       summary.textContent = found.current
         ? `Recording now: ${found.current} · ${room}`
         : `Nothing is being recorded · ${room}`
-      replace(list, table(found, replay))
+      show(list, found, replay)
     }
     const timer = setInterval(() => void refresh(), REFRESH_MS)
     toggle.onChange = () => void refresh()
@@ -101,8 +101,16 @@ function recordButton(app: App): RecordButton {
   return made
 }
 
-function table(found: Recordings, replay: ReplayBar): HTMLElement {
-  if (!found.recordings.length) return el('p', { class: 'empty' }, 'No recording yet: every mission makes one.')
+/** A row that is as it was stays: whoever is at its button keeps the focus. */
+function show(list: Element, found: Recordings, replay: ReplayBar): void {
+  const rows = found.recordings.map((recording) => row(recording, recording.name === found.current, replay))
+  const there = list.querySelectorAll('tbody > tr')
+  if (!rows.length) replace(list, el('p', { class: 'empty' }, 'No recording yet: every mission makes one.'))
+  else if (rows.length !== there.length) replace(list, table(rows))
+  else for (const [i, old] of there.entries()) if (!old.isEqualNode(rows[i] ?? null)) old.replaceWith(rows[i] ?? old)
+}
+
+function table(rows: HTMLElement[]): HTMLElement {
   return el(
     'table',
     { class: 'recordings' },
@@ -115,7 +123,7 @@ function table(found: Recordings, replay: ReplayBar): HTMLElement {
         ...['Name', 'Length', 'Size', 'Result', 'Files', ''].map((name) => (name ? el('th', {}, name) : el('td', {}))),
       ),
     ),
-    el('tbody', {}, ...found.recordings.map((recording) => row(recording, recording.name === found.current, replay))),
+    el('tbody', {}, ...rows),
   )
 }
 
