@@ -24,6 +24,15 @@ def test_every_scene_is_one_crop_among_weeds_of_several_species() -> None:
     assert min(kinds) >= 1 and max(kinds) >= 4
 
 
+def test_labels_stand_in_some_scenes_below_the_camera() -> None:
+    scenes = [sample_seedlings(np.random.default_rng([4, k])) for k in range(SCENES)]
+    assert 0.05 < np.mean([bool(scene.obstacles) for scene in scenes]) < 0.3
+    for label in (label for scene in scenes for label in scene.obstacles):
+        (shape,) = label.shapes
+        length_m = shape.size_m[1] if shape.kind == "cylinder" else shape.size_m[2]
+        assert 0.0 < label.z_map_m + length_m / 2.0 < 0.2
+
+
 def test_grains_lie_on_the_soil_and_never_on_leaves() -> None:
     picture = np.full((120, 160, 3), 100, dtype=np.uint8)
     picture[:, 80:] = (40, 180, 40)  # leaves

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from agribot.core.geo import LINK_FROM_OPTICAL, Datum, transform
@@ -30,6 +31,7 @@ FIELD_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock", "chamomile")
 # Those that the packaged networks have not learned go to the end.
 ALL_WEEDS = (*FIELD_WEEDS, "millet", "knotweed", "quickweed", "milk_thistle", "mayweed")
 WEED_HEIGHT_M = (0.025, 0.17)
+POST_DEPTH_M = 0.15  # in the ground, also where that lies low
 # From the first true leaves on; a preset's growth makes them still smaller.
 YOUNG_CROPS = (
     ("sugar_beet", 0.05, 0.26),
@@ -44,7 +46,8 @@ class Variety(NamedTuple):
     """What may grow on a random field, and how it lies.
 
     `weed_share` is None where all are as likely. With `has_litter` the soil has residue, stones
-    and wet patches; of `rough_share` of the fields a preset of conditions makes ground and light.
+    and wet patches; of `rough_share` of the fields a preset of conditions makes ground and light;
+    on `post_share` of them posts stand among the plants.
     """
 
     crops: tuple[tuple[str, float, float], ...]
@@ -55,6 +58,7 @@ class Variety(NamedTuple):
     rough_share: float = 0.0
     spacing_m: tuple[float, float] | None = None  # from crop to crop; None: with room between them
     weeds_per_m2: tuple[float, float] | None = None  # None: up to 20
+    post_share: float = 0.0
 
 
 STANDARD = Variety(CROPS, CROP_SHARE, WEEDS)
@@ -80,6 +84,7 @@ DENSE = Variety(
     rough_share=0.6,
     spacing_m=(0.05, 1.5),
     weeds_per_m2=(0.5, 80.0),
+    post_share=0.3,
 )
 VARIETIES = {"standard": STANDARD, "wide": WIDE, "rough": ROUGH, "dense": DENSE}
 
@@ -269,6 +274,49 @@ def _sample_obstacles(rng: np.random.Generator) -> tuple[Obstacle, ...]:
             )
         )
     return tuple(obstacles)
+
+
+def add_posts(world: WorldSpec, variety: Variety, rng: np.random.Generator) -> WorldSpec:
+    """Let one to four posts stand near crops of a share of the worlds."""
+    if not variety.post_share or rng.random() >= variety.post_share:
+        return world
+    crops = [plant for plant in world.plants if plant.plant == PlantClass.CROP]
+    posts = []
+    for index in range(int(rng.integers(1, 5)) if crops else 0):
+        near = crops[int(rng.integers(len(crops)))]
+        place_m = rng.normal((near.x_map_m, near.y_map_m), 0.4)
+        posts.append(make_post(rng, index, place_m, float(rng.uniform(0.15, 1.2))))
+    return msgspec.structs.replace(world, obstacles=(*world.obstacles, *posts))
+
+
+def make_post(
+    rng: np.random.Generator, index: int, place_m: FloatArray, height_m: float
+) -> Obstacle:
+    """Make a pole, a stake or a label, white, grey, of wood or of any colour."""
+    kind = str(rng.choice(["cylinder", "box"]))
+    length_m = height_m + POST_DEPTH_M
+    width_m, depth_m = (draw_log_uniform(rng, 0.03, 0.2) * min(1.0, height_m / 0.3), 0.0)
+    if kind == "box":
+        depth_m = width_m * rng.uniform(0.1, 1.0)
+    size_m = (width_m / 2, length_m, 0.0) if kind == "cylinder" else (width_m, depth_m, length_m)
+    return Obstacle(
+        name=f"post {index}",
+        kind=kind,
+        x_map_m=float(place_m[0]),
+        y_map_m=float(place_m[1]),
+        z_map_m=length_m / 2.0 - POST_DEPTH_M,
+        yaw_rad=float(rng.uniform(-math.pi, math.pi)),
+        shapes=(Shape(kind=kind, size_m=size_m, rgba=_sample_post_rgba(rng)),),
+    )
+
+
+def _sample_post_rgba(rng: np.random.Generator) -> tuple[float, float, float, float]:
+    material, light = rng.random(), rng.uniform(0.4, 1.0)
+    if material < 0.5:  # plastic, zinc, concrete
+        return light, light, light * rng.uniform(0.9, 1.0), 1.0
+    if material < 0.75:  # wood
+        return light, light * rng.uniform(0.7, 0.85), light * rng.uniform(0.4, 0.65), 1.0
+    return _sample_rgba(rng)
 
 
 def _sample_rgba(rng: np.random.Generator) -> tuple[float, float, float, float]:

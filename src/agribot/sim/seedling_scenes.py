@@ -18,12 +18,13 @@ import numpy.typing as npt
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
 from agribot.core.messages import ByteArray, FloatArray, PlantClass
 from agribot.core.robot import CameraSpec
-from agribot.core.world import Light, Plant, Soil, WorldSpec
+from agribot.core.world import Light, Obstacle, Plant, Soil, WorldSpec
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.random_scenes import (
     ALL_WEEDS,
     DATUM,
     make_ground_tile,
+    make_post,
     place_plant,
     sample_light,
     sample_look,
@@ -36,6 +37,7 @@ OTHER_WEEDS = tuple(name for name in ALL_WEEDS if name not in LOOKALIKES)
 GRASSES = ("millet", "grass")
 CROP_HEIGHT_M = (0.010, 0.032)
 WEED_HEIGHT_M = (0.004, 0.045)
+LABEL_SHARE = 0.15
 
 
 def sample_seedlings(rng: np.random.Generator, scale: float = 1.0) -> WorldSpec:
@@ -54,7 +56,7 @@ def sample_seedlings(rng: np.random.Generator, scale: float = 1.0) -> WorldSpec:
         light=light,
         ground=(make_ground_tile("soil", -60.0, 60.0),),
         plants=(*_sample_row(rng, scale), *_sample_weeds(rng, scale)),
-        obstacles=(),
+        obstacles=_sample_labels(rng, scale),
         soil=sample_soil(rng) if rng.random() < 0.15 else Soil(),
     )
 
@@ -147,6 +149,14 @@ def sample_overhead_view(
     tilt_rad = 0.5 * math.pi + rng.normal(0.0, 0.05)
     link = transform(position_m, (rng.normal(0.0, 0.03), tilt_rad, rng.uniform(-math.pi, math.pi)))
     return camera, link @ LINK_FROM_OPTICAL
+
+
+def _sample_labels(rng: np.random.Generator, scale: float) -> tuple[Obstacle, ...]:
+    """Sample labels and stakes that people put into the ground of such plots."""
+    return tuple(
+        make_post(rng, index, scale * rng.uniform(-0.15, 0.15, 2), scale * rng.uniform(0.02, 0.15))
+        for index in range(int(rng.integers(1, 3)) if rng.random() < LABEL_SHARE else 0)
+    )
 
 
 def _sample_row(rng: np.random.Generator, scale: float) -> list[Plant]:

@@ -20,7 +20,15 @@ from agribot.lab.train.rough_ground import roughen, stand_on
 from agribot.lab.train.simulated import draw_random_field
 from agribot.lab.train.sources import make_simulated_source
 from agribot.sim.ground_surface import GroundSurface
-from agribot.sim.random_scenes import CROPS, FIELD_WEEDS, ROUGH, STANDARD, sample_field
+from agribot.sim.random_scenes import (
+    CROPS,
+    DENSE,
+    FIELD_WEEDS,
+    ROUGH,
+    STANDARD,
+    add_posts,
+    sample_field,
+)
 from tests.lab.train.command_line import parsed
 
 
@@ -83,10 +91,31 @@ def test_ridges_run_under_the_rows_of_the_crop_and_some_have_wheel_tracks() -> N
     assert all(relief.track_gauge_m >= 0.5 for relief in tracked)
 
 
+def test_posts_stand_in_the_ground_near_the_crop_of_some_dense_fields() -> None:
+    posts, with_posts, fields = [], 0, 40
+    for seed in range(fields):
+        rng = np.random.default_rng([33, seed])
+        field = sample_field(rng, DENSE)
+        found = add_posts(field, DENSE, rng).obstacles[len(field.obstacles) :]
+        with_posts += bool(found)
+        crops_m = [(p.x_map_m, p.y_map_m) for p in field.plants if p.plant == PlantClass.CROP]
+        for post in found:
+            posts.append(post)
+            assert min(math.dist(at_m, (post.x_map_m, post.y_map_m)) for at_m in crops_m) < 2.0
+    assert 0.15 < with_posts / fields < 0.5
+    for post in posts:
+        (shape,) = post.shapes
+        length_m = shape.size_m[1] if shape.kind == "cylinder" else shape.size_m[2]
+        top_m, foot_m = post.z_map_m + length_m / 2.0, post.z_map_m - length_m / 2.0
+        assert foot_m < -0.1 and 0.1 < top_m <= 1.2
+    assert {post.kind for post in posts} == {"cylinder", "box"}
+
+
 def test_a_variety_without_rough_fields_draws_no_number_more() -> None:
     rng, other = np.random.default_rng(5), np.random.default_rng(5)
     world = sample_field(rng)
     assert roughen(world, (), STANDARD, rng) is world
+    assert add_posts(world, STANDARD, rng) is world
     sample_field(other)
     assert rng.random() == other.random()
 

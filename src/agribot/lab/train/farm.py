@@ -34,6 +34,7 @@ from agribot.sim.random_scenes import (
     STANDARD,
     WEED_HEIGHT_M,
     Variety,
+    add_posts,
     choose_crop,
     choose_weeds,
     draw_log_uniform,
@@ -75,6 +76,7 @@ def _choose_rows(rng: np.random.Generator, variety: Variety) -> tuple[WorldSpec,
         soil=sample_soil(rng) if variety.has_litter else Soil(),
     )
     world = roughen(world, lay_parallel_rows(plan.rows), variety, rng)
+    world = add_posts(world, variety, rng)
     look = sample_look(rng) if rng.random() < 0.5 else Appearance()
     return world, look, math.radians(plan.rows.yaw_deg)
 

@@ -19,6 +19,7 @@ from agribot.sim.ground_surface import build_ground_surface
 from agribot.sim.random_scenes import (
     STANDARD,
     Variety,
+    add_posts,
     draw_log_uniform,
     sample_field,
     sample_look,
@@ -44,6 +45,7 @@ def draw_random_field(
 ) -> Iterator[DrawnView]:
     """Draw views of one random field from masts."""
     world = roughen(sample_field(rng, variety), (), variety, rng)
+    world = add_posts(world, variety, rng)
     ground = build_ground_surface(world)
     renderer = CameraRenderer(world, appearance=sample_look(rng), threads=1, ground=ground)
     for _ in range(views):

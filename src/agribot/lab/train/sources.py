@@ -298,5 +298,5 @@ VARIETY_TEXTS = {
     "moisture, light and sowing errors of the presets field and hard",
     "dense": "; five crops from seedlings to rows that close, 5 cm to 1.5 m from plant to plant, "
     "up to 80 weeds on a square metre, six fields of ten with the relief, litter, moisture, light "
-    "and sowing errors of the presets field and hard",
+    "and sowing errors of the presets field and hard, posts on three of ten",
 }
