@@ -156,11 +156,11 @@ def _blend(network: Any, args: argparse.Namespace, source: Any) -> Any:
     import numpy as np
 
     from agribot.lab.train.architectures import find_architecture
-    from agribot.lab.train.blend import blend_with_start
+    from agribot.lab.train.blend import blend_weights
 
     images, _ = source.batches(np.random.default_rng(args.seed))
     x = find_architecture(args.model).features(images.cpu())
-    return blend_with_start(network, args.start, args.blend, x)
+    return blend_weights(network, args.blend_with or args.start, args.blend, x)
 
 
 def _check(args: argparse.Namespace) -> None:

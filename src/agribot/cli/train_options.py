@@ -34,6 +34,11 @@ def add_recipe_options(group: argparse._ArgumentGroup) -> None:
         "0.5 half-way, which know nearly all of both (default: 1)",
     )
     group.add_argument(
+        "--blend-with",
+        metavar="MODEL",
+        help="with --blend: begin at these weights instead, of another network of the same kind",
+    )
+    group.add_argument(
         "--class-weights",
         metavar="WEED,CROP,SOIL",
         help="in the cross-entropy (default: 1,2,0.6 for photographs, 1,1,0.6 for drawn images)",
@@ -88,18 +93,12 @@ def check_recipe_options(args: argparse.Namespace) -> None:
         args.validate = VALIDATION_VIEWS if args.data == "sim" else 0
     if args.validate < 0:
         raise ConfigError(f"--validate {args.validate}: must be 0 or more pictures")
-    if not 0.0 < args.blend <= 1.0:
-        raise ConfigError(f"--blend {args.blend}: must be more than 0 and at most 1")
     usual = IMAGENET if find_architecture(args.model).load_imagenet else RANDOM
     wanted = args.start or usual
     args.is_imagenet = wanted == IMAGENET
     args.recipe_words = _format_options(args, "" if wanted == usual else Path(wanted).name)
     args.start = None if wanted in {IMAGENET, RANDOM} else model_path(wanted)
-    if args.blend < 1.0 and args.start is None:
-        raise ConfigError(
-            f"--blend {args.blend}: is between the weights that the training begins with and what "
-            "it learns; give --start MODEL, or leave it out"
-        )
+    _check_blend(args)
     if find_architecture(args.model).finds_plants:
         _check_plants(args)
     elif args.keep_classes:
@@ -107,6 +106,26 @@ def check_recipe_options(args: argparse.Namespace) -> None:
             f"--keep-classes: {args.model} learns nothing but classes; give --model agribot-plants"
         )
     args.asked["keeps_classes"] = args.keep_classes
+
+
+def _check_blend(args: argparse.Namespace) -> None:
+    """Make a path of `args.blend_with`, if there is one.
+
+    Raises: ConfigError: no share of the way, nothing to begin at, or no such network.
+    """
+    if not 0.0 < args.blend <= 1.0:
+        raise ConfigError(f"--blend {args.blend}: must be more than 0 and at most 1")
+    if args.blend < 1.0 and args.start is None and args.blend_with is None:
+        raise ConfigError(
+            f"--blend {args.blend}: is between the weights that the training begins with and what "
+            "it learns; give --start MODEL or --blend-with MODEL, or leave it out"
+        )
+    if args.blend_with is not None:
+        if args.blend == 1.0:
+            raise ConfigError("--blend-with: how far from there? give --blend SHARE, or leave both")
+        from agribot.autonomy.perceive.segmenter import model_path
+
+        args.blend_with = model_path(args.blend_with)
 
 
 def _check_plants(args: argparse.Namespace) -> None:
@@ -153,6 +172,7 @@ def _format_options(args: argparse.Namespace, start: str) -> str:
     if args.learning_rate is not None:
         words += f"--learning-rate {args.learning_rate} "
     words += f"--blend {args.blend:g} " if args.blend < 1.0 else ""
+    words += f"--blend-with {Path(args.blend_with).name} " if args.blend_with else ""
     words += "--keep-classes " if args.keep_classes else ""
     if args.validate != (VALIDATION_VIEWS if args.data == "sim" else 0):
         words += f"--validate {args.validate} "

@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 import torch
 
+from agribot.autonomy.perceive.segmenter import model_path
 from agribot.cli.train_options import check_recipe_options
 from agribot.core.errors import ConfigError
-from agribot.lab.train.blend import blend_with_start
+from agribot.lab.train.blend import blend_weights
 from agribot.lab.train.export import export_onnx
 from agribot.lab.train.network import CropWeedNet
 from agribot.lab.train.start import read_convolutions
@@ -33,7 +34,7 @@ def test_at_either_end_of_a_blend_is_one_of_the_two_networks(tmp_path: Path) -> 
     export_onnx(begun, start)
     x = torch.randn(4, 3, 64, 96)
     for share, expected in ((1.0, learned), (1e-9, begun)):
-        blended = blend_with_start(learned, start, share, x)
+        blended = blend_weights(learned, start, share, x)
         assert torch.allclose(answer(blended, x), answer(expected, x), rtol=1e-3, atol=1e-3)
 
 
@@ -42,7 +43,7 @@ def test_half_way_every_weight_is_the_mean_of_both(tmp_path: Path) -> None:
     for index, network in enumerate(networks):
         files.append(tmp_path / f"{index}.onnx")
         export_onnx(network, files[-1])
-    blended = blend_with_start(networks[1], files[0], 0.5, torch.randn(4, 3, 64, 96))
+    blended = blend_weights(networks[1], files[0], 0.5, torch.randn(4, 3, 64, 96))
     export_onnx(blended, tmp_path / "blended.onnx")
     parts = [read_convolutions(path) for path in (*files, tmp_path / "blended.onnx")]
     for (begun, _), (learned, _), (half, _) in zip(*parts, strict=True):
@@ -50,8 +51,22 @@ def test_half_way_every_weight_is_the_mean_of_both(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "words", [("--blend", "0.5"), ("--blend", "0"), ("--blend", "1.5", "--start", "agribot-sim")]
+    "words",
+    [
+        ("--blend", "0.5"),
+        ("--blend", "0"),
+        ("--blend", "1.5", "--start", "agribot-sim"),
+        ("--blend-with", "agribot-sim"),
+    ],
 )
 def test_a_blend_needs_a_start_and_a_share(words: tuple[str, ...], tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="--blend"):
         check_recipe_options(parsed("--model", "agribot-sim", *words, "--out", str(tmp_path)))
+
+
+def test_a_blend_may_begin_at_weights_that_the_training_did_not(tmp_path: Path) -> None:
+    words = ("--start", "agribot-sim", "--blend", "0.8", "--blend-with", "agribot-sim")
+    args = parsed("--model", "agribot-sim", *words, "--out", str(tmp_path))
+    check_recipe_options(args)
+    assert args.blend_with == model_path("agribot-sim")
+    assert "--blend 0.8 --blend-with agribot-sim " in args.recipe_words

@@ -1,4 +1,4 @@
-"""Weights between those that a training began with and those that it ended with.
+"""Weights between those that a training ended with and others, as those that it began with.
 
 A network that learns something more forgets some of what it knew; weights in between know nearly
 all of both. Source: Wortsman et al. 2022, Robust fine-tuning of zero-shot models (WiSE-FT).
@@ -16,21 +16,21 @@ from agribot.lab.train.export import export_onnx
 from agribot.lab.train.start import read_convolutions, set_convolutions
 
 
-def blend_with_start(network: nn.Module, start: Path, share: float, x: Tensor) -> nn.Module:
+def blend_weights(network: nn.Module, other: Path, share: float, x: Tensor) -> nn.Module:
     """Return `network` with weights `share` of the way from those of a file to its own.
 
-    The file at `start` is of the same network; `x` (N, C, H, W) is a batch of its input. Weights
+    The file at `other` is of the same network; `x` (N, C, H, W) is a batch of its input. Weights
     are blended with every normalisation folded into the convolution before it, as in the file.
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "learned.onnx"
         export_onnx(network, path)
         learned = read_convolutions(path)
-    begun = read_convolutions(start)
+    others = read_convolutions(other)
     blended = copy.deepcopy(network)
     weights = [
-        (begun_weight.lerp(weight, share), begun_bias.lerp(bias, share))
-        for (begun_weight, begun_bias), (weight, bias) in zip(begun, learned, strict=True)
+        (other_weight.lerp(weight, share), other_bias.lerp(bias, share))
+        for (other_weight, other_bias), (weight, bias) in zip(others, learned, strict=True)
     ]
     set_convolutions(blended, weights, x)
     return blended.eval()
