@@ -32,6 +32,7 @@ FIELD_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock", "chamomile")
 ALL_WEEDS = (*FIELD_WEEDS, "millet", "knotweed", "quickweed", "milk_thistle", "mayweed")
 WEED_HEIGHT_M = (0.025, 0.17)
 POST_DEPTH_M = 0.15  # in the ground, also where that lies low
+POST_WIDTH_M, FULL_WIDTH_FROM_M = (0.03, 0.2), 0.3  # lower ones are thinner
 # From the first true leaves on; a preset's growth makes them still smaller.
 YOUNG_CROPS = (
     ("sugar_beet", 0.05, 0.26),
@@ -295,10 +296,11 @@ def make_post(
     """Make a pole, a stake or a label, white, grey, of wood or of any colour."""
     kind = str(rng.choice(["cylinder", "box"]))
     length_m = height_m + POST_DEPTH_M
-    width_m, depth_m = (draw_log_uniform(rng, 0.03, 0.2) * min(1.0, height_m / 0.3), 0.0)
-    if kind == "box":
-        depth_m = width_m * rng.uniform(0.1, 1.0)
-    size_m = (width_m / 2, length_m, 0.0) if kind == "cylinder" else (width_m, depth_m, length_m)
+    width_m = draw_log_uniform(rng, *POST_WIDTH_M) * min(1.0, height_m / FULL_WIDTH_FROM_M)
+    if kind == "cylinder":
+        size_m = (width_m / 2.0, length_m, 0.0)
+    else:
+        size_m = (width_m, width_m * float(rng.uniform(0.1, 1.0)), length_m)
     return Obstacle(
         name=f"post {index}",
         kind=kind,
