@@ -98,6 +98,7 @@ def check_recipe_options(args: argparse.Namespace) -> None:
     args.is_imagenet = wanted == IMAGENET
     args.recipe_words = _format_options(args, "" if wanted == usual else Path(wanted).name)
     args.start = None if wanted in {IMAGENET, RANDOM} else model_path(wanted)
+    args.blend_with = model_path(args.blend_with) if args.blend_with else None
     _check_blend(args)
     if find_architecture(args.model).finds_plants:
         _check_plants(args)
@@ -109,9 +110,9 @@ def check_recipe_options(args: argparse.Namespace) -> None:
 
 
 def _check_blend(args: argparse.Namespace) -> None:
-    """Make a path of `args.blend_with`, if there is one.
+    """Refuse a blend that nobody can make.
 
-    Raises: ConfigError: no share of the way, nothing to begin at, or no such network.
+    Raises: ConfigError: no share of the way, or nothing to begin at.
     """
     if not 0.0 < args.blend <= 1.0:
         raise ConfigError(f"--blend {args.blend}: must be more than 0 and at most 1")
@@ -120,12 +121,8 @@ def _check_blend(args: argparse.Namespace) -> None:
             f"--blend {args.blend}: is between the weights that the training begins with and what "
             "it learns; give --start MODEL or --blend-with MODEL, or leave it out"
         )
-    if args.blend_with is not None:
-        if args.blend == 1.0:
-            raise ConfigError("--blend-with: how far from there? give --blend SHARE, or leave both")
-        from agribot.autonomy.perceive.segmenter import model_path
-
-        args.blend_with = model_path(args.blend_with)
+    if args.blend_with is not None and args.blend == 1.0:
+        raise ConfigError("--blend-with: how far from there? give --blend SHARE, or leave both")
 
 
 def _check_plants(args: argparse.Namespace) -> None:

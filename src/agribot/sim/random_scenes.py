@@ -28,7 +28,7 @@ WEEDS = ("grass", "goosefoot", "thistle", "amaranth")
 ALL_CROPS = (*CROPS, ("carrot", 0.05, 0.22), ("onion", 0.08, 0.32), ("parsley", 0.05, 0.22))
 ALL_CROP_SHARE = (0.25, 0.15, 0.15, 0.15, 0.15, 0.15)
 FIELD_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock", "chamomile")
-# Those that the packaged networks have not learned go to the end.
+# The last five the packaged networks have learned as seedlings alone, or not at all.
 ALL_WEEDS = (*FIELD_WEEDS, "millet", "knotweed", "quickweed", "milk_thistle", "mayweed")
 WEED_HEIGHT_M = (0.025, 0.17)
 POST_DEPTH_M = 0.15  # in the ground, also where that lies low

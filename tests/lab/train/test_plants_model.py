@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +25,10 @@ from agribot.lab.bench.plant_scenes import SCENES
 from agribot.lab.bench.plants import judge_scenes
 from agribot.lab.train.card import ModelCard
 from agribot.lab.train.data import LabelledImage
-from agribot.lab.train.evaluate import evaluate
+from agribot.lab.train.evaluate import Scores, evaluate
 from agribot.lab.train.farm import draw_row_crop
 from agribot.lab.train.photographs import find_pairs, read_pairs
+from agribot.lab.train.plant_truth import DrawnView
 from agribot.lab.train.simulated import draw_seedlings
 from agribot.sim.camera.appearance import Appearance
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
@@ -49,20 +51,24 @@ def test_the_card_tells_of_single_plants_scene_by_scene() -> None:
     assert card.plants.keys() == {*SCENES, "all"}
 
 
+def judge_pixels(drawer: Callable[..., Iterator[DrawnView]], stream: int, scenes: int) -> Scores:
+    """Judge one view of each scene."""
+    segmenter = Segmenter(MODEL)
+
+    def draw_views() -> Iterator[LabelledImage]:
+        for scene in range(scenes):
+            for image_rgb, label, _ in drawer(np.random.default_rng([0, stream, scene]), 1):
+                yield image_rgb, label
+
+    return evaluate(lambda image_rgb: segmenter.segment(image_rgb).class_id, draw_views())
+
+
 @pytest.mark.parametrize("species", [crop for crop, *_ in DENSE.crops])
 def test_it_tells_each_of_the_five_crops_from_weeds(species: str) -> None:
-    segmenter = Segmenter(MODEL)
     one_crop = DENSE._replace(
         crops=tuple(crop for crop in DENSE.crops if crop[0] == species), crop_share=(1.0,)
     )
-
-    def draw_views() -> Iterator[LabelledImage]:
-        for scene in range(6):
-            rng = np.random.default_rng([0, FRESH_STREAM, scene])
-            for image_rgb, label, _ in draw_row_crop(rng, 1, one_crop):
-                yield image_rgb, label
-
-    scores = evaluate(lambda image_rgb: segmenter.segment(image_rgb).class_id, draw_views())
+    scores = judge_pixels(partial(draw_row_crop, variety=one_crop), FRESH_STREAM, 6)
     crop, weed = scores.iou["crop"], scores.iou["weed"]
     assert crop is not None and weed is not None
     assert crop > 0.7 and weed > 0.6
@@ -94,16 +100,7 @@ def test_most_weeds_of_a_carpet_are_found() -> None:
 
 
 def test_it_tells_seedlings_of_carrots_and_parsley_from_weeds() -> None:
-    segmenter = Segmenter(MODEL)
-
-    def draw_views() -> Iterator[LabelledImage]:
-        for scene in range(12):
-            rng = np.random.default_rng([0, SEEDLING_STREAM, scene])
-            for image_rgb, label, _ in draw_seedlings(rng, 1):
-                yield image_rgb, label
-
-    scores = evaluate(lambda image_rgb: segmenter.segment(image_rgb).class_id, draw_views())
-    assert scores.miou > 0.75
+    assert judge_pixels(draw_seedlings, SEEDLING_STREAM, 12).miou > 0.75
 
 
 @pytest.mark.parametrize(

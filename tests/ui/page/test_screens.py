@@ -25,6 +25,7 @@ from tests.waiting import wait_for
 
 BLUE, GREEN = (31, 95, 224), (23, 145, 63)  # of the light theme
 NEAR_RGB = 60
+A_MOMENT = "new Promise((resolve) => setTimeout(resolve, 100))"  # to show what was answered
 UNDO = "[...document.querySelectorAll('.calibration button')].at(-1)"
 AXE = Path(__file__).parents[3] / "web" / "node_modules" / "axe-core" / "axe.min.js"
 SERIOUS = {"serious", "critical"}
@@ -175,16 +176,22 @@ def test_a_changed_setting_reaches_the_robot(open_page: OpenPage, server: FakeSe
     assert server.written["settings"] == {"mission.speed_mps": 0.6}
 
 
-def test_a_late_answer_leaves_what_was_typed_meanwhile(
-    open_page: OpenPage, server: FakeServer
-) -> None:
-    page = open_page("settings")
+def hold_next(page: Page, url: str) -> list[Route]:
+    """Where the next request of it will be, for the test to answer."""
     held: list[Route] = []
 
     def hold(route: Route) -> None:
         held.append(route)
 
-    page.route("**/api/v1/settings", hold, times=1)
+    page.route(url, hold, times=1)
+    return held
+
+
+def test_a_late_answer_leaves_what_was_typed_meanwhile(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = open_page("settings")
+    held = hold_next(page, "**/api/v1/settings")
     speed = page.get_by_label("Speed", exact=True)
     speed.fill("0.6")
     speed.press("Enter")
@@ -211,12 +218,7 @@ def test_calibrations_asked_for_before_an_undo_do_not_come_back_with_a_late_answ
     take_control(page)
     card = page.locator(".calibration")
     expect(card).to_contain_text("calibration.wheel_radius_m")
-    held: list[Route] = []
-
-    def hold(route: Route) -> None:
-        held.append(route)
-
-    page.route("**/api/v1/calibrations", hold, times=1)
+    held = hold_next(page, "**/api/v1/calibrations")
     calibrate_compass(server, "failed")
     known = msgspec.structs.replace(fake_answers.CALIBRATIONS, now=server.robot.calibration)
     wait_for(lambda: page.evaluate("true") and held, "the request that is answered late")
@@ -229,7 +231,7 @@ def test_calibrations_asked_for_before_an_undo_do_not_come_back_with_a_late_answ
     expect(card).to_contain_text("Nothing was measured")
     with page.expect_response("**/api/v1/calibrations"):
         held[0].fulfill(body=msgspec.json.encode(known))
-    page.evaluate("new Promise((resolve) => setTimeout(resolve, 100))")
+    page.evaluate(A_MOMENT)
     expect(card).to_contain_text("Nothing was measured")
 
 
@@ -241,7 +243,7 @@ def test_a_button_of_the_calibrations_stays_the_same_while_nothing_changes(
     page.evaluate(f"window.__button = {UNDO}")
     with page.expect_response("**/api/v1/calibrations"):
         calibrate_compass(server, "found")  # but what is asked for knows of none any more
-    page.evaluate("new Promise((resolve) => setTimeout(resolve, 100))")
+    page.evaluate(A_MOMENT)
     assert page.evaluate(f"window.__button === {UNDO}")
 
 
@@ -267,7 +269,7 @@ def test_a_button_of_a_recording_keeps_the_focus_while_the_list_is_asked_for_aga
     replay.focus()
     with page.expect_response("**/api/v1/recordings"):
         pass
-    page.evaluate("new Promise((resolve) => setTimeout(resolve, 100))")
+    page.evaluate(A_MOMENT)
     expect(replay).to_be_focused()
 
 

@@ -87,12 +87,14 @@ export class CalibrationCard {
   }
 
   private draw(): void {
-    const { known } = this
-    if (!known) return
+    if (this.known) update(this.body, ...this.content(this.known))
+  }
+
+  private content(known: Calibrations): Element[] {
     const now = known.now
-    if (now && (now.phase === 'driving' || now.phase === 'computing')) update(this.body, ...this.underWay(now))
-    else if (now?.phase === 'found' && known.found) update(this.body, ...this.result(now, known.found))
-    else update(this.body, ...this.choice(known, now))
+    if (now && (now.phase === 'driving' || now.phase === 'computing')) return this.underWay(now)
+    if (now?.phase === 'found' && known.found) return this.result(now, known.found)
+    return this.choice(known, now)
   }
 
   private underWay(now: CalibrationProgress): Element[] {

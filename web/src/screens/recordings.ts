@@ -107,7 +107,10 @@ function show(list: Element, found: Recordings, replay: ReplayBar): void {
   const there = list.querySelectorAll('tbody > tr')
   if (!rows.length) replace(list, el('p', { class: 'empty' }, 'No recording yet: every mission makes one.'))
   else if (rows.length !== there.length) replace(list, table(rows))
-  else for (const [i, old] of there.entries()) if (!old.isEqualNode(rows[i] ?? null)) old.replaceWith(rows[i] ?? old)
+  else
+    rows.forEach((one, i) => {
+      if (!one.isEqualNode(there[i] ?? null)) there[i]?.replaceWith(one)
+    })
 }
 
 function table(rows: HTMLElement[]): HTMLElement {
