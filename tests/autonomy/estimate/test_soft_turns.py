@@ -82,6 +82,32 @@ def test_a_robot_that_slides_aside_in_a_slow_turn_keeps_its_heading(
     assert all(each.ok and not each.contradiction for each in estimates)
 
 
+@pytest.mark.parametrize("jolt_mps", [-0.4, 0.4])
+@nightly.one_by_one("seed", range(3), in_suite=1)
+def test_a_robot_that_turns_about_a_wheel_that_a_clod_holds_keeps_its_heading(
+    jolt_mps: float, seed: int
+) -> None:
+    """It is pushed aside while its wheels spin, and jolted for a moment."""
+
+    def drive(t_s: float) -> tuple[float, float]:
+        if t_s < FIRST_S:
+            return 0.0, 0.0
+        return (0.3, 0.5) if 13.0 < t_s < 17.0 else (0.4, 0.0)
+
+    def slide(t_s: float) -> float:
+        if 14.6 < t_s < 15.0:
+            return jolt_mps
+        return jolt_mps / 2.0 if 14.0 < t_s < 16.0 else 0.0
+
+    def grip(t_s: float) -> float:
+        return 0.05 if 13.5 < t_s < 16.0 else 1.0
+
+    recording = record(drive, 22.0, seed=seed, errors=RTK, slide_mps=slide, grip=grip)
+    estimates = [each for each in play(recording) if each.t_s > 13.0]
+    assert max(abs(error(recording, each)[2]) for each in estimates) < math.radians(12.0)
+    assert not any("heading jumped" in each.contradiction for each in estimates)
+
+
 def soft(t_s: float) -> float:
     return 0.5 if is_turning(t_s) else 1.0
 

@@ -62,9 +62,11 @@ def test_one_robot_and_many_are_watched_alike() -> None:
     alone, many = SpinWatch(FLOATS, 8), SpinWatch(ARRAYS, 8)
     found = set()
     for _ in range(200):
-        claimed, residual = rng.uniform(-0.5, 0.5, 2), rng.normal(0.0, 0.4, 2)
-        together = many.is_spinning(claimed, residual, np.full(2, 0.07))
-        one = alone.is_spinning(float(claimed[0]), float(residual[0]), 0.07)
+        claimed, ahead = rng.uniform(-0.5, 0.5, 2), rng.normal(0.0, 0.4, 2)
+        aside = rng.normal(0.0, 0.1, 2)
+        together = many.is_spinning(claimed, (ahead, aside), np.full(2, 0.07))
+        one = alone.is_spinning(float(claimed[0]), (float(ahead[0]), float(aside[0])), 0.07)
         assert bool(np.asarray(together)[0]) == one
+        assert np.asarray(many.aside_mps)[0] == alone.aside_mps
         found.add(one)
     assert found == {False, True}

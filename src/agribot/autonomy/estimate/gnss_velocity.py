@@ -75,16 +75,16 @@ class GnssVelocity:
             FLOATS, fix.velocity_std_mps, self.noise.std_mps, rate_radps, since_last_s
         )
         claimed_mps, _ = ahead_and_aside(FLOATS, (east_mps, north_mps), yaw_rad)
-        missing_mps, _ = ahead_and_aside(FLOATS, residuals, yaw_rad)
+        missing_mps = ahead_and_aside(FLOATS, residuals, yaw_rad)
         spins = bool(self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance)))
         is_steady = self.noise.is_steady
         spins = spins and self.noise.is_known and is_steady
         if spins:
             self._pose.rejected["wheels spin"] += 1
-            self._spun_t_s, self._spun_mps = fix.t_s, (claimed_mps, claimed_mps + missing_mps)
+            self._spun_t_s, self._spun_mps = fix.t_s, (claimed_mps, claimed_mps + missing_mps[0])
         opened = doubts(
-            FLOATS, residuals, (east_mps, north_mps), yaw_rad, since_last_s * self._spin_after,
-            is_corrected=is_corrected,
+            FLOATS, residuals, (east_mps, north_mps), yaw_rad, self._spin_watch.aside_mps,
+            (wheel_mps, rate_radps), since_last_s * self._spin_after, is_corrected=is_corrected,
         ) if is_steady else ()  # fmt: skip
         yield Measurement(
             residuals, (_velocity_row(east_row), _velocity_row(north_row)), variance,

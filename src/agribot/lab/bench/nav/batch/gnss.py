@@ -248,14 +248,15 @@ class BatchGnss:
         )  # fmt: skip
         _, recovers = gate.evaluate(ekf.update_pair(rows, residuals, variance, gate.limit))
         claimed_mps, _ = ahead_and_aside(ARRAYS, (east_mps, north_mps), yaw_rad)
-        missing_mps, _ = ahead_and_aside(ARRAYS, residuals, yaw_rad)
+        missing_mps = ahead_and_aside(ARRAYS, residuals, yaw_rad)
         spins = self._spin_watch.is_spinning(claimed_mps, missing_mps, np.sqrt(variance))
         if self._velocity_noise.is_known:
             recovers |= spins
         recovers &= self._velocity_noise.is_steady
         if recovers.any():
             opened = doubts(
-                ARRAYS, residuals, (east_mps, north_mps), yaw_rad, since_last_s * self._spin_after,
+                ARRAYS, residuals, (east_mps, north_mps), yaw_rad, self._spin_watch.aside_mps,
+                (then.wheel_mps, then.yaw_rate_radps), since_last_s * self._spin_after,
                 is_corrected=self._is_corrected,
             )  # fmt: skip
             for state, doubt in opened:
