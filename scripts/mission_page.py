@@ -6,6 +6,8 @@ import math
 import sys
 
 from agribot.autonomy.control.stalled_turn import PIECE_RAD, STALLED_RATIO, STALLED_S
+from agribot.autonomy.control.wheel_watch import HELD_LASTING_S
+from agribot.autonomy.plan.freeing import BACK_M, SAME_PLACE_M
 from agribot.autonomy.plan.requests import TABLE, Column, Do, Ignore, Reaction, Refuse
 from agribot.autonomy.plan.row_recovery import LADDER
 from agribot.core.messages import OperatorAction
@@ -27,8 +29,8 @@ STATES = (
     (
         "on an errand",
         "`running`",
-        "drives home, to a place, back to the work, or out of a row that it lost, with the tool "
-        "off",
+        "drives home, to a place, back to the work, or out of a row that it lost or a place where "
+        "it is stuck, with the tool off",
         "the end of the way, or a fault",
     ),
     ("stopping", "`paused`", "comes to rest for an errand and plans its way there", "itself"),
@@ -76,9 +78,23 @@ them while the outer ones spin: the robot stands, however long they do. Where it
 breaks them loose, and drives on along its turn
 ([`stalled_turn.py`](../src/agribot/autonomy/control/stalled_turn.py)). It does so between rows
 only, never where crop stands beside its wheels, and not twice where it did not turn on the spot
-either: then the [gate](safety.md#protective-stops) stops it as stuck. In
+either: then it is [stuck](#where-the-robot-is-stuck). In
 `rows-10x12 --preset field` (RTK, seed 25) a robot that stood in its first turn until a person came
 drives on after a second.
+"""
+
+STUCK = f"""
+## Where the robot is stuck
+
+Clods hold a wheel for a second or two, and the robot climbs over them. Where its wheels turn for
+{HELD_LASTING_S:g} s and it does not get on, or not around, the gate holds it and the mission backs
+out on the bend on which it came, tool off, by {BACK_M[0]:g} m, and tries again with a run-up
+([`freeing.py`](../src/agribot/autonomy/plan/freeing.py)); at the same place, within
+{SAME_PLACE_M:g} m, it does so up to `mission.free_tries` times, from {BACK_M[1]:g} and
+{BACK_M[2]:g} m. Held on its way back, it tries forwards. Only ground on which it has just come is
+driven, so that a robot that has only just set off does not try, nor one on an errand or backwards.
+What is left the [gate](safety.md#protective-stops) stops, for a person to look. How far that leads
+on the roughest ground is [measured](simulator.md#how-far-the-robot-gets-on-hard).
 """
 
 LOST = """
@@ -98,7 +114,9 @@ def page() -> str:
     head = f"| request | {' | '.join(COLUMNS.values())} |\n|{'---|' * (len(COLUMNS) + 1)}\n"
     states = "".join(f"| {' | '.join(state)} |\n" for state in STATES)
     ladder = "".join(f"| {' | '.join(step)} |\n" for step in LADDER)
-    return HEAD + states + RULES + head + "".join(map(_row, TABLE)) + STALLED + LOST + ladder
+    return (
+        HEAD + states + RULES + head + "".join(map(_row, TABLE)) + STALLED + STUCK + LOST + ladder
+    )
 
 
 def _row(action: OperatorAction) -> str:

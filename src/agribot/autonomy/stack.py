@@ -91,6 +91,7 @@ class Stack:
         takeover = self.hand.update(batch)
         self.treatment.apply_events(batch.events)
         self.mission.heed(self.supervisor.warning)
+        self.mission.free(self.supervisor.stuck)
         on_rows = self.mission.relate_to_path(estimate)
         goal = self.mission.step(on_rows, (*batch.events, *takeover))
         self._follow_task()

@@ -70,7 +70,7 @@ class Ride:
 
 @pytest.mark.parametrize("has_velocity", [True, False])
 @pytest.mark.parametrize(
-    ("quality", "within_s"), [(GnssQuality.RTK_FIXED, 2.0), (GnssQuality.SINGLE, 6.0)]
+    ("quality", "within_s"), [(GnssQuality.RTK_FIXED, 4.0), (GnssQuality.SINGLE, 7.0)]
 )
 def test_a_robot_whose_wheels_turn_in_mud_is_told_to_be_stuck_within_seconds(
     quality: GnssQuality, within_s: float, has_velocity: bool
@@ -81,6 +81,15 @@ def test_a_robot_whose_wheels_turn_in_mud_is_told_to_be_stuck_within_seconds(
     ride.kept_ratio, begun_s = 0.02, ride.t_s
     assert "stuck or slipping: the wheels turned" in ride.go(10.0)
     assert ride.t_s - begun_s <= within_s
+
+
+def test_a_clod_that_holds_the_robot_for_two_seconds_is_climbed_and_no_fault() -> None:
+    ride = Ride()
+    for _ in range(5):
+        ride.kept_ratio = 0.8
+        assert ride.go(4.0) == ""
+        ride.kept_ratio = 0.0
+        assert ride.go(2.0) == ""
 
 
 @pytest.mark.parametrize("kept_ratio", [0.5, 0.7, 1.3])
@@ -110,7 +119,7 @@ def test_a_robot_that_got_out_of_a_soft_place_by_itself_is_not_told_to_be_stuck(
     ride.kept_ratio, ride.slide_rad = 0.7, 0.0
     assert ride.go(8.0) == ""
     ride.kept_ratio = 0.02
-    assert "stuck or slipping" in ride.go(2.0), "and where it does not get on it is told at once"
+    assert "stuck or slipping" in ride.go(4.0), "and where it does not get on it is told"
 
 
 def test_wheels_that_turn_against_each_other_end_what_was_before() -> None:
@@ -125,7 +134,7 @@ def test_wheels_that_turn_against_each_other_end_what_was_before() -> None:
         ride.is_on_spot, ride.kept_ratio = False, 0.6
         assert ride.go(1.0) == ""
     ride.kept_ratio = 0.0
-    assert "stuck or slipping" in ride.go(2.0)
+    assert "stuck or slipping" in ride.go(4.0)
 
 
 def test_a_receiver_that_repeats_itself_jumps_or_falls_silent_is_no_sign_of_mud() -> None:
@@ -161,7 +170,7 @@ def test_a_spoilt_number_of_an_encoder_is_no_way(off_rad: float) -> None:
 def test_a_mission_in_mud_is_stopped_and_a_hand_is_not() -> None:
     gate, ride = Gate().cruise(), Ride()
     ride.t_s, ride.kept_ratio = gate.rover.t_s, 0.0
-    for tick in range(200):
+    for tick in range(300):
         fix = ride.batch(tick % 5 == 0).gnss
         batch = msgspec.structs.replace(gate.rover.batch(), t_s=gate.rover.t_s + TICK_S, gnss=fix)
         sent, reason = gate.send(batch=batch)

@@ -47,7 +47,7 @@ class Bench:
             found = self.watch.watch(self._sent, self._batch(), TICK_S)
             self._sent, self.runaway = command, found.runaway
             if any(found):
-                doubt = found.dead_motor or found.frozen_imu or found.wrong_turn
+                doubt = found.dead_motor or found.frozen_imu or found.wrong_turn or found.held
                 return tick * TICK_S, found.wheels, doubt
         return seconds, "", ""
 
@@ -220,7 +220,23 @@ def test_a_robot_that_does_not_turn_is_stuck_and_one_that_turns_backwards_has_a_
     turn = DriveCommand(yaw_rate_radps=1.0)
     bench.gyro_off_radps = (gain - 1.0) * turn.yaw_rate_radps
     bench.drive(turn, 0.1)
-    assert bench.drive(turn, 3.0)[2].startswith(words)
+    assert bench.drive(turn, 4.0)[2].startswith(words)
+
+
+@at_rates
+@pytest.mark.parametrize("swing_radps", [0.0, 0.05, -0.3])
+def test_a_clod_that_holds_a_wheel_in_a_turn_is_climbed_and_no_fault(
+    swing_radps: float, rate_hz: float
+) -> None:
+    """Held, the robot stands for a second or two, or swings the other way."""
+    bench = Bench(rate_hz=rate_hz)
+    turn = DriveCommand(v_mps=0.2, yaw_rate_radps=0.5)
+    for _ in range(5):
+        bench.gyro_off_radps = 0.0
+        assert bench.drive(turn, 2.0)[1:] == ("", "")
+        bench.gyro_off_radps = swing_radps - turn.yaw_rate_radps
+        assert bench.drive(turn, 2.0)[1:] == ("", "")
+    assert "stuck or slipping in a turn" in bench.drive(turn, 2.0)[2], "where it lasts, it is"
 
 
 def test_an_imu_that_repeats_itself_is_told_of_a_moving_robot_only() -> None:

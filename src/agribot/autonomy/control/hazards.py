@@ -166,6 +166,14 @@ def _cut_off(now: Situation) -> str:
     return now.motion.runaway if now.power.is_cut else ""
 
 
+def _stuck(now: Situation) -> str:
+    return "" if now.goal.frees_itself else now.stuck
+
+
+def _frees_itself(now: Situation) -> str:
+    return now.stuck if now.goal.frees_itself else ""
+
+
 HAZARDS = (
     Hazard(name="touch", seen_by="bumper, in its very tick", limit="any touch", reaction="latch",
            for_hand="yes", find=lambda now: now.touch, at_rest=True,
@@ -241,10 +249,14 @@ HAZARDS = (
     Hazard(name="gyro contradicts the wheels", seen_by="gyro against the wheels' difference",
            limit="0.24 rad/s and 20 %, or half; in tight turns the robot may turn by 85 % less",
            reaction="latch", find=lambda now: now.motion.wrong_turn, faults=("imu.bias",)),
-    Hazard(name="stuck or slipping", seen_by="way of the wheels against that of GNSS",
-           limit="less than 35 % of 0.5 m (1.5 m without corrections) and of its last 30 %",
-           reaction="latch",
-           find=lambda now: now.stuck, faults=("soil.mud",)),
+    Hazard(name="stuck or slipping",
+           seen_by="way of the wheels against that of GNSS, their turn against the gyro",
+           limit="for 2.5 s less than 35 % of 0.5 m (1.5 m without corrections) and of its last "
+                 "30 %, or less than 40 % of a turn of the wheels; after `mission.free_tries`",
+           reaction="latch", find=_stuck, faults=("soil.mud",)),
+    Hazard(name="stuck or slipping, of a mission that backs out and tries again",
+           seen_by="as above", limit="as above, up to `mission.free_tries`", reaction="wait",
+           find=_frees_itself, faults=("soil.mud",)),
     Hazard(name="command is no number", seen_by="the command", limit="finite",
            reaction="wait", for_hand="yes", find=_not_finite),
     Hazard(name="wheel encoders or IMU never spoke", seen_by="their samples", limit="one sample",

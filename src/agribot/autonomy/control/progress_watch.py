@@ -2,8 +2,9 @@
 
 Where wheels and gyro lead is compared with where the receiver goes over the last metre, by its
 positions and, where it gives them, by its velocities: both must say that the robot stays behind,
-so that neither a frozen nor a jumping receiver looks like a robot that is stuck. One that bogged
-down for a moment and got free again by itself is stuck no more: the last of the way counts, too.
+so that neither a frozen nor a jumping receiver looks like a robot that is stuck. On rough ground
+clods hold it for a second or two, and it climbs over them: it is stuck once that lasts. One that
+got free again by itself is stuck no more: the last of the way counts, too.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ STUCK_RATIO = 0.35
 CORRECTED_WAY_M, PLAIN_WAY_M = 0.5, 1.5
 LAST_PART = 0.3  # of that way, in which a robot that got free again gets on
 LONGEST_S = 10.0
+# Of 90 clods that held a robot on the roughest ground, 86 did so for less than 1.2 s.
+STUCK_S = 2.5
 # Wheels that stand or turn against each other lead nowhere; what was before is over then.
 PAUSE_S, PAUSE_M = 0.4, 0.02
 MOST_TURN_RAD = 1.2  # a robot that turns swings its antenna about
@@ -50,10 +53,12 @@ class ProgressWatch:
         self._x_m = self._y_m = self._turn_rad = 0.0
         self._origin_deg: tuple[float, float] | None = None
         self._places: deque[_Place] = deque()
+        self._held_since_s: float | None = None
         self._found = ""
 
     def restart(self) -> None:
         self._places.clear()
+        self._held_since_s = None
         self._found = ""
 
     def watch(self, batch: SensorBatch) -> str:
@@ -61,8 +66,17 @@ class ProgressWatch:
         self._add_motion(batch)
         for fix in batch.gnss:
             self._add_fix(fix)
-            self._found = self._judge(is_corrected=fix.quality in CORRECTED)
+            found = self._judge(is_corrected=fix.quality in CORRECTED)
+            self._found = found if self._lasts(fix.t_s, is_held=bool(found)) else ""
         return self._found
+
+    def _lasts(self, t_s: float, *, is_held: bool) -> bool:
+        """Whether the robot is held for so long that it will not get free by itself."""
+        if not is_held:
+            self._held_since_s = None
+        elif self._held_since_s is None:
+            self._held_since_s = t_s
+        return self._held_since_s is not None and t_s - self._held_since_s >= STUCK_S
 
     def _add_motion(self, batch: SensorBatch) -> None:
         for sample in batch.wheels:

@@ -66,6 +66,8 @@ class Supervisor:
         self._wheels = WheelWatch(robot.drive, config.sensor_timeout_s)
         self._power = PowerCut(config.sensor_timeout_s)
         self._progress = ProgressWatch(robot.drive)
+        # Why the robot does not get on though its wheels turn; empty where it does.
+        self.stuck = ""
         self._bumper = Bumper()
         self._battery = BatteryWatch(config)
         self._camera = CameraWatch(config)
@@ -195,11 +197,12 @@ class Supervisor:
         is_stopped = bool(self._latch.reason)
         self._power.update(batch, self._wheels.fastest_radps, demand, is_stopped=is_stopped)
         is_early = not self._machine.is_started
+        self.stuck = self._progress.watch(batch) or motion.held
         return Situation(
             config=self._config, command=command, estimate=estimate, batch=batch, goal=goal,
             sensors=self._sensors, inputs=self._inputs,
             motion=motion, power=self._power,
-            stuck=self._progress.watch(batch),
+            stuck=self.stuck,
             bumper=self._bumper, touch=self._bumper.feel(batch),
             battery=self._battery, camera_fault=self._camera.fault,
             has_camera=self._camera.is_used, fences=self._fences,
@@ -215,6 +218,9 @@ class Supervisor:
         path, bounds = self._fenced
         if goal.path is path and goal.bounds is bounds:
             return
+        if goal.path is not path:  # on another way it may get on
+            self._progress.restart()
+            self._wheels.restart()
         self._fenced = goal.path, goal.bounds
         self._fences = ()
         if goal.path is not None:

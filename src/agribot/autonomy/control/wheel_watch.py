@@ -29,8 +29,10 @@ STANDS_RATIO = 0.15
 # (Mandow et al. 2007), so that an effective separation of four tracks is no fault of the gyro.
 YAW_TOLERANCE_RADPS, YAW_LOW_RATIO, YAW_HIGH_RATIO = 0.24, 0.2, 0.5
 TIGHT_RADPS, TIGHT_RATIO = 0.4, 0.85
-STUCK_RATIO = 0.3  # a gyro that tells so little of a tight turn is believed: soil is to blame
-YAW_LASTING_S = 0.6
+# A gyro that tells so little of a turn is believed: soil is to blame. A clod that holds a wheel is
+# climbed in a second or two, and meanwhile the robot may swing the other way; then it is stuck.
+HELD_RADPS, HELD_RATIO = 0.25, 0.75
+YAW_LASTING_S, HELD_LASTING_S = 0.6, 2.5
 FROZEN_S = 0.5
 TURNING_RADPS = 0.6
 # A motor without current gives no torque at all: its wheel rolls along and its encoder looks well.
@@ -56,7 +58,7 @@ class Found(NamedTuple):
 
     `wheels` go where nobody told them; `runaway` are wheels that turn on though they are to stand.
     A dead motor, a frozen IMU and a wrong turn a person who drives need not mind, but who relies
-    on odometry and gyro must.
+    on odometry and gyro must. `held` is a robot that does not turn with its wheels.
     """
 
     wheels: str = ""
@@ -64,6 +66,7 @@ class Found(NamedTuple):
     dead_motor: str = ""
     frozen_imu: str = ""
     wrong_turn: str = ""
+    held: str = ""
 
 
 class WheelWatch:
@@ -86,11 +89,15 @@ class WheelWatch:
         self._is_driven = [False] * 4  # by its motor, since the wheel last stood
         self._runaway = ""
         self._dead_s = [0.0] * 4
-        self._yaw_off_s = 0.0
+        self._yaw_off_s = self._held_s = 0.0
         self._unjudged_s = 0.0  # since the last tick that brought a wheel sample
         self._gyro_radps: deque[tuple[float, float]] = deque()
         self._imu: tuple[float, ...] = ()
         self._imu_changed_s = -math.inf
+
+    def restart(self) -> None:
+        """Judge turns anew: the robot goes another way."""
+        self._yaw_off_s = self._held_s = 0.0
 
     def watch(self, sent: DriveCommand, batch: SensorBatch, dt_s: float) -> Found:
         self._follow_board(sent, batch.t_s, dt_s)
@@ -107,12 +114,14 @@ class WheelWatch:
         self.fastest_radps = max(abs(speed) for speed in speeds)
         wheels = self._wrong_wheels(speeds, elapsed_s)
         self._runaway = wheels if self._runs_on else ""
+        wrong_turn, held = self._compare_turns(speeds, elapsed_s)
         return Found(
             wheels=wheels,
             runaway=self._runaway,
             dead_motor=self._dead_motor(batch.wheels[-1], elapsed_s),
             frozen_imu=self._frozen_imu(speeds, batch),
-            wrong_turn=self._wrong_turn(speeds, elapsed_s),
+            wrong_turn=wrong_turn,
+            held=held,
         )
 
     def _follow_board(self, sent: DriveCommand, t_s: float, dt_s: float) -> None:
@@ -215,28 +224,38 @@ class WheelWatch:
             return ""
         return f"IMU repeats the same numbers for {same_s:.2f} s while the wheels turn; restart it"
 
-    def _wrong_turn(self, speeds: Four, elapsed_s: float) -> str:
+    def _compare_turns(self, speeds: Four, elapsed_s: float) -> tuple[str, str]:
+        """Say that the gyro contradicts the wheels, and that the ground holds the robot."""
         gyro = self._gyro_radps
         while gyro and not 0.0 <= self._read[-1].t_s - gyro[0][0] <= SPAN_S:
             gyro.popleft()
         if not gyro:
-            self._yaw_off_s = 0.0
-            return ""
+            self._yaw_off_s = self._held_s = 0.0
+            return "", ""
         rate_radps = sum(rate for _, rate in gyro) / len(gyro)
         drive = self._drive
         across_radps = (speeds[0] + speeds[2] - speeds[1] - speeds[3]) / 2.0
         wheels_radps = across_radps * drive.wheel_radius_m / drive.effective_separation_m
         is_off = abs(rate_radps - wheels_radps) > _tolerate_yaw(wheels_radps, rate_radps)
         if not any(self._off_s):  # else it may be a wheel's fault, which is told by name
-            self._yaw_off_s = self._yaw_off_s + elapsed_s if is_off else 0.0
-        if self._yaw_off_s <= YAW_LASTING_S:
-            return ""
+            self._count_off(is_off, _is_held(wheels_radps, rate_radps), elapsed_s)
         said = f"the gyro says {rate_radps:+.2f} rad/s, the wheels {wheels_radps:+.2f} rad/s"
-        if _turns_less(wheels_radps, rate_radps) and abs(rate_radps) < STUCK_RATIO * abs(
-            wheels_radps
-        ):
-            return f"stuck or slipping in a turn: {said}; look at the ground, and check the gyro"
-        return f"{said}; check the gyro, and whether the robot is stuck"
+        return (
+            f"{said}; check the gyro, and whether the robot is stuck"
+            if self._yaw_off_s > YAW_LASTING_S
+            else "",
+            f"stuck or slipping in a turn: {said}; look at the ground, and check the gyro"
+            if self._held_s > HELD_LASTING_S
+            else "",
+        )
+
+    def _count_off(self, is_off: bool, is_held: bool, elapsed_s: float) -> None:
+        if not is_off:
+            self._yaw_off_s = self._held_s = 0.0
+        elif is_held:
+            self._held_s += elapsed_s
+        else:
+            self._yaw_off_s += elapsed_s
 
 
 def name_motors(faults: Sequence[str]) -> str:
@@ -276,6 +295,11 @@ def _tolerate_yaw(wheels_radps: float, gyro_radps: float) -> float:
     told_radps = abs(wheels_radps)
     ratio = TIGHT_RATIO if _turns_less(wheels_radps, gyro_radps) else YAW_HIGH_RATIO
     return max(YAW_TOLERANCE_RADPS + YAW_LOW_RATIO * told_radps, ratio * told_radps)
+
+
+def _is_held(wheels_radps: float, gyro_radps: float) -> bool:
+    """Whether the robot hardly turns at all, though its wheels do."""
+    return abs(wheels_radps) > HELD_RADPS and abs(gyro_radps) < HELD_RATIO * abs(wheels_radps)
 
 
 def _turns_less(wheels_radps: float, gyro_radps: float) -> bool:

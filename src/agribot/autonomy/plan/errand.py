@@ -1,4 +1,4 @@
-"""A drive beside the work: home, to a place on demand, back to the work, or out of a lost row."""
+"""A drive beside the work: home, to a place, back to the work, out of a lost row, off a clod."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from agribot.autonomy.plan.curves import Place, make_path
+from agribot.autonomy.plan.freeing import Trail
 from agribot.autonomy.plan.job import MissionJob
 from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.saved_mission import SavedErrand, take_pose
@@ -16,9 +17,12 @@ from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, MapPoint, Path
+from agribot.core.pose import Pose2
 
 STANDING_MPS = 0.02
-BATTERY, LOST = "the battery", "the lost row"  # sources of errands that nobody asked for
+# Sources of errands that nobody asked for, and of those on which the robot goes back as it came.
+BATTERY, LOST, STUCK = "the battery", "the lost row", "the ground"
+AS_IT_CAME = (LOST, STUCK)
 CHECKING = "checks the plan"  # the leg while a field plan is judged
 STOPPING = "stops first"  # the leg until the robot stands and its errand is planned
 
@@ -26,7 +30,7 @@ STOPPING = "stops first"  # the leg until the robot stands and its errand is pla
 class Errand(NamedTuple):
     """Where to, who asked for it, and how to plan it from where the robot stands."""
 
-    to: Literal["home", "goal", "work", "back", "out"]
+    to: Literal["home", "goal", "work", "back", "out", "free"]
     source: str
     plan: Callable[[Estimate], Path]
     goal: tuple[float, ...] = ()
@@ -36,13 +40,14 @@ class Errand(NamedTuple):
         return {
             "home": "way home", "goal": "to the goal", "work": "back to the work",
             "back": "backs out to find its row", "out": "backs out of its row",
+            "free": "backs out to try again",
         }[self.to]  # fmt: skip
 
     @property
     def refusal(self) -> str:
         return {
             "home": "cannot return home", "goal": "goal refused", "work": "cannot go back to work",
-            "back": "cannot back out", "out": "cannot back out",
+            "back": "cannot back out", "out": "cannot back out", "free": "cannot back out",
         }[self.to]  # fmt: skip
 
     def plan_route(self, estimate: Estimate, config: MissionConfig) -> Route:
@@ -98,6 +103,11 @@ def make_back_errand(job: MissionJob, to: Literal["back", "out"], s_m: float) ->
     )
 
 
+def make_free_errand(trail: Trail, back_m: float) -> Errand:
+    """Let the robot back out of a place where it is stuck, on the bend on which it came."""
+    return Errand("free", STUCK, lambda here: trail.plan_back(Pose2(*take_pose(here)), back_m))
+
+
 def _plan_back_out(route: Route, place: MapPoint, s_m: float) -> Path:
     """Plan the route backwards, moved aside to where the robot is.
 
@@ -125,7 +135,7 @@ def restore_errand(saved: SavedErrand, task: Task, job: MissionJob | None) -> Er
     """
     if saved.to == "home":
         return make_home_errand(task, job, saved.source)
-    if saved.to in ("work", "back", "out"):
+    if saved.to in ("work", "back", "out", "free"):
         return make_work_errand(task, job)
     return make_goal_errand(task, saved.source, saved.goal)
 

@@ -206,6 +206,15 @@ class MissionJob:
         if leaves_out:
             self.skip_row()
 
+    def step_back(self, back_m: float) -> None:
+        """Go on from so far behind on the route, in the same row or turn: the robot backed out."""
+        route, index = self.route, self.route.progress.index
+        s_m, row = route.path.s_m, route.row
+        to_m = route.progress.s_m - back_m
+        while index > 0 and to_m < s_m[index - 1] < s_m[index] and row[index - 1] == row[index]:
+            index -= 1
+        route.go_on(max(to_m, float(s_m[index])), route.visits.reached)
+
     def skip_row(self) -> None:
         """Pass the row under the robot with the tool off. Called again, the next one.
 

@@ -10,18 +10,22 @@ import msgspec
 
 from agribot.autonomy.plan.answers import MEANWHILE, Answers
 from agribot.autonomy.plan.errand import (
+    AS_IT_CAME,
     BATTERY,
     CHECKING,
     LOST,
     STANDING_MPS,
+    STUCK,
     Errand,
     make_back_errand,
+    make_free_errand,
     make_goal_errand,
     make_home_errand,
     make_work_errand,
     restore_errand,
     save_errand,
 )
+from agribot.autonomy.plan.freeing import Freeing
 from agribot.autonomy.plan.job import Ending, MissionJob
 from agribot.autonomy.plan.job_start import list_rows, plan_job, save_unbegun
 from agribot.autonomy.plan.planning import PlanningAtOnce, PlanningDesk, PlanningHost
@@ -90,6 +94,7 @@ class Mission:
         self._saved = saved
         self._desk = PlanningDesk(planning or PlanningAtOnce())
         self._watch, self._recovery = Watch(config), RowRecovery()
+        self._freeing, self._stuck = Freeing(), ""
         self._new_tasks = new_tasks
         self._last: Estimate | None = None
         self._is_located = False
@@ -170,6 +175,41 @@ class Mission:
         if self._refusal:
             self._pause(f"{warning}; {self._refusal}", by_itself=True)
 
+    def free(self, stuck: str) -> None:
+        """Back out and try again where the robot is stuck, as the gate says; empty: it gets on.
+
+        Where it cannot, or has tried often enough, the gate stops it for a person.
+        """
+        is_told, self._stuck = bool(stuck) and not self._stuck, stuck
+        state, last = self._state, self._last
+        if not is_told or last is None or not self._frees_itself or isinstance(state, Stopping):
+            return
+        back_m = self._freeing.begin(last)
+        if isinstance(state, OnErrand):
+            self._try_again(state)  # held on its way back, it tries forwards
+            return
+        errand = make_free_errand(self._freeing.trail, back_m)
+        self._stop_for(errand, f"{stuck}; {errand.leg}")
+
+    @property
+    def _frees_itself(self) -> bool:
+        """Whether it backs out and tries again where the robot is stuck now, or does so already."""
+        state, tries = self._state, self._config.free_tries
+        if isinstance(state, Driving):
+            return self._freeing.may_try(tries)
+        if not isinstance(state, OnErrand | Stopping) or state.errand.source != STUCK:
+            return False
+        return isinstance(state, Stopping) or self._freeing.has_tries(tries)
+
+    def _try_again(self, state: OnErrand) -> None:
+        """Drive on along the route from as far back as the robot has backed out."""
+        if self._job is None:
+            return
+        self._job.step_back(state.route.progress.s_m)
+        self._is_away = False
+        self._watch.restart_headway()
+        self._state = Driving(self._job)
+
     def step(self, estimate: Estimate, events: Iterable[OperatorEvent] = ()) -> Goal:
         """Take the requests of this tick, then drive on; return what the robot is to do now."""
         self._is_located = estimate.ok and math.isfinite(estimate.x_map_m + estimate.y_map_m)
@@ -197,8 +237,9 @@ class Mission:
             status = msgspec.structs.replace(status, answers=answers)
         is_driving = isinstance(self._state, Driving | OnErrand) and self._is_located
         goal = make_goal(
-            self._way, self._task, self._job, status, self._watch.caution, is_driving=is_driving
-        )
+            self._way, self._task, self._job, status, self._watch.caution,
+            is_driving=is_driving, frees_itself=self._frees_itself,
+        )  # fmt: skip
         return goal if self._watch.may_work else msgspec.structs.replace(goal, tool_on=False)
 
     def _hear(self, event: OperatorEvent) -> None:
@@ -307,6 +348,7 @@ class Mission:
             return refusal
         self._is_resumed = True
         self._recovery.restart()
+        self._freeing.restart()
         if state.away:
             self._run_on(OnErrand(state.away.errand, state.away.route))
         else:
@@ -491,10 +533,10 @@ class Mission:
 
         def stay(error: MissionError) -> None:
             why = f"{errand.refusal}: {error}"
-            if errand.source in (
-                BATTERY,
-                LOST,
-            ):  # nobody asked for it, and may not be there to resume
+            if errand.source == STUCK:
+                self._pause(f"{state.reason}; {why}", by_itself=True)
+            elif errand.source in (BATTERY, LOST):
+                # nobody asked for it, and may not be there to resume
                 both = "; ".join(filter(None, (self._warning, why)))
                 self._pause(both, by_itself=True)
             else:
@@ -520,6 +562,7 @@ class Mission:
             return
         self._state = state = msgspec.structs.replace(state, reason=reason)
         if isinstance(state, Driving) and self._is_located:
+            self._freeing.follow(estimate)
             self._recover(state, estimate)
         if self._state is not state:
             return
@@ -564,7 +607,7 @@ class Mission:
             return ""
         reason = ""
         has_crop = self._task.has_crop
-        if isinstance(state, OnErrand) and state.errand.source == LOST:
+        if isinstance(state, OnErrand) and state.errand.source in AS_IT_CAME:
             return ""  # as it came, slowly: backwards
         if isinstance(state, Driving) and route.is_beside_row and has_crop:
             reason = self._watch.check_row(route, estimate, self._config)
@@ -582,6 +625,8 @@ class Mission:
             called = f"returned home, called by {state.errand.source}"
             ended = self._ended or Ended("cancelled", called)
             self._end(ended.ending, ended.reason)
+        elif state.errand.source == STUCK:
+            self._try_again(state)
         elif state.errand.source == LOST and self._job is not None:
             self._job.go_back(*state.errand.goal, leaves_out=state.errand.to == "out")
             self._is_away = False

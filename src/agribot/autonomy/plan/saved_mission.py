@@ -21,7 +21,7 @@ LENGTH_TOLERANCE_M = 0.01
 class SavedErrand(msgspec.Struct, frozen=True, kw_only=True):
     """A drive beside the work that was under way; `goal` is that of a place, as it was asked."""
 
-    to: Literal["home", "goal", "work", "back", "out"]
+    to: Literal["home", "goal", "work", "back", "out", "free"]
     source: str
     goal: tuple[float, ...] = ()
 

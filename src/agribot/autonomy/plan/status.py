@@ -72,6 +72,7 @@ def make_goal(
     caution_ratio: float,
     *,
     is_driving: bool,
+    frees_itself: bool,
 ) -> Goal:
     """Go along the way, slower by the caution; only rows that are still wanted get the tool."""
     if way is None:
@@ -84,5 +85,6 @@ def make_goal(
         tool_on=tool_on,
         status=status,
         tracked_x_m=task.tool.tracked_x_m if tool_on else 0.0,
+        frees_itself=frees_itself,
         bounds=task.bounds,
     )

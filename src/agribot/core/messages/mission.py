@@ -77,6 +77,7 @@ class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """What the mission wants now: follow `path` from `s_m`, at most this fast.
 
     `path` is None until it is planned. `tracked_x_m` ahead on the body is what stays on it.
+    `frees_itself`: where the robot is stuck, the mission backs out of it and tries again.
     """
 
     path: Path | None
@@ -85,4 +86,5 @@ class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     tool_on: bool
     status: MissionStatus
     tracked_x_m: float = 0.0
+    frees_itself: bool = False
     bounds: FieldBounds | None = None  # of the field that must not be left

@@ -1,0 +1,34 @@
+"""Soft soil and clods half as high as the wheels' radius: what holds the robot is no end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from agribot import load, simulate
+
+HARD = ["sim.preset='hard'", "sim.sensors='rtk'", "perception.enabled=false"]
+
+
+@pytest.mark.parametrize(("seed", "until_s", "least_m"), [(102, 20.0, 1.5), (116, 25.0, 3.5)])
+def test_a_clod_that_holds_a_wheel_in_a_turn_stops_no_mission(
+    tmp_path: Path, seed: int, until_s: float, least_m: float
+) -> None:
+    """Its wheels spin for a moment, the receiver is jolted: it is neither stuck nor turned."""
+    with simulate(load("farm", [*HARD, f"seed={seed}", f"duration_s={until_s}"]), tmp_path) as run:
+        for record in run.ticks():
+            assert not record.status.stopped
+            assert not record.estimate.contradiction
+    assert record.status.s_m > least_m
+
+
+def test_a_robot_that_is_stuck_in_a_turn_backs_out_and_turns_on(tmp_path: Path) -> None:
+    with simulate(load("farm", [*HARD, "seed=104", "duration_s=90"]), tmp_path) as run:
+        legs: list[str] = []
+        for record in run.ticks():
+            assert not record.status.stopped
+            if record.status.leg not in legs[-1:]:
+                legs.append(record.status.leg)
+    assert "backs out to try again" in legs
+    assert legs[-1] == "row 1"
