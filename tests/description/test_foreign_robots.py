@@ -54,6 +54,11 @@ def _wheels(shape: str = CYLINDER, axis: str = "0 1 0", parent: str = "base_link
     )
 
 
+def _fixed(name: str, parent: str, child: str) -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="fixed">{ends}</joint>'
+
+
 def _file(folder: Path, inside: str, name: str = "rover.urdf") -> str:
     file = folder / name
     file.write_text(f'<?xml version="1.0"?>\n<robot name="rover">{inside}</robot>\n', "utf-8")
@@ -287,6 +292,40 @@ def test_a_check_names_every_fault_with_its_line(
     ):
         line = 1 + next(i for i, text in enumerate(lines) if f'"{word}"' in text)
         assert (line, what) in places
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("</robot>", _fixed("back", "lamp", "base_footprint") + "</robot>",
+         "joint 'back': link 'lamp' would hang on itself"),
+        ("</robot>", _fixed("self", "lamp", "lamp") + "</robot>",
+         "joint 'self': link 'lamp' hangs on joint 'lamp_joint' already"),
+        ("</robot>", '<link name="knot"/>' + _fixed("self", "knot", "knot") + "</robot>",
+         "joint 'self': link 'knot' would hang on itself"),
+        ('<box size="0.9 0.5 0.2"/>', '<box size="-0.9 0.5 0.2"/>',
+         "link 'base_link' <box>: a size of -0.9 x 0.5 x 0.2 m"),
+        ('<cylinder radius="0.16"', '<cylinder radius="-0.16"',
+         "link 'rear_right_wheel' <cylinder>: a size of -0.16 x 0.11 m"),
+        ('<cylinder radius="0.16"', '<cylinder radius="0"', "a size of 0 x 0.11 m"),
+        ('<cylinder radius="0.16"', '<cylinder radius="160"', "a wheel of 160 m radius > 3 m"),
+    ],
+)  # fmt: skip
+def test_what_is_no_robot_is_refused_and_named_by_a_check(
+    tmp_path: Path, before: str, after: str, words: str
+) -> None:
+    lamp = '<link name="lamp"/>' + _fixed("lamp_joint", "base_link", "lamp")
+    file = Path(_file(tmp_path, BODY + lamp + _wheels()))
+    file.write_text(file.read_text().replace(before, after, 4))
+    with pytest.raises(DescriptionError) as raised:
+        load_robot(str(file))
+    assert words in str(raised.value)
+    assert any(words in finding.text for finding in check_robot(str(file)))
+
+
+def test_a_link_that_nothing_holds_is_named(tmp_path: Path) -> None:
+    robot = load_robot(_file(tmp_path, BODY + '<link name="lamp"/>' + _wheels()))
+    assert "link 'lamp' hangs on no joint; it is held where 'base_footprint' is" in robot.warnings
 
 
 def test_a_check_passes_what_is_complete(capsys: pytest.CaptureFixture[str]) -> None:

@@ -70,6 +70,18 @@ def adopt_base(root: ET.Element, joints: Sequence[Joint], source: SourceFile) ->
     _rename(root, carrier, BASE)
 
 
+def tell_loose_links(root: ET.Element, joints: Sequence[Joint], source: SourceFile) -> None:
+    """Warn of links that nothing holds; the root of base_link needs no joint."""
+    parents = {joint.child: joint.parent for joint in joints}
+    top = BASE
+    while top in parents:
+        top = parents[top]
+    for element in root.findall("link"):
+        name = element.get("name", "")
+        if name != top and name not in parents:
+            source.warn(f"link '{name}' hangs on no joint; it is held where '{top}' is", element)
+
+
 def adopt_wheels(
     root: ET.Element,
     links: Sequence[Link],

@@ -30,6 +30,7 @@ from agribot.description.tags import (
 DRIVE_PLUGINS = ("skid_steer", "skidsteer", "diff_drive", "diffdrive", "diff-drive")
 IMU_PLUGINS = ("ros_imu", "imu_sensor")
 GNSS_PLUGINS = ("ros_gps", "navsat")
+MOST_RADIUS_M = 3.0  # of a wheel; the largest of tractors have 1.1
 # Where SDF has a default of its own.
 CAMERA_DEFAULTS = {
     "camera/image/width": 320.0, "camera/image/height": 240.0, "camera/horizontal_fov": 1.047,
@@ -196,11 +197,21 @@ def _find_wheel(
 
 
 def find_wheel_size(links: Sequence[Link], source: SourceFile) -> tuple[float, float]:
-    """Return radius and width of the collision cylinder of a wheel."""
+    """Return radius and width of the collision cylinder of a wheel.
+
+    Raises: DescriptionError: it has none, or one that is no wheel's.
+    """
     wheel = next(link for link in links if link.name == WHEEL_NAMES[0])
     for shape in wheel.collisions:
         if shape.kind == "cylinder":
-            return shape.size_m[0], shape.size_m[1]
+            radius_m, width_m, _ = shape.size_m
+            if radius_m > MOST_RADIUS_M:
+                raise source.fail(
+                    f"link '{wheel.name}'",
+                    f"a wheel of {radius_m:g} m radius > {MOST_RADIUS_M:g} m; a description is "
+                    "in metres",
+                )
+            return radius_m, width_m
     kinds = ", ".join(shape.kind for shape in wheel.collisions) or "none"
     raise source.fail(
         f"link '{wheel.name}'", f"a wheel needs a <collision> with a cylinder; it has: {kinds}"

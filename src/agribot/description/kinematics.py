@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from typing import TypeAlias
 
 from agribot.core.robot import Joint, Link, Origin, Shape
@@ -26,11 +27,12 @@ def read_links(root: ET.Element, source: SourceFile) -> tuple[Link, ...]:
 def read_joints(root: ET.Element, source: SourceFile) -> tuple[Joint, ...]:
     """Read all joints.
 
-    Raises: DescriptionError: a joint names a link that does not exist.
+    Raises: DescriptionError: a joint names a link that does not exist, or they make no tree.
     """
     gears = _read_gear_ratios(root, source)
     links = {element.get("name", "") for element in root.findall("link")}
     joints = []
+    above: dict[str, Joint] = {}  # by the link that hangs on it
     for element in root.findall("joint"):
         with source.attempt(element):
             joint = _read_joint(element, gears, source)
@@ -40,8 +42,29 @@ def read_joints(root: ET.Element, source: SourceFile) -> tuple[Joint, ...]:
                         f"joint '{joint.name}'",
                         f"there is no link '{end}'; there are: {', '.join(sorted(links))}",
                     )
+            _check_place(joint, above, source)
+            above[joint.child] = joint
             joints.append(joint)
     return tuple(joints)
+
+
+def _check_place(joint: Joint, above: Mapping[str, Joint], source: SourceFile) -> None:
+    where = f"joint '{joint.name}'"
+    if joint.child in above:
+        raise source.fail(
+            where,
+            f"link '{joint.child}' hangs on joint '{above[joint.child].name}' already; leave one "
+            "of them out",
+        )
+    name = joint.parent
+    while name != joint.child and name in above:
+        name = above[name].parent
+    if name == joint.child:
+        raise source.fail(
+            where,
+            f"link '{joint.parent}' would hang on itself; the links of a robot make a tree, so "
+            "name another parent",
+        )
 
 
 def read_palette(root: ET.Element, source: SourceFile) -> dict[str, Rgba]:
@@ -105,6 +128,7 @@ def _read_shape(
     origin, rgba = _read_origin(part, source, where), _read_colour(part, palette, source)
     if form.tag == "box":
         size = source.parse_vec3(form.get("size"), f"{where} <box>")
+        _check_size(part, size, f"{where} <box>", source)
         return Shape(kind="box", size_m=size, origin=origin, rgba=rgba)
     if form.tag == "mesh":
         scale = source.parse_vec3(form.get("scale", "1 1 1"), f"{where} <mesh>")
@@ -114,7 +138,19 @@ def _read_shape(
         raise source.fail(where, f"<{form.tag}> is no box, cylinder, sphere or mesh")
     radius_m = source.parse_number(form.get("radius"), f"{where} <{form.tag} radius>")
     length_m = source.parse_number(form.get("length", "0"), f"{where} <{form.tag} length>")
+    sizes_m = (radius_m, length_m) if form.tag == "cylinder" else (radius_m,)
+    _check_size(part, sizes_m, f"{where} <{form.tag}>", source)
     return Shape(kind=form.tag, size_m=(radius_m, length_m, 0.0), origin=origin, rgba=rgba)
+
+
+def _check_size(
+    part: ET.Element, sizes_m: tuple[float, ...], where: str, source: SourceFile
+) -> None:
+    """Refuse what has no room to touch anything; what is only seen may be of no size."""
+    least_m = min(sizes_m)
+    if least_m < 0.0 or (least_m == 0.0 and part.tag == "collision"):
+        told = " x ".join(f"{size_m:g}" for size_m in sizes_m)
+        raise source.fail(where, f"a size of {told} m; give it one above 0")
 
 
 def _read_colour(part: ET.Element, palette: dict[str, Rgba], source: SourceFile) -> Rgba:

@@ -11,7 +11,12 @@ from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import Link, RobotSpec
 from agribot.description import devices
 from agribot.description.adopt_devices import adopt_devices
-from agribot.description.adopt_wheels import adopt_base, adopt_wheels, make_names_unique
+from agribot.description.adopt_wheels import (
+    adopt_base,
+    adopt_wheels,
+    make_names_unique,
+    tell_loose_links,
+)
 from agribot.description.elements import FileFinding, SourceFile
 from agribot.description.expansion import expand
 from agribot.description.implements import read_implement
@@ -78,6 +83,7 @@ def _adopt(root: ET.Element, source: SourceFile, folder: Path) -> None:
     """Complete the tree in place with all links, names and tags that AGRIBOT needs."""
     make_names_unique(root, source)
     adopt_base(root, read_joints(root, source), source)
+    tell_loose_links(root, read_joints(root, source), source)
     adopt_wheels(root, read_links(root, source), read_joints(root, source), source, folder)
     adopt_devices(root, read_links(root, source), read_joints(root, source), source)
 
