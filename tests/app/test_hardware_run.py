@@ -9,6 +9,7 @@ import contextlib
 import json
 import math
 import os
+import pty
 import shutil
 import signal
 import subprocess
@@ -44,6 +45,11 @@ SETTINGS = [
 ]  # fmt: skip
 START = (-2.0, 0.0, math.pi / 2.0)  # the mark of the farm
 AHEAD_M = 1.2
+IN_TERMINAL = """
+import fcntl, os, sys, termios
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+os.execv(sys.argv[1], sys.argv[1:])
+"""
 
 
 @pytest.fixture
@@ -118,6 +124,28 @@ def test_a_builder_starts_the_robot_it_drives_to_a_place_and_a_replay_gives_the_
     assert main(["replay", str(out / "run.mcap"), "--check"]) == 0
     assert "identical" in capsys.readouterr().out
     assert bench.board.commands[-1].speed_countps == (0, 0, 0, 0)
+
+
+def test_a_terminal_that_is_closed_stops_the_robot_and_the_run_writes_its_report(
+    bench: HardwareBench, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    far, near = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-c", IN_TERMINAL, sys.executable, "-m", "agribot.cli",
+         *words(bench, out, "--arm", "--for", "90")],
+        stdin=near, stdout=near, stderr=near, start_new_session=True,
+    )  # fmt: skip
+    os.close(near)
+    try:
+        wait_for(lambda: any(any(c.speed_countps) for c in bench.board.commands), "the drive")
+        os.close(far)
+        assert process.wait(PATIENCE_S) == 130
+    finally:
+        process.kill()
+        process.wait()
+    assert bench.board.commands[-1].speed_countps == (0, 0, 0, 0)
+    assert "interrupted" in json.loads((out / "report.json").read_text())["reason"]
 
 
 def test_a_robot_begins_disarmed_and_moves_when_a_person_has_cleared_that(

@@ -73,7 +73,8 @@ def _results_of_processes(
 def _enter_worker(event: multiprocessing.synchronize.Event) -> None:
     global _stop_event  # noqa: PLW0603  (one per worker process, set before its first job)
     _stop_event = event
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when to stop
+    for number in (signal.SIGINT, signal.SIGHUP):  # the parent decides when to stop
+        signal.signal(number, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -1,24 +1,48 @@
-"""A first Ctrl-C or SIGTERM requests a clean stop, a second one interrupts at once."""
+"""A first Ctrl-C or SIGTERM requests a clean stop, a second one interrupts at once.
+
+A terminal that is closed, as with its SSH connection, requests the stop, too.
+"""
 
 from __future__ import annotations
 
+import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 
 @contextmanager
 def stop_on_signal() -> Iterator[list[int]]:
-    """Yield a list that a first Ctrl-C or SIGTERM makes true; the second one interrupts."""
+    """Yield a list that a first Ctrl-C or SIGTERM makes true; the second one interrupts.
+
+    So does a terminal that is closed, unless that is ignored (nohup): what still is to be told
+    then reaches nobody, and the program goes on to its end.
+    """
     received: list[int] = []
+    terminals = [number for number in (1, 2) if os.isatty(number)]
 
     def note(signum: int, _frame: object) -> None:
         received.append(signum)
-        signal.signal(signum, signal.default_int_handler)
+        if signum == signal.SIGHUP:
+            signal.signal(signum, signal.SIG_IGN)  # it comes from the shell and from the system
+            _silence(terminals)
+        else:
+            signal.signal(signum, signal.default_int_handler)
 
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+        numbers.append(signal.SIGHUP)
+    before = {number: signal.signal(number, note) for number in numbers}
     try:
         yield received
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _silence(numbers: Sequence[int]) -> None:
+    """Let what is written to these descriptors go nowhere; a terminal that is gone is an error."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for number in numbers:
+        os.dup2(nowhere, number)
+    os.close(nowhere)

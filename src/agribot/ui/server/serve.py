@@ -62,7 +62,8 @@ class RobotLine:
 
 def main(about: About, link: Connection, camera_link: Connection, listener: socket.socket) -> None:
     """Serve until the robot's end of `link` is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGHUP):  # the robot's process decides when to stop
+        signal.signal(number, signal.SIG_IGN)
     gc.freeze()
     asyncio.run(_serve(about, link, camera_link, listener))
 
