@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from typing import Any, Literal, Protocol, runtime_checkable
 
 import msgspec
@@ -131,9 +132,18 @@ class MixedPlatform:
         self._platform.write(command)
 
     def close(self) -> None:
-        for source in self._sources:
-            source.close()
-        self._platform.close()
+        """Close all of it; what acts comes first, for a sensor whose line is away takes its time.
+
+        Each is closed, whatever befalls another one.
+        """
+        with ExitStack() as closing:  # the last one first
+            acting = [source for source in self._sources if isinstance(source, SourceThatActs)]
+            for source in self._sources:
+                if source not in acting:
+                    closing.callback(source.close)
+            closing.callback(self._platform.close)
+            for source in acting:
+                closing.callback(source.close)
 
     def _watch(
         self, source: SensorSource, t_s: float, *, has_samples: bool
