@@ -163,3 +163,14 @@ def test_the_command_shows_satellites_of_a_receiver_that_searches_and_fails_for_
     assert "no fix yet, 0 of 3 satellites" in told.err
     result = json.loads(told.out.splitlines()[-1])
     assert result["fix"] is None and len(result["status"]["satellites"]) == 3
+
+
+def test_the_command_does_not_show_an_old_fix_as_one_of_now(
+    line: Line, capsys: pytest.CaptureFixture[str]
+) -> None:
+    receiver = threading.Timer(0.5, lambda: line.say(written.make_ubx_pvt()))
+    receiver.start()
+    assert main(["gnss", "show", f"serial:{line.path}", "--for", "4.5"]) == 0
+    receiver.join()
+    *_, last = capsys.readouterr().err.splitlines()
+    assert last == "no fix for 4 s"

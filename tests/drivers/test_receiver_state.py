@@ -132,6 +132,15 @@ def test_of_two_receivers_of_a_gpsd_one_is_taken_and_the_other_told_once() -> No
     assert told == ["gpsd tells of /dev/ttyB too; taken is /dev/ttyA"]
 
 
+def test_a_receiver_of_a_gpsd_whose_clock_steps_back_goes_on_and_an_epoch_counts_once() -> None:
+    decoder = GpsdDecoder(lambda text: None)
+    line = '{{"class":"TPV","device":"/dev/ttyA","mode":3,"time":"{}Z","lat":{},"lon":4.5}}\n'
+    at = ("2026-05-04T09:30:18", "2045-12-19T09:30:19", "2026-05-04T09:30:01")
+    data = "".join(line.format(time, 52.0 + k) * 2 for k, time in enumerate(at))
+    fixes = [sample for _, sample in decoder.feed(data.encode())]
+    assert [fix.lat_deg for fix in fixes] == [52.0, 53.0, 54.0]  # type: ignore[union-attr]
+
+
 class Simulated:
     """A platform with a heading of its own."""
 

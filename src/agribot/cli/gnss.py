@@ -20,6 +20,7 @@ from agribot.core.messages import GnssFix, GnssHeading, GnssStatus
 
 PERIOD_S = 1.0  # of a line
 POLL_S = 0.05
+SILENT_S = 3.0  # a fix of a second that is older is none of now
 PATIENCE_S = 10.0  # for the answers to all settings
 RATES_HZ = 1.0, 20.0
 
@@ -75,8 +76,9 @@ def _show(options: argparse.Namespace) -> int:
         try:
             begun_s = next_s = time.monotonic()
             while (now_s := time.monotonic()) - begun_s < options.seconds:
-                more = source.take_more(now_s - begun_s) if isinstance(source, SourceOfMore) else {}
-                summary.add(source.take(now_s - begun_s), more)
+                t_s = now_s - begun_s
+                more = source.take_more(t_s) if isinstance(source, SourceOfMore) else {}
+                summary.add(t_s, source.take(t_s), more)
                 if now_s >= next_s:
                     next_s += PERIOD_S
                     print_line(summary.describe())
@@ -99,8 +101,10 @@ class _Summary:
         self.heading: GnssHeading | None = None
         self.status: GnssStatus | None = None
         self._times_s: deque[float] = deque(maxlen=20)
+        self._t_s = 0.0
 
-    def add(self, fixes: tuple[Any, ...], more: dict[str, tuple[Any, ...]]) -> None:
+    def add(self, t_s: float, fixes: tuple[Any, ...], more: dict[str, tuple[Any, ...]]) -> None:
+        self._t_s = t_s
         for fix in fixes:
             self.fix = fix
             self._times_s.append(fix.t_s)
@@ -115,7 +119,9 @@ class _Summary:
         from agribot.drivers.receiver_speaker import QUALITY_NAMES
 
         words = ["no fix yet"]
-        if self.fix is not None:
+        if self.fix is not None and (old_s := self._t_s - self.fix.t_s) > SILENT_S:
+            words = [f"no fix for {old_s:.0f} s"]
+        elif self.fix is not None:
             words = [
                 f"{self.fix.lat_deg:.8f}, {self.fix.lon_deg:.8f}, {self.fix.alt_m:.2f} m",
                 f"{QUALITY_NAMES.get(self.fix.quality, 'none')} +-{self.fix.pos_std_m:.3f} m",

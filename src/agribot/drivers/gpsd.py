@@ -92,7 +92,8 @@ class GpsdFixes:
         if self.lacks_fix:
             return None
         stamp_s = _read_time_s(report)
-        if stamp_s <= self._last_s:  # a second report of one epoch, as it grows
+        # A second report of one epoch, as it grows; clocks of receivers also step back.
+        if stamp_s == self._last_s:
             return None
         std_m, quality = self._judge(report, stamp_s)
         fix = GnssFix(
