@@ -123,6 +123,16 @@ def test_of_a_receiver_that_speaks_both_the_one_that_tells_accuracy_counts() -> 
     assert [fix.pos_std_m for _, fix in decode(data)] == pytest.approx([0.02 / math.sqrt(2)] * 3)
 
 
+def test_a_receiver_that_lost_its_settings_and_goes_on_in_sentences_is_read_on() -> None:
+    decoder = ReceiverDecoder(lambda text: None)
+    decoder.feed(written.make_ubx_pvt(), 0.0)
+    found = []
+    for k in range(1, 6):
+        sentences = b"".join(written.make_nmea(written.EPOCH + k * SECOND))
+        found += [k for _, one in decoder.feed(sentences, float(k)) if isinstance(one, GnssFix)]
+    assert found == [3, 4, 5]
+
+
 @given(st.integers(1, 400), st.integers(0, 2**32 - 1))
 def test_any_way_of_cutting_the_stream_gives_the_same_fixes(size: int, seed: int) -> None:
     rng = random.Random(seed)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import ssl
 
 ReceiverSample = GnssFix | GnssHeading | GnssStatus
+UBX_SILENT_S = 3.0  # without a NAV-PVT; the slowest receivers tell one a second
 _MOST_OTHERS = 8  # receivers that are told of
 _SILENT_REPORTS = 20  # of another receiver; two seconds and more
 _MOST_NOTES = 32  # that wait for a tick
@@ -53,13 +54,17 @@ class HeadingMount(NamedTuple):
 
 
 class ReceiverDecoder:
-    """A receiver that speaks UBX, NMEA or both; of both, UBX tells the accuracy."""
+    """A receiver that speaks UBX, NMEA or both; of both, UBX tells the accuracy.
+
+    One that lost its settings with its power goes on in NMEA, which then counts.
+    """
 
     def __init__(self, refuse: Callable[[str], None], mount: HeadingMount | None = None) -> None:
         self._refuse, self._mount = refuse, mount or HeadingMount()
         self._sentences, self._frames = nmea.SentenceDecoder(), ubx.UbxDecoder()
         self._from_nmea, self._from_ubx = nmea.NmeaFixes(refuse), ubx.UbxFixes()
-        self._speaks_ubx = self._has_frames = False
+        self._has_frames = False
+        self._pvt_s = -math.inf  # arrival of the last NAV-PVT
         self.sky = Sky()
         self.last_fix: nmea.StampedFix | None = None
 
@@ -73,7 +78,7 @@ class ReceiverDecoder:
         found: Stamped = []
         for frame in self._frames.feed(data):
             self._has_frames = True
-            self._speaks_ubx |= frame.kind == ubx.NAV_PVT
+            self._pvt_s = arrived_s if frame.kind == ubx.NAV_PVT else self._pvt_s
             self.sky.add_frame(frame)
             baseline = ubx.read_baseline(frame)
             if baseline is not None:
@@ -89,7 +94,7 @@ class ReceiverDecoder:
 
     def _add_sentence(self, found: Stamped, sentence: nmea.Sentence, arrived_s: float) -> None:
         fix = self._from_nmea.add(sentence)
-        if self._speaks_ubx:
+        if arrived_s - self._pvt_s < UBX_SILENT_S:
             return
         heading_deg, lacks_fix = None, False
         try:
