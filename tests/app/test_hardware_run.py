@@ -148,6 +148,28 @@ def test_a_terminal_that_is_closed_stops_the_robot_and_the_run_writes_its_report
     assert "interrupted" in json.loads((out / "report.json").read_text())["reason"]
 
 
+def test_a_run_that_ends_stops_the_robot_though_a_hand_drives_on(
+    bench: HardwareBench, tmp_path: Path
+) -> None:
+    with open_bench(bench, tmp_path / "run", is_armed=True) as run:
+        ended = threading.Event()
+
+        def drive_on() -> None:
+            while not ended.wait(0.05):
+                run.inbox.drive(0.2, 0.0, "Ann")
+
+        hand = threading.Thread(target=drive_on)
+        hand.start()
+        try:
+            until(run, lambda r: r.command.drive.v_mps > 0.1)
+            run.finish("interrupted")
+            assert bench.board.commands[-1].speed_countps == (0, 0, 0, 0)
+            assert run.inbox.takes_hands, "who keeps the page open may drive again"
+        finally:
+            ended.set()
+            hand.join()
+
+
 def test_a_robot_begins_disarmed_and_moves_when_a_person_has_cleared_that(
     bench: HardwareBench, tmp_path: Path
 ) -> None:

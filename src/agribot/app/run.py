@@ -259,7 +259,7 @@ class Run:
         if not self._has_ended() and not why_ended and self.last is not None:
             as_asked = f"stopped after {self.config.duration_s or 0.0:g} s, as asked"
             why_ended = self.unattended.why_ended or as_asked
-        self._come_to_rest()
+        self.come_to_rest()
         self.clock.stop()
         self.stack.perception.settle()  # the last frame counts in every run
         self._job_file.write()
@@ -307,18 +307,22 @@ class Run:
         limit_s = self.config.duration_s
         return limit_s is not None and self.last is not None and self.last.batch.t_s >= limit_s
 
-    def _come_to_rest(self) -> None:
-        """Cancel what is left of the mission and wait for the wheels."""
+    def come_to_rest(self) -> None:
+        """Cancel what is left of the mission, let no hand drive on, and wait for the wheels."""
         if self.last is None:
             return
         t_s = self.last.batch.t_s
         if not self._has_ended():
             self.inbox.post(OperatorEvent(t_s=t_s, action="cancel", source="session"))
-        self._tick()
-        still = 0
-        while still < REST_TICKS and self.last.batch.t_s < t_s + COMING_TO_REST_S:
+        self.inbox.takes_hands = False
+        try:
             self._tick()
-            still = still + 1 if abs(self.last.estimate.v_mps) <= 0.01 else 0
+            still = 0
+            while still < REST_TICKS and self.last.batch.t_s < t_s + COMING_TO_REST_S:
+                self._tick()
+                still = still + 1 if abs(self.last.estimate.v_mps) <= 0.01 else 0
+        finally:
+            self.inbox.takes_hands = True
 
     def _write_config(self) -> None:
         write_file(self.out_dir / "config.toml", settings.to_toml(self.config).encode())

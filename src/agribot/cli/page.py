@@ -160,6 +160,7 @@ def keep_ready(
     pacer = Pacer(IDLE_PACE, page, keeps_up=keeps_up)
     for record in session.idle():
         if stop:
+            session.come_to_rest()  # before the page is closed, which takes its time
             return
         pacer.wait(record.batch.t_s)
 

@@ -57,9 +57,12 @@ class HandDrive(msgspec.Struct, frozen=True, kw_only=True):
 class Inbox:
     """A thread-safe queue of requests: any thread posts, the platform drains it.
 
-    Stamps given by the sender are dropped. Of drive requests only the newest counts. Stops are
-    kept apart, so that no flood of other requests can push one out.
+    Stamps given by the sender are dropped. Of drive requests only the newest counts, and none
+    where `takes_hands` is false. Stops are kept apart, so that no flood of other requests can push
+    one out.
     """
+
+    takes_hands = True
 
     def __init__(self) -> None:
         self._stops: deque[OperatorEvent] = deque(maxlen=INBOX_LIMIT)
@@ -80,9 +83,10 @@ class Inbox:
         if not (self._stops or self._events or self._hand):
             return (), ()
         events = [*_empty_queue(self._events), *_empty_queue(self._stops)]
+        hands = _empty_queue(self._hand)
         return (
             tuple(msgspec.structs.replace(event, t_s=t_s) for event in events),
-            tuple(msgspec.structs.replace(hand, t_s=t_s) for hand in _empty_queue(self._hand)),
+            tuple(msgspec.structs.replace(hand, t_s=t_s) for hand in hands if self.takes_hands),
         )
 
 
