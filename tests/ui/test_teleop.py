@@ -80,15 +80,28 @@ def test_a_terminal_is_read_also_when_it_cuts_a_word_in_two() -> None:
 
 def test_dragging_up_drives_forwards_and_letting_go_stands_still() -> None:
     hand = MouseHand(HandRates())
-    hand.move("drag", 5, 5)
-    assert hand.twist() == STILL
-    hand.move("press", 40, 20)
-    hand.move("drag", 30, 15)
-    assert hand.twist() == (0.4, 0.5)
-    hand.move("drag", 40, -200)
-    assert hand.twist() == (0.8, 0.0)
-    hand.move("release", 40, 20)
-    assert hand.twist() == STILL
+    hand.move("drag", 5, 5, 0.0)
+    assert hand.twist(0.0) == STILL
+    hand.move("press", 40, 20, 0.1)
+    hand.move("drag", 30, 15, 0.2)
+    assert hand.twist(0.2) == (0.4, 0.5)
+    hand.move("drag", 40, -200, 0.3)
+    assert hand.twist(0.3) == (0.8, 0.0)
+    hand.move("release", 40, 20, 0.4)
+    assert hand.twist(0.4) == STILL
+
+
+def test_a_mouse_held_still_drives_while_its_terminal_answers_and_else_has_let_go() -> None:
+    hand, terminal = MouseHand(HandRates()), TerminalInput()
+    hand.move("press", 40, 20, 0.0)
+    hand.move("drag", 40, 15, 0.0)
+    assert terminal.feed(b"\x1b[0") == []
+    assert terminal.feed(b"n") == [("alive", 0, 0)]
+    hand.move("alive", 0, 0, 0.3)
+    assert hand.twist(0.6) == (0.4, 0.0)
+    assert hand.twist(0.71) == STILL
+    hand.move("drag", 40, 10, 0.8)
+    assert hand.twist(0.8) == STILL, "it must be pressed anew"
 
 
 def teleop(robot: Robot, *words: str, stdin: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
@@ -114,6 +127,28 @@ def test_keys_in_a_terminal_reach_the_robot(robot: Robot) -> None:
         os.write(ours, b"q")
         assert process.wait(PATIENCE_S) == 0
         assert robot.of_kind(wire.DriveOrder)[-1].v_mps == 0.0
+    finally:
+        process.kill()
+        process.communicate()
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_a_robot_that_is_driven_by_mouse_stops_where_the_terminal_falls_silent(
+    robot: Robot,
+) -> None:
+    ours, theirs = pty.openpty()
+    process = teleop(robot, "mouse", "--hold", "1", stdin=theirs)
+    try:
+        assert process.stderr is not None
+        robot.wait_for(wire.DriveOrder)
+        os.write(ours, b"\x1b[<0;40;20M\x1b[<32;40;15M")
+        robot.wait_for(wire.DriveOrder, lambda order: order.v_mps > 0.0)
+        wait_for(lambda: robot.of_kind(wire.DriveOrder)[-1].v_mps == 0.0, "the robot to stand")
+        os.write(ours, b"q")
+        assert process.wait(PATIENCE_S) == 0
+        said = process.stderr.read()
+        assert "\x1b[5n" in said and "the terminal was silent for 1 s" in said
     finally:
         process.kill()
         process.communicate()

@@ -33,6 +33,7 @@ from agribot.ui.hand.remote import Remote
 from agribot.ui.hand.stick_table import TableHand, read_table
 
 MOUSE_ON, MOUSE_OFF = "\x1b[?1002h\x1b[?1006h", "\x1b[?1006l\x1b[?1002l"
+ASK_TERMINAL = "\x1b[5n"  # for its state, which it answers at once
 HELP = {
     "keyboard": "arrows or w a s d drive, space stops, q quits; , and . move the row's line 1 cm",
     "mouse": "press, drag up to drive and sideways to turn, let go to stand; space stops, q quits",
@@ -53,7 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--forward", type=finite, default=rates.forward_mps, metavar="MPS")
     parser.add_argument("--backward", type=finite, default=rates.backward_mps, metavar="MPS")
     parser.add_argument("--rotation", type=finite, default=rates.rotation_radps, metavar="RADPS")
-    parser.add_argument("--hold", type=finite, default=rates.hold_s, metavar="S", help="of a key")
+    parser.add_argument("--hold", type=finite, default=rates.hold_s, metavar="S",
+                        help="of a key, and of a mouse whose terminal is silent")  # fmt: skip
     stick = parser.add_argument_group("joystick")
     stick.add_argument("--joy", default="/dev/input/js0", metavar="DEVICE")
     stick.add_argument("--deadman", type=int, metavar="BUTTON", help=f"{DEADMAN} unless told")
@@ -144,6 +146,9 @@ def _open_terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Re
     def read(timeout_s: float) -> Wish:
         asked: list[str] = []
         end_s = time.monotonic() + timeout_s
+        if mouse.is_held:
+            sys.stderr.write(ASK_TERMINAL)
+            sys.stderr.flush()
         while select.select([handle], [], [], max(0.0, end_s - time.monotonic()))[0]:
             try:
                 data = os.read(handle, 1024)
@@ -154,8 +159,16 @@ def _open_terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Re
                     return _make_request(None, asked)
                 asked += [word] if word in KEY_REQUESTS else []
                 keys.press(word, time.monotonic())
-                mouse.move("release" if word == "stop" else word, column, row)
-        return _make_request(mouse.twist() if is_mouse else keys.twist(time.monotonic()), asked)
+                if is_mouse:
+                    said = "release" if word == "stop" else word
+                    mouse.move(said, column, row, time.monotonic())
+        was_held, now_s = mouse.is_held, time.monotonic()
+        twist = mouse.twist(now_s) if is_mouse else keys.twist(now_s)
+        if was_held and not mouse.is_held:
+            sys.stderr.write(
+                f"\rthe terminal was silent for {rates.hold_s:g} s; press anew\x1b[K\r\n"
+            )
+        return _make_request(twist, asked)
 
     before = termios.tcgetattr(handle)
     tty.setcbreak(handle)

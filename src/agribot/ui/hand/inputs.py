@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import NamedTuple
 
@@ -36,7 +37,7 @@ KEY_REQUESTS = {
 }
 
 _ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
-_WORDS = re.compile(r"\x1b\[<(\d+);(\d+);(\d+)([Mm])|\x1b[\[O]([ABCD])|([\s\S])")
+_WORDS = re.compile(r"\x1b\[<(\d+);(\d+);(\d+)([Mm])|\x1b[\[O]([ABCD])|\x1b\[0(n)|([\s\S])")
 _LETTERS = {"w": "up", "s": "down", "a": "left", "d": "right", " ": "stop", "q": "quit",
             ",": "nudge_left", ".": "nudge_right"}  # fmt: skip
 _DIRECTION = {"up": (1, 0), "down": (-1, 0), "left": (0, 1), "right": (0, -1)}
@@ -48,7 +49,8 @@ class HandRates(msgspec.Struct, frozen=True, kw_only=True):
     forward_mps: float = 0.8
     backward_mps: float = 0.5
     rotation_radps: float = 1.0
-    hold_s: float = 0.4  # a terminal tells of pressed keys only, again and again
+    # A terminal tells of pressed keys only, again and again; of a mouse it is asked.
+    hold_s: float = 0.4
     scale: float = 1.0
 
     def twist(self, forward: float, left: float) -> Twist:
@@ -64,22 +66,27 @@ class TerminalInput:
         self._rest = ""
 
     def feed(self, data: bytes) -> list[tuple[str, int, int]]:
-        """(word, column, row): up, down, left, right, stop, quit, press, drag, release or ""."""
+        """(word, column, row): up, down, left, right, stop, quit, press, drag, release or "".
+
+        "alive" is a terminal's answer to the question for its state (DSR 5).
+        """
         text = self._rest + data.decode("latin-1")
         self._rest = ""
-        tail = re.search(r"\x1b(\[(<[\d;]*)?)?$", text)
+        tail = re.search(r"\x1b(\[(<[\d;]*|0)?)?$", text)
         if tail and len(text) > 1 and tail.group(0) != "\x1b":
             text, self._rest = text[: tail.start()], tail.group(0)
         return [_word(match) for match in _WORDS.finditer(text)]
 
 
 def _word(match: re.Match[str]) -> tuple[str, int, int]:
-    button, column, row, end, arrow, letter = match.groups()
+    button, column, row, end, arrow, alive, letter = match.groups()
     if button is not None:
         kind = "release" if end == "m" else ("drag" if int(button) & 32 else "press")
         return kind, int(column), int(row)
     if arrow is not None:
         return _ARROWS[arrow], 0, 0
+    if alive is not None:
+        return "alive", 0, 0
     return ("quit" if letter == "\x03" else _LETTERS.get(letter.lower(), "")), 0, 0
 
 
@@ -108,15 +115,26 @@ class KeyHand:
 
 
 class MouseHand:
-    """Press, drag up for forward and sideways to turn; letting go stands still."""
+    """Press, drag up for forward and sideways to turn; letting go stands still.
+
+    A mouse that is held still says nothing, as a terminal whose connection is cut: one that was
+    silent for `hold_s` has let go, and has to press anew.
+    """
 
     def __init__(self, rates: HandRates, reach: int = 10) -> None:
         """`reach` is how many rows of the terminal are full speed; columns are half as wide."""
         self._rates, self._reach = rates, reach
         self._from: tuple[int, int] | None = None
         self._deflection = (0.0, 0.0)
+        self._heard_s = -math.inf
 
-    def move(self, word: str, column: int, row: int) -> None:
+    @property
+    def is_held(self) -> bool:
+        return self._from is not None
+
+    def move(self, word: str, column: int, row: int, now_s: float) -> None:
+        """Take in what the terminal says, its mouse or not."""
+        self._heard_s = now_s
         if word == "press":
             self._from, self._deflection = (column, row), (0.0, 0.0)
         elif word == "drag" and self._from is not None:
@@ -126,7 +144,9 @@ class MouseHand:
         elif word == "release":
             self._from, self._deflection = None, (0.0, 0.0)
 
-    def twist(self) -> Twist:
+    def twist(self, now_s: float) -> Twist:
+        if not 0.0 <= now_s - self._heard_s < self._rates.hold_s:
+            self._from, self._deflection = None, (0.0, 0.0)
         return self._rates.twist(*self._deflection)
 
 
