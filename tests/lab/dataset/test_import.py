@@ -218,6 +218,18 @@ def boxes() -> dict[str, Any]:
     return value
 
 
+def two_of_one_number(kind: str) -> Callable[[], dict[str, Any]]:
+    """Make what a careless merge of two files makes: two pictures, or classes, of one number."""
+
+    def make() -> dict[str, Any]:
+        value = coco()
+        name = "file_name" if kind == "images" else "name"
+        value[kind].append(value[kind][0] | {name: "another"})
+        return value
+
+    return make
+
+
 def stroke_cut_off() -> list[dict[str, Any]]:
     value = label_studio()
     value[0]["annotations"][0]["result"][1]["value"]["rle"] = brush(mask_of(PlantClass.WEED))[:40]
@@ -234,6 +246,8 @@ def stroke_cut_off() -> list[dict[str, Any]]:
         ("labels.json", outside, r"reaches (120, 6), outside the picture of 80 x 60"),
         ("labels.json", larger, "turned on its side"),
         ("labels.json", cut_runs, "it was cut off"),
+        ("labels.json", two_of_one_number("images"), "two of image 7, photos/a.png and another"),
+        ("labels.json", two_of_one_number("categories"), "two of category 1, beet and another"),
         ("labels.json", boxes, "is a box without an outline"),
         ("labels.json", stroke_cut_off, "a brush stroke that was cut off"),
         ("a.txt", lambda: "0 0.1 0.1 0.2 0.2 0.3", "an odd count"),

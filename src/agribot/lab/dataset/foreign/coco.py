@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
@@ -57,9 +58,12 @@ def is_coco(value: Any) -> bool:
 def read_coco(value: Any) -> list[LabelledPicture]:
     """Read all pictures of a file.
 
-    Raises: LabelFileError: it is no such file, or names a picture or class that it does not have.
+    Raises: LabelFileError: it is no such file, names a picture or class that it does not have, or
+    gives one number to two of them.
     """
     file = convert_json(value, _File, "COCO")
+    _check_numbers("image", [(image.id, image.file_name) for image in file.images])
+    _check_numbers("category", [(category.id, category.name) for category in file.categories])
     names = {category.id: category.name for category in file.categories}
     known = {image.id for image in file.images}
     found: defaultdict[int | str, list[_Annotation]] = defaultdict(list)
@@ -71,6 +75,20 @@ def read_coco(value: Any) -> list[LabelledPicture]:
             )
         found[annotation.image_id].append(annotation)
     return [_read_picture(image, found[image.id], names) for image in file.images]
+
+
+def _check_numbers(what: str, named: Iterable[tuple[int | str, str]]) -> None:
+    """Refuse two pictures or classes of one number: nobody can tell whose a label is.
+
+    Raises: LabelFileError.
+    """
+    names: dict[int | str, str] = {}
+    for number, name in named:
+        if names.setdefault(number, name) != name:
+            raise LabelFileError(
+                f"has two of {what} {number}, {names[number]} and {name}: it was put together "
+                "wrongly; import the parts one by one, or number them anew"
+            )
 
 
 def _read_picture(
