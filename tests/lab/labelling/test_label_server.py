@@ -163,6 +163,17 @@ def test_masks_of_other_values_stay_masks_of_these_values(root: Path) -> None:
         LabelFolder(root, guess, "guesser", {0: PlantClass.SOIL, 1: PlantClass.CROP})
 
 
+def test_what_is_ignored_is_never_stored_as_the_value_of_a_class(root: Path) -> None:
+    ids: dict[int, int] = {0: PlantClass.SOIL, 128: PlantClass.WEED, 255: PlantClass.CROP}
+    with pytest.raises(ConfigError, match="no value for ignore"):
+        LabelFolder(root, guess, "guesser", ids)
+    ids[7] = 255
+    label = np.frombuffer(drawn(), np.uint8).reshape(HEIGHT, WIDTH)
+    LabelFolder(root, guess, "guesser", ids).save(CLEAR, label, is_done=True)
+    assert (np.asarray(Image.open(root / "masks" / "clear.png"))[:5, :5] == 7).all()
+    assert (read_label(root / "masks" / "clear.png", ids) == label).all()
+
+
 def test_a_frame_that_the_robot_kept_counts_as_labelled_once_a_person_says_so(root: Path) -> None:
     for name in ("masks", "notes"):
         (root / name).mkdir()

@@ -19,7 +19,7 @@ from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.core.errors import AgribotError, ConfigError, RecordingError
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.core.whole_file import write_at_once
-from agribot.lab.dataset.classes import UNLABELLED, MaskIds
+from agribot.lab.dataset.classes import NAMES, UNLABELLED, MaskIds
 from agribot.lab.dataset.importing import encode_mask
 from agribot.lab.dataset.layouts import IMAGE_FOLDERS, MASK_FOLDERS, Item, find_layout
 from agribot.lab.dataset.pictures import read_picture
@@ -233,12 +233,12 @@ def _make_folders(root: Path) -> Path:
 def _invert(ids: Mapping[int, int]) -> ByteArray:
     """Make the table from classes to the values that a mask stores.
 
-    Raises: ConfigError: a class has no value.
+    Raises: ConfigError: a class, or what is ignored, has no value.
     """
     table = np.arange(256, dtype=np.uint8)
-    for kind in PlantClass if ids else ():
+    for name, kind in NAMES.items() if ids else ():
         values = sorted(value for value, meant in ids.items() if meant == kind)
         if not values:
-            raise ConfigError(f"--ids names no value for {kind.name.lower()}; masks need one")
-        table[kind] = values[0]
+            raise ConfigError(f"--ids names no value for {name}; masks need one")
+        table[kind] = kind if kind == UNLABELLED and kind in values else values[0]
     return table
