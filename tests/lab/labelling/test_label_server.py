@@ -174,6 +174,19 @@ def test_what_is_ignored_is_never_stored_as_the_value_of_a_class(root: Path) -> 
     assert (read_label(root / "masks" / "clear.png", ids) == label).all()
 
 
+def test_a_mask_that_another_person_finished_meanwhile_is_shown_and_one_moved_away_is_not(
+    root: Path,
+) -> None:
+    mine, theirs = open_folder(root), open_folder(root)
+    label = np.frombuffer(drawn(), np.uint8).reshape(HEIGHT, WIDTH)
+    theirs.save(DIM, label, is_done=True)
+    assert {one.name: one.state for one in mine.list_pictures()}["dim"] == "done"
+    found = mine.read_classes(DIM)
+    assert (found.state, found.class_id.tobytes()) == ("done", drawn())
+    (root / "masks" / "dim.png").unlink()
+    assert theirs.read_classes(DIM).state == "new"
+
+
 def test_a_frame_that_the_robot_kept_counts_as_labelled_once_a_person_says_so(root: Path) -> None:
     for name in ("masks", "notes"):
         (root / name).mkdir()

@@ -73,7 +73,7 @@ class LabelFolder:
                 PictureState(
                     number=number,
                     name=item.key,
-                    state=self._state_of(item),
+                    state=self._state_of(self._item(number)),
                     uncertainty=self._uncertainty.get(item.key),
                 )
                 for number, item in enumerate(self._items)
@@ -91,7 +91,7 @@ class LabelFolder:
 
         Raises: AgribotError: a file cannot be read, or does not fit its picture.
         """
-        item, image_rgb = self._items[number], self.read_picture(number)
+        item, image_rgb = self._item(number), self.read_picture(number)
         state = self._state_of(item)
         if state == "draft":
             label = read_label(self._draft(item), {})
@@ -111,7 +111,7 @@ class LabelFolder:
 
         Raises: RecordingError: the disk does not take it. ConfigError: a mask that is no PNG.
         """
-        item = self._items[number]
+        item = self._item(number)
         if not np.isin(class_id, CLASSES).all():
             raise ConfigError(f"{item.key}: the classes hold values that are no class")
         draft = self._draft(item)
@@ -151,6 +151,13 @@ class LabelFolder:
             with self._lock:
                 self._uncertainty[item.key] = unsure
         self._write_judged()
+
+    def _item(self, number: int) -> Item:
+        """Return a picture with the mask that lies there now, whoever wrote or moved it."""
+        item = self._items[number]
+        usual = (self._mask_folder / f"{item.key}.png").relative_to(self.root).as_posix()
+        names = [name for name in (item.mask, usual) if name and (self.root / name).is_file()]
+        return msgspec.structs.replace(item, mask=names[0] if names else None)
 
     def _image(self, number: int) -> Path:
         image = self._items[number].image
