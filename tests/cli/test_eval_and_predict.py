@@ -116,6 +116,26 @@ def test_eval_judges_the_rest_names_broken_files_and_ends_with_one(
         assert (tmp_path / "judged" / f"{name}.png").is_file()
 
 
+def test_masks_in_which_nothing_is_labelled_judge_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 2)
+    first, second = sorted((folder / "annotations").iterdir())
+    ignored = Image.fromarray(np.full_like(np.asarray(Image.open(first))[..., 0], 255))
+    ignored.save(first)
+    assert main(["eval", str(folder), "--json"]) == 1
+    printed = capsys.readouterr()
+    assert json.loads(printed.out.splitlines()[-1])["images"] == 1
+    assert "000_annotation.png: every pixel is ignored; label some" in printed.err
+    ignored.save(second)
+    export = ["export", "agribot-sim", "--judge", str(folder), "-o", str(tmp_path / "a.onnx")]
+    for words in (["eval", str(folder)], export, [*export, "--auto"]):
+        assert main(words) == 2
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        assert any(said in printed.err for said in ("can be read", "every pixel is ignored"))
+
+
 @pytest.mark.parametrize(
     "words",
     [

@@ -200,13 +200,14 @@ def test_pictures_saved_as_webp_are_found(
 def test_every_kind_of_damage_is_named_with_its_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in "abcdef":
+    for name in "abcdefg":
         add_pair(tmp_path, name)
     (tmp_path / "masks/a_mask.png").unlink()
     (tmp_path / "images/b_image.png").unlink()
     (tmp_path / "images/c_image.png").write_bytes(b"no picture")
     save(tmp_path / "masks/d_mask.png", np.full((6, 8), 2))
     save(tmp_path / "masks/e_mask.png", np.full(SHAPE, 77))
+    save(tmp_path / "masks/g_mask.png", np.full(SHAPE, 255))
     broken = (tmp_path / "masks/f_mask.png").read_bytes()
     (tmp_path / "masks/f_mask.png").write_bytes(broken[: len(broken) // 2])
     status, report = checked(tmp_path, capsys)
@@ -218,6 +219,7 @@ def test_every_kind_of_damage_is_named_with_its_file(
         ("sizes differ", "d_image.png"),
         ("unknown class", "e_mask.png"),
         ("unreadable", "f_mask.png"),
+        ("nothing labelled", "g_mask.png"),
     }
 
 

@@ -12,7 +12,9 @@ from PIL import Image
 
 from agribot.core.messages import PlantClass
 from agribot.lab.dataset.classes import (
+    ALL_IGNORED,
     UNKNOWN,
+    UNLABELLED,
     ClassTally,
     MaskIds,
     advise_ids,
@@ -115,6 +117,9 @@ def _check_item(root: Path, item: Item, tally: CheckTally, ids: MaskIds) -> None
         tally.note("no class mask", item.mask, explain_no_classes(mask, is_named=True))
         return
     counts = np.bincount(classes.ravel(), minlength=256)
+    if counts[UNLABELLED] == classes.size:
+        tally.note("nothing labelled", item.mask, ALL_IGNORED)
+        return
     if counts[UNKNOWN]:
         advice = "" if ids else advise_ids(mask)
         tally.note("unknown class", item.mask, f"{int(counts[UNKNOWN])} pixels{advice}")

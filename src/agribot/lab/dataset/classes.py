@@ -22,6 +22,7 @@ COLOURS = {0xFF0000: 0, 0x00FF00: 1, 0x0000FF: 2, 0x000000: 2}
 NAMES = {**{kind.name.lower(): int(kind) for kind in PlantClass}, "ignore": UNLABELLED}
 USUAL_IDS = "0=weed,1=crop,2=soil"
 EXAMPLE_IDS = "0=soil,1=crop,2=weed"
+ALL_IGNORED = "every pixel is ignored; label some of the picture, or move the mask away"
 USUAL_COLOURS = "red weed, green crop, black or blue soil"
 
 MOST_WEED_RATIO = 0.5

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, PlantClass
 
 CLASS_NAMES = tuple(c.name.lower() for c in PlantClass)
@@ -58,12 +59,17 @@ def compute_scores(confusion: Confusion, images: int) -> Scores:
 def evaluate(
     classify: Callable[[ByteArray], ByteArray], pairs: Iterable[tuple[ByteArray, ByteArray]]
 ) -> Scores:
-    """Pool (image_rgb, truth) pairs; `classify` answers at the resolution of the image."""
+    """Pool (image_rgb, truth) pairs; `classify` answers at the resolution of the image.
+
+    Raises: ConfigError: there is no pair.
+    """
     confusion = np.zeros((len(PlantClass), len(PlantClass)), dtype=np.int64)
     images = 0
     for image_rgb, truth in pairs:
         confusion += count_confusion(truth, classify(image_rgb))
         images += 1
+    if not images:
+        raise ConfigError("no labelled picture to judge on can be read; see agribot dataset check")
     return compute_scores(confusion, images)
 
 

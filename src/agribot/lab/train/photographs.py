@@ -10,7 +10,9 @@ import msgspec
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.lab.dataset.classes import (
+    ALL_IGNORED,
     UNKNOWN,
+    UNLABELLED,
     USUAL_COLOURS,
     ClassTally,
     MaskIds,
@@ -156,7 +158,8 @@ class PairFiles:
 def read_pair(pair: Pair) -> tuple[ByteArray, ByteArray]:
     """Read image_rgb (height, width, 3) and label (height, width) of a pair.
 
-    Raises: PictureError: a file cannot be read, or the mask does not fit the image.
+    Raises: PictureError: a file cannot be read, the mask does not fit the image, or holds nothing
+    that counts.
     """
     image_rgb = read_picture(pair.image)
     label = read_label(pair.mask, pair.ids, is_named=pair.is_named)
@@ -165,6 +168,8 @@ def read_pair(pair: Pair) -> tuple[ByteArray, ByteArray]:
             f"{pair.mask}: is {label.shape[1]} x {label.shape[0]} pixels, its image "
             f"{image_rgb.shape[1]} x {image_rgb.shape[0]}; export the mask at the image's size"
         )
+    if (label == UNLABELLED).all():
+        raise PictureError(f"{pair.mask}: {ALL_IGNORED}")
     return image_rgb, label
 
 
