@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import ExifTags, Image
 
 from agribot.cli.main import main
+from agribot.lab.dataset.pictures import PictureError
 from agribot.lab.dataset.split import PARTS, assign, prove
+from agribot.lab.train.photographs import find_pairs, read_pair
 
 SHAPE = (12, 16)
 
@@ -221,6 +223,25 @@ def test_every_kind_of_damage_is_named_with_its_file(
         ("unreadable", "f_mask.png"),
         ("nothing labelled", "g_mask.png"),
     }
+
+
+def test_a_photograph_is_checked_upright_as_a_training_reads_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = 6  # to be turned by 90 degrees
+    pixels = np.full((*SHAPE, 3), 90, np.uint8)
+    (tmp_path / "images").mkdir()
+    Image.fromarray(np.rot90(pixels)).save(tmp_path / "images/a.jpg", exif=exif)
+    save(tmp_path / "masks/a.png", np.full(SHAPE, 2))
+    status, report = checked(tmp_path, capsys)
+    assert (status, report["sizes"]) == (0, {"16x12": 1})
+    save(tmp_path / "masks/a.png", np.full(SHAPE[::-1], 2))  # of a tool that heeds no EXIF
+    status, report = checked(tmp_path, capsys)
+    assert (status, problems(report)) == (1, {("sizes differ", "a.jpg")})
+    pairs, _ = find_pairs(tmp_path, "folder")
+    with pytest.raises(PictureError, match="12 x 16 pixels, its image 16 x 12"):
+        read_pair(pairs[0])
 
 
 def test_colours_mean_weed_crop_and_soil_whether_soil_is_blue_or_black(

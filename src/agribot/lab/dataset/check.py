@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 import numpy as np
-from PIL import Image
 
 from agribot.core.messages import PlantClass
 from agribot.lab.dataset.classes import (
@@ -23,6 +23,9 @@ from agribot.lab.dataset.classes import (
     read_classes,
 )
 from agribot.lab.dataset.layouts import Item, Layout
+from agribot.lab.dataset.pictures import PictureError, open_mask, read_picture
+
+Read = TypeVar("Read")
 
 
 class DatasetProblem(msgspec.Struct, frozen=True, kw_only=True):
@@ -102,14 +105,17 @@ def _check_item(root: Path, item: Item, tally: CheckTally, ids: MaskIds) -> None
         tally.note("image without mask", item.image)
     if item.image is None or item.mask is None:
         return
-    image, mask = _open_image(root, item.image, tally), _open_image(root, item.mask, tally)
-    if image is None or mask is None:
+    image_rgb = _read(root, item.image, tally, read_picture)
+    mask = _read(root, item.mask, tally, open_mask)
+    if image_rgb is None or mask is None:
         return
-    if image.size != mask.size:
+    height, width = image_rgb.shape[:2]
+    size = f"{width}x{height}"
+    if (width, height) != mask.size:
         tally.note(
             "sizes differ",
             item.image,
-            f"image {_format_size(image)}, mask {_format_size(mask)} px: {item.mask}",
+            f"image {size}, mask {mask.width}x{mask.height} px: {item.mask}",
         )
         return
     classes = read_classes(mask, ids)
@@ -125,20 +131,15 @@ def _check_item(root: Path, item: Item, tally: CheckTally, ids: MaskIds) -> None
         tally.note("unknown class", item.mask, f"{int(counts[UNKNOWN])} pixels{advice}")
     tally.holds_values |= mask.mode == "L"
     tally.pairs += 1
-    tally.sizes[_format_size(image)] += 1
+    tally.sizes[size] += 1
     tally.without_plants += not counts[PlantClass.WEED] + counts[PlantClass.CROP]
-    tally.classes.add(np.asarray(image.convert("RGB")), classes)
+    tally.classes.add(image_rgb, classes)
 
 
-def _open_image(root: Path, name: str, tally: CheckTally) -> Image.Image | None:
+def _read(root: Path, name: str, tally: CheckTally, read: Callable[[Path], Read]) -> Read | None:
+    """Read a file as a training does; one that cannot be read is noted."""
     try:
-        with Image.open(root / name) as image:
-            image.load()
-            return image.copy()
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        tally.note("unreadable", name, str(error).replace(str(root / name), name))
+        return read(root / name)
+    except PictureError as error:
+        tally.note("unreadable", name, str(error).removeprefix(f"{root / name}: "))
         return None
-
-
-def _format_size(image: Image.Image) -> str:
-    return f"{image.width}x{image.height}"
