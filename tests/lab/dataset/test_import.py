@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -230,6 +231,16 @@ def two_of_one_number(kind: str) -> Callable[[], dict[str, Any]]:
     return make
 
 
+def bomb() -> dict[str, Any]:
+    """Make a mask whose picture says that it is larger than any memory."""
+    value = labelme()
+    png = bytearray(base64.b64decode(value["shapes"][1]["mask"]))
+    png[16:24] = (30_000).to_bytes(4, "big") * 2  # width and height
+    png[29:33] = zlib.crc32(png[12:29]).to_bytes(4, "big")
+    value["shapes"][1]["mask"] = base64.b64encode(png).decode()
+    return value
+
+
 def stroke_cut_off() -> list[dict[str, Any]]:
     value = label_studio()
     value[0]["annotations"][0]["result"][1]["value"]["rle"] = brush(mask_of(PlantClass.WEED))[:40]
@@ -248,6 +259,7 @@ def stroke_cut_off() -> list[dict[str, Any]]:
         ("labels.json", cut_runs, "it was cut off"),
         ("labels.json", two_of_one_number("images"), "two of image 7, photos/a.png and another"),
         ("labels.json", two_of_one_number("categories"), "two of category 1, beet and another"),
+        ("labels.json", bomb, "a mask that is no picture (Image size (900000000 pixels) exceeds"),
         ("labels.json", boxes, "is a box without an outline"),
         ("labels.json", stroke_cut_off, "a brush stroke that was cut off"),
         ("a.txt", lambda: "0 0.1 0.1 0.2 0.2 0.3", "an odd count"),

@@ -75,7 +75,13 @@ def _read_mask(text: str, points: list[tuple[float, float]], size_px: tuple[int,
             if image.width > size_px[0] or image.height > size_px[1]:
                 raise LabelFileError(f"a mask of {image.width} x {image.height} is too large")
             part = np.asarray(image.convert("L")) > 0
-    except (OSError, SyntaxError, ValueError, binascii.Error) as error:
+    except (
+        OSError,
+        SyntaxError,
+        ValueError,
+        binascii.Error,
+        Image.DecompressionBombError,
+    ) as error:
         raise LabelFileError(f"a mask that is no picture ({error})") from error
     if len(points) != 2:
         raise LabelFileError("a mask whose place is not two points")
