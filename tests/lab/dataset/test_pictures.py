@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from agribot.lab.dataset.pictures import PictureError, read_picture
+from agribot.lab.dataset.pictures import LARGEST_PX, PictureError, read_picture
 
 RAMP = np.arange(0, 240, 20, dtype=np.uint8).reshape(3, 4)
 
@@ -81,6 +82,22 @@ def test_a_single_pixel_is_a_picture(tmp_path: Path) -> None:
 def test_a_hundred_megapixels_are_read(tmp_path: Path) -> None:
     path = saved(Image.new("L", (10_000, 10_000)), tmp_path / "huge.tif")
     assert read_picture(path).shape == (10_000, 10_000, 3)
+
+
+@pytest.mark.parametrize(
+    ("side_px", "reason"), [(15_000, "cannot be decoded"), (16_000, "too many pixels")]
+)
+def test_what_is_refused_for_its_size_is_above_the_limit_that_is_stated(
+    side_px: int, reason: str, tmp_path: Path
+) -> None:
+    path = saved(Image.new("1", (1, 1)), tmp_path / "stub.png")
+    png = bytearray(path.read_bytes())
+    png[16:24] = side_px.to_bytes(4, "big") * 2  # width and height
+    png[29:33] = zlib.crc32(png[12:29]).to_bytes(4, "big")
+    path.write_bytes(png)
+    assert (side_px**2 > LARGEST_PX) == ("many" in reason)
+    with pytest.raises(PictureError, match=reason):
+        read_picture(path)
 
 
 def jpeg(tmp_path: Path) -> bytes:

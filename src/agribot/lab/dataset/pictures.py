@@ -15,6 +15,7 @@ SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 # 16 bits a channel and grey: Pillow keeps these apart from its 8-bit modes.
 DEEP_MODES = {"I;16", "I;16B", "I;16L", "I;16N", "I"}
 LARGEST_PX = 250_000_000
+Image.MAX_IMAGE_PIXELS = LARGEST_PX // 2  # Pillow warns of more, and refuses twice as many
 
 
 class PictureError(AgribotError):
