@@ -212,25 +212,14 @@ def _make_source(args: argparse.Namespace, device: str) -> Any:
 
 
 def _make_plan(args: argparse.Namespace, source: Any, group: Any) -> Any:
-    """Read the plan of a training under way in the folder, or make a new one.
+    """Make the plan; a training under way in the folder says how many steps fit into --minutes.
 
     Raises: ConfigError: processes that measure how many steps fit in would not agree.
     """
-    from agribot.lab.train.fit import TrainingPlan, count_steps_within, load_checkpoint
+    from agribot.lab.train.fit import count_steps_within, load_checkpoint
 
     if group.size > 1 and args.steps is None:
         raise ConfigError(f"{group.size} processes train together: give --steps, not --minutes")
-    state = load_checkpoint(args.out)
-    if state is not None and args.steps is None:
-        plan = msgspec.convert(state["plan"], TrainingPlan)
-        return msgspec.structs.replace(
-            plan,
-            seed=args.seed,
-            model=args.model,
-            overlap_loss=source.recipe.overlap_loss,
-            data=source.recipe.data,
-            **args.asked,
-        )
     plan = msgspec.structs.replace(
         source.recipe,
         steps=args.steps or 1000,
@@ -240,7 +229,12 @@ def _make_plan(args: argparse.Namespace, source: Any, group: Any) -> Any:
     )
     plan = apply_recipe_options(plan, args)
     if args.steps is None:
-        steps = count_steps_within(args.minutes, source.batches, plan, args.out, group)
+        state = load_checkpoint(args.out)
+        steps = (
+            count_steps_within(args.minutes, source.batches, plan, args.out, group)
+            if state is None
+            else state["plan"]["steps"]
+        )
         plan = msgspec.structs.replace(plan, steps=steps)
     return plan
 

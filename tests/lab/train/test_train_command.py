@@ -71,6 +71,26 @@ def test_photographs_of_a_folder_are_trained_on_and_judged_on_the_fold_held_out(
         run(parsed(*words, "--fold", "2"))
 
 
+def test_a_training_that_goes_on_does_so_with_the_options_that_it_began_with(
+    tmp_path: Path,
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 2)
+    words = ["--data", "cwfid", "--data-dir", str(folder), "--size", "64x64", "--crop-px", "64"]
+    words += ["--train-width", "96", "--batch-size", "2", "--minutes", "0.001"]
+    words += ["--out", str(tmp_path / "out")]
+    assert run(parsed(*words)) == 0
+    assert run(parsed(*words)) == 0
+    for option, said in (
+        (("--crop-px", "96"), "crop_px 64, not 96"),
+        (("--batch-size", "4"), "batch_size 2, not 4"),
+        (("--start", "random"), "start 'imagenet', not ''"),
+        (("--class-weights", "1,1,1"), "class_weights (1.0, 2.0, 0.6), not (1.0, 1.0, 1.0)"),
+    ):
+        with pytest.raises(AgribotError, match="other settings") as refused:
+            run(parsed(*words, *option))
+        assert said in str(refused.value)
+
+
 def test_photographs_set_aside_draw_the_curve_and_teach_nothing(tmp_path: Path) -> None:
     folder = photo_folder(tmp_path / "photos", 4)
     words = ("--data", "cwfid", "--data-dir", str(folder), "--size", "64x64", "--crop-px", "64")

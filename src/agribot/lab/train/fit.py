@@ -244,10 +244,16 @@ class Trainer:
         state = load_checkpoint(self._folder)
         if state is None:
             return
-        if msgspec.convert(state["plan"], TrainingPlan) != self.plan:
+        found = msgspec.convert(state["plan"], TrainingPlan)
+        differing = [
+            f"{name} {getattr(found, name)!r}, not {getattr(self.plan, name)!r}"
+            for name in TrainingPlan.__struct_fields__
+            if getattr(found, name) != getattr(self.plan, name)
+        ]
+        if differing:
             raise AgribotError(
-                f"{self._folder} holds a training with other settings ({state['plan']}); give the "
-                "same settings to go on with it, or another --out folder to start anew"
+                f"{self._folder} holds a training with other settings ({'; '.join(differing)}); "
+                "give the same settings to go on with it, or another --out folder to start anew"
             )
         self.step = state["step"]
         self.network.load_state_dict(state["network"])
