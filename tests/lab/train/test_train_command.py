@@ -91,6 +91,29 @@ def test_a_training_that_goes_on_does_so_with_the_options_that_it_began_with(
         assert said in str(refused.value)
 
 
+def test_a_training_does_not_go_on_with_photographs_that_it_did_not_begin_with(
+    tmp_path: Path,
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 3)
+    last = folder / "images" / "002_image.png"
+    last.rename(tmp_path / "later.png")
+    words = ["--data", "cwfid", "--data-dir", str(folder), "--size", "64x64", "--crop-px", "64"]
+    words += ["--start", "random", "--train-width", "96", "--steps", "1"]
+    words += ["--out", str(tmp_path / "out")]
+    assert run(parsed(*words)) == 1  # one mask has no image yet
+    assert run(parsed(*words)) == 1
+    with pytest.raises(AgribotError, match=r"other settings .data"):
+        run(parsed(*words, "--validate", "1"))
+    (tmp_path / "later.png").rename(last)
+    with pytest.raises(AgribotError, match=r"2 photographs, .*, 3 photographs"):
+        run(parsed(*words))
+    last.unlink()
+    mask = folder / "annotations" / "000_annotation.png"
+    Image.fromarray(np.zeros_like(np.asarray(Image.open(mask)))).save(mask)  # all soil
+    with pytest.raises(AgribotError, match=r"2 photographs, .*, 2 photographs"):
+        run(parsed(*words))
+
+
 def test_photographs_set_aside_draw_the_curve_and_teach_nothing(tmp_path: Path) -> None:
     folder = photo_folder(tmp_path / "photos", 4)
     words = ("--data", "cwfid", "--data-dir", str(folder), "--size", "64x64", "--crop-px", "64")

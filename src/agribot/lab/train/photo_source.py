@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import NamedTuple
@@ -70,7 +71,8 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
         class_weights=PHOTO_WEIGHTS,
         overlap_loss=args.loss,
         data=f"{args.data}{options.ids}{options.fold} --train-width {args.train_width}"
-        f"{options.with_sim}",
+        f"{options.with_sim}{options.validate}, {len(read.files)} photographs, "
+        f"labels {read.digest}",
     )
     return TrainingSource(
         judge=judge,
@@ -95,10 +97,11 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
 
 
 class _Photographs(NamedTuple):
-    """What can be read of a set, and how wide the pictures are."""
+    """What can be read of a set, how wide the pictures are, and a digest of names and labels."""
 
     files: PairFiles
     widths_px: list[int]
+    digest: str
 
 
 def _read_photographs(
@@ -124,12 +127,15 @@ def _read_photographs(
 
     good: list[Pair] = []
     widths_px: list[int] = []
+    digest = hashlib.sha256()
 
     def read_all() -> Iterator[LabelledImage]:
         for pair in pairs:
             for image_rgb, label in read_pairs([pair], note):
                 good.append(pair)
                 widths_px.append(label.shape[1])
+                digest.update(pair.image.relative_to(args.data_dir).as_posix().encode())
+                digest.update(label.tobytes())
                 yield image_rgb, label
 
     tally = tally_classes(read_all())
@@ -137,7 +143,7 @@ def _read_photographs(
         raise ConfigError(f"{args.data_dir}: no pair can be read; the first problem: {problems[0]}")
     if args.data == "folder" and ids is None:
         refuse_doubt(tally, pairs, args.data_dir)
-    read = _Photographs(PairFiles(good), widths_px)
+    read = _Photographs(PairFiles(good), widths_px, digest.hexdigest()[:16])
     return read, partial(read_pairs, held, note) if held else None, problems
 
 
@@ -160,7 +166,8 @@ def _set_aside(
     shrunk = [shrink_pair(*read.files[index], size_px) for index in sorted(aside)]
     files = PairFiles([read.files.pairs[index] for index in rest])
     judge = HeldOutPictures(shrunk, size_px, find_architecture(model).features)
-    return _Photographs(files, [read.widths_px[index] for index in rest]), judge
+    widths_px = [read.widths_px[index] for index in rest]
+    return read._replace(files=files, widths_px=widths_px), judge
 
 
 def _read_sample(args: argparse.Namespace, files: PairFiles) -> list[ByteArray]:
@@ -177,6 +184,7 @@ class _DataOptions(NamedTuple):
     ids: str
     fold: str
     with_sim: str
+    validate: str
 
 
 def _format_options(args: argparse.Namespace) -> _DataOptions:
@@ -185,6 +193,7 @@ def _format_options(args: argparse.Namespace) -> _DataOptions:
         ids=f" --ids {args.ids}" if args.ids else "",
         fold="" if args.fold is None else f" --folds {args.folds} --fold {args.fold}",
         with_sim=f" --with-sim {args.with_sim}" if args.with_sim else "",
+        validate=f" --validate {args.validate}" if args.validate else "",
     )
 
 
