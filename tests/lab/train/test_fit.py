@@ -11,7 +11,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from agribot.core.errors import AgribotError
+from agribot.core.errors import AgribotError, RecordingError
 from agribot.lab.train.fit import CHECKPOINT, LOG, Trainer, TrainingPlan
 from tests.lab.train.drawn_images import batch_of_four
 
@@ -92,6 +92,40 @@ def test_a_folder_of_another_plan_is_refused(
     other = msgspec.structs.replace(PLAN, seed=5)
     with pytest.raises(AgribotError, match="other settings"):
         Trainer(other, batch_of_four, uninterrupted[0]).run(quiet)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.3, 0.999, None])
+def test_a_broken_checkpoint_is_named_with_what_to_do(
+    kept: float | None, uninterrupted: tuple[Path, dict[str, Tensor]], tmp_path: Path
+) -> None:
+    whole = (uninterrupted[0] / CHECKPOINT).read_bytes()
+    broken = b"junk\n" if kept is None else whole[: int(kept * len(whole))]
+    (tmp_path / CHECKPOINT).write_bytes(broken)
+    with pytest.raises(RecordingError, match=r"checkpoint\.pt is no whole checkpoint.* move it"):
+        Trainer(PLAN, batch_of_four, tmp_path).run(quiet)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_full_disk_is_told_and_the_last_checkpoint_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    short = msgspec.structs.replace(PLAN, steps=20)
+    said: list[str] = []
+
+    def fill_the_disk(text: str) -> None:
+        said.append(text)
+        monkeypatch.setattr(Path, "write_bytes", lambda _, data: _write_to_full_disk(data))
+
+    with pytest.raises(RecordingError, match="No space left on device; make room"):
+        Trainer(short, batch_of_four, tmp_path).run(fill_the_disk)
+    monkeypatch.undo()
+    Trainer(short, batch_of_four, tmp_path).run(said.append)
+    assert "going on from step 10" in said[1]
+
+
+def _write_to_full_disk(data: bytes) -> None:
+    with Path("/dev/full").open("wb", buffering=0) as file:
+        file.write(data)
 
 
 def test_the_rate_warms_up_and_falls_to_almost_nothing() -> None:

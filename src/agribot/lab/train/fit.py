@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import csv
+import io
 import math
+import pickle
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +18,7 @@ import torch
 from torch import Tensor, nn
 from torch.optim.swa_utils import get_ema_multi_avg_fn
 
-from agribot.core.errors import AgribotError
+from agribot.core.errors import AgribotError, RecordingError
 from agribot.core.whole_file import make_at_once
 from agribot.lab.train.architectures import find_architecture
 from agribot.lab.train.judged_figures import FIGURES
@@ -34,6 +36,11 @@ CHECKPOINT = "checkpoint.pt"
 LOG = "training.csv"
 LOG_FIELDS = ("step", "learning_rate", "loss", "cpu_s", *FIGURES)
 GRADIENT_LIMIT = 5.0
+# What reading a broken checkpoint ends with, by where it is broken.
+_BROKEN = (
+    RuntimeError, EOFError, LookupError, TypeError, ValueError, pickle.UnpicklingError,
+    msgspec.ValidationError,
+)  # fmt: skip
 
 
 class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
@@ -231,8 +238,16 @@ class Trainer:
             "cpu_s": self.cpu_s,
             "device": self.device_name,
         }
-        make_at_once(self._folder / CHECKPOINT, lambda path: torch.save(state, path))
-        make_at_once(self._folder / LOG, self._write_log)
+        data = io.BytesIO()
+        torch.save(state, data)
+        try:
+            make_at_once(self._folder / CHECKPOINT, lambda path: path.write_bytes(data.getvalue()))
+            make_at_once(self._folder / LOG, self._write_log)
+        except OSError as error:
+            raise RecordingError(
+                f"cannot write into {self._folder}: {error.strerror or error}; make room and give "
+                "the same command again, which goes on from the last checkpoint"
+            ) from error
 
     def _write_log(self, path: Path) -> None:
         with path.open("w", newline="", encoding="utf-8") as file:
@@ -269,10 +284,21 @@ class Trainer:
 
 
 def load_checkpoint(folder: Path) -> dict[str, Any] | None:
+    """Load what an earlier call left in a folder; None where there is nothing.
+
+    Raises: RecordingError: it is broken.
+    """
     path = folder / CHECKPOINT
     if not path.is_file():
         return None
-    state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+    try:
+        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+        msgspec.convert(state["plan"], TrainingPlan)
+    except _BROKEN as error:
+        raise RecordingError(
+            f"{path} is no whole checkpoint, as after a full disk or a loss of power; move it away "
+            "to train anew"
+        ) from error
     return state
 
 
