@@ -191,9 +191,15 @@ def _check(args: argparse.Namespace) -> None:
         )
     if args.scores_from and (args.data == "sim" or args.fold is not None):
         raise ConfigError("--scores-from is for photographs without --fold: this training has none")
+    _fill_in_names(args)
+    check_recipe_options(args)
+
+
+def _fill_in_names(args: argparse.Namespace) -> None:
     args.model = args.model or ("agribot-sim" if args.data == "sim" else "agribot-s")
     args.name = args.name or args.model
-    check_recipe_options(args)
+    if Path(args.name).name != args.name:
+        raise ConfigError(f"--name {args.name}: a name without folders; --out says where it goes")
 
 
 def _print_progress(text: str) -> None:

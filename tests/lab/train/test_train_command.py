@@ -40,7 +40,13 @@ def test_one_command_goes_from_nothing_to_weights_with_a_card(
 
 @pytest.mark.parametrize(
     "words",
-    [("--images", "0"), ("--steps", "0"), ("--minutes", "0"), ("--threads", "0")],
+    [
+        ("--images", "0"),
+        ("--steps", "0"),
+        ("--minutes", "0"),
+        ("--threads", "0"),
+        ("--name", "fields/beet"),
+    ],
 )
 def test_an_option_out_of_range_names_itself(words: tuple[str, str], tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=words[0]):
