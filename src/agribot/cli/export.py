@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     network.
     """
     from agribot.autonomy.perceive.segmenter import Segmenter, model_path
-    from agribot.lab.train.networks import open_network
+    from agribot.lab.train.networks import open_network, write_network
 
     if args.out.suffix != ".onnx":
         raise ConfigError(f"-o {args.out}: the file must end in .onnx")
@@ -77,7 +77,10 @@ def run(args: argparse.Namespace) -> int:
             )
         else:
             shutil.copy(model_path(args.model), source)
-        _convert(args, source, before, problems)
+        made = Path(folder) / "made.onnx"
+        _convert(args, source, made, problems)
+        Segmenter(made)  # what does not run replaces nothing
+        write_network(made, args.out)
     after = Segmenter(args.out)
     summary = _compare(args, before, after, problems)
     if args.json:
@@ -132,19 +135,19 @@ class _JudgedPairs:
         return read_pairs(self._pairs, self._problems.append)
 
 
-def _convert(args: argparse.Namespace, source: Path, before: Any, problems: list[str]) -> None:
+def _convert(args: argparse.Namespace, source: Path, made: Path, problems: list[str]) -> None:
     from agribot.lab.train import precision
 
     if args.precision == "fp32":
-        shutil.copy(source, args.out)
+        shutil.copy(source, made)
     elif args.precision == "fp16":
-        precision.convert_to_fp16(source, args.out)
+        precision.convert_to_fp16(source, made)
     else:
         pictures = _read_pictures(args.calibrate, problems)
         first = next(pictures, None)
         if first is None:
             raise ConfigError(f"--calibrate {args.calibrate}: no picture there that can be read")
-        precision.quantise_to_int8(source, args.out, [first, *pictures])
+        precision.quantise_to_int8(source, made, [first, *pictures])
 
 
 def _read_pictures(folder: Path, problems: list[str]) -> Iterator[ByteArray]:

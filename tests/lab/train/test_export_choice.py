@@ -83,3 +83,16 @@ def test_what_cannot_be_chosen_is_said(
     words = ["export", str(weights), "-o", str(tmp_path / "a.onnx"), "--auto"]
     assert main([*words, *more]) == 2
     assert "--judge FOLDER" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("more", [(), ("--auto", "--data", "cwfid", "--judge", "PHOTOS")])
+def test_a_full_disk_is_told_with_the_file_that_found_no_room(
+    more: tuple[str, ...], weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "full.onnx"
+    out.symlink_to("/dev/full")
+    folder = photo_folder(tmp_path / "photos", 1)
+    words = [str(folder) if word == "PHOTOS" else word for word in more]
+    assert main(["export", str(weights), "-o", str(out), *words]) == 2
+    assert f"cannot write {out}: No space left on device" in capsys.readouterr().err

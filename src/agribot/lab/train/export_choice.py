@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +11,7 @@ from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.messages import ByteArray
 from agribot.lab.train.data import LabelledImage
 from agribot.lab.train.evaluate import evaluate
-from agribot.lab.train.networks import STRIDE_PX
+from agribot.lab.train.networks import STRIDE_PX, write_network
 from agribot.lab.train.precision import quantise_to_int8
 from agribot.lab.train.resizing import resize_network
 
@@ -108,5 +107,5 @@ def choose_export(
     if pictures is not None:
         trial.try_eight_bits(choose_candidate(trial.tried, most_loss), pictures)
     chosen = choose_candidate(trial.tried, most_loss)
-    shutil.copy(chosen.path, target)
+    write_network(chosen.path, target)
     return chosen

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from agribot.autonomy.perceive.segmenter import Segmenter, model_path
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.whole_file import write_at_once
 
 STRIDE_PX = 32
 
@@ -53,6 +54,19 @@ def open_network(
         path = Path(folder) / "resized.onnx"
         path.write_bytes(resize_network(model_path(model), height_px, width_px))
         return Segmenter(path, threads, chosen)
+
+
+def write_network(made: Path, target: Path) -> None:
+    """Put a finished file where it was asked for, whole or not at all.
+
+    Raises: RecordingError: it cannot be written.
+    """
+    try:
+        write_at_once(target, made.read_bytes())
+    except OSError as error:
+        raise RecordingError(
+            f"cannot write {target}: {error.strerror or error}; make room, or choose another -o"
+        ) from error
 
 
 def read_card(model: str | Path) -> dict[str, Any]:
