@@ -96,3 +96,16 @@ def test_a_full_disk_is_told_with_the_file_that_found_no_room(
     words = [str(folder) if word == "PHOTOS" else word for word in more]
     assert main(["export", str(weights), "-o", str(out), *words]) == 2
     assert f"cannot write {out}: No space left on device" in capsys.readouterr().err
+
+
+def test_a_network_of_eight_bits_is_made_into_no_other_and_replaces_nothing(
+    weights: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    images, out = photo_folder(tmp_path / "photos", 1) / "images", tmp_path / "small.onnx"
+    words = ["-o", str(out), "--calibrate", str(images), "--precision"]
+    assert main(["export", str(weights), *words, "int8"]) == 0
+    whole = out.read_bytes()
+    for precision in ("int8", "fp16"):
+        assert main(["export", str(out), *words, precision]) == 2
+        assert "has 8-bit numbers already" in capsys.readouterr().err
+        assert out.read_bytes() == whole

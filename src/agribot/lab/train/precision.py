@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -27,12 +27,15 @@ def quantise_to_int8(source: Path, target: Path, pictures: Iterable[ByteArray]) 
     """Quantise convolutions and what lies between them; ranges come from the pictures.
 
     What stands around the network stays as it is: colours in, classes and probabilities out.
+
+    Raises: PerceptionError: it has 8-bit numbers already.
     """
     import onnx
     from onnxruntime.quantization import QuantFormat, QuantType, quantize_static
     from onnxruntime.quantization.calibrate import CalibrationDataReader
     from onnxruntime.quantization.shape_inference import quant_pre_process
 
+    _refuse_eight_bits(onnx.load(str(source)))
     images = iter(pictures)
 
     class Reader(CalibrationDataReader):  # type: ignore[misc]
@@ -80,13 +83,25 @@ def store_as_fp16(path: Path) -> None:
 
 
 def convert_to_fp16(source: Path, target: Path) -> None:
-    """Store weights and sums as 16-bit floats: half the file; gains time only on a GPU."""
+    """Store weights and sums as 16-bit floats: half the file; gains time only on a GPU.
+
+    Raises: PerceptionError: it has 8-bit numbers, or cannot be converted.
+    """
     import onnx
     from onnxruntime.transformers.float16 import convert_float_to_float16
 
     model = onnx.load(str(source))
+    _refuse_eight_bits(model)
     try:
         half = convert_float_to_float16(model, keep_io_types=True, op_block_list=["Resize"])
     except ValueError as error:
         raise PerceptionError(f"{source}: cannot be made 16-bit ({error})") from error
     onnx.save(half, str(target))
+
+
+def _refuse_eight_bits(model: Any) -> None:
+    if any(node.op_type == "QuantizeLinear" for node in model.graph.node):
+        raise PerceptionError(
+            "the network has 8-bit numbers already, of which no others are made; give the file "
+            "that it came from, such as NAME-fp32.onnx of agribot train"
+        )
