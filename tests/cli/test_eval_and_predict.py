@@ -225,6 +225,21 @@ def test_predict_lists_the_stems_of_a_network_that_finds_them(
     assert not rows(tmp_path / "plants.csv")[0]["weed_probability"]
 
 
+def test_predict_replaces_nothing_that_it_did_not_write(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Image.new("RGB", (64, 48)).save(tmp_path / "a.jpg")
+    painted = tmp_path / "a-mask.png"
+    painted.write_bytes(b"painted by hand")
+    words = ["predict", str(tmp_path / "a.jpg"), "--model", "agribot-sim", "-o"]
+    assert main([*words, str(tmp_path)]) == 2
+    assert "a-mask.png is there, of no earlier call" in capsys.readouterr().err
+    assert painted.read_bytes() == b"painted by hand"
+    for _ in range(2):
+        assert main([*words, str(tmp_path / "seen")]) == 0
+    assert (tmp_path / "seen" / "a-mask.png").is_file()
+
+
 def test_predict_takes_patterns_and_leaves_broken_pictures_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -30,12 +30,16 @@ def write_drawings(
             picture = tint(image_rgb, found.class_id)
         else:
             picture = draw_panel(image_rgb, found)
-        # A lossy mask would hold colours that are no class.
-        suffix = "png" if kind == "mask" and form == "jpg" else form
-        path = stem.with_name(f"{stem.name}-{kind}.{suffix}")
+        path = name_drawing(stem, kind, form)
         Image.fromarray(picture).save(path, quality=92)  # other formats ignore the quality
         made.append(path)
     return made
+
+
+def name_drawing(stem: Path, kind: str, form: str) -> Path:
+    # A lossy mask would hold colours that are no class.
+    suffix = "png" if kind == "mask" and form == "jpg" else form
+    return stem.with_name(f"{stem.name}-{kind}.{suffix}")
 
 
 def draw_panel(image_rgb: ByteArray, found: PictureClasses) -> ByteArray:

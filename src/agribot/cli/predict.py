@@ -19,6 +19,7 @@ from agribot.core.messages import ByteArray, PlantClass
 
 MEGAPIXELS, MOST_MEGAPIXELS = 64.0, 250.0
 KINDS = ("mask", "overlay", "panel")
+AREAS, PLANTS = "areas.csv", "plants.csv"
 AREA_COLUMNS = (
     "image", "frame", "width_px", "height_px", "weed_px", "crop_px", "soil_px", "weed_ratio",
     "crop_ratio", "weed_count", "crop_count", "unknown_count", "confidence", "cpu_ms",
@@ -70,6 +71,7 @@ def run(args: argparse.Namespace) -> int:
     kinds = _list_kinds(args)
     tile_px = read_size(args.tile) if args.tile else None
     files = list_inputs(args.inputs)
+    _refuse_to_replace(args.out, files, kinds, args.format)
     segmenter = open_network(args.model, args.threads, args.size)
     args.out.mkdir(parents=True, exist_ok=True)
     problems: list[str] = []
@@ -77,8 +79,8 @@ def run(args: argparse.Namespace) -> int:
     counted = ("weed_px", "crop_px", "soil_px", "weed_count", "crop_count", "unknown_count")
     total = dict.fromkeys(counted, 0)
     with (
-        (args.out / "areas.csv").open("w", newline="", encoding="utf-8") as areas_file,
-        (args.out / "plants.csv").open("w", newline="", encoding="utf-8") as plants_file,
+        (args.out / AREAS).open("w", newline="", encoding="utf-8") as areas_file,
+        (args.out / PLANTS).open("w", newline="", encoding="utf-8") as plants_file,
     ):
         areas = csv.DictWriter(areas_file, AREA_COLUMNS, lineterminator="\n")
         plants = csv.DictWriter(plants_file, PLANT_COLUMNS, lineterminator="\n")
@@ -134,6 +136,24 @@ def list_inputs(inputs: list[str]) -> list[Path]:
             raise ConfigError(f"{text}: no picture or video there; check the path or the pattern")
         files += found
     return list(dict.fromkeys(files))
+
+
+def _refuse_to_replace(out: Path, files: list[Path], kinds: tuple[str, ...], form: str) -> None:
+    """Keep masks that somebody painted: results replace those of an earlier call alone.
+
+    Raises: ConfigError: the folder holds other files with the names of results.
+    """
+    from agribot.cli.drawings import name_drawing
+
+    if (out / AREAS).exists():
+        return
+    wanted = [name_drawing(out / file.stem, kind, form) for file in files for kind in kinds]
+    there = next((path for path in (out / PLANTS, *wanted) if path.exists()), None)
+    if there is not None:
+        raise ConfigError(
+            f"-o {out}: {there.name} is there, of no earlier call of agribot predict, and would be "
+            "replaced; give another folder"
+        )
 
 
 def _read_pictures(
