@@ -225,6 +225,18 @@ def test_predict_lists_the_stems_of_a_network_that_finds_them(
     assert not rows(tmp_path / "plants.csv")[0]["weed_probability"]
 
 
+def test_pictures_of_one_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+    for day in ("monday", "tuesday"):
+        (tmp_path / day).mkdir()
+        Image.new("RGB", (64, 48)).save(tmp_path / day / "a.png")
+    Image.new("RGB", (64, 48)).save(tmp_path / "monday" / "b.png")
+    days = [str(tmp_path / day) for day in ("monday", "tuesday")]
+    out = tmp_path / "seen"
+    assert main(["predict", *days, "--model", "agribot-sim", "-o", str(out)]) == 0
+    names = [row["image"] for row in rows(out / "areas.csv")]
+    assert names == [f"{days[0]}/a.png", "b.png", f"{days[1]}/a.png"]
+
+
 def test_predict_replaces_nothing_that_it_did_not_write(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,6 +8,7 @@ import glob
 import json
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -32,7 +33,7 @@ UNKNOWN = "unknown"  # a stem that may be of a weed or of a crop
 
 
 class InputPicture(NamedTuple):
-    """One picture, or one frame of a video."""
+    """One picture, or one frame of a video; with its folder where others have the same name."""
 
     name: str
     frame: int | None
@@ -164,17 +165,18 @@ def _read_pictures(
     from agribot.lab.dataset.pictures import read_picture
 
     taken: set[str] = set()
+    shared = Counter(file.name for file in files)
     for file in files:
-        stem = file.stem
+        stem, name = file.stem, file.name if shared[file.name] == 1 else file.as_posix()
         while stem in taken:
             stem += "_"
         taken.add(stem)
         try:
             if file.suffix.lower() in VIDEO_SUFFIXES:
                 for index, frame in enumerate(read_frames(file)):
-                    yield f"{stem}-{index:06d}", InputPicture(file.name, index, frame)
+                    yield f"{stem}-{index:06d}", InputPicture(name, index, frame)
             else:
-                yield stem, InputPicture(file.name, None, read_picture(file, most_px))
+                yield stem, InputPicture(name, None, read_picture(file, most_px))
         except AgribotError as error:
             problems.append(str(error))
             sys.stderr.write(f"left out: {error}\n")
