@@ -50,6 +50,8 @@ def run(options: argparse.Namespace) -> int:
     labels = LabelFolder(
         options.folder, lambda image_rgb: classify(segmenter, image_rgb), options.model, ids
     )
+    for reason, name in labels.left_out:
+        sys.stderr.write(f"left out: {name}: {reason}\n")
     ended = threading.Event()
     with stop_on_signal() as stop, serve_labels(labels, options.port) as url:
         judging = threading.Thread(target=labels.judge_all, args=(ended.is_set,), daemon=True)

@@ -162,7 +162,13 @@ def _read_pictures(
 ) -> Iterator[tuple[str, InputPicture]]:
     """Read (name of the results, picture) of all files; the rest goes to `problems`."""
     from agribot.cli.videos import VIDEO_SUFFIXES, read_frames
-    from agribot.lab.dataset.pictures import read_picture
+    from agribot.lab.dataset.pictures import (
+        MISNAMED,
+        PictureError,
+        is_text,
+        read_picture,
+        show_name,
+    )
 
     taken: set[str] = set()
     shared = Counter(file.name for file in files)
@@ -172,6 +178,8 @@ def _read_pictures(
             stem += "_"
         taken.add(stem)
         try:
+            if not is_text(name):
+                raise PictureError(f"{show_name(str(file))}: {MISNAMED}")
             if file.suffix.lower() in VIDEO_SUFFIXES:
                 for index, frame in enumerate(read_frames(file)):
                     yield f"{stem}-{index:06d}", InputPicture(name, index, frame)

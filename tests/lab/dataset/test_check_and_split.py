@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import zlib
 from pathlib import Path
 from typing import Any
@@ -223,6 +224,31 @@ def test_every_kind_of_damage_is_named_with_its_file(
         ("unreadable", "f_mask.png"),
         ("nothing labelled", "g_mask.png"),
     }
+
+
+def test_a_file_whose_name_is_no_text_is_named_and_spoils_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in "ab":
+        add_pair(tmp_path, name)
+    latin = os.fsdecode(b"R\xfcbe_image.png")  # of an archive that an old computer packed
+    try:
+        shutil.copy(tmp_path / "images/a_image.png", tmp_path / "images" / latin)
+    except OSError:
+        pytest.skip("a file system whose names are text")
+    status, report = checked(tmp_path, capsys)
+    assert (status, report["pairs"]) == (1, 2)
+    (problem,) = report["problems"]
+    assert problem["kind"] == "name is no text in UTF-8, rename it"
+    assert problem["file"] == "images/R\\udcfcbe_image.png"
+    words = ["--by", "image", "--ratios", "1,1,0", "-o", str(tmp_path / "split.json")]
+    assert main(["dataset", "split", str(tmp_path), *words]) == 0
+    pairs, problems_found = find_pairs(tmp_path, "folder")
+    assert (len(pairs), len(problems_found)) == (2, 1)
+    seen = tmp_path / "seen"
+    assert main(["predict", str(tmp_path / "images"), "--only", "mask", "-o", str(seen)]) == 1
+    assert "left out: " in capsys.readouterr().err
+    assert len(list(seen.glob("*-mask.png"))) == 2
 
 
 def test_a_photograph_is_checked_upright_as_a_training_reads_it(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import http.client
 import json
+import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -185,6 +187,19 @@ def test_a_mask_that_another_person_finished_meanwhile_is_shown_and_one_moved_aw
     assert (found.state, found.class_id.tobytes()) == ("done", drawn())
     (root / "masks" / "dim.png").unlink()
     assert theirs.read_classes(DIM).state == "new"
+
+
+def test_a_picture_whose_name_is_no_text_is_left_out_and_the_page_shows_the_others(
+    root: Path,
+) -> None:
+    try:
+        shutil.copy(root / "images" / "dim.png", root / "images" / os.fsdecode(b"R\xfcbe.png"))
+    except OSError:
+        pytest.skip("a file system whose names are text")
+    labels = open_folder(root)
+    assert [one.file for one in labels.left_out] == ["images/R\\udcfcbe.png"]
+    with serve_labels(labels, 0) as url:
+        assert set(Client(url).states()) == set(NAMES)
 
 
 def test_a_frame_that_the_robot_kept_counts_as_labelled_once_a_person_says_so(root: Path) -> None:

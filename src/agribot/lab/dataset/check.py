@@ -75,8 +75,8 @@ def check(
     usual meaning of values and colours is taken and doubted where the pictures speak against it.
     """
     tally = CheckTally()
-    for name in layout.doubles:
-        tally.note("two files of one name", name)
+    for reason, name in layout.left_out:
+        tally.note(reason, name)
     for done, item in enumerate(layout.items, 1):
         _check_item(layout.root, item, tally, ids or {})
         progress(done)

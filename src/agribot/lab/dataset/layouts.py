@@ -9,11 +9,12 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
 from agribot.core.errors import ConfigError
-from agribot.lab.dataset.pictures import SUFFIXES
+from agribot.lab.dataset.pictures import MISNAMED, SUFFIXES, is_text, show_name
 
 IMAGE_FOLDERS = ("images/rgb", "images", "rgb")
 MASK_FOLDERS = ("annotations/dlp/colorCleaned", "annotations", "masks", "labels")
@@ -32,10 +33,17 @@ class Item(msgspec.Struct, frozen=True, kw_only=True):
     mask: str | None
 
 
+class UnusedFile(NamedTuple):
+    """A file that belongs to no item: why, and its name as any text can hold it."""
+
+    reason: str
+    file: str
+
+
 class Layout(msgspec.Struct, frozen=True, kw_only=True):
     root: Path
     items: tuple[Item, ...]
-    doubles: tuple[str, ...]  # files whose name pairs with the same partner as another one's
+    left_out: tuple[UnusedFile, ...]
 
 
 def find_layout(root: Path, images: str | None = None, masks: str | None = None) -> Layout:
@@ -46,7 +54,7 @@ def find_layout(root: Path, images: str | None = None, masks: str | None = None)
     if not root.is_dir():
         raise ConfigError(f"{root} is no folder; check the path")
     items: list[Item] = []
-    doubles: list[str] = []
+    left_out: list[UnusedFile] = []
     for group in (root, *sorted(path for path in root.iterdir() if path.is_dir())):
         image_folder = _find_first(group, (images,) if images else IMAGE_FOLDERS)
         mask_folder = _find_first(group, (masks,) if masks else MASK_FOLDERS)
@@ -55,35 +63,39 @@ def find_layout(root: Path, images: str | None = None, masks: str | None = None)
         name = "" if group == root else group.name
         pictures, more = _index_files(root, image_folder)
         labels, others = _index_files(root, mask_folder)
-        doubles += more + others
+        left_out += more + others
         items += (
             Item(key=key, group=name, image=pictures.get(key), mask=labels.get(key))
             for key in sorted(pictures.keys() | labels.keys())
         )
         if group == root:
             break
+    if left_out and not items:
+        raise ConfigError(f"{root}: no file can be used; {left_out[0].reason}: {left_out[0].file}")
     if not items:
         raise ConfigError(
             f"{root} has no pair of folders with images ({images or ', '.join(IMAGE_FOLDERS)}) and "
             f"masks ({masks or ', '.join(MASK_FOLDERS)}); name them with --images and --masks"
         )
-    return Layout(root=root, items=tuple(items), doubles=tuple(doubles))
+    return Layout(root=root, items=tuple(items), left_out=tuple(left_out))
 
 
 def _find_first(group: Path, names: Sequence[str]) -> Path | None:
     return next((group / name for name in names if (group / name).is_dir()), None)
 
 
-def _index_files(root: Path, folder: Path) -> tuple[dict[str, str], list[str]]:
+def _index_files(root: Path, folder: Path) -> tuple[dict[str, str], list[UnusedFile]]:
     found: dict[str, str] = {}
-    doubles = []
+    left_out = []
     for path in sorted(folder.rglob("*")):
         if path.suffix.lower() not in SUFFIXES:
             continue
         key = ENDING.sub("", path.relative_to(folder).with_suffix("").as_posix())
         name = path.relative_to(root).as_posix()
-        if key in found:
-            doubles.append(name)
+        if not is_text(name):
+            left_out.append(UnusedFile(MISNAMED, show_name(name)))
+        elif key in found:
+            left_out.append(UnusedFile("two files of one name", name))
         else:
             found[key] = name
-    return found, doubles
+    return found, left_out

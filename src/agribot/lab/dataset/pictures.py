@@ -18,8 +18,25 @@ LARGEST_PX = 250_000_000
 Image.MAX_IMAGE_PIXELS = LARGEST_PX // 2  # Pillow warns of more, and refuses twice as many
 
 
+MISNAMED = "name is no text in UTF-8, rename it"
+
+
 class PictureError(AgribotError):
     """A file is no picture that can be read; the message names the file and the reason."""
+
+
+def is_text(name: str) -> bool:
+    """Tell whether a file's name is text: one from a foreign archive may be bytes that are none."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def show_name(name: str) -> str:
+    """Make text of a name that may be none."""
+    return name.encode(errors="backslashreplace").decode()
 
 
 def read_picture(path: Path, most_px: int = LARGEST_PX) -> ByteArray:

@@ -56,7 +56,9 @@ class LabelFolder:
         self._ids = ids or {}
         self._values = _invert(self._ids)
         self._mask_folder = _make_folders(root)
-        self._items = [one for one in find_layout(root).items if one.image is not None]
+        layout = find_layout(root)
+        self.left_out = layout.left_out
+        self._items = [one for one in layout.items if one.image is not None]
         if not self._items:
             raise ConfigError(f"{root / 'images'} has no picture; put the photographs there")
         self._uncertainty = self._read_judged()

@@ -103,7 +103,7 @@ def find_pairs(
     layout = find_layout(folder, images or known.images, masks or known.masks)
     pairs, problems = (
         [],
-        [f"{folder / name}: another file has this name" for name in layout.doubles],
+        [f"{folder / name}: {reason}" for reason, name in layout.left_out],
     )
     for item in layout.items:
         pair = _make_pair(folder, item, known.ids if ids is None else ids)
