@@ -148,6 +148,8 @@ def test_masks_in_which_nothing_is_labelled_judge_nothing(
         ("export", "agribot-sim", "-o", "a.onnx", "--size", "500x300"),
         ("models", "agribot-moon"),
         ("live", "no-such-video.mp4"),
+        ("live", "99999999999999999999"),
+        ("live", "²"),
         ("train", "--data", "cwfid", "--out", "o"),
         ("train", "--data", "folder", "--data-dir", ".", "--model", "moon", "--out", "o"),
     ],
@@ -163,6 +165,7 @@ def test_wrong_use_is_one_line_and_status_two(
     said = capsys.readouterr().err.strip().splitlines()
     assert len(said) == 1
     assert said[0].startswith(f"agribot {words[0]}: ")
+    assert "internal error" not in said[0]
 
 
 def rows(path: Path) -> list[dict[str, str]]:

@@ -12,6 +12,7 @@ from agribot.cli.videos import open_capture
 from agribot.core.messages import ByteArray
 
 SIM_SPEED_MPS = 0.5
+MOST_DIGITS = 4  # of the number of a webcam
 
 
 class SimulatedDrive:
@@ -72,7 +73,8 @@ class Capture:
     def __init__(self, source: str) -> None:
         self.name = source
         self.ends = Path(source).is_file()
-        self._capture = open_capture(int(source) if source.isdigit() else source)
+        is_number = source.isascii() and source.isdigit() and len(source) <= MOST_DIGITS
+        self._capture = open_capture(int(source) if is_number else source)
         rate_hz = self._capture.get(5)  # cv2.CAP_PROP_FPS
         self._period_s = 1.0 / rate_hz if self.ends and rate_hz > 0.0 else 0.0
         self._due_s = time.monotonic()
