@@ -168,6 +168,14 @@ def test_wrong_use_is_one_line_and_status_two(
     assert "internal error" not in said[0]
 
 
+def test_eval_asks_which_of_two_folders_is_meant(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = photo_folder(tmp_path / "photos", 1)
+    assert main(["eval", str(folder), "--data-dir", str(tmp_path / "others")]) == 2
+    assert "others: give one of them" in capsys.readouterr().err
+
+
 def rows(path: Path) -> list[dict[str, str]]:
     with path.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))

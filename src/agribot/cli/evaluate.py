@@ -56,9 +56,7 @@ def run(args: argparse.Namespace) -> int:
     from agribot.lab.train.photographs import check_sample, find_pairs, split_fold
     from agribot.lab.train.plant_judge import PicturePlantJudge, format_plants
 
-    folder = args.folder or args.data_dir
-    if folder is None:
-        raise ConfigError("give the folder of images and masks: agribot eval FOLDER --model NAME")
+    folder = _find_folder(args)
     if args.out:
         extras.require("report", "--out")
     tile_px = read_size(args.tile) if args.tile else None
@@ -85,6 +83,16 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         sys.stdout.write(json.dumps(summary) + "\n")
     return 1 if problems else 0
+
+
+def _find_folder(args: argparse.Namespace) -> Path:
+    """Raise: ConfigError: none is given, or two are."""
+    if args.folder and args.data_dir:
+        raise ConfigError(f"{args.folder} and --data-dir {args.data_dir}: give one of them")
+    folder: Path | None = args.folder or args.data_dir
+    if folder is None:
+        raise ConfigError("give the folder of images and masks: agribot eval FOLDER --model NAME")
+    return folder
 
 
 def _print_scores(network_scores: Any) -> None:
