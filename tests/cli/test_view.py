@@ -8,6 +8,7 @@ import struct
 import subprocess
 import sysconfig
 from pathlib import Path
+from shutil import which
 from typing import Any
 from xml.etree import ElementTree
 
@@ -49,6 +50,30 @@ def test_rerun_gets_tracks_plan_pictures_curves_and_a_place_on_earth(
         "/map/estimate", "/map/plan", "/map/robot", "/camera/image", "/earth/fix",
         "/curves/speed_mps", "/curves/commanded_mps", "/curves/heading/raw", "/mission",
     } <= found  # fmt: skip
+
+
+@pytest.mark.parametrize("is_in_path", [True, False])
+def test_reruns_viewer_is_started_where_it_was_installed_with_the_program(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_in_path: bool
+) -> None:
+    started: list[str | None] = []
+    monkeypatch.setattr("rerun.RecordingStream.spawn", lambda _: started.append(which("rerun")))
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setenv("PATH", str(RERUN.parent if is_in_path else tmp_path))
+    assert main(["view", "rerun", str(run)]) == 0
+    assert started == [str(RERUN)]
+
+
+def test_where_reruns_viewer_cannot_open_a_file_is_named_as_the_way_out(
+    run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for screen in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(screen, raising=False)
+    assert main(["view", "rerun", str(run)]) == 2
+    assert "needs a screen" in (told := capsys.readouterr().err) and "-o FILE.rrd" in told
+    monkeypatch.setattr("shutil.which", lambda *_, **__: None)
+    assert main(["view", "rerun", str(run)]) == 2
+    assert "not installed" in (told := capsys.readouterr().err) and "-o FILE.rrd" in told
 
 
 def test_a_qgis_project_names_layers_that_lie_where_the_robot_was(

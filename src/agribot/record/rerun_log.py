@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
+import shutil
+import sys
+import sysconfig
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +21,7 @@ from agribot.record.bag.opening import open_bag
 from agribot.record.foreign import ForeignData, read_foreign
 
 _NAME = "agribot"
+_SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
 _TIMELINE = "robot_time"
 _NUMBERS = (
     topics.DISTANCE, topics.BEARING, topics.ANGLE, topics.HEADING_RAW, topics.HEADING_FILTERED,
@@ -32,8 +37,8 @@ def write_rerun(recording: Path, target: Path | None) -> int:
 
     Of another robot's recording: its tracks and curves, and how many points they have.
 
-    Raises: ConfigError: rerun-sdk is not installed. RecordingError: it cannot be read, or
-        nothing in it can be shown.
+    Raises: ConfigError: rerun-sdk is not installed, or its viewer cannot open. RecordingError: it
+        cannot be read, or nothing in it can be shown.
     """
     try:
         import rerun
@@ -47,7 +52,7 @@ def write_rerun(recording: Path, target: Path | None) -> int:
         known = {t.name for t in bag.topics if t.count and t.name in shower.shows and bag.knows(t)}
         foreign = None if known else read_foreign(recording)
         if target is None:
-            stream.spawn()
+            _start_viewer(stream)
         else:
             stream.save(str(target))
         stream.send_blueprint(_lay_out(rerun.blueprint))
@@ -60,6 +65,24 @@ def write_rerun(recording: Path, target: Path | None) -> int:
     shower.finish()
     stream.disconnect()  # writes the end of the file
     return count
+
+
+def _start_viewer(stream: Any) -> None:
+    """Start the viewer that was installed with this program, else that of the PATH.
+
+    Raises: ConfigError: there is none, or no screen for it.
+    """
+    program = shutil.which("rerun", path=sysconfig.get_path("scripts")) or shutil.which("rerun")
+    instead = "-o FILE.rrd writes a file that 'rerun FILE.rrd' opens on any machine"
+    if program is None:
+        raise ConfigError(
+            f"Rerun's viewer is not installed: pip install 'agribot[view]'; {instead}"
+        )
+    if sys.platform == "linux" and not any(map(os.environ.get, _SCREENS)):
+        raise ConfigError(f"Rerun's viewer needs a screen, and DISPLAY is not set; {instead}")
+    # Rerun looks for it in the PATH alone.
+    os.environ["PATH"] = os.pathsep.join((str(Path(program).parent), os.environ.get("PATH", "")))
+    stream.spawn()
 
 
 def _lay_out(views: Any) -> Any:
