@@ -122,6 +122,22 @@ def test_the_foxglove_layout_shows_topics_and_fields_that_exist(
     assert all(f'"{panel}"' in json.dumps(layout["layout"]) for panel in panels)
 
 
+@pytest.mark.parametrize(
+    ("installed", "ros"),
+    [((), "ros2"), (("rviz",), "ros1"), (("rviz2",), "ros2"), (("rviz", "rviz2"), "ros2")],
+)
+def test_a_recording_is_played_as_ros_2_unless_only_the_rviz_of_ros_1_is_there(
+    run: Path, monkeypatch: pytest.MonkeyPatch, installed: tuple[str, ...], ros: str
+) -> None:
+    played: list[tuple[bool, bool]] = []
+    monkeypatch.setattr("shutil.which", lambda name, **_: name if name in installed else None)
+    monkeypatch.setattr(
+        "agribot.cli.view._play", lambda _, options: played.append((options.ros1, options.ros2))
+    )
+    assert main(["view", "rviz", str(run), "--no-open"]) == 0
+    assert played == [(ros == "ros1", ros == "ros2")]
+
+
 def test_a_recording_is_played_to_another_process_with_its_clock(run: Path) -> None:
     locator = f"tcp/127.0.0.1:{free_port()}"
     key = wire.make_topic_key(0, "/agribot/fix", topics.FIX.ros_type, _hash(topics.FIX))

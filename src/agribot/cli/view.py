@@ -95,8 +95,9 @@ def _view_foxglove(options: argparse.Namespace) -> None:
 def _view_rviz(options: argparse.Namespace) -> None:
     """Play a recording, as if the robot were there; without one, show a robot that is."""
     if not (options.ros1 or options.ros2 or options.dds):
-        options.ros2 = not options.recording or shutil.which("rviz2") is not None
-        options.ros1 = not options.ros2
+        has_ros1_alone = shutil.which("rviz2") is None and shutil.which("rviz") is not None
+        options.ros1 = options.recording is not None and has_ros1_alone
+        options.ros2 = not options.ros1
     with _run_rviz(options):
         if options.recording is None:
             with stop_on_signal() as stop:
