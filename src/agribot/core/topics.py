@@ -310,7 +310,8 @@ GROUND_TRUTH = Topic(
     name="/ground_truth/odometry",
     ros_type="nav_msgs/msg/Odometry",
     rate_hz=50.0,
-    about="true pose and twist; exists in simulation only and never reaches the robot",
+    about="true pose and twist, of a run with a stack at 10 Hz; exists in simulation only and "
+    "never reaches the robot",
 )
 TICK = Topic(
     name="/agribot/tick",
