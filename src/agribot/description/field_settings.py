@@ -49,7 +49,8 @@ class RowsSettings(FieldSection, frozen=True):
 class CropSettings(FieldSection, frozen=True):
     """Crop plants of `height_m`; gaps are stretches of a row without plants."""
 
-    species: str = "sugar_beet"  # sugar_beet, lettuce, maize, carrot, onion
+    # One of `sugar_beet`, `lettuce`, `maize`, `carrot`, `onion`, `parsley`.
+    species: str = "sugar_beet"
     spacing_m: Annotated[float, msgspec.Meta(ge=0.02)] = 0.25  # from plant to plant
     height_m: Positive = 0.2  # of the plants
     # Of the heights, both ways at most.
