@@ -120,6 +120,18 @@ def test_every_command_line_is_one_that_the_program_takes(
     assert not wrong, "\n".join(wrong)
 
 
+def test_every_command_for_a_real_robot_names_its_board_and_lets_a_person_arm_it() -> None:
+    every = (line for page in OF_TODAY for line in whole_commands_of(page))
+    real = [
+        line for line in every if re.match("agribot run (hardware|.*--platform hardware)", line)
+    ]
+    assert len(real) > 2
+    lacking = [
+        line for line in real if "base=" not in line or not {"--ui", "--arm"} & {*line.split()}
+    ]
+    assert not lacking
+
+
 @pytest.mark.parametrize("page", OF_TODAY, ids=lambda page: str(page.relative_to(ROOT)))
 def test_every_command_in_the_text_exists_with_its_options(page: Path) -> None:
     wrong = []
