@@ -93,3 +93,17 @@ def test_any_ros_topic_becomes_a_table(
     assert json.loads(first["transforms"])[0]["child_frame_id"] == "odom"
     assert main(["bag", "csv", str(run), topics.TICK.name, "-o", str(out)]) == 2
     assert "cannot be read here" in capsys.readouterr().err
+
+
+def test_a_table_is_never_written_over_its_recording(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = tmp_path / "a.bag"
+    samples.write_ros1(bag, count=10)
+    before = bag.read_bytes()
+    beside = tmp_path / "link.csv"
+    beside.symlink_to(bag)
+    for out in (bag, beside):
+        assert main(["bag", "csv", str(bag), "/fix", "-o", str(out)]) == 2
+        assert "is the recording itself" in capsys.readouterr().err
+    assert bag.read_bytes() == before

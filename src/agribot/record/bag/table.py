@@ -19,8 +19,13 @@ def write_table(source: Path, topic_name: str, target: Path) -> int:
     """Write one row for each message to `target` as CSV and return the number of rows.
 
     The first column is the recorder's time in seconds. Arrays of a length that changes, and long
-    ones, are JSON in one column. Raises: RecordingError: no such topic, or no ROS messages.
+    ones, are JSON in one column.
+    Raises: RecordingError: no such topic, no ROS messages, or the target is the recording itself.
     """
+    if target.exists() and target.resolve().is_relative_to(source.resolve()):
+        raise RecordingError(
+            f"{target} is the recording itself, which the table would replace; choose another name"
+        )
     with open_bag(source) as bag:
         topic = bag.find(topic_name)
         if not bag.knows(topic):
