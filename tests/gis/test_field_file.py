@@ -125,6 +125,13 @@ BAD = {
     "margin of text": (bad(lambda f: f[0]["properties"].update(margin_m="wide")),
                        "margin_m 'wide': must be a number from 0 to 10"),
     "margin": (bad(lambda f: f[0]["properties"].update(margin_m=-1)), "margin_m -1: must be"),
+    "other coordinates": (
+        {**field(), "crs": {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::4267"}}},
+        "are in urn:ogc:def:crs:EPSG::4267; convert it to WGS-84"),
+    "other coordinates elsewhere": (
+        {**field(), "crs": {"type": "link", "properties": {"href": "http://a/25832"}}},
+        "are in http://a/25832; convert it"),
+    "other coordinates in a word": ({**field(), "crs": "EPSG:25832"}, "are in EPSG:25832"),
     "no geojson": ([1, 2], "expected a GeoJSON object"),
 }  # fmt: skip
 

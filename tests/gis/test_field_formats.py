@@ -196,14 +196,14 @@ def zeros(name: str) -> bytes:
     return buffer.getvalue()
 
 
-def projected_shapes() -> bytes:
+def shapes_in(projection: bytes) -> bytes:
     shp, shx, dbf = io.BytesIO(), io.BytesIO(), io.BytesIO()
     with shapefile.Writer(shp=shp, shx=shx, dbf=dbf) as writer:
         writer.field("name", "C")
-        writer.point(650000.0, 5774000.0)
+        writer.point(11.6, 52.1)
         writer.record("here")
         writer.close()
-    files = {"a.shp": shp, "a.shx": shx, "a.dbf": dbf, "a.prj": io.BytesIO(b'PROJCS["UTM 32N"]')}
+    files = {"a.shp": shp, "a.shx": shx, "a.dbf": dbf, "a.prj": io.BytesIO(projection)}
     return untrusted.pack({name: part.getvalue() for name, part in files.items()})
 
 
@@ -218,7 +218,12 @@ HOSTILE: dict[str, tuple[str, Callable[[], bytes], str]] = {
         "a.zip", lambda: zeros("TASKDATA.XML"), "unpacks to"),
     "many files": ("a.zip", many_files, "files inside"),
     "endless view": ("a.gpkg", never_ending, "interrupted"),
-    "projected": ("a.zip", projected_shapes, "projected"),
+    "projected": ("a.zip", lambda: shapes_in(b'PROJCS["UTM 32N"]'), "not WGS-84"),
+    "projected, in WKT 2": (
+        "a.zip", lambda: shapes_in(b'PROJCRS["UTM 32N",BASEGEOGCRS["WGS 84"]]'), "not WGS-84"),
+    "another datum": (
+        "a.zip", lambda: shapes_in(b'GEOGCS["NAD27",DATUM["North_American_Datum_1927"]]'),
+        "not WGS-84"),
     "broken": ("a.gpx", lambda: b"<gpx><trk>", "not XML"),
     "empty": ("a.gpx", lambda: b"", "not XML"),
     "no places": ("a.gpx", lambda: b"<gpx/>", "holds no point"),

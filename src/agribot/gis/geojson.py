@@ -74,11 +74,26 @@ def read_json(path: Path) -> Any:
         raise MissionError(f"{path.name}{place} is not valid JSON: {error}") from error
 
 
+def find_other_crs(crs: object) -> str:
+    """Find the name of a coordinate system that is not WGS-84 in a member `crs` of GeoJSON.
+
+    Empty where it is WGS-84, or where none is told.
+    """
+    told = crs.get("properties") if isinstance(crs, dict) else None
+    name = (told.get("name") or told.get("href")) if isinstance(told, dict) else crs
+    return "" if not name or str(name).endswith(("CRS84", "4326")) else str(name)[:100]
+
+
 def parse_features(root: object, source_name: str) -> list[Feature]:
     """Parse all features below a GeoJSON object.
 
-    Raises: MissionError: names the feature and the position that is wrong.
+    Raises: MissionError: names the feature and the position that is wrong, or other coordinates.
     """
+    other = find_other_crs(root.get("crs")) if isinstance(root, dict) else ""
+    if other:
+        raise MissionError(
+            f"{source_name}: its coordinates are in {other}; convert it to WGS-84 (EPSG:4326) first"
+        )
     found = list(_iterate_features(root, source_name))
     points = sum(len(part) for feature in found for part in feature.parts)
     if points > MAX_POINTS:

@@ -23,8 +23,8 @@ def read_shapefiles(data: bytes) -> Found:
     if not layers:
         raise ValueError("no .shp file inside")
     for layer in layers:
-        if files.get(f"{layer}.prj", b"").startswith(b"PROJCS"):
-            raise ValueError("coordinates are projected; convert them to WGS-84 (EPSG:4326) first")
+        if f"{layer}.prj" in files:
+            check_projection(files[f"{layer}.prj"])
         parts = {"shp": io.BytesIO(files[f"{layer}.shp"])}
         if f"{layer}.dbf" in files:
             parts["dbf"] = io.BytesIO(files[f"{layer}.dbf"])
@@ -63,6 +63,16 @@ def _write_layer(geometry: str, layer: str, features: Sequence[Feature]) -> dict
         writer.close()
     written = {f"{layer}.{suffix}": part.getvalue() for suffix, part in parts.items()}
     return written | {f"{layer}.prj": WGS84.encode(), f"{layer}.cpg": b"UTF-8"}
+
+
+def check_projection(text: bytes) -> None:
+    """Check that a .prj is of longitude and latitude in WGS-84, in either version of WKT.
+
+    Raises: ValueError: it is not.
+    """
+    known = text.lstrip().upper()
+    if not known.startswith((b"GEOGCS", b"GEOGCRS")) or b"WGS" not in known or b"84" not in known:
+        raise ValueError("its .prj is not WGS-84 (EPSG:4326); convert it first")
 
 
 def load_library() -> Any:

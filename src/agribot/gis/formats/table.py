@@ -14,7 +14,14 @@ from agribot.gis.formats.isoxml import holds_task_data, read_isoxml, write_isoxm
 from agribot.gis.formats.kml import read_kml, read_kmz, write_kml, write_kmz
 from agribot.gis.formats.shapes import read_shapefiles, write_shapefiles
 from agribot.gis.formats.untrusted import MAX_FILE_BYTES, list_members
-from agribot.gis.geojson import Feature, Found, Geometry, parse_features, read_position
+from agribot.gis.geojson import (
+    Feature,
+    Found,
+    Geometry,
+    find_other_crs,
+    parse_features,
+    read_position,
+)
 
 _KIND_OF = {"LineString": "row", "Point": "waypoint"}
 
@@ -99,9 +106,9 @@ def _give_kinds(found: Sequence[dict[str, Any]]) -> None:
 
 def _read_geojson(data: bytes) -> Found:
     tree = json.loads(data)
-    crs = ((tree.get("crs") or {}).get("properties") or {}).get("name", "CRS84")
-    if not str(crs).endswith(("CRS84", "4326")):
-        raise ValueError(f"coordinates are in {crs}; convert them to WGS-84 first")
+    other = find_other_crs(tree.get("crs"))
+    if other:
+        raise ValueError(f"coordinates are in {other}; convert them to WGS-84 first")
     kind = tree.get("type")
     if kind == "FeatureCollection":
         members = tree["features"]

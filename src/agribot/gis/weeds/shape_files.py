@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from agribot.autonomy.weeds.plant_table import PlantTable
-from agribot.gis.formats.shapes import WGS84, load_library
+from agribot.gis.formats.shapes import WGS84, check_projection, load_library
 from agribot.gis.formats.untrusted import unpack
 from agribot.gis.weeds.found_plants import Reading
 from agribot.gis.weeds.records import COLUMNS, iterate_records
@@ -69,7 +69,7 @@ def read_shapefile(path: Path) -> Reading:
     for suffix in (".dbf", ".prj"):
         if not path.with_suffix(suffix).is_file():
             raise ValueError(f"{path.with_suffix(suffix).name} is missing beside it")
-    _check_projection(path.with_suffix(".prj").read_bytes())
+    check_projection(path.with_suffix(".prj").read_bytes())
     return Reading(_iterate_shapes(path))
 
 
@@ -87,12 +87,6 @@ def _iterate_archive(path: Path) -> Iterator[tuple[float, float, Mapping[str, An
             if name[:-4] == shapes[0][:-4]:
                 (Path(folder) / f"map{name[-4:].lower()}").write_bytes(data)
         yield from read_shapefile(Path(folder) / "map.shp").found
-
-
-def _check_projection(text: bytes) -> None:
-    known = text.lstrip().upper()
-    if not known.startswith((b"GEOGCS", b"GEOGCRS")) or b"WGS" not in known or b"84" not in known:
-        raise ValueError("its .prj is not WGS-84 (EPSG:4326); convert it first")
 
 
 def _iterate_shapes(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]:

@@ -11,6 +11,7 @@ import msgspec
 
 from agribot.autonomy.weeds.plant_table import PlantTable
 from agribot.core.geo import Datum
+from agribot.gis.geojson import find_other_crs
 from agribot.gis.weeds.found_plants import Reading
 from agribot.gis.weeds.records import COLUMNS, Record, iterate_records
 
@@ -85,9 +86,9 @@ def read_geojson(path: Path) -> Reading:
     found = msgspec.json.decode(path.read_bytes().removeprefix(b"\xef\xbb\xbf"), type=_Collection)
     if found.type != "FeatureCollection":
         raise ValueError(f"a {found.type[:40]} and no FeatureCollection")
-    named = ((found.crs or {}).get("properties") or {}).get("name", "CRS84")
-    if not str(named).endswith(("CRS84", "4326")):
-        raise ValueError(f"its coordinates are in {named}; convert it to WGS-84 (EPSG:4326) first")
+    other = find_other_crs(found.crs)
+    if other:
+        raise ValueError(f"its coordinates are in {other}; convert it to WGS-84 (EPSG:4326) first")
     return Reading(_decode_features(found.features), found.agribot.datum if found.agribot else None)
 
 
