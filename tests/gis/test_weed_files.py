@@ -55,6 +55,23 @@ def test_a_map_comes_back_from_every_format_as_it_went(tmp_path: Path, suffix: s
             assert np.array_equal(back.rows[name], MAP.rows[name], equal_nan=True), name
 
 
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_large_ids_and_long_names_come_back_whole(tmp_path: Path, suffix: str) -> None:
+    rows = MAP.rows.copy()
+    rows["id"] += 1_700_000_000_000
+    rows["sightings"][0] = 2_000_000_000
+    far = MAP._replace(maps=("поле за рекой, второй робот, утро",), rows=rows)
+    back = read_map(written(tmp_path, suffix, far), "another name")
+    assert back.maps == far.maps
+    for name in ("id", "sightings"):
+        assert np.array_equal(back.rows[name], rows[name]), name
+
+
+def test_a_name_too_long_for_a_shapefile_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"has 300 bytes, a Shapefile takes 254"):
+        written(tmp_path, ".shp", MAP._replace(maps=("x" * 300,)))
+
+
 @pytest.mark.parametrize("suffix", sorted(FORMATS.keys() - {".shp", ".shp.zip"}))
 def test_a_merged_map_comes_back_with_all_that_it_was_merged_from(
     tmp_path: Path, suffix: str

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from agribot.autonomy.weeds.plant_table import PlantTable
+from agribot.core.errors import RecordingError
 from agribot.gis.formats.shapes import WGS84, check_projection, load_library
 from agribot.gis.formats.untrusted import unpack
 from agribot.gis.weeds.found_plants import Reading
@@ -21,9 +22,11 @@ _SHORT = {"first_seen_s": "first_s", "last_seen_s": "last_s"}
 _CUT = {name[:10]: name for name in COLUMNS if len(name) > 10}
 _LONG = _CUT | {short: name for name, short in _SHORT.items()}
 _NAMES = tuple(name for name in COLUMNS if name != "evidence")
+_LONGEST_TEXT = 254  # bytes
+# The least width of each field: those of ids and of names of maps grow with what is in them.
 _WIDTHS = {
     "id": 10, "class": 4, "confidence": 8, "decision": 5, "outcome": 10, "reason": 24, "std_m": 9,
-    "xx_m2": 13, "xy_m2": 13, "yy_m2": 13, "area_m2": 11, "sightings": 6, "first_seen_s": 14,
+    "xx_m2": 13, "xy_m2": 13, "yy_m2": 13, "area_m2": 11, "sightings": 10, "first_seen_s": 14,
     "last_seen_s": 14, "treated_s": 14, "x_map_m": 11, "y_map_m": 11, "map": 40, "map_id": 10,
     "maps": 4,
 }  # fmt: skip
@@ -34,12 +37,15 @@ _DECIMALS = {
 
 
 def write_shapefile(path: Path, table: PlantTable) -> None:
-    """Write `path`, which ends with .shp, and its four companions."""
-    library = load_library()
+    """Write `path`, which ends with .shp, and its four companions.
+
+    Raises: RecordingError: the name of a map is too long for a Shapefile.
+    """
+    library, widths = load_library(), _choose_widths(table)
     with library.Writer(str(path), shapeType=library.POINT, encoding="utf-8") as writer:
         for name in _NAMES:
             kind = "C" if COLUMNS[name] == "TEXT" else "N"
-            writer.field(_SHORT.get(name, name), kind, _WIDTHS[name], _DECIMALS.get(name, 0))
+            writer.field(_SHORT.get(name, name), kind, widths[name], _DECIMALS.get(name, 0))
         used = [
             ([*COLUMNS].index(name), "" if COLUMNS[name] == "TEXT" else None) for name in _NAMES
         ]
@@ -50,6 +56,21 @@ def write_shapefile(path: Path, table: PlantTable) -> None:
                 writer.record(*(nil if values[at] is None else values[at] for at, nil in used))
     path.with_suffix(".prj").write_text(WGS84, encoding="ascii")
     path.with_suffix(".cpg").write_text("UTF-8", encoding="ascii")
+
+
+def _choose_widths(table: PlantTable) -> dict[str, int]:
+    """Choose fields as wide as their values: the library cuts off what is longer."""
+    longest = max(table.maps, key=lambda name: len(name.encode()))
+    wanted = {"map": len(longest.encode())}
+    if wanted["map"] > _LONGEST_TEXT:
+        raise RecordingError(
+            f"the name of map '{longest[:80]}…' has {wanted['map']} bytes, a Shapefile takes "
+            f"{_LONGEST_TEXT}; give it another one, NAME=FILE, or take a GeoPackage"
+        )
+    ids = table.rows["id"]
+    ends = (int(ids.min()), int(ids.max())) if len(ids) else (0,)
+    wanted["id"] = wanted["map_id"] = max(len(str(end)) for end in ends)
+    return {name: max(width, wanted.get(name, 0)) for name, width in _WIDTHS.items()}
 
 
 def write_shape_archive(path: Path, table: PlantTable) -> None:
