@@ -254,6 +254,36 @@ def test_a_kml_that_grows_by_its_entities_is_refused(tmp_path: Path) -> None:
         read_map(path, "x")
 
 
+KML_WITHOUT_PLANTS = {
+    "an area": (
+        "<kml><Placemark><Polygon><outerBoundaryIs><LinearRing><coordinates>11,52 11.1,52 11.1,52.1"
+        "</coordinates></LinearRing></outerBoundaryIs></Polygon></Placemark></kml>",
+        "none of its 1 features",
+    ),
+    "a link": ("<kml><NetworkLink><Link/></NetworkLink></kml>", "none of its 1 features"),
+    "two points in one": (
+        "<kml><Placemark><MultiGeometry><Point><coordinates>11,52</coordinates></Point><Point>"
+        "<coordinates>11,52.1</coordinates></Point></MultiGeometry></Placemark></kml>",
+        "a placemark has several",
+    ),
+    "another format": ('<gpx><wpt lat="52" lon="11"/></gpx>', "begins with <gpx>"),
+}
+
+
+@pytest.mark.parametrize("what", KML_WITHOUT_PLANTS)
+def test_a_kml_of_which_plants_would_be_lost_is_refused(tmp_path: Path, what: str) -> None:
+    text, words = KML_WITHOUT_PLANTS[what]
+    path = tmp_path / "scouted.kml"
+    path.write_text(text)
+    with pytest.raises(RecordingError, match=words):
+        read_map(path, "x")
+
+
+def test_a_kml_without_anything_in_it_is_an_empty_map(tmp_path: Path) -> None:
+    empty = MAP._replace(rows=MAP.rows[:0])
+    assert len(read_map(written(tmp_path, ".kml", empty), "x").rows) == 0
+
+
 def test_a_view_that_never_ends_is_stopped(tmp_path: Path) -> None:
     path = written(tmp_path, ".gpkg")
     with closing(sqlite3.connect(path)) as database:

@@ -57,7 +57,7 @@ def _format_mark(record: Record) -> str:
 def read_kml(path: Path) -> Reading:
     """Read the placemarks that are points; extended data has the columns.
 
-    Raises: ValueError: no KML, or with a document type of its own.
+    Raises: ValueError: no KML, with a document type of its own, or with no place of a plant.
     """
     return Reading(_iterate_marks(path))
 
@@ -77,6 +77,7 @@ def _iterate_marks(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]:
                 yield from marks.take()
             parser.Parse(b"", True)
             yield from marks.take()
+            marks.check_found()
     except (expat.ExpatError, LookupError) as error:
         raise ValueError(f"not KML, or cut off: {error}") from error
 
@@ -90,13 +91,24 @@ class _Marks:
         self._values: dict[str, Any] = {}
         self._place: tuple[float, float] | None = None
         self._key, self._text = "", ""
+        self._points, self._others = 0, 0
 
     def take(self) -> list[tuple[float, float, dict[str, Any]]]:
         found, self._found = self._found, []
         return found
 
+    def check_found(self) -> None:
+        """Check that a file with something in it has a plant.
+
+        Raises: ValueError: it has areas or lines alone, or leads to other files.
+        """
+        if self._others and not self._points:
+            raise ValueError(f"a plant is a Point, and none of its {self._others} features has one")
+
     def begin(self, name: str, attributes: dict[str, str]) -> None:
         self._path.append(name.rpartition(":")[2])
+        if len(self._path) == 1 and self._path != ["kml"]:
+            raise ValueError(f"not KML: it begins with <{name[:40]}>")
         if len(self._path) > MAX_DEPTH:
             raise ValueError(f"elements more than {MAX_DEPTH} deep")
         if self._path[-1] == "Placemark":
@@ -113,10 +125,15 @@ class _Marks:
             text = self._text.strip()
             self._values[self._key] = text if self._key in _TEXTS else _read_number(text)
         elif name == "coordinates" and self._path[-1:] == ["Point"]:
+            if self._place is not None:
+                raise ValueError("a plant is one Point, and a placemark has several")
             lon, lat = self._text.strip().split(",")[:2]
             self._place = float(lon), float(lat)
         elif name == "Placemark" and self._place is not None:
             self._found.append((*self._place, self._values))
+            self._points += 1
+        elif name in {"Placemark", "NetworkLink"}:
+            self._others += 1
 
 
 def _read_number(text: str) -> float | str:
