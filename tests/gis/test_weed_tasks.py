@@ -13,7 +13,7 @@ import pytest
 from isoxml.converter.np_grid import to_numpy_array
 from isoxml.util.isoxml_io import isoxml_from_path
 
-from agribot.autonomy.weeds.plant_table import OUTCOMES, is_crop
+from agribot.autonomy.weeds.plant_table import OUTCOMES, PlantTable, is_crop
 from agribot.cli.main import main
 from agribot.gis.weeds.files import write_map
 from tests.gis.weed_maps import make_map, scatter
@@ -23,9 +23,9 @@ BEGAN = datetime(2026, 5, 4, 7, 30, tzinfo=UTC)
 CELL_M = 0.5
 
 
-def export(folder: Path, *words: str, status: int = 0) -> Path:
+def export(folder: Path, *words: str, status: int = 0, table: PlantTable = MAP) -> Path:
     source, out = folder / "run.geojson", folder / "tasks.isoxml.zip"
-    write_map(source, MAP)
+    write_map(source, table)
     began = ["--began", "2026-05-04T07:30"]
     assert main(["weeds", "export", str(source), "-o", str(out), *began, *words]) == status
     return out
@@ -94,3 +94,34 @@ def test_a_grid_of_too_many_cells_is_refused(tmp_path: Path, capsys: Any) -> Non
 def test_a_time_that_is_none_is_refused(tmp_path: Path, capsys: Any) -> None:
     export(tmp_path, "--began", "in May", status=2)
     assert "--began in May: write a date" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("began", ["2026-05-04T09:30+02:00", "2026-05-04T07:30Z"])
+def test_a_time_of_another_zone_is_turned_into_utc(tmp_path: Path, began: str) -> None:
+    with zipfile.ZipFile(export(tmp_path)) as in_utc:
+        wanted = in_utc.read("TASKDATA/TLG00001.BIN")
+    with zipfile.ZipFile(export(tmp_path, "--began", began)) as archive:
+        assert archive.read("TASKDATA/TLG00001.BIN") == wanted
+
+
+@pytest.mark.parametrize(
+    ("began", "late_s"), [("1970-01-01", 0.0), ("2026-05-04", 1e15), ("2026-05-04", 5e9)]
+)
+def test_a_day_that_no_time_log_has_is_refused(
+    tmp_path: Path, capsys: Any, began: str, late_s: float
+) -> None:
+    rows = MAP.rows.copy()
+    rows["treated_s"] += late_s
+    export(tmp_path, "--began", began, status=2, table=MAP._replace(rows=rows))
+    assert "a time log has days from 1980 to 2159 only" in capsys.readouterr().err
+
+
+def test_the_last_millisecond_of_a_day_belongs_to_it_or_to_the_next(tmp_path: Path) -> None:
+    rows = MAP.rows.copy()
+    rows["treated_s"][np.isfinite(rows["treated_s"])] = 86_399.9997
+    out = export(tmp_path, "--began", "2026-05-04", table=MAP._replace(rows=rows))
+    with zipfile.ZipFile(out) as archive:
+        log = archive.read("TASKDATA/TLG00001.BIN")
+    times = {record[:2] for record in struct.iter_unpack("<IHiiBBBiBi", log)}
+    days = (datetime(2026, 5, 5, tzinfo=UTC) - datetime(1980, 1, 1, tzinfo=UTC)).days
+    assert times == {(0, days), (100, days)}

@@ -6,7 +6,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -174,15 +174,17 @@ def _read_time(options: argparse.Namespace, table: PlantTable) -> datetime:
 
     if options.began is not None:
         try:
-            return datetime.fromisoformat(options.began).replace(tzinfo=UTC)
-        except ValueError as error:
+            began = datetime.fromisoformat(options.began)
+            return began.astimezone(UTC) if began.tzinfo else began.replace(tzinfo=UTC)
+        except (ValueError, OverflowError) as error:
             raise ConfigError(
                 f"--began {options.began}: write a date and a time in UTC, 2026-05-04T07:30"
             ) from error
     times_s = table.rows["last_seen_s"]
     source = Path(options.source.partition("=")[2] or options.source)
     passed_s = float(np.nanmax(times_s)) if np.isfinite(times_s).any() else 0.0
-    began = datetime.fromtimestamp(source.stat().st_mtime, UTC) - timedelta(seconds=passed_s)
+    written_s = source.stat().st_mtime
+    began = datetime.fromtimestamp(written_s - min(passed_s, written_s), UTC)
     sys.stderr.write(f"note: taken as begun at {began:%Y-%m-%dT%H:%M:%S} UTC; --began says else\n")
     return began
 

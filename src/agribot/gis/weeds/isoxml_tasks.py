@@ -38,6 +38,8 @@ NO_SPRAY, SPRAY = 0, 1  # codes of the treatment zones
 SETPOINT_RATE, ACTUAL_RATE, WORK_STATE = "0001", "0002", "008D"
 MM3PM2_PER_LPHA = 100
 _EPOCH = datetime(1980, 1, 1, tzinfo=UTC)
+_LAST = _EPOCH + timedelta(days=65535)  # they are counted in 16 bits
+_DAY_MS = 86_400_000
 _POSITION_UNITS_PER_DEG = 1e7
 _SPOT_S = 0.1  # from on to off
 _UNNAMED_DEVICE = "A00E84000DE0DB6A"  # a NAME of the agricultural industry group, self-configured
@@ -67,7 +69,8 @@ class CellGrid(NamedTuple):
 def write_tasks(path: Path, table: PlantTable, options: TaskOptions) -> None:
     """Write an archive with the folder TASKDATA.
 
-    Raises: ConfigError: the grid would have too many cells, or there is nothing to write.
+    Raises: ConfigError: the grid would have too many cells, a weed was treated at no time of a
+        time log, or there is nothing to write.
     """
     version = options.version
     root = ET.Element(
@@ -193,13 +196,13 @@ def _encode_log(table: PlantTable, rows: Rows, options: TaskOptions) -> bytes:
     parts = []
     for (east, north), treated_s in zip(places, rows["treated_s"].tolist(), strict=True):
         for state, delay_s in ((1, 0.0), (0, _SPOT_S)):
-            since = options.began + timedelta(seconds=treated_s + delay_s) - _EPOCH
-            milliseconds = round((since - timedelta(days=since.days)).total_seconds() * 1000)
+            since = _find_time(options.began, treated_s + delay_s) - _EPOCH
+            days, milliseconds = divmod(round(since / timedelta(milliseconds=1)), _DAY_MS)
             parts.append(
                 struct.pack(
                     "<IHiiBBBiBi",
                     milliseconds,
-                    since.days,
+                    days,
                     north,
                     east,
                     4,
@@ -213,6 +216,23 @@ def _encode_log(table: PlantTable, rows: Rows, options: TaskOptions) -> bytes:
     return b"".join(parts)
 
 
+def _find_time(began: datetime, t_s: float) -> datetime:
+    """Find the time of the calendar for one of a run's clock.
+
+    Raises: ConfigError: a time log has no such day.
+    """
+    try:
+        when = began + timedelta(seconds=float(t_s))
+        if _EPOCH <= when < _LAST:
+            return when
+    except OverflowError:
+        pass
+    raise ConfigError(
+        f"a weed was treated {t_s:g} s after {began:%Y-%m-%dT%H:%M} UTC; a time log has days from "
+        f"{_EPOCH.year} to {_LAST.year} only: say with --began when the clock of the run was zero"
+    )
+
+
 def _format_time(began: datetime, t_s: float) -> str:
-    when = began + timedelta(seconds=float(t_s))
+    when = _find_time(began, t_s)
     return when.strftime("%Y-%m-%dT%H:%M:%S.") + f"{when.microsecond // 1000:03d}Z"
