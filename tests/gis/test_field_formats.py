@@ -259,6 +259,16 @@ def test_names_in_an_archive_lead_nowhere(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["a", "b", path.name]
 
 
+@pytest.mark.parametrize("ending", [".shp.zip", ".kmz", ".isoxml.zip"])
+def test_an_archive_that_a_mac_packed_is_read_like_any_other(ending: str, tmp_path: Path) -> None:
+    marks = b"\x00\x05\x16\x07\x00\x02\x00\x00Mac OS X        "
+    with zipfile.ZipFile(io.BytesIO(write_field_file(ending, FIELD))) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    shadows = {f"__MACOSX/{Path(name).with_name('._' + Path(name).name)}": marks for name in files}
+    area, _ = read_field(saved(tmp_path, ending, untrusted.pack(shadows | files)), HERE)
+    check(area)
+
+
 def test_agribot_plan_converts_a_field_and_plans_in_any_format(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

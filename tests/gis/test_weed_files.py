@@ -238,6 +238,14 @@ def test_a_file_that_is_cut_off_is_refused(tmp_path: Path, suffix: str, kept_rat
         read_map(path, "x")
 
 
+def test_an_archive_that_a_mac_packed_is_read_like_any_other(tmp_path: Path) -> None:
+    path = written(tmp_path, ".shp.zip")
+    with zipfile.ZipFile(path, "a") as archive:
+        for name in archive.namelist():
+            archive.writestr(f"__MACOSX/._{name}", b"\x00\x05\x16\x07 Mac OS X")
+    assert np.array_equal(read_map(path, "x").rows["id"], MAP.rows["id"])
+
+
 def test_an_archive_that_unpacks_to_gigabytes_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "bomb.shp.zip"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:

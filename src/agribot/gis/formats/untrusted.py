@@ -6,6 +6,7 @@ import io
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Iterator
+from pathlib import PurePosixPath
 from typing import Any, NoReturn
 from xml.parsers import expat
 
@@ -95,11 +96,17 @@ def _select_members(
     entries = archive.infolist()
     if len(entries) > MAX_MEMBERS:
         raise ValueError(f"{len(entries)} files inside, more than {MAX_MEMBERS}")
-    found = [e for e in entries if e.filename.lower().endswith(suffixes)]
+    found = [e for e in entries if e.filename.lower().endswith(suffixes) and not _is_shadow(e)]
     size = sum(e.file_size for e in found)
     if size > MAX_FILE_BYTES:
         raise ValueError(f"unpacks to {size} bytes, more than {MAX_FILE_BYTES}")
     yield from found
+
+
+def _is_shadow(entry: zipfile.ZipInfo) -> bool:
+    """Tell whether it is what macOS packs beside a file: its marks, under the file's own ending."""
+    path = PurePosixPath(entry.filename)
+    return "__MACOSX" in path.parts or path.name.startswith("._")
 
 
 def pack(files: dict[str, bytes]) -> bytes:
