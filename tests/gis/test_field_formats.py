@@ -196,6 +196,23 @@ def zeros(name: str) -> bytes:
     return buffer.getvalue()
 
 
+@pytest.mark.parametrize(
+    ("encoding", "cpg"),
+    [("cp1252", b""), ("utf-8", b""), ("cp1252", b"1252"), ("cp1251", b"windows-1251")],
+)
+def test_names_of_a_shapefile_are_read_in_its_encoding(encoding: str, cpg: bytes) -> None:
+    name = "поле" if encoding == "cp1251" else "Möhrenfeld"
+    shp, shx, dbf = io.BytesIO(), io.BytesIO(), io.BytesIO()
+    with shapefile.Writer(shp=shp, shx=shx, dbf=dbf, encoding=encoding) as writer:
+        writer.field("name", "C")
+        writer.poly([ring(BOUNDARY)])
+        writer.record(name)
+        writer.close()
+    files = {"a.shp": shp.getvalue(), "a.dbf": dbf.getvalue(), **({"a.cpg": cpg} if cpg else {})}
+    field = read_field_file("a.zip", untrusted.pack(files))
+    assert field["features"][0]["properties"]["name"] == name
+
+
 def shapes_in(projection: bytes) -> bytes:
     shp, shx, dbf = io.BytesIO(), io.BytesIO(), io.BytesIO()
     with shapefile.Writer(shp=shp, shx=shx, dbf=dbf) as writer:

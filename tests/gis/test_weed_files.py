@@ -15,11 +15,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapefile
 
 from agribot.autonomy.weeds.merge import merge_maps
-from agribot.autonomy.weeds.plant_table import DECISIONS, OUTCOMES, PlantTable, move_to_datum
+from agribot.autonomy.weeds.plant_table import (
+    DECISIONS,
+    OUTCOMES,
+    PlantTable,
+    is_crop,
+    move_to_datum,
+)
 from agribot.cli.main import main
 from agribot.core.errors import RecordingError
+from agribot.gis.formats.shapes import WGS84
 from agribot.gis.weeds.files import FORMATS, read_map, write_map
 from agribot.gis.weeds.found_plants import Reading, tabulate_found
 from agribot.gis.weeds.records import COLUMNS, iterate_records
@@ -319,6 +327,18 @@ def test_a_shapefile_in_other_coordinates_is_refused(tmp_path: Path) -> None:
     path.with_suffix(".prj").write_text('PROJCS["ETRS89 / UTM zone 32N"]')
     with pytest.raises(RecordingError, match=r"not WGS-84"):
         read_map(path, "x")
+
+
+def test_classes_of_a_shapefile_are_read_in_its_encoding(tmp_path: Path) -> None:
+    path = tmp_path / "scouted.shp"
+    with shapefile.Writer(str(path), shapeType=shapefile.POINT, encoding="cp1252") as writer:
+        writer.field("class", "C", 10)
+        for number, name in enumerate(("Möhre", "Ampfer")):
+            writer.point(11.6 + number * 1e-5, 52.1)
+            writer.record(name)
+    path.with_suffix(".prj").write_text(WGS84)
+    found = read_map(path, "x", {"möhre": "crop", "ampfer": "weed"})
+    assert is_crop(found.rows).tolist() == [True, False]
 
 
 def test_points_of_a_scout_without_any_columns_are_weeds_of_unknown_certainty() -> None:

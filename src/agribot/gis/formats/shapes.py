@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 from agribot.core.errors import ConfigError
@@ -18,7 +20,9 @@ WGS84 = (
 
 def read_shapefiles(data: bytes) -> Found:
     shapefile = load_library()
-    files = {name.lower(): part for name, part in unpack(data, ".shp", ".dbf", ".prj").items()}
+    files = {
+        name.lower(): part for name, part in unpack(data, ".shp", ".dbf", ".prj", ".cpg").items()
+    }
     layers = [name.removesuffix(".shp") for name in files if name.endswith(".shp")]
     if not layers:
         raise ValueError("no .shp file inside")
@@ -28,7 +32,8 @@ def read_shapefiles(data: bytes) -> Found:
         parts = {"shp": io.BytesIO(files[f"{layer}.shp"])}
         if f"{layer}.dbf" in files:
             parts["dbf"] = io.BytesIO(files[f"{layer}.dbf"])
-        with shapefile.Reader(**parts) as reader:
+        encoding = find_encoding(files.get(f"{layer}.cpg", b""), files.get(f"{layer}.dbf", b""))
+        with shapefile.Reader(**parts, encoding=encoding, encodingErrors="replace") as reader:
             for record in reader.iterShapeRecords():
                 fields = record.record.as_dict() if record.record else {}
                 plain = {
@@ -73,6 +78,23 @@ def check_projection(text: bytes) -> None:
     known = text.lstrip().upper()
     if not known.startswith((b"GEOGCS", b"GEOGCRS")) or b"WGS" not in known or b"84" not in known:
         raise ValueError("its .prj is not WGS-84 (EPSG:4326); convert it first")
+
+
+def find_encoding(cpg: bytes, dbf: bytes) -> str:
+    """Find the encoding of texts: what the .cpg names; else UTF-8 where they are, else Windows's.
+
+    Of the .dbf its beginning is enough.
+    """
+    named = cpg.decode("ascii", "replace").strip()
+    for name in (named, f"cp{named}"):  # 1252 is a name, too
+        with suppress(LookupError, ValueError):
+            return codecs.lookup(name).name
+    records = dbf[int.from_bytes(dbf[8:10], "little") :]  # behind the header
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(records)
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8"
 
 
 def load_library() -> Any:

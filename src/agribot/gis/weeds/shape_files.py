@@ -10,7 +10,7 @@ from typing import Any
 
 from agribot.autonomy.weeds.plant_table import PlantTable
 from agribot.core.errors import RecordingError
-from agribot.gis.formats.shapes import WGS84, check_projection, load_library
+from agribot.gis.formats.shapes import WGS84, check_projection, find_encoding, load_library
 from agribot.gis.formats.untrusted import unpack
 from agribot.gis.weeds.found_plants import Reading
 from agribot.gis.weeds.records import COLUMNS, iterate_records
@@ -112,7 +112,10 @@ def _iterate_archive(path: Path) -> Iterator[tuple[float, float, Mapping[str, An
 
 def _iterate_shapes(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]:
     library = load_library()
-    with library.Reader(str(path), encodingErrors="replace") as reader:
+    cpg = path.with_suffix(".cpg")
+    with path.with_suffix(".dbf").open("rb") as file:
+        encoding = find_encoding(cpg.read_bytes() if cpg.is_file() else b"", file.read(1 << 20))
+    with library.Reader(str(path), encoding=encoding, encodingErrors="replace") as reader:
         if reader.shapeType not in {library.POINT, library.POINTZ, library.POINTM}:
             raise ValueError(f"its shapes are {reader.shapeTypeName}, not points")
         names = [
