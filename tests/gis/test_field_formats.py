@@ -251,6 +251,10 @@ HOSTILE: dict[str, tuple[str, Callable[[], bytes], str]] = {
     "no fields": ("a.zip", lambda: untrusted.pack({"TASKDATA.XML": b"<T/>"}), "holds no point"),
     "no shapes": ("a.zip", lambda: untrusted.pack({"a.txt": b""}), "no .shp"),
     "cut off": ("a.zip", lambda: write_field_file(".shp.zip", FIELD)[:-40], "cannot be read"),
+    "a ring without corners": (
+        "a.geojson", lambda: b'{"type": "Polygon", "coordinates": [[]]}', "a ring has no places"),
+    "empty alone": (
+        "a.geojson", lambda: b'{"type": "Polygon", "coordinates": []}', "holds no point"),
     "unknown": ("a.dwg", lambda: b"", "end with"),
 }  # fmt: skip
 
@@ -264,6 +268,16 @@ def test_a_broken_or_hostile_file_is_refused_in_one_sentence(
     with pytest.raises(MissionError, match=words) as refused:
         read_field_file(file_name, data())
     assert "\n" not in str(refused.value)
+
+
+def test_features_without_a_place_are_left_out() -> None:
+    nothing = [
+        {"type": "Feature", "properties": {}, "geometry": geometry}
+        for geometry in (None, {"type": "Polygon", "coordinates": []})
+    ]
+    tree = {**FIELD, "features": [*nothing, *FIELD["features"]]}
+    found = read_field_file("a.geojson", json.dumps(tree).encode())
+    assert len(found["features"]) == len(FIELD["features"])
 
 
 def test_names_in_an_archive_lead_nowhere(tmp_path: Path) -> None:

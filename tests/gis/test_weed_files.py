@@ -329,6 +329,22 @@ def test_a_shapefile_in_other_coordinates_is_refused(tmp_path: Path) -> None:
         read_map(path, "x")
 
 
+@pytest.mark.parametrize("has_place", [True, False])
+def test_a_record_of_a_shapefile_without_a_place_is_left_out(
+    tmp_path: Path, has_place: bool
+) -> None:
+    path = tmp_path / "scouted.shp"
+    with shapefile.Writer(str(path), shapeType=shapefile.POINT) as writer:
+        writer.field("class", "C", 10)
+        writer.null()
+        writer.record("weed")
+        if has_place:
+            writer.point(11.6, 52.1)
+            writer.record("crop")
+    path.with_suffix(".prj").write_text(WGS84)
+    assert is_crop(read_map(path, "x").rows).tolist() == [True] * has_place
+
+
 def test_classes_of_a_shapefile_are_read_in_its_encoding(tmp_path: Path) -> None:
     path = tmp_path / "scouted.shp"
     with shapefile.Writer(str(path), shapeType=shapefile.POINT, encoding="cp1252") as writer:

@@ -80,16 +80,18 @@ def write_field_file(suffix: str, collection: object) -> bytes:
 
 
 def _split_multi(geometry: Geometry, where: str) -> list[Geometry]:
-    """Split multi-geometries and drop heights."""
+    """Split multi-geometries, drop heights, and leave out what is empty."""
     kind = geometry["type"]
     if kind == "GeometryCollection":
         return [one for part in geometry["geometries"] for one in _split_multi(part, where)]
     parts = geometry["coordinates"] if kind.startswith("Multi") else [geometry["coordinates"]]
     single = kind.removeprefix("Multi")
-    return [{"type": single, "coordinates": _drop_heights(part, where)} for part in parts]
+    return [{"type": single, "coordinates": _drop_heights(part, where)} for part in parts if part]
 
 
 def _drop_heights(coordinates: Any, where: str) -> Any:
+    if not coordinates:
+        raise ValueError("a line or a ring has no places; draw it again, or remove it")
     if isinstance(coordinates[0], int | float):
         return list(read_position(coordinates, where))
     return [_drop_heights(inner, where) for inner in coordinates]
@@ -115,7 +117,8 @@ def _read_geojson(data: bytes) -> Found:
     else:
         members = [tree if kind == "Feature" else {"geometry": tree}]
     for member in members:
-        yield member["geometry"], member.get("properties") or {}
+        if member["geometry"] is not None:
+            yield member["geometry"], member.get("properties") or {}
 
 
 def _write_geojson(found: Sequence[Feature]) -> bytes:

@@ -124,6 +124,8 @@ def _iterate_shapes(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]
         if reader.numShapes != reader.numRecords:
             raise ValueError(f"{reader.numShapes} shapes, but {reader.numRecords} records: cut off")
         for item in reader.iterShapeRecords():
+            if item.shape.shapeType == library.NULL:  # a record without a place, as in GeoPackages
+                continue
             lon_deg, lat_deg = item.shape.points[0][:2]
             values = zip(names, item.record, strict=True)
             yield lon_deg, lat_deg, {k: v for k, v in values if v not in (None, "")}
