@@ -67,6 +67,24 @@ def test_zones_lie_where_they_were_drawn() -> None:
     assert np.isnan(rates_at(zones, (30.2, 5.0), (-0.2, 5.0), (5.0, 40.2))).all()
 
 
+def test_zones_and_grids_over_the_antimeridian_lie_where_they_were_drawn(tmp_path: Path) -> None:
+    edge = Datum(lat_deg=-16.8, lon_deg=179.9999)  # 10.7 m of the field lie in the West
+    there = MapFrame(edge)
+    root = geojson(frame=there)
+    corners = np.array(root["features"][0]["geometry"]["coordinates"][0])
+    assert corners[:, 0].min() < 0.0 < corners[:, 0].max()
+    zones = read_prescription("rx.geojson", json.dumps(root).encode(), edge)
+    assert rates_at(zones, (5.0, 1.0), (19.9, 1.0), (20.1, 39.0)) == [120.0, 120.0, 0.0]
+    assert np.isnan(rates_at(zones, (30.2, 5.0), (-0.2, 5.0))).all()
+    path = tmp_path / "left.isoxml.zip"
+    left = MAP._replace(datum=edge)
+    write_tasks(path, left, TaskOptions(BEGAN, rate_lpha=180.0))
+    sprayed = read_prescription(path.name, path.read_bytes(), edge)
+    is_open = left.rows["outcome"] == OUTCOMES.index("missed")
+    assert (sprayed.find_rates(*left.xy_m[is_open].T) == 180.0).all()
+    assert np.nanmean(sprayed.rates_lpha > 0.0) < 0.2
+
+
 @needs("ogr2ogr")
 @pytest.mark.parametrize("suffix", [".gpkg", ".zip"])
 def test_zones_of_other_programs_keep_places_and_rates(tmp_path: Path, suffix: str) -> None:

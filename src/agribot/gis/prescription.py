@@ -131,6 +131,8 @@ def _list_corners(part: Zone | RateGrid) -> FloatArray:
         rows, columns = part.rate_lpha.shape
         east = part.west_deg + columns * part.cell_east_deg
         north = part.south_deg + rows * part.cell_north_deg
+        if part.west_deg <= 180.0 < east:  # over the antimeridian
+            east -= 360.0
         return np.array([[part.west_deg, part.south_deg], [east, north]])
     return np.array([point[:2] for point in part.rings_deg[0]], dtype=float)
 
@@ -139,18 +141,30 @@ def _rate_places(part: Zone | RateGrid, places_deg: FloatArray) -> FloatArray:
     """Rates at places (N, 2) of longitude and latitude; NaN outside."""
     if isinstance(part, RateGrid):
         rows, columns = part.rate_lpha.shape
-        column = np.floor((places_deg[:, 0] - part.west_deg) / part.cell_east_deg).astype(np.int64)
+        east_deg = _unwrap_deg(places_deg[:, 0] - part.west_deg)
+        column = np.floor(east_deg / part.cell_east_deg).astype(np.int64)
         row = np.floor((places_deg[:, 1] - part.south_deg) / part.cell_north_deg).astype(np.int64)
         is_inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         found = part.rate_lpha[np.where(is_inside, row, 0), np.where(is_inside, column, 0)]
         return np.where(is_inside, found, np.nan)
     import shapely
 
-    polygon = shapely.Polygon(part.rings_deg[0], part.rings_deg[1:])
+    rings = [np.array([point[:2] for point in ring], dtype=float) for ring in part.rings_deg]
+    first_deg = rings[0][0, 0]
+    for ring in rings:
+        ring[:, 0] = _unwrap_deg(ring[:, 0] - first_deg)
+    polygon = shapely.Polygon(rings[0], rings[1:])
     if not polygon.is_valid:
         raise MissionError(f"a zone crosses itself: {shapely.is_valid_reason(polygon)}")
-    is_inside = shapely.contains_xy(polygon, places_deg[:, 0], places_deg[:, 1])
+    east_deg = _unwrap_deg(places_deg[:, 0] - first_deg)
+    is_inside = shapely.contains_xy(polygon, east_deg, places_deg[:, 1])
     return np.where(is_inside, part.rate_lpha, np.nan)
+
+
+def _unwrap_deg(degrees: FloatArray) -> FloatArray:
+    """Take differences of longitude the short way round; near zero they stay as they are."""
+    near: FloatArray = degrees - 360.0 * np.round(degrees / 360.0)
+    return near
 
 
 def check_covers(

@@ -135,7 +135,7 @@ def make_grid(table: PlantTable, rows: Rows, options: TaskOptions) -> CellGrid:
             f"a grid of {columns} by {lines} cells has more than {MAX_CELLS}; give a larger --cell "
             f"than {options.cell_m:g} m"
         )
-    cell = ((north - south) / lines, (east - west) / columns)
+    cell = ((north - south) / lines, (east - west) % 360.0 / columns)  # also over 180 degrees
     is_open = _find_open(rows)
     reach_m = options.margin_m + compute_std_m(rows[is_open])
     place = (xy_m[is_open] - low_m) / (size_m / (columns, lines))  # in cells
