@@ -221,6 +221,10 @@ BROKEN: dict[str, tuple[Callable[[Any], Any], str]] = {
     "an unknown class": (of_each(lambda told, _: told.update({"class": 2})), r"--classes 2=weed"),
     "a covariance that is none": (of_each(lambda told, _: told.update(xx_m2=-1.0)), r"covariance"),
     "certain beyond one": (of_each(lambda told, _: told.update(confidence=90)), r"confidence"),
+    "ids that are no whole numbers": (
+        of_each(lambda told, _: told.update(map_id=told["id"] + 0.5)), r"id '1.5' is not a whole"),
+    "ids of letters": (
+        of_each(lambda told, _: told.update(map_id="A-12")), r"id 'A-12' is not a whole number"),
     "no number": (of_each(lambda told, _: told.update(area_m2="big")), r"plant 1.*'big'"),
     "lines for points": (lambda root: {**root, "features": [
         {"geometry": {"type": "LineString", "coordinates": []}, "properties": {}}]}, r"a Point"),
@@ -355,6 +359,11 @@ def test_classes_of_a_shapefile_are_read_in_its_encoding(tmp_path: Path) -> None
     path.with_suffix(".prj").write_text(WGS84)
     found = read_map(path, "x", {"möhre": "crop", "ampfer": "weed"})
     assert is_crop(found.rows).tolist() == [True, False]
+
+
+def test_plants_without_an_id_are_numbered() -> None:
+    plants = [(11.6, 52.1, {"id": None}), (11.60001, 52.1, {"id": None, "map_id": None})]
+    assert tabulate_found(Reading(plants), "'x'", "scouted").rows["id"].tolist() == [1, 2]
 
 
 def test_points_of_a_scout_without_any_columns_are_weeds_of_unknown_certainty() -> None:

@@ -94,14 +94,15 @@ class _Collector:
 
     def _append(self, lon_deg: float, lat_deg: float, values: Mapping[str, Any]) -> None:
         take = values.get
-        id = take("map_id", take("id", self._group + 1))
+        told = take("id") if take("map_id") is None else take("map_id")
+        id = self._group + 1 if told is None else _read_id(told)
         xx_m2, xy_m2, yy_m2 = take("xx_m2"), take("xy_m2"), take("yy_m2")
         if xx_m2 is None or yy_m2 is None:
             xx_m2 = yy_m2 = _read_std(take("std_m")) ** 2
         name = take("map") or self._name
         self._waiting.append(
             (
-                self._maps.setdefault(str(name), len(self._maps)), int(id), self._group,
+                self._maps.setdefault(str(name), len(self._maps)), id, self._group,
                 self._read_class(take("class")), DECISION_CODES[take("decision") or ""],
                 OUTCOME_CODES[take("outcome") or ""], REASON_CODES[take("reason") or ""],
                 int(take("sightings") or 0), lon_deg, lat_deg, xx_m2, xy_m2 or 0.0, yy_m2,
@@ -171,6 +172,19 @@ def _decode_evidence(text: object) -> Iterator[dict[str, Any]]:
 
 def _read(value: object) -> float:
     return math.nan if value is None or value == "" else float(value)  # type: ignore[arg-type]
+
+
+def _read_id(value: Any) -> int:
+    try:
+        id = int(value)
+    except (ValueError, TypeError, OverflowError):
+        id = None
+    if id is None or (isinstance(value, float) and id != value):
+        raise ValueError(
+            f"its id {str(value)[:40]!r} is not a whole number; give the column another name, and "
+            "plants are numbered"
+        )
+    return id
 
 
 def _read_std(value: object) -> float:
