@@ -194,6 +194,13 @@ def test_other_coordinates_and_exchanged_ones_are_refused() -> None:
         read(root)
 
 
+def test_a_zone_of_two_corners_is_refused() -> None:
+    root = geojson()
+    del root["features"][0]["geometry"]["coordinates"][0][2:]
+    with pytest.raises(MissionError, match="a ring of 2 corners"):
+        read(root)
+
+
 @pytest.mark.parametrize("rate", [-1.0, 1e6, "much"])
 def test_rates_that_are_none_are_refused(rate: float | str) -> None:
     root = geojson()

@@ -24,6 +24,7 @@ MAX_RATE_LPHA = 5000.0
 MAX_EXTENT_M = 20_000.0
 MAX_CELLS = 4_000_000
 LEAST_CELL_M = 0.1
+_LEAST_CORNERS = 3
 _PLACES = 400  # that are asked of a field
 
 
@@ -150,6 +151,9 @@ def _rate_places(part: Zone | RateGrid, places_deg: FloatArray) -> FloatArray:
     import shapely
 
     rings = [np.array([point[:2] for point in ring], dtype=float) for ring in part.rings_deg]
+    fewest = min(map(len, rings))
+    if fewest < _LEAST_CORNERS:
+        raise MissionError(f"a zone has a ring of {fewest} corners, where an area needs 3")
     first_deg = rings[0][0, 0]
     for ring in rings:
         ring[:, 0] = _unwrap_deg(ring[:, 0] - first_deg)
