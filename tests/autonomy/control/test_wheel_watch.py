@@ -30,6 +30,7 @@ class Bench:
         self.wheels = wheels
         self.gyro_off_radps = 0.0
         self.is_imu_frozen = False
+        self.is_held = False  # as a receiver shows
         self.effort_nm: Four | None = None
         self.runaway = ""
         self.t_s = 0.0
@@ -44,7 +45,7 @@ class Bench:
             speeds = self.wheels((right, left, right, left))
             for k, speed in enumerate(speeds):
                 self._angles[k] += speed * TICK_S
-            found = self.watch.watch(self._sent, self._batch(), TICK_S)
+            found = self.watch.watch(self._sent, self._batch(), TICK_S, is_held=self.is_held)
             self._sent, self.runaway = command, found.runaway
             if any(found):
                 doubt = found.dead_motor or found.frozen_imu or found.wrong_turn or found.held
@@ -217,6 +218,7 @@ def test_a_robot_that_does_not_turn_is_stuck_and_one_that_turns_backwards_has_a_
     gain: float, words: str
 ) -> None:
     bench = Bench()
+    bench.is_held = True
     turn = DriveCommand(yaw_rate_radps=1.0)
     bench.gyro_off_radps = (gain - 1.0) * turn.yaw_rate_radps
     bench.drive(turn, 0.1)
@@ -230,6 +232,7 @@ def test_a_clod_that_holds_a_wheel_in_a_turn_is_climbed_and_no_fault(
 ) -> None:
     """Held, the robot stands for a second or two, or swings the other way."""
     bench = Bench(rate_hz=rate_hz)
+    bench.is_held = True
     turn = DriveCommand(v_mps=0.2, yaw_rate_radps=0.5)
     for _ in range(5):
         bench.gyro_off_radps = 0.0
@@ -237,6 +240,21 @@ def test_a_clod_that_holds_a_wheel_in_a_turn_is_climbed_and_no_fault(
         bench.gyro_off_radps = swing_radps - turn.yaw_rate_radps
         assert bench.drive(turn, 2.0)[1:] == ("", "")
     assert "stuck or slipping in a turn" in bench.drive(turn, 2.0)[2], "where it lasts, it is"
+
+
+@at_rates
+@pytest.mark.parametrize("turn_radps", [0.3, 0.5, 0.8])
+def test_a_gyro_that_tells_of_no_turn_while_the_robot_drives_on_is_told_within_a_second(
+    turn_radps: float, rate_hz: float
+) -> None:
+    """A robot steers against a gyro that is off until that tells of nothing."""
+    bench = Bench(rate_hz=rate_hz)
+    turn = DriveCommand(v_mps=0.3, yaw_rate_radps=turn_radps)
+    bench.drive(turn, 1.0)
+    bench.gyro_off_radps = -turn_radps
+    after_s, _, doubt = bench.drive(turn, 3.0)
+    assert "check the gyro" in doubt
+    assert after_s <= 1.0
 
 
 def test_an_imu_that_repeats_itself_is_told_of_a_moving_robot_only() -> None:

@@ -25,6 +25,9 @@ LAST_PART = 0.3  # of that way, in which a robot that got free again gets on
 LONGEST_S = 10.0
 # Of 90 clods that held a robot on the roughest ground, 86 did so for less than 1.2 s.
 STUCK_S = 2.5
+# A robot that keeps less of its way just now is held; one that does not move on is judged by this
+# alone, and of a receiver that was silent for longer nothing is known.
+HELD_RATIO, HELD_S, FRESH_S = 0.6, 0.4, 0.6
 # Wheels that stand or turn against each other lead nowhere; what was before is over then.
 PAUSE_S, PAUSE_M = 0.4, 0.02
 MOST_TURN_RAD = 1.2  # a robot that turns swings its antenna about
@@ -55,6 +58,11 @@ class ProgressWatch:
         self._places: deque[_Place] = deque()
         self._held_since_s: float | None = None
         self._found = ""
+        self._stays_behind, self._seen_s = False, -math.inf
+
+    def stays_behind(self, t_s: float) -> bool:
+        """Whether the receiver shows that the robot gets on less than its wheels just now."""
+        return self._stays_behind and t_s - self._seen_s <= FRESH_S
 
     def restart(self) -> None:
         self._places.clear()
@@ -66,9 +74,22 @@ class ProgressWatch:
         self._add_motion(batch)
         for fix in batch.gnss:
             self._add_fix(fix)
+            self._look_back(fix.t_s)
             found = self._judge(is_corrected=fix.quality in CORRECTED)
             self._found = found if self._lasts(fix.t_s, is_held=bool(found)) else ""
         return self._found
+
+    def _look_back(self, t_s: float) -> None:
+        if not self._places:
+            return
+        now = self._places[-1]
+        then = next((p for p in reversed(self._places) if t_s - p.t_s >= HELD_S), None)
+        self._seen_s = t_s
+        if then is None:
+            self._stays_behind = True  # the wheels lead nowhere: it turns on the spot
+            return
+        way_m, moved_m = math.dist(now.rolled_m, then.rolled_m), _flown_m(then, now)
+        self._stays_behind = moved_m < HELD_RATIO * way_m
 
     def _lasts(self, t_s: float, *, is_held: bool) -> bool:
         """Whether the robot is held for so long that it will not get free by itself."""
@@ -149,10 +170,18 @@ class ProgressWatch:
 
 def _moved_m(then: _Place, now: _Place) -> float:
     """How far the receiver went between two fixes, by its positions or by its velocities."""
-    moved_m = math.hypot(now.east_m - then.east_m, now.north_m - then.north_m)
-    if now.flown_m is not None and then.flown_m is not None:
-        moved_m = max(moved_m, math.dist(now.flown_m, then.flown_m))
-    return moved_m
+    return max(_stepped_m(then, now), _flown_m(then, now))
+
+
+def _stepped_m(then: _Place, now: _Place) -> float:
+    return math.hypot(now.east_m - then.east_m, now.north_m - then.north_m)
+
+
+def _flown_m(then: _Place, now: _Place) -> float:
+    """How far it went by its velocities, which are less noisy; by its positions without them."""
+    if now.flown_m is None or then.flown_m is None:
+        return _stepped_m(then, now)
+    return math.dist(now.flown_m, then.flown_m)
 
 
 def _fly_on(last: _Place | None, fix: GnssFix) -> tuple[float, float] | None:

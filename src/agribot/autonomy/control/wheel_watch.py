@@ -29,8 +29,9 @@ STANDS_RATIO = 0.15
 # (Mandow et al. 2007), so that an effective separation of four tracks is no fault of the gyro.
 YAW_TOLERANCE_RADPS, YAW_LOW_RATIO, YAW_HIGH_RATIO = 0.24, 0.2, 0.5
 TIGHT_RADPS, TIGHT_RATIO = 0.4, 0.85
-# A gyro that tells so little of a turn is believed: soil is to blame. A clod that holds a wheel is
-# climbed in a second or two, and meanwhile the robot may swing the other way; then it is stuck.
+# A gyro that tells so little of a turn is believed where a receiver shows that the robot is held:
+# a clod is climbed in a second or two, and meanwhile it may swing the other way; then it is stuck.
+# A gyro that is off shows the same of a robot that drives on: it steers against what it tells.
 HELD_RADPS, HELD_RATIO = 0.25, 0.75
 YAW_LASTING_S, HELD_LASTING_S = 0.6, 2.5
 FROZEN_S = 0.5
@@ -99,7 +100,10 @@ class WheelWatch:
         """Judge turns anew: the robot goes another way."""
         self._yaw_off_s = self._held_s = 0.0
 
-    def watch(self, sent: DriveCommand, batch: SensorBatch, dt_s: float) -> Found:
+    def watch(
+        self, sent: DriveCommand, batch: SensorBatch, dt_s: float, *, is_held: bool = False
+    ) -> Found:
+        """`is_held`: a receiver shows that the robot gets on less than its wheels."""
         self._follow_board(sent, batch.t_s, dt_s)
         self._read.extend(batch.wheels)
         self._update_imu(batch)
@@ -114,7 +118,7 @@ class WheelWatch:
         self.fastest_radps = max(abs(speed) for speed in speeds)
         wheels = self._wrong_wheels(speeds, elapsed_s)
         self._runaway = wheels if self._runs_on else ""
-        wrong_turn, held = self._compare_turns(speeds, elapsed_s)
+        wrong_turn, held = self._compare_turns(speeds, elapsed_s, is_held=is_held)
         return Found(
             wheels=wheels,
             runaway=self._runaway,
@@ -224,7 +228,7 @@ class WheelWatch:
             return ""
         return f"IMU repeats the same numbers for {same_s:.2f} s while the wheels turn; restart it"
 
-    def _compare_turns(self, speeds: Four, elapsed_s: float) -> tuple[str, str]:
+    def _compare_turns(self, speeds: Four, elapsed_s: float, *, is_held: bool) -> tuple[str, str]:
         """Say that the gyro contradicts the wheels, and that the ground holds the robot."""
         gyro = self._gyro_radps
         while gyro and not 0.0 <= self._read[-1].t_s - gyro[0][0] <= SPAN_S:
@@ -238,7 +242,8 @@ class WheelWatch:
         wheels_radps = across_radps * drive.wheel_radius_m / drive.effective_separation_m
         is_off = abs(rate_radps - wheels_radps) > _tolerate_yaw(wheels_radps, rate_radps)
         if not any(self._off_s):  # else it may be a wheel's fault, which is told by name
-            self._count_off(is_off, _is_held(wheels_radps, rate_radps), elapsed_s)
+            is_held = is_held and _turns_little(wheels_radps, rate_radps)
+            self._count_off(is_off, is_held, elapsed_s)
         said = f"the gyro says {rate_radps:+.2f} rad/s, the wheels {wheels_radps:+.2f} rad/s"
         return (
             f"{said}; check the gyro, and whether the robot is stuck"
@@ -297,7 +302,7 @@ def _tolerate_yaw(wheels_radps: float, gyro_radps: float) -> float:
     return max(YAW_TOLERANCE_RADPS + YAW_LOW_RATIO * told_radps, ratio * told_radps)
 
 
-def _is_held(wheels_radps: float, gyro_radps: float) -> bool:
+def _turns_little(wheels_radps: float, gyro_radps: float) -> bool:
     """Whether the robot hardly turns at all, though its wheels do."""
     return abs(wheels_radps) > HELD_RADPS and abs(gyro_radps) < HELD_RATIO * abs(wheels_radps)
 
