@@ -203,6 +203,8 @@ def test_plants_stand_on_the_rows_that_a_field_file_draws_however_they_lie(tmp_p
         ('[rows]\nfile = "nowhere.geojson"\n', "nowhere.geojson"),
         ('[rows]\nfile = "x.geojson"\n[soil]\ntrack_gauge_m = 0.6\n', "soil.track_gauge_m"),
         ("[crop]\nmissing_ratio = 1.0\n", "no crop left"),
+        ("[crop]\nspecies = 'oats'\n", "field.toml: unknown plant species 'oats'"),
+        ("[weeds]\nspecies = ['grass', 'rye']\n", "field.toml: unknown plant species 'rye'"),
     ],
 )
 def test_a_wrong_plan_is_refused_with_its_reason(
@@ -224,6 +226,18 @@ def test_the_command_writes_a_world_that_reads_back_to_the_same_plants(
     assert load_world(str(out)).plants == world.plants
     assert json.loads(capsys.readouterr().out)["crop"] == len(_of(world, PlantClass.CROP))
     assert check_world(str(out)) == ()
+
+
+def test_a_plant_that_nobody_can_draw_is_found_before_the_world_is_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = FieldSettings(crop=CropSettings(species="oats"))
+    out = tmp_path / "x.world"
+    write_world(generate_field(plan, 0), out)
+    assert main(["world", "check", str(out)]) == 0
+    assert "warning: unknown plant species 'oats'" in capsys.readouterr().err
+    assert main(["world", "check", str(out), "--strict"]) == 1
+    assert "x.world: unknown plant species 'oats'; use one of: " in capsys.readouterr().out
 
 
 def _pose(obstacle: Obstacle, shape: Shape) -> FloatArray:

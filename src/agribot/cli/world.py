@@ -7,7 +7,7 @@ import json
 import math
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -113,7 +113,10 @@ def _generate(options: argparse.Namespace) -> int:
     field, out = Path(options.field), Path(options.out)
     if out.suffix not in {".world", ".sdf"}:
         raise DescriptionError(f"-o {out}: name a file that ends in .world or .sdf")
-    world = generate_field(read_field_settings(field), options.seed, field.parent)
+    plan = read_field_settings(field)
+    for unknown in _name_unknown_species([plan.crop.species, *plan.weeds.species]):
+        raise DescriptionError(f"{field.name}: {unknown}")
+    world = generate_field(plan, options.seed, field.parent)
     write_world(world, out)
     kinds = Counter(plant.plant.name.lower() for plant in world.plants)
     summary = {"world": str(out), "seed": options.seed, **kinds}
@@ -130,9 +133,11 @@ def _check(options: argparse.Namespace) -> int:
     if Path(options.world).suffix in MAP_SUFFIXES:
         return _check_map(options)
     if options.strict:
-        return print_findings(check_world(options.world), options.json)
+        findings = [*check_world(options.world), *_list_plants_unknown(options.world)]
+        return print_findings(findings, options.json)
     world = load_world(options.world)
     species = Counter(plant.species for plant in world.plants)
+    warnings = [*world.warnings, *_name_unknown_species(species)]
     summary = {
         "name": world.name,
         "datum": [world.datum.lat_deg, world.datum.lon_deg],
@@ -141,15 +146,41 @@ def _check(options: argparse.Namespace) -> int:
         "walkers": len(world.walkers),
         "ground_tiles": len(world.ground),
         "terrain": None if world.terrain is None else list(world.terrain.height_m.shape),
-        "warnings": list(world.warnings),
+        "warnings": warnings,
     }
     if options.json:
         sys.stdout.write(json.dumps(summary) + "\n")
     else:
-        summary["warnings"] = len(world.warnings)
-        sys.stderr.writelines(f"warning: {warning}\n" for warning in world.warnings)
+        summary["warnings"] = len(warnings)
+        sys.stderr.writelines(f"warning: {warning}\n" for warning in warnings)
         sys.stdout.write("".join(f"{key}: {value}\n" for key, value in summary.items()))
     return 0
+
+
+def _list_plants_unknown(name_or_path: str) -> list[FileFinding]:
+    """List the plants of a world that nobody can draw; none where it cannot be read at all."""
+    from agribot.description.elements import FileFinding
+    from agribot.description.worlds_sdf import load_world
+
+    try:
+        plants = load_world(name_or_path).plants
+    except DescriptionError:
+        return []
+    unknown = _name_unknown_species(dict.fromkeys(plant.species for plant in plants))
+    return [FileFinding(Path(name_or_path).name, 0, text, text) for text in unknown]
+
+
+def _name_unknown_species(names: Iterable[str]) -> list[str]:
+    """Say of each species that does not grow in the simulator which ones do."""
+    from agribot.sim.flora.species import find_species
+
+    unknown = []
+    for name in names:
+        try:
+            find_species(name)
+        except DescriptionError as error:
+            unknown.append(str(error))
+    return unknown
 
 
 def _check_map(options: argparse.Namespace) -> int:
