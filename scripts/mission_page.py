@@ -87,10 +87,10 @@ STUCK = f"""
 ## Where the robot is stuck
 
 Clods hold a wheel for a second or two, and the robot climbs over them. Where its wheels turn for
-{HELD_LASTING_S:g} s and it does not get on, or not around, the gate holds it and the mission backs
-out on the bend on which it came, tool off, by {BACK_M[0]:g} m, and tries again with a run-up
-([`freeing.py`](../src/agribot/autonomy/plan/freeing.py)); at the same place, within
-{SAME_PLACE_M:g} m, it does so up to `mission.free_tries` times, from {BACK_M[1]:g} and
+{HELD_LASTING_S:g} s and it does not get on, or not around, the gate holds it; after a second at
+rest the mission backs out on the bend on which it came, tool off, by {BACK_M[0]:g} m, and tries
+again with a run-up ([`freeing.py`](../src/agribot/autonomy/plan/freeing.py)); at the same place,
+within {SAME_PLACE_M:g} m, it does so up to `mission.free_tries` times, from {BACK_M[1]:g} and
 {BACK_M[2]:g} m. Held on its way back, it tries forwards. Only ground on which it has just come is
 driven, so that a robot that has only just set off does not try, nor one on an errand or backwards.
 What is left the [gate](safety.md#protective-stops) stops, for a person to look. How far that leads

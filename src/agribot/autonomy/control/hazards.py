@@ -252,7 +252,7 @@ HAZARDS = (
     Hazard(name="stuck or slipping",
            seen_by="way of the wheels against that of GNSS, their turn against the gyro",
            limit="for 2.5 s less than 35 % of 0.5 m (1.5 m without corrections) and of its last "
-                 "30 %, or less than 40 % of a turn of the wheels; after `mission.free_tries`",
+                 "30 %, or hardly a turn though the wheels turn; after `mission.free_tries`",
            reaction="latch", find=_stuck, faults=("soil.mud",)),
     Hazard(name="stuck or slipping, of a mission that backs out and tries again",
            seen_by="as above", limit="as above, up to `mission.free_tries`", reaction="wait",

@@ -57,6 +57,7 @@ from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
 
 SETTLE_S = 1.0  # the estimate must hold this long before the robot moves
 END_TOLERANCE_M = 0.01
+CALM_S = 1.0  # before it backs out: wheels that spun stand, and a tool is out of the soil
 NUDGE_M = 0.01  # of a row's line, at a time
 Handler = Callable[[OperatorEvent], str | None]  # gives why the request is refused
 
@@ -544,6 +545,8 @@ class Mission:
             self._answers.settle_errand(self._refuse(why))
 
         latency_s = self._task.errand_planning_s
+        if errand.source == STUCK:
+            latency_s = max(latency_s, CALM_S)
         work = partial(errand.plan_route, estimate, self._config)
         self._desk.ask(estimate.t_s, work, latency_s, leave, stay)
 
