@@ -83,7 +83,7 @@ class ProgressWatch:
         if not self._places:
             return
         now = self._places[-1]
-        then = next((p for p in reversed(self._places) if t_s - p.t_s >= HELD_S), None)
+        then = self._find_place(t_s, HELD_S)
         self._seen_s = t_s
         if then is None:
             self._stays_behind = True  # the wheels lead nowhere: it turns on the spot
@@ -135,8 +135,13 @@ class ProgressWatch:
             self._places.popleft()
 
     def _has_paused(self, now: _Place) -> bool:
-        then = next((p for p in reversed(self._places) if now.t_s - p.t_s >= PAUSE_S), None)
+        then = self._find_place(now.t_s, PAUSE_S)
         return then is not None and math.dist(now.rolled_m, then.rolled_m) < PAUSE_M
+
+    def _find_place(self, t_s: float, ago_s: float) -> _Place | None:
+        """Find the latest place of so long ago, or longer."""
+        places = reversed(self._places)
+        return next((place for place in places if t_s - place.t_s >= ago_s), None)
 
     def _judge(self, *, is_corrected: bool) -> str:
         if not self._places:

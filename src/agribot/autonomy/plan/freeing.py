@@ -78,14 +78,14 @@ class Freeing:
         self._place: tuple[float, float] | None = None  # of the first try of those that count
 
     def restart(self) -> None:
-        """Forget the tries: a person has looked."""
+        """Forget the tries: a person has looked, or the robot has left the place."""
         self._tries, self._place = 0, None
 
     def follow(self, estimate: Estimate) -> None:
         here = Pose2(estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
         self.trail.add(here)
         if self._place is not None and math.dist(here.xy_m, self._place) > SAME_PLACE_M:
-            self._tries, self._place = 0, None
+            self.restart()
 
     def may_try(self, most_tries: int) -> bool:
         """Whether the robot may back out where it is, and try again."""
