@@ -178,6 +178,12 @@ def test_a_hostile_file_is_refused_in_one_line_that_names_it(
         ("node plot --ros1 --ros-master junk", "http://HOST:PORT"),
         ("predict x --threads 0 -o y", "from 1 to 1024"),
         ("bench ui --seconds nan", "finite number"),
+        ("bag csv x.mcap /fix -o y.xlsx", "-o y.xlsx: what is written is a table in CSV"),
+        ("record recover x.mcap -o y.bag", "-o y.bag: what is written is an MCAP recording"),
+        ("view rerun x.mcap -o y.mcap", "give a name that ends with .rrd"),
+        ("view foxglove -o y.xml", "give a name that ends with .json"),
+        ("dataset split x -o y.csv", "give a name that ends with .json"),
+        ("plan --field x --png y.jpg", "what is written is a PNG picture"),
     ],
 )
 def test_an_impossible_option_is_refused_before_any_work(

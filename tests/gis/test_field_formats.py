@@ -25,7 +25,13 @@ from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.gis.field_file import read_field
 from agribot.gis.formats import geopackage, untrusted
-from agribot.gis.formats.table import READERS, WRITERS, read_field_file, write_field_file
+from agribot.gis.formats.table import (
+    READERS,
+    WRITERS,
+    read_field_file,
+    read_other,
+    write_field_file,
+)
 
 HERE = Datum(lat_deg=52.1, lon_deg=11.6)
 FRAME = MapFrame(HERE)
@@ -320,6 +326,23 @@ def test_agribot_plan_converts_a_field_and_plans_in_any_format(
     wanted = ["plan", "--field", str(source), "--implement-width", "3", "--json"]
     assert main(wanted) == 0
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["ok"] is True
+
+
+def test_a_plan_is_written_in_the_format_that_its_name_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, plan = tmp_path / "field.geojson", tmp_path / "plan.kml"
+    source.write_text(json.dumps({**FIELD, "features": FIELD["features"][:2]}), encoding="utf-8")
+    wanted = ["plan", "--field", str(source), "--implement-width", "3", "--out"]
+    assert main([*wanted, str(plan)]) == 0
+    assert "agribot run --plan needs it as GeoJSON" in capsys.readouterr().err
+    kinds = [one["properties"]["kind"] for one in read_other(plan)["features"]]
+    assert kinds[0] == "boundary"
+    assert kinds.count("leg:swath") > 5
+    assert main([*wanted, str(tmp_path / "plan.pdf")]) == 2
+    refusal = capsys.readouterr().err
+    assert "plan.pdf: give a name that ends with .geojson" in refusal
+    assert "CERTIFIED" not in refusal, "refused before anything is planned"
 
 
 def test_every_format_that_is_written_is_read() -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from agribot.cli.counting import CountProgress
+from agribot.cli.output_names import check_ending
 from agribot.core.errors import RecordingError
 from agribot.record.report import write_file
 
@@ -152,6 +153,7 @@ def _export_track(options: argparse.Namespace) -> int:
 def _export_csv(options: argparse.Namespace) -> int:
     from agribot.record.bag.table import write_table
 
+    check_ending("-o", options.out, "a table in CSV", ".csv", ".txt")
     rows = write_table(options.recording, options.topic, options.out)
     if options.json:
         result = {"out": str(options.out), "topic": options.topic, "rows": rows}

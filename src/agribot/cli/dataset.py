@@ -17,9 +17,11 @@ from agribot.cli.counting import CountProgress
 from agribot.cli.dataset_import import add_import, import_files
 from agribot.cli.dataset_rows import add_label_by_rows, label_by_rows
 from agribot.cli.ids_option import add_ids_option
+from agribot.cli.output_names import check_ending
 from agribot.cli.ranges import seed
 from agribot.cli.stopping import stop_on_signal
 from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.whole_file import write_at_once
 
 LARGEST_SIDE_PX = 8192
 MOST_LINES = 20  # of problems, on the terminal
@@ -140,10 +142,12 @@ def _split(options: argparse.Namespace) -> int:
     ratios = read_ratios(options.ratios)
     if options.seed < 0:
         raise ConfigError(f"--seed {options.seed}: must be at least 0")
+    check_ending("-o", options.out, "JSON", ".json")
     layout = find_layout(options.folder, options.images, options.masks)
     result = split(layout, options.by, ratios, options.seed)
     try:
-        options.out.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2) + b"\n")
+        data = msgspec.json.format(msgspec.json.encode(result), indent=2)
+        write_at_once(options.out, data + b"\n")
     except OSError as error:
         raise RecordingError(
             f"cannot write {options.out}: {error.strerror or error}; choose another -o file"

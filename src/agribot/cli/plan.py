@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, get_args
 
 import msgspec
 
+from agribot.cli.output_names import check_ending
 from agribot.core import extras
 from agribot.core.errors import MissionError
 from agribot.core.geo import MapFrame
@@ -59,18 +61,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--robot", default="agribot", metavar="NAME|FILE")
     endings = ", ".join(WRITERS)
     parser.add_argument(
-        "--out", metavar="FILE", help=f"write the plan (GeoJSON), or the field to {endings}"
-    )
+        "--out", metavar="FILE",
+        help=f"write the plan, or the field, to {endings}; agribot run --plan reads GeoJSON",
+    )  # fmt: skip
     parser.add_argument("--png", metavar="FILE", help="draw the plan")
     parser.add_argument("--json", action="store_true", help="print the certificate")
 
 
 def run(options: argparse.Namespace) -> int:
-    if options.png:
-        extras.require("report", "--png")
-    from agribot.gis.plan_file import format_plan
-    from agribot.record.report import write_file
-
+    _check_outputs(options)
     if options.action == "convert":
         return _convert(options)
     if options.action == "teach":
@@ -86,12 +85,49 @@ def run(options: argparse.Namespace) -> int:
     sys.stderr.write(_format_summary(certificate, MapFrame(saved.datum)))
     if options.out and options.action is None:
         if certificate.ok:
-            write_file(Path(options.out), format_plan(saved, certificate).encode())
+            _write_plan(Path(options.out), saved, certificate)
         else:
             sys.stderr.write(f"{options.out} is not written: the plan was refused\n")
     if options.json:
         sys.stdout.write(msgspec.json.encode(certificate).decode() + "\n")
     return 0 if certificate.ok else 1
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Refuse what cannot be written, before anything is planned.
+
+    Raises: MissingExtraError: no package draws. ConfigError, MissionError: a name of another
+    format.
+    """
+    from agribot.gis.formats.table import WRITERS, find_ending
+
+    if options.png:
+        extras.require("report", "--png")
+        check_ending("--png", Path(options.png), "a PNG picture", ".png")
+    if options.out and find_ending(Path(options.out).name) not in ("", *WRITERS):
+        raise MissionError(f"--out {options.out}: give a name that ends with {', '.join(WRITERS)}")
+
+
+def _write_plan(path: Path, saved: SavedPlan, certificate: Certificate) -> None:
+    from agribot.gis.plan_file import format_plan
+
+    if not _write_map(path, format_plan(saved, certificate)):
+        sys.stderr.write(
+            f"note: {path} shows the plan in other programs; agribot run --plan needs it as "
+            "GeoJSON: --out plan.geojson\n"
+        )
+
+
+def _write_map(path: Path, geojson: str) -> bool:
+    """Write in the format that the name says; True where that is GeoJSON, which keeps it all."""
+    from agribot.gis.formats.table import find_ending, write_field_file
+    from agribot.record.report import write_file
+
+    ending = find_ending(path.name)
+    is_geojson = ending in ("", ".geojson", ".json")
+    whole = geojson.encode()
+    write_file(path, whole if is_geojson else write_field_file(ending, json.loads(whole)))
+    return is_geojson
 
 
 def _draw(saved: SavedPlan, certificate: Certificate, path: Path) -> None:
@@ -104,15 +140,14 @@ def _draw(saved: SavedPlan, certificate: Certificate, path: Path) -> None:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from agribot.gis.formats.table import WRITERS, read_other, write_field_file
+    from agribot.gis.formats.table import find_ending, read_other, write_field_file
     from agribot.record.report import write_file
 
     if options.file is None or options.out is None:
         raise MissionError("give both files: agribot plan convert field.kml --out field.gpkg")
     out = Path(options.out)
-    endings = (ending for ending in WRITERS if out.name.lower().endswith(ending))
     field = read_other(Path(options.file))
-    write_file(out, write_field_file(next(endings, out.suffix), field))
+    write_file(out, write_field_file(find_ending(out.name), field))
     features = len(field["features"])
     sys.stderr.write(f"{out}: {features} features\n")
     if options.json:
@@ -123,12 +158,15 @@ def _convert(options: argparse.Namespace) -> int:
 
 def _teach(options: argparse.Namespace) -> int:
     from agribot.app.taught_rows import teach_rows
-    from agribot.record.report import write_file
 
     if options.file is None or options.out is None:
         raise MissionError("give both: agribot plan teach runs/by-hand --out field.geojson")
     text, rows = teach_rows(Path(options.file))
-    write_file(Path(options.out), text.encode())
+    if not _write_map(Path(options.out), text):
+        sys.stderr.write(
+            f"note: {options.out} has the lines alone; only GeoJSON keeps the margin that plans "
+            "need here\n"
+        )
     sys.stderr.write(f"{options.out}: {rows} rows\n")
     if options.json:
         result = {"path": options.out, "rows": rows}

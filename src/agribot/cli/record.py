@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from agribot.cli.output_names import check_ending
 from agribot.cli.robot_address import add_robot_arguments, find_robot
 from agribot.core.errors import PlatformError
 from agribot.ui import wire
@@ -69,7 +70,9 @@ def run(options: argparse.Namespace) -> int:
         sys.stdout.write(text)
         return 0
     source: Path = options.recording
-    saved = recover(source, options.out or source.with_name(f"{source.stem}-recovered.mcap"))
+    target = options.out or source.with_name(f"{source.stem}-recovered.mcap")
+    check_ending("-o", target, "an MCAP recording", ".mcap")
+    saved = recover(source, target)
     sys.stdout.write(
         msgspec.json.encode(saved).decode() + "\n" if options.json else _format_recovery(saved)
     )

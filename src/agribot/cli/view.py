@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agribot.cli import bridging
+from agribot.cli.output_names import check_ending
 from agribot.cli.pacing import parse_pace, wait_until
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import topics
@@ -60,6 +61,8 @@ def find_view(name: str) -> Path:
 def _view_rerun(options: argparse.Namespace) -> None:
     from agribot.record.rerun_log import write_rerun
 
+    if options.out is not None:
+        check_ending("-o", options.out, "a recording of Rerun", ".rrd")
     count = write_rerun(_find_recording(options), options.out)
     sys.stderr.write(f"{count} messages to {options.out or 'the viewer'}\n")
 
@@ -83,6 +86,7 @@ def _view_foxglove(options: argparse.Namespace) -> None:
     """Write the layout and print the rest: Foxglove opens recordings itself."""
     layout = find_view("foxglove.json")
     if options.out is not None:
+        check_ending("-o", options.out, "a layout of Foxglove", ".json")
         shutil.copyfile(layout, options.out)
         layout = options.out
     recording = _find_recording(options) if options.recording else "RUN/run.mcap"

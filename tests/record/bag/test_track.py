@@ -98,7 +98,7 @@ def test_any_ros_topic_becomes_a_table(
 def test_a_table_is_never_written_over_its_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    bag = tmp_path / "a.bag"
+    bag = tmp_path / "a.csv"  # whatever its name, it is a recording
     samples.write_ros1(bag, count=10)
     before = bag.read_bytes()
     beside = tmp_path / "link.csv"

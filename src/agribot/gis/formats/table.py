@@ -79,6 +79,13 @@ def write_field_file(suffix: str, collection: object) -> bytes:
     return writer(parse_features(collection, "the field"))
 
 
+def find_ending(name: str) -> str:
+    """Find the ending of a name among those that are written; what it is where it is none."""
+    lowered = name.lower()
+    endings = (ending for ending in WRITERS if lowered.endswith(ending))
+    return next(endings, PurePath(lowered).suffix)
+
+
 def _split_multi(geometry: Geometry, where: str) -> list[Geometry]:
     """Split multi-geometries, drop heights, and leave out what is empty."""
     kind = geometry["type"]
@@ -150,6 +157,7 @@ READERS: dict[str, Callable[[bytes], Found]] = {
 # Two of the formats are archives: their endings tell them apart.
 WRITERS: dict[str, Callable[[Sequence[Feature]], bytes]] = {
     ".geojson": _write_geojson,
+    ".json": _write_geojson,
     ".gpkg": write_geopackage,
     ".kml": write_kml,
     ".kmz": write_kmz,
