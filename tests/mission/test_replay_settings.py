@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from agribot.cli.main import main
-from agribot.record.bag.convert import convert
+from agribot.record.bag.convert import ConvertOptions, convert
 from agribot.record.replay import read_ticks
 
 
@@ -86,6 +86,23 @@ def test_a_log_that_this_version_drives_otherwise_fails_the_check(
     monkeypatch.setattr("agribot.autonomy.control.follower.Follower.__init__", _softer_follower())
     assert main(["replay", "--check", str(run)]) == 1
     assert "commands differ from tick" in capsys.readouterr().out
+
+
+def test_a_recording_that_cannot_be_checked_keeps_no_other_from_its_check(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    no_ticks, absent = tmp_path / "no-ticks.mcap", tmp_path / "absent.mcap"
+    convert(run, no_ticks, ConvertOptions(topics=("/agribot/fix",)))
+    capsys.readouterr()
+    assert main(["replay", "--check", str(no_ticks), str(absent), str(run)]) == 2
+    first, second, third = capsys.readouterr().out.splitlines()
+    assert f"not checked: {no_ticks} holds no ticks" in first
+    assert f"{absent}: not checked: " in second
+    assert "every command is identical" in third
+    assert main(["replay", str(no_ticks), str(run), "--json"]) == 2
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert result["identical"] is False
+    assert [one["identical"] for one in result["recordings"]] == [None, True]
 
 
 def test_wrong_settings_are_refused(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

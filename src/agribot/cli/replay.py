@@ -8,11 +8,12 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from agribot.core.errors import ConfigError
+from agribot.cli.refusals import describe_error
+from agribot.core.errors import AgribotError, ConfigError
 
 if TYPE_CHECKING:
     from agribot.app.rerun import PassDifference, PassSummary
@@ -26,7 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--check", action="store_true",
-        help="one line for each recording; exit status 1 when any of them differs",
+        help="one line for each recording; exit status 1 when any of them differs, 2 when any "
+        "cannot be checked",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
@@ -37,22 +39,33 @@ def run(options: argparse.Namespace) -> int:
     if options.settings:
         return _compare(options.recordings[0], options.settings, options.json)
     results = []
+    is_list = options.check or len(options.recordings) > 1
     for path in options.recordings:
-        result = _check(path)
+        result = _try_check(path) if is_list else _check(path)
         results.append({"recording": str(path), **result})
-        name = f"{path}: " if options.check or len(options.recordings) > 1 else ""
-        if not options.json or name:
+        if not options.json or is_list:
             stream = sys.stderr if options.json else sys.stdout
-            stream.write(f"{name}{_format_check(result)}\n")
+            stream.write(f"{f'{path}: ' if is_list else ''}{_format_check(result)}\n")
     identical = all(result["identical"] for result in results)
     if options.json:
         single = len(results) == 1 and not options.check
         whole = results[0] if single else {"identical": identical, "recordings": results}
         sys.stdout.write(msgspec.json.encode(whole).decode() + "\n")
+    if any("error" in result for result in results):
+        return 2
     return 0 if identical else 1
 
 
-def _check(path: Path) -> dict[str, int | bool | None]:
+def _try_check(path: Path) -> dict[str, Any]:
+    """Check one recording of a list; what is wrong with it keeps none of the others from it."""
+    try:
+        return _check(path)
+    except (AgribotError, OSError) as error:
+        why = describe_error(error)
+        return {"ticks": None, "identical": None, "first_difference": None, "error": why}
+
+
+def _check(path: Path) -> dict[str, Any]:
     from agribot.app.rerun import compare_passes, read_pass, rerun
     from agribot.record.replay import read_config
 
@@ -62,7 +75,9 @@ def _check(path: Path) -> dict[str, int | bool | None]:
     return {"ticks": len(recorded), "identical": first is None, "first_difference": first}
 
 
-def _format_check(result: dict[str, int | bool | None]) -> str:
+def _format_check(result: dict[str, Any]) -> str:
+    if "error" in result:
+        return f"not checked: {result['error']}"
     if result["identical"]:
         return f"{result['ticks']} ticks replayed: every command is identical"
     return f"commands differ from tick {result['first_difference']} of {result['ticks']} on"
