@@ -48,6 +48,10 @@ def test_an_absent_package_of_a_network_is_named_first(
         ("run farm --source imu=ros1:/imu --ros-master BAD", "ROS master BAD"),
         ("run farm --source imu=ros1://robot:99999/imu", "ROS master http://robot:99999"),
         ("run farm --source imu=ros1://[::1/imu", "write imu=ros2:/topic"),
+        (
+            "run farm --source gnss=gpsd: --source gnss=tcp://rover:2947",
+            "gnss=gpsd: and --source gnss=tcp://rover:2947: a sensor comes from one place",
+        ),
         ("run farm --source imu=dds:/imu", "write imu=ros2:/topic"),
         ("ros2 farm --ros-domain 500", "within 0 to 232"),
         ("run farm --source imu=ros2:/imu --ros-domain 500", "within 0 to 232"),

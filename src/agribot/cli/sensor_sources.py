@@ -39,14 +39,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def read_source_settings(options: argparse.Namespace) -> list[str]:
     """Read the options as settings of the run.
 
-    Raises: ConfigError: not SENSOR=URI.
+    Raises: ConfigError: not SENSOR=URI, or two URIs of one sensor.
     """
+    uris: dict[str, str] = {}
     for text in options.source:
-        if "=" not in text:
+        sensor, is_given, uri = text.partition("=")
+        sensor = sensor.strip()
+        if not is_given:
             raise ConfigError(f"--source {text}: write it as SENSOR=URI, like gnss=ros2:/fix")
+        if sensor in uris:
+            raise ConfigError(
+                f"--source {sensor}={uris[sensor]} and --source {sensor}={uri}: a sensor comes "
+                "from one place; leave one of them out"
+            )
+        uris[sensor] = uri
     return [
-        f"sources.{sensor}={msgspec.json.encode(uri).decode()}"
-        for sensor, _, uri in (text.partition("=") for text in options.source)
+        f"sources.{sensor}={msgspec.json.encode(uri).decode()}" for sensor, uri in uris.items()
     ]
 
 
