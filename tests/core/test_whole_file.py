@@ -137,6 +137,25 @@ def test_a_file_made_by_a_library_takes_the_place_of_the_older_one_when_it_is_wh
     assert names(tmp_path) == ["farm.mbtiles"]
 
 
+def test_a_long_file_goes_through_links_and_pipes_and_keeps_permissions(tmp_path: Path) -> None:
+    target, link, pipe = tmp_path / "fix.csv", tmp_path / "latest.csv", tmp_path / "pipe.csv"
+    target.write_bytes(b"older")
+    target.chmod(0o600)
+    link.symlink_to(target)
+    make_at_once(link, lambda beside: beside.write_bytes(b"newer"))
+    assert link.is_symlink()
+    assert target.read_bytes() == b"newer"
+    assert stat.S_IMODE(target.stat().st_mode) == 0o600
+    os.mkfifo(pipe)
+    got: list[bytes] = []
+    reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()), daemon=True)
+    reader.start()
+    make_at_once(pipe, lambda beside: beside.write_bytes(b"rows"))
+    reader.join(60.0)
+    assert got == [b"rows"]
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
 def test_a_file_that_a_library_cannot_make_leaves_the_older_one_and_nothing_else(
     tmp_path: Path,
 ) -> None:

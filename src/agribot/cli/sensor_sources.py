@@ -53,9 +53,7 @@ def read_source_settings(options: argparse.Namespace) -> list[str]:
                 "from one place; leave one of them out"
             )
         uris[sensor] = uri
-    return [
-        f"sources.{sensor}={msgspec.json.encode(uri).decode()}" for sensor, uri in uris.items()
-    ]
+    return [f"sources.{sensor}={msgspec.json.encode(uri).decode()}" for sensor, uri in uris.items()]
 
 
 @contextmanager

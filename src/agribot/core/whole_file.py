@@ -46,17 +46,31 @@ def write_at_once(path: Path, data: bytes, *, is_synced: bool = False) -> None:
 def make_at_once(path: Path, make: Callable[[Path], object]) -> None:
     """Let `make` write a temporary file beside the path, then put it in its place.
 
-    It is for files that a library writes by their path. What an earlier call that was killed left
-    is removed, and so is the temporary file when `make` fails; the old file then stays.
+    It is for files that a library writes by their path, and for long ones. What an earlier call
+    that was killed left is removed, and so is the temporary file when `make` fails; the old file
+    then stays. What `write_at_once` says of permissions, links and pipes holds here too.
     Raises: OSError: it cannot be replaced; whatever `make` raises.
     """
-    beside = path.with_name(f".{path.name}.new")
-    beside.unlink(missing_ok=True)
+    old = _read_status(path)
+    if old is not None and not stat.S_ISREG(old.st_mode):
+        make(path)
+        return
+    target = Path(os.path.realpath(path))
+    beside = target.with_name(f".{target.name[:60]}.new")
     try:
-        make(beside)
-        beside.replace(path)
-    finally:
         beside.unlink(missing_ok=True)
+        make(beside)
+        if old is not None:
+            with suppress(OSError):  # a file system without permissions
+                shutil.copymode(target, beside)
+        beside.replace(target)
+    except OSError as error:
+        if old is None or error.errno not in _NO_ROOM_BESIDE:
+            raise
+        make(path)
+    finally:
+        with suppress(OSError):
+            beside.unlink()
 
 
 def _write_new(path: Path, data: bytes, is_synced: bool) -> None:

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
@@ -11,6 +13,7 @@ from agribot.cli.main import main
 from agribot.core import topics
 from agribot.core.config import load
 from agribot.core.geo import MapFrame
+from agribot.record.bag import table
 from agribot.record.bag.track import read_track
 from tests.record.bag import bag_samples as samples
 
@@ -93,6 +96,27 @@ def test_any_ros_topic_becomes_a_table(
     assert json.loads(first["transforms"])[0]["child_frame_id"] == "odom"
     assert main(["bag", "csv", str(run), topics.TICK.name, "-o", str(out)]) == 2
     assert "cannot be read here" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("ending", "status"),
+    [(KeyboardInterrupt(), 130), (OSError(errno.ENOSPC, "No space left on device"), 2)],
+)
+def test_a_table_that_is_not_finished_leaves_the_earlier_one(
+    ending: BaseException, status: int, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, flatten, left = tmp_path / "joints.csv", table._flatten, iter(range(5))
+    out.write_text("the earlier table")
+
+    def end_soon(*arguments: Any) -> None:
+        if next(left, None) is None:
+            raise ending
+        flatten(*arguments)
+
+    monkeypatch.setattr(table, "_flatten", end_soon)
+    assert main(["bag", "csv", str(run), topics.JOINT_STATES.name, "-o", str(out)]) == status
+    assert out.read_text() == "the earlier table"
+    assert [path.name for path in tmp_path.iterdir()] == ["joints.csv"]
 
 
 def test_a_table_is_never_written_over_its_recording(

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from agribot.core.errors import RecordingError
+from agribot.core.whole_file import make_at_once
 from agribot.record.bag.opening import open_bag
+from agribot.record.bag.source import Bag, BagTopic
 
 _WIDEST = 64  # longer arrays stay in one column, as JSON
 
@@ -19,7 +22,7 @@ def write_table(source: Path, topic_name: str, target: Path) -> int:
     """Write one row for each message to `target` as CSV and return the number of rows.
 
     The first column is the recorder's time in seconds. Arrays of a length that changes, and long
-    ones, are JSON in one column.
+    ones, are JSON in one column. An earlier table stays until the new one is whole.
     Raises: RecordingError: no such topic, no ROS messages, or the target is the recording itself.
     """
     if target.exists() and target.resolve().is_relative_to(source.resolve()):
@@ -33,22 +36,44 @@ def write_table(source: Path, topic_name: str, target: Path) -> int:
                 f"{topic_name} holds {topic.ros_type or topic.encoding} messages, which cannot be "
                 "read here; a table needs ROS messages with a known definition"
             )
-        rows = 0
+        counted: list[int] = []
+
+        def make(path: Path) -> None:
+            with path.open("w", newline="", encoding="utf-8") as file:
+                rows = _list_rows(bag, topic)
+                counted.append(_write_rows(csv.writer(file, lineterminator="\n"), rows))
+
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            with target.open("w", newline="", encoding="utf-8") as file:
-                writer = csv.writer(file, lineterminator="\n")
-                for message in bag.messages(frozenset({topic_name})):
-                    cells: dict[str, Any] = {}
-                    _flatten(bag.store(), topic.ros_type, bag.value(message), "", cells)
-                    if not rows:
-                        writer.writerow(("log_time_s", *cells))
-                    seconds, nanoseconds = divmod(message.log_ns, 1_000_000_000)
-                    writer.writerow((f"{seconds}.{nanoseconds:09d}", *cells.values()))
-                    rows += 1
+            make_at_once(target, make)
         except OSError as error:
-            raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
-        return rows
+            raise RecordingError(
+                f"cannot write {target}: {error.strerror or error}; check that the folder is "
+                "writable and the disk has room"
+            ) from error
+        return counted[0]
+
+
+def _write_rows(writer: Any, rows: Iterator[tuple[object, ...]]) -> int:
+    """Write a line of names and all rows; return how many rows there were."""
+    count = -1
+    for row in rows:
+        writer.writerow(row)
+        count += 1
+    return max(count, 0)
+
+
+def _list_rows(bag: Bag, topic: BagTopic) -> Iterator[tuple[object, ...]]:
+    """List the names of the columns, then the values of each message; nothing without one."""
+    is_first = True
+    for message in bag.messages(frozenset({topic.name})):
+        cells: dict[str, Any] = {}
+        _flatten(bag.store(), topic.ros_type, bag.value(message), "", cells)
+        if is_first:
+            yield ("log_time_s", *cells)
+        is_first = False
+        seconds, nanoseconds = divmod(message.log_ns, 1_000_000_000)
+        yield (f"{seconds}.{nanoseconds:09d}", *cells.values())
 
 
 def _flatten(store: Any, ros_type: str, value: Any, prefix: str, cells: dict[str, Any]) -> None:
