@@ -15,7 +15,6 @@ from mcap_ros2.decoder import DecoderFactory
 from agribot.cli.main import main
 from agribot.core import topics
 from agribot.core.config import RecordConfig, load
-from agribot.core.errors import RecordingError
 from agribot.core.messages import TickRecord
 from agribot.record.bag.info import read_info
 from agribot.record.mcap_file import part_number
@@ -111,11 +110,31 @@ def test_a_whole_file_stays_what_it_is(run: Path, tmp_path: Path) -> None:
     assert read_weed_map(tmp_path / "again.mcap") == read_weed_map(run)
 
 
-def test_nothing_is_recovered_from_nothing(tmp_path: Path) -> None:
-    (tmp_path / "stub.mcap").write_bytes(b"\x89MCAP0\r\n")
-    with pytest.raises(RecordingError, match="nothing to save"):
-        recover(tmp_path / "stub.mcap", tmp_path / "out.mcap")
+@pytest.mark.parametrize("kept", ["magic", "header"])
+def test_nothing_is_recovered_from_nothing(
+    kept: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = run.read_bytes()
+    after_header = 8 + 9 + int.from_bytes(whole[9:17], "little")
+    end = 8 if kept == "magic" else after_header
+    (tmp_path / "stub.mcap").write_bytes(whole[:end] + b"\x06 then garbage")
+    assert main(["record", "recover", str(tmp_path / "stub.mcap")]) == 2
+    said = capsys.readouterr().err
+    assert f"nothing can be recovered: the first {end} of its {end + 14} bytes are sound" in said
     assert [p.name for p in tmp_path.iterdir()] == ["stub.mcap"]
+
+
+def test_a_recording_without_a_sound_message_counts_as_not_recovered(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cut = tmp_path / "cut.mcap"
+    whole = run.read_bytes()
+    first_chunk = whole.index(b"zstd" if b"zstd" in whole else b"lz4")
+    cut.write_bytes(whole[:first_chunk])
+    assert main(["record", "recover", str(cut)]) == 1
+    said = capsys.readouterr()
+    assert "no message of it was sound" in said.err
+    assert "cut-recovered.mcap: 0 messages" in said.out
 
 
 def _record(path: Path, limits: list[str], records: list[TickRecord]) -> RunRecorder:

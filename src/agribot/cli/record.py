@@ -76,7 +76,9 @@ def run(options: argparse.Namespace) -> int:
     sys.stdout.write(
         msgspec.json.encode(saved).decode() + "\n" if options.json else _format_recovery(saved)
     )
-    return 0
+    if not saved.messages:
+        sys.stderr.write(f"{source}: no message of it was sound: no drive was recovered\n")
+    return 0 if saved.messages else 1
 
 
 def _send_to_robot(options: argparse.Namespace) -> int:

@@ -28,7 +28,7 @@ class Recovery(msgspec.Struct, frozen=True, kw_only=True):
 def recover(source: Path, target: Path) -> Recovery:
     """Write everything sound in `source` with an index to `target`.
 
-    Raises: RecordingError: nothing can be read, or the target exists or cannot be written.
+    Raises: RecordingError: nothing sound is in it, or the target exists or cannot be written.
     """
     if target.exists():
         raise RecordingError(f"{target} exists already; remove it or choose another name: -o FILE")
@@ -40,8 +40,12 @@ def recover(source: Path, target: Path) -> Recovery:
             for record in records:
                 copy(record)
             copy.finish()
-        if not copy.is_started:
-            raise RecordingError(f"{source} was cut off before its first record; nothing to save")
+        if copy.is_empty:
+            raise RecordingError(
+                f"{source}: nothing can be recovered: the first {records.good_bytes} of its "
+                f"{source.stat().st_size} bytes are sound and hold no message and no file; "
+                f"{target} is not written"
+            )
         partial.replace(target)
     except OSError as error:
         raise RecordingError(f"cannot write {target}: {error.strerror or error}") from error
@@ -66,8 +70,13 @@ class _Copy:
         self._schemas: dict[int, int] = {0: 0}
         self.channels: dict[int, int] = {}
         self.messages = self.files = 0
+        self._notes = 0
         self.first_ns, self.last_ns = 2**64, 0
         self.is_started = False
+
+    @property
+    def is_empty(self) -> bool:
+        return not (self.messages or self.files or self._notes)
 
     def __call__(self, record: Any) -> None:
         if isinstance(record, Message):
@@ -88,6 +97,7 @@ class _Copy:
                 record.create_time, record.log_time, record.name, record.media_type, record.data
             )
         elif isinstance(record, Metadata):
+            self._notes += 1
             self._writer.add_metadata(record.name, record.metadata)
 
     def finish(self) -> None:
