@@ -421,6 +421,20 @@ def test_the_command_refuses_plants_outside_the_field(
     assert (tmp_path / "taken.geojson").exists() == (status == 0)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "cp1252"])
+def test_a_table_of_a_european_spreadsheet_is_the_same_map(encoding: str, tmp_path: Path) -> None:
+    ours, theirs = tmp_path / "ours.csv", tmp_path / "theirs.csv"
+    ours.write_text("lon,lat,map,std_m\n11.6,52.1,Süd,0.02\n11.60001,52.1,Süd,0.03\n", "utf-8")
+    theirs.write_text(
+        "lon;lat;map;std_m\n11,6;52,1;Süd;0,02\n11,60001;52,1;Süd;0,03\n", encoding=encoding
+    )
+    wanted, found = read_map(ours, "m"), read_map(theirs, "m")
+    assert found.maps == wanted.maps == ("Süd",)
+    assert found.datum == wanted.datum
+    assert (found.rows == wanted.rows).tolist() == (wanted.rows == wanted.rows).tolist()
+    assert np.allclose(found.rows["xx_m2"], (0.02**2, 0.03**2), rtol=0.01)
+
+
 def test_the_command_takes_classes_by_their_numbers(tmp_path: Path, capsys: Any) -> None:
     source = tmp_path / "scouted.csv"
     source.write_text("lon,lat,class\n11.6,52.1,1\n11.60001,52.1,2\n")

@@ -22,6 +22,7 @@ from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import MapFrame
 from agribot.core.messages import MapPoint, TickRecord
 from agribot.core.robot import RobotSpec
+from agribot.core.table_text import decode_text
 
 
 def choose_task(
@@ -84,8 +85,8 @@ def read_goals(config: RunConfig) -> tuple[MapPoint, ...]:
         return ()
     path = FilePath(config.waypoints)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = decode_text(path.read_bytes())
+    except (OSError, ValueError) as error:
         raise MissionError(f"cannot read waypoints from {path}: {error}; check the path") from error
     frame = MapFrame(config.field.datum)
     limit_m = config.mission.max_waypoint_distance_m

@@ -29,6 +29,7 @@ from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.errors import BridgeError, ConfigError
 from agribot.core.geo import Datum
+from agribot.core.table_text import decode_text
 from agribot.ros.connection import TopicConnection
 from agribot.ros.nodes.plot import Plot
 from agribot.ros.nodes.stage import NodeStage
@@ -224,8 +225,8 @@ def _make_action(options: argparse.Namespace) -> NodeStage:
     goals = [_parse_place(text, "--goal") for text in options.goal or ()]
     if options.goals is not None:
         try:
-            text = options.goals.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+            text = decode_text(options.goals.read_bytes())
+        except (OSError, ValueError) as error:
             raise ConfigError(f"cannot read goals from {options.goals}: {error}") from error
         goals.extend(parse_waypoints(text, options.goals.name))
     if not goals:

@@ -58,7 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="on hardware: the motors may turn from the start; else a person clears a first stop",
     )
-    parser.add_argument("--waypoints", metavar="FILE", help="visit these places (GeoJSON or CSV)")
+    parser.add_argument(
+        "--waypoints", metavar="FILE", help="visit these places (GeoJSON, or CSV with lat and lon)"
+    )
     parser.add_argument("--task", choices=("rows", "explore"),
                         help="drive the rows of the field (default), or find them by camera and "
                              "draw them as field.geojson")  # fmt: skip

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from agribot.core.errors import MissionError
 from agribot.core.json_number import is_number
+from agribot.core.table_text import decode_text
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -66,9 +67,11 @@ def read_json(path: Path) -> Any:
     Raises: MissionError: the file is missing or is not JSON.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
+        text = decode_text(path.read_bytes())
+    except (OSError, ValueError) as error:
         raise MissionError(f"cannot read {path}: {error}; check the path") from error
+    try:
+        return json.loads(text)
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
         place = f" line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
         raise MissionError(f"{path.name}{place} is not valid JSON: {error}") from error

@@ -36,12 +36,28 @@ def test_columns_may_stand_anywhere_and_blank_lines_are_skipped() -> None:
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "name;Latitude;Longitude\nend;21,5;72,5\nhome;21,6;72,6\n",
+        "name;lat;lon\nend;21.5;72.5\nhome, where it stands;21.6;72.6\n",
+        "name\tlat\tlon\nend\t21,5\t72.5\nhome\t21,6\t72,6\n",
+    ],
+)
+def test_a_spreadsheet_may_separate_by_semicolons_or_tabs_and_write_decimal_commas(
+    text: str,
+) -> None:
+    assert parse_waypoints(text, "f.csv") == ((21.5, 72.5), (21.6, 72.6))
+
+
+@pytest.mark.parametrize(
     ("text", "complaint"),
     [
         ("", "f line 1: expected a header"),
         ("x,y\n1,2\n", "expected a header with 'lat' and 'lon', got 'x,y'"),
         ("lat,lon\n", "holds no waypoints"),
         ("lat,lon\n1,2\nfast,2\n", "f line 3: 'fast' is not a number"),
+        ('lat,lon\n"21,5",72\n', "f line 2: '21,5' is not a number of degrees; write a point"),
+        ("lat;lon\n1,000,5;2\n", "f line 2: '1,000,5' is not a number"),
         ("lat,lon\n1,nan\n", "f line 2: 'nan' is not a number"),
         ("lat,lon\n1\n", "f line 2: 1 values"),
         ("lat,lon\n91,2\n", "f line 2: latitude 91.0 is outside"),

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator
 
 from agribot.core.errors import MissionError
+from agribot.core.table_text import find_separator, read_decimal
 
 LatLon = tuple[float, float]
 LAT_NAMES = ("lat", "latitude", "lat_deg")
@@ -19,7 +20,8 @@ def parse_waypoints(text: str, source_name: str) -> tuple[LatLon, ...]:
     """Read latitude and longitude in degrees, in file order.
 
     GeoJSON: Point, MultiPoint and LineString, bare, as features or collected. CSV: a header
-    with `lat` and `lon`, in any column.
+    with `lat` and `lon`, in any column; commas, semicolons or tabs between the values, and a comma
+    for the decimal point where commas do not separate them.
     Raises: MissionError: names the file, the line or feature, and what is wrong with it.
     """
     text = text.removeprefix("\ufeff")
@@ -61,7 +63,9 @@ def _read_number(value: object, where: str) -> float:
 
 
 def _read_csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], str]]:
-    reader = csv.reader(text.splitlines())
+    lines = text.splitlines()
+    separator = find_separator(lines[0] if lines else "")
+    reader = csv.reader(lines, delimiter=separator)
     header = [name.strip().lower() for name in next(reader, [])]
     columns = [
         next((header.index(name) for name in names if name in header), None)
@@ -71,7 +75,7 @@ def _read_csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, objec
     if lat_column is None or lon_column is None:
         raise MissionError(
             f"{source_name} line 1: expected a header with 'lat' and 'lon', got "
-            f"'{','.join(header)}'; write CSV like 'lat,lon' or GeoJSON"
+            f"'{separator.join(header)}'; write CSV like 'lat,lon' or GeoJSON"
         )
     for fields in reader:
         where = f"{source_name} line {reader.line_num}"
@@ -82,7 +86,21 @@ def _read_csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, objec
                 f"{where}: {len(fields)} values, but the header names {len(header)}; "
                 "give latitude and longitude"
             )
-        yield (fields[lat_column], fields[lon_column]), where
+        values = (fields[lat_column], fields[lon_column])
+        lat_deg, lon_deg = (_read_cell(value, separator, where) for value in values)
+        yield (lat_deg, lon_deg), where
+
+
+def _read_cell(text: str, separator: str, where: str) -> float:
+    try:
+        number = read_decimal(text, separator)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        has_comma = separator == "," and "," in text
+        help = "; write a point for the comma" * has_comma
+        raise MissionError(f"{where}: {text!r} is not a number of degrees{help}")
+    return number
 
 
 def _read_geojson(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], str]]:

@@ -11,12 +11,14 @@ import msgspec
 
 from agribot.autonomy.weeds.plant_table import PlantTable
 from agribot.core.geo import Datum
+from agribot.core.table_text import find_encoding, find_separator, read_decimal
 from agribot.gis.geojson import find_other_crs
 from agribot.gis.weeds.found_plants import Reading
 from agribot.gis.weeds.records import COLUMNS, Record, iterate_records
 
 FORMAT = 1
 MAX_TEXT_BYTES = 800_000_000
+CHUNK_BYTES = 1 << 20
 _PLACE = {
     "lon_deg": ("lon_deg", "lon", "longitude", "x"),
     "lat_deg": ("lat_deg", "lat", "latitude", "y"),
@@ -114,14 +116,19 @@ def write_csv(path: Path, table: PlantTable) -> None:
 def read_csv(path: Path) -> Reading:
     """Read a table with a line of names; latitude and longitude are in degrees.
 
+    Commas, semicolons or tabs separate its values.
     Raises: ValueError: it has no such columns, or a line is too short.
     """
     return Reading(_iterate_lines(path))
 
 
 def _iterate_lines(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]:
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        lines = csv.reader(file)
+    with path.open("rb") as raw:
+        encoding = find_encoding(iter(lambda: raw.read(CHUNK_BYTES), b""))
+    with path.open(encoding=encoding, errors="replace", newline="") as file:
+        separator = find_separator(file.readline())
+        file.seek(0)
+        lines = csv.reader(file, delimiter=separator)
         names = [name.strip() for name in next(lines, [])]
         lon, lat = (_find_column(names, wanted) for wanted in _PLACE.values())
         for number, line in enumerate(lines, 2):
@@ -130,14 +137,15 @@ def _iterate_lines(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]:
             if len(line) != len(names):
                 raise ValueError(
                     f"line {number} has {len(line)} values, not {len(names)}: it is cut off, or its"
-                    " values are not separated by commas"
+                    " values are not separated as the names in the first line are"
                 )
             values = {
-                name: (text if name in _TEXTS else _read_number(text))
+                name: (text if name in _TEXTS else _read_number(text, separator))
                 for name, text in zip(names, line, strict=True)
                 if text
             }
-            yield float(line[lon]), float(line[lat]), values
+            lon_deg, lat_deg = (read_decimal(line[column], separator) for column in (lon, lat))
+            yield lon_deg, lat_deg, values
 
 
 def _find_column(names: list[str], wanted: tuple[str, ...]) -> int:
@@ -148,8 +156,8 @@ def _find_column(names: list[str], wanted: tuple[str, ...]) -> int:
     raise ValueError(f"no column {wanted[0]}; its first line is {','.join(names)[:100]!r}")
 
 
-def _read_number(text: str) -> float | str:
+def _read_number(text: str, separator: str) -> float | str:
     try:
-        return float(text)
+        return read_decimal(text, separator)
     except ValueError:
         return text
