@@ -74,7 +74,9 @@ def test_bytes_over_tcp_come_again_after_the_other_end_was_gone(opened: Opened) 
         ("mag=serial:{path}", "bytes of gnss and imu can be read"),
         ("imu=serial:{path}?axes=x,y,-z", "mirror"),
         ("gnss=tcp://127.0.0.1", "HOST:PORT"),
-        ("gnss=tcp://127.0.0.1:1", "plugged in"),
+        ("gnss=tcp://127.0.0.1:1", "Connection refused; check the host and the port"),
+        ("gnss=tcp://nowhere.invalid:1", "check the host and the port"),
+        ("gnss=gpsd://127.0.0.1:1", "gpsd 127.0.0.1:1: Connection refused; check the host"),
         ("imu=gpsd:", "receivers only"),
     ],
 )

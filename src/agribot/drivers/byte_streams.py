@@ -25,6 +25,10 @@ LINE_HELP = (
     "check that it is plugged in, switched on and used by no other program, and that you may read "
     "it (group dialout)"
 )
+HOST_HELP = (
+    "check the host and the port, that the program or device there is switched on and listens at "
+    "it, and that no firewall is between"
+)
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0  # between two tries to open a line
 
 
@@ -93,12 +97,25 @@ class SerialStream:
         self._port.close()
 
 
+class UnreachableError(OSError):
+    """Nobody answers at a host and port."""
+
+
+def describe_failure(error: OSError) -> str:
+    """Describe why a line cannot be opened, and what to do about it."""
+    help = HOST_HELP if isinstance(error, UnreachableError) else LINE_HELP
+    return f"{error.strerror or error}; {help}"
+
+
 class TcpStream:
     """A TCP connection. Raises: OSError: nobody answers there."""
 
     def __init__(self, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
         """With `tls` the connection is encrypted, and the other end proves that it is `host`."""
-        self._socket = socket.create_connection((host, port), timeout=LONGEST_WAIT_S)
+        try:
+            self._socket = socket.create_connection((host, port), timeout=LONGEST_WAIT_S)
+        except OSError as error:
+            raise UnreachableError(error.errno, error.strerror or str(error)) from error
         if tls is not None:
             try:
                 self._socket = tls.wrap_socket(self._socket, server_hostname=host)
@@ -154,7 +171,7 @@ class StreamReader:
         try:
             self._stream: ByteStream | None = self._open()
         except OSError as error:
-            raise ConfigError(f"{name}: {error.strerror or error}; {LINE_HELP}") from error
+            raise ConfigError(f"{name}: {describe_failure(error)}") from error
         self._thread = threading.Thread(target=self._run, name=f"reads {name}", daemon=True)
         self._thread.start()
 

@@ -13,11 +13,11 @@ from agribot.core.errors import ConfigError
 from agribot.core.platform import Sensor, SensorSource
 from agribot.drivers import gpsd, ntrip
 from agribot.drivers.byte_streams import (
-    LINE_HELP,
     ByteStream,
     OpenStream,
     SerialStream,
     TcpStream,
+    describe_failure,
 )
 from agribot.drivers.corrections import make_tls
 from agribot.drivers.imu_devices import ImuSource, make_imu
@@ -97,7 +97,7 @@ def open_receiver_line(uri: SourceUri) -> ByteStream:
         if uri.scheme == "tcp":
             return TcpStream(*read_address(uri, None))
     except OSError as error:
-        raise ConfigError(f"{uri.name}: {error.strerror or error}; {LINE_HELP}") from error
+        raise ConfigError(f"{uri.name}: {describe_failure(error)}") from error
     raise ConfigError(f"{uri.scheme}:{uri.name}: write serial:/dev/ttyACM0 or tcp://HOST:PORT")
 
 
