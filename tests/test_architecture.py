@@ -100,7 +100,7 @@ def functions(path: Path) -> Iterator[tuple[str, FunctionNode]]:
 
 def test_every_file_has_a_room() -> None:
     homeless = [show(path) for path in sources() if not room_of(module_of(path))]
-    assert homeless == ["__init__.py"], "give them a room in docs/architecture.toml"
+    assert homeless == ["__init__.py", "__main__.py"], "give them a room in docs/architecture.toml"
     empty = [name for name in ROOMS if not (SOURCE / name).is_dir()]
     assert not empty
 

@@ -35,6 +35,22 @@ def test_no_help_imports_what_is_heavy() -> None:
     assert {words: names for words, names in loaded.items() if names} == {}
 
 
+def test_python_runs_the_package_as_the_program() -> None:
+    def run(*words: str) -> tuple[int, str]:
+        done = subprocess.run(
+            [sys.executable, "-m", "agribot", *words],
+            cwd=ROOT, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        return done.returncode, done.stdout + done.stderr
+
+    status, said = run("world", "check", "no-such-world")
+    assert status == 2
+    assert said.startswith("agribot world: ")
+    status, said = run("--help")
+    assert status == 0
+    assert said.startswith("usage: agribot ")
+
+
 @pytest.mark.parametrize("words", PARSERS, ids=" ".join)
 def test_every_help_has_an_example_that_its_own_parser_takes(words: Words) -> None:
     parser = PARSERS[words]
