@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from PIL import Image
 from agribot.autonomy.perceive.pictures import classify
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.cli.main import main
+from agribot.cli.result_names import name_results
 from agribot.lab.train.simulated import draw_random_field
 from agribot.sim.random_scenes import DENSE
 from tests.lab.train.photo_folder import photo_folder, spoil
@@ -246,6 +248,38 @@ def test_pictures_of_one_name_are_told_apart_by_their_folders(tmp_path: Path) ->
     assert main(["predict", *days, "--model", "agribot-sim", "-o", str(out)]) == 0
     names = [row["image"] for row in rows(out / "areas.csv")]
     assert names == [f"{days[0]}/a.png", "b.png", f"{days[1]}/a.png"]
+
+
+def test_frames_of_a_video_and_pictures_share_no_file(tmp_path: Path) -> None:
+    names = ["film.avi", "film-000000.png", "film.png", "a-1000000.png", "film-7.png", "a.mkv"]
+    for files in (names, names[::-1]):
+        stems = name_results([Path(name) for name in files])
+        made = [f"{stem}-000000" if name.endswith((".avi", ".mkv")) else stem
+                for name, stem in zip(files, stems, strict=True)]  # fmt: skip
+        made += [f"{stem}-1000000" for stem in stems if f"{stem}-000000" in made]
+        assert len(set(made)) == len(made)
+        assert stems[files.index("film-7.png")] == "film-7", "which is no name of a frame"
+
+
+def test_a_full_disk_is_told_with_the_file_that_found_no_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Image.new("RGB", (64, 48)).save(tmp_path / "a.png")
+    words = ["predict", str(tmp_path / "a.png"), "--model", "agribot-sim", "-o"]
+    full = tmp_path / "tables"
+    full.mkdir()
+    (full / "areas.csv").symlink_to("/dev/full")
+    assert main([*words, str(full)]) == 2
+    assert f"cannot write {full / 'areas.csv'}: No space left" in capsys.readouterr().err
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("agribot.core.whole_file._write_new", refuse)
+    assert main([*words, str(tmp_path / "seen")]) == 2
+    said = capsys.readouterr().err
+    assert f"cannot write {tmp_path / 'seen' / 'a-mask.png'}: No space left" in said
+    assert "internal error" not in said
 
 
 def test_predict_replaces_nothing_that_it_did_not_write(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,17 +12,22 @@ from PIL import Image, ImageDraw
 from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.core.messages import ByteArray
 from agribot.lab.train.figures import tint
+from agribot.record.report import write_file
 
 MASK_RGB = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255]], dtype=np.uint8)
 PANEL_WIDTH_PX = 640  # a wider picture is shrunk for its panel
 TITLE_HEIGHT_PX = 22
+_FORMATS = {".png": "PNG", ".jpg": "JPEG", ".tif": "TIFF"}
 TITLES = ("picture", "red: weed, green: crop", "confidence: dark is unsure")
 
 
 def write_drawings(
     image_rgb: ByteArray, found: PictureClasses, stem: Path, kinds: Sequence[str], form: str
 ) -> list[Path]:
-    """Write files `stem`-mask, -overlay and -panel of a picture (H, W, 3)."""
+    """Write files `stem`-mask, -overlay and -panel of a picture (H, W, 3).
+
+    Raises: RecordingError: one cannot be written.
+    """
     made = []
     for kind in kinds:
         if kind == "mask":
@@ -31,7 +37,10 @@ def write_drawings(
         else:
             picture = draw_panel(image_rgb, found)
         path = name_drawing(stem, kind, form)
-        Image.fromarray(picture).save(path, quality=92)  # other formats ignore the quality
+        data = io.BytesIO()
+        # Other formats ignore the quality.
+        Image.fromarray(picture).save(data, format=_FORMATS[path.suffix], quality=92)
+        write_file(path, data.getvalue())
         made.append(path)
     return made
 

@@ -9,13 +9,15 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from agribot.cli.ranges import above, threads
+from agribot.cli.result_names import is_video, list_frames, name_results
 from agribot.core.config import DEFAULT_MODEL
-from agribot.core.errors import AgribotError, ConfigError
+from agribot.core.errors import AgribotError, ConfigError, RecordingError
 from agribot.core.messages import ByteArray, PlantClass
 
 MEGAPIXELS, MOST_MEGAPIXELS = 64.0, 250.0
@@ -80,17 +82,13 @@ def run(args: argparse.Namespace) -> int:
     counted = ("weed_px", "crop_px", "soil_px", "weed_count", "crop_count", "unknown_count")
     total = dict.fromkeys(counted, 0)
     with (
-        (args.out / AREAS).open("w", newline="", encoding="utf-8") as areas_file,
-        (args.out / PLANTS).open("w", newline="", encoding="utf-8") as plants_file,
+        closing(_Table(args.out / AREAS, AREA_COLUMNS)) as areas,
+        closing(_Table(args.out / PLANTS, PLANT_COLUMNS)) as plants,
     ):
-        areas = csv.DictWriter(areas_file, AREA_COLUMNS, lineterminator="\n")
-        plants = csv.DictWriter(plants_file, PLANT_COLUMNS, lineterminator="\n")
-        areas.writeheader()
-        plants.writeheader()
         for stem, seen in _read_pictures(files, problems, round(args.megapixels * 1e6)):
             row, found = _predict(seen, segmenter, tile_px, args, kinds, stem)
-            areas.writerow(row)
-            plants.writerows(found)
+            areas.add([row])
+            plants.add(found)
             done += 1
             for name in total:
                 total[name] += row[name]
@@ -103,6 +101,40 @@ def run(args: argparse.Namespace) -> int:
         summary = {"out": str(args.out), "pictures": done, **total, "problems": problems}
         sys.stdout.write(json.dumps(summary) + "\n")
     return 1 if problems else 0
+
+
+class _Table:
+    """A CSV file that grows with every picture.
+
+    Raises: RecordingError: it cannot be written.
+    """
+
+    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+        self._path = path
+        with self._naming_path():
+            self._file = path.open("w", newline="", encoding="utf-8")
+        self._writer = csv.DictWriter(self._file, columns, lineterminator="\n")
+        with self._naming_path():
+            self._writer.writeheader()
+
+    def add(self, rows: Sequence[dict[str, Any]]) -> None:
+        with self._naming_path():
+            self._writer.writerows(rows)
+            self._file.flush()
+
+    def close(self) -> None:
+        with self._naming_path():
+            self._file.close()
+
+    @contextmanager
+    def _naming_path(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise RecordingError(
+                f"cannot write {self._path}: {error.strerror or error}; "
+                "check that the folder is writable and the disk has room"
+            ) from error
 
 
 def _list_kinds(args: argparse.Namespace) -> tuple[str, ...]:
@@ -148,7 +180,12 @@ def _refuse_to_replace(out: Path, files: list[Path], kinds: tuple[str, ...], for
 
     if (out / AREAS).exists():
         return
-    wanted = [name_drawing(out / file.stem, kind, form) for file in files for kind in kinds]
+    stems = [
+        stem
+        for file, stem in zip(files, name_results(files), strict=True)
+        for stem in (list_frames(out, stem) if is_video(file) else [stem])
+    ]
+    wanted = [name_drawing(out / stem, kind, form) for stem in stems for kind in kinds]
     there = next((path for path in (out / PLANTS, *wanted) if path.exists()), None)
     if there is not None:
         raise ConfigError(
@@ -161,7 +198,7 @@ def _read_pictures(
     files: list[Path], problems: list[str], most_px: int
 ) -> Iterator[tuple[str, InputPicture]]:
     """Read (name of the results, picture) of all files; the rest goes to `problems`."""
-    from agribot.cli.videos import VIDEO_SUFFIXES, read_frames
+    from agribot.cli.videos import read_frames
     from agribot.lab.dataset.pictures import (
         MISNAMED,
         PictureError,
@@ -170,17 +207,13 @@ def _read_pictures(
         show_name,
     )
 
-    taken: set[str] = set()
     shared = Counter(file.name for file in files)
-    for file in files:
-        stem, name = file.stem, file.name if shared[file.name] == 1 else file.as_posix()
-        while stem in taken:
-            stem += "_"
-        taken.add(stem)
+    for file, stem in zip(files, name_results(files), strict=True):
+        name = file.name if shared[file.name] == 1 else file.as_posix()
         try:
             if not is_text(name):
                 raise PictureError(f"{show_name(str(file))}: {MISNAMED}")
-            if file.suffix.lower() in VIDEO_SUFFIXES:
+            if is_video(file):
                 for index, frame in enumerate(read_frames(file)):
                     yield f"{stem}-{index:06d}", InputPicture(name, index, frame)
             else:
