@@ -34,7 +34,10 @@ def many_obstacles(count: int) -> str:
     step_deg = 4e-5
     rings = [
         (-step_deg, -step_deg, count * step_deg, 2 * step_deg),
-        *((k * step_deg, 0.0, (k + 0.25) * step_deg, 0.25 * step_deg) for k in range(count)),
+        *(
+            (k * step_deg, 0.25 * step_deg, (k + 0.25) * step_deg, 0.5 * step_deg)
+            for k in range(count)
+        ),
     ]
     features = [
         {

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agribot.core.messages import GnssFix, GnssQuality
-from agribot.drivers import nmea, ubx
+from agribot.drivers import gpsd, nmea, ubx
 from agribot.drivers.receiver import ReceiverDecoder
 from tests.drivers import receiver_bytes as written
 
@@ -50,6 +50,25 @@ def test_ubx_tells_the_state_of_the_carrier(carrier: int, quality: GnssQuality) 
 def test_a_receiver_without_a_valid_position_gives_no_fix() -> None:
     assert decode(written.make_ubx_pvt(is_ok=False)) == []
     assert decode(b"".join(written.make_nmea(quality=0)) * 2) == []
+
+
+def test_a_place_of_zeros_is_no_fix_whatever_the_receiver_calls_it() -> None:
+    pvt, sentences = written.make_ubx_pvt(lat_deg=0.0, lon_deg=0.0), b""
+    for k in range(2):
+        at = written.EPOCH + k * SECOND
+        sentences += b"".join(written.make_nmea(at, lat_deg=0.0, lon_deg=0.0))
+    precise = written.make_ubx_hpposllh(written.EPOCH, 0.0, 0.0)
+    assert decode(pvt) == decode(precise + pvt) == decode(sentences) == []
+    (frame,) = ubx.UbxDecoder().feed(pvt)
+    assert ubx.lacks_fix(frame)
+    assert any(nmea.lacks_fix(one) for one in nmea.SentenceDecoder().feed(sentences))
+    equator = written.make_ubx_pvt(lat_deg=0.0, lon_deg=9.5)
+    assert [fix.lat_deg for _, fix in decode(equator)] == [0.0]
+    refused: list[str] = []
+    report = {"class": "TPV", "mode": 3, "time": "2026-05-04T09:30:18Z", "lat": 0, "lon": 0}
+    fixes = gpsd.GpsdFixes(refused.append)
+    assert fixes.add(report) is None
+    assert fixes.lacks_fix and not refused
 
 
 def test_millimetres_of_a_second_message_refine_the_fix_of_their_epoch() -> None:

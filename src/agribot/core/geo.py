@@ -75,6 +75,14 @@ class Datum(msgspec.Struct, frozen=True, kw_only=True):
     alt_m: float = 0.0
 
 
+def is_nowhere(lat_deg: float, lon_deg: float) -> bool:
+    """Tell whether a place is 0, 0 exactly, which devices and files say that know none.
+
+    It lies in the sea, 570 km from the next field.
+    """
+    return lat_deg == 0.0 and lon_deg == 0.0
+
+
 class MapFrame:
     """The exact East-North-Up frame of a datum (a rotation of ECEF, no projection)."""
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
+from agribot.core.geo import is_nowhere
 from agribot.core.messages import GnssFix, GnssQuality
 from agribot.drivers.nmea import STD_M, StampedFix
 
@@ -88,7 +89,8 @@ class GpsdFixes:
 
     def _read(self, report: Mapping[str, Any]) -> StampedFix | None:
         has_mode = int(report.get("mode", 0)) >= 2
-        self.lacks_fix = not (has_mode and "lat" in report and "time" in report)
+        has_place = "lat" in report and not is_nowhere(report["lat"], report.get("lon", 0.0))
+        self.lacks_fix = not (has_mode and has_place and "time" in report)
         if self.lacks_fix:
             return None
         stamp_s = _read_time_s(report)

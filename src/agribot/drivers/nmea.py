@@ -162,7 +162,7 @@ def make_fix(parts: dict[str, tuple[str, ...]]) -> GnssFix | None:
     """
     _, lat, north, lon, east, quality_text, _, hdop, alt, _, separation, *_ = parts["GGA"]
     quality = QUALITY.get(int(quality_text or "0"), GnssQuality.NONE)
-    if quality is GnssQuality.NONE or not lat or not lon:
+    if quality is GnssQuality.NONE or not _has_place(lat, lon):
         return None
     velocity_mps = _read_velocity(parts["RMC"]) if "RMC" in parts else None
     return GnssFix(
@@ -184,7 +184,12 @@ def lacks_fix(sentence: Sentence) -> bool:
     if sentence.kind != "GGA":
         return False
     _, lat, _, lon, _, quality_text, *_ = sentence.fields
-    return int(quality_text or "0") not in QUALITY or not lat or not lon
+    return int(quality_text or "0") not in QUALITY or not _has_place(lat, lon)
+
+
+def _has_place(lat: str, lon: str) -> bool:
+    """Tell whether a place stands there: neither nothing nor 0, 0, whatever the quality."""
+    return bool(lat and lon and (lat.strip("0.") or lon.strip("0.")))
 
 
 def read_heading_deg(sentence: Sentence) -> float | None:

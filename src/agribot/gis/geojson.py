@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from agribot.core.errors import MissionError
+from agribot.core.geo import is_nowhere
 from agribot.core.json_number import is_number
 from agribot.core.table_text import decode_text
 
@@ -172,6 +173,11 @@ def read_position(position: object, where: str) -> LonLat:
         raise MissionError(
             f"{where}: [{lon_deg}, {lat_deg}] is not a longitude and a latitude in degrees; "
             "export the file in WGS 84 (EPSG:4326)"
+        )
+    if is_nowhere(lat_deg, lon_deg):
+        raise MissionError(
+            f"{where}: longitude 0, latitude 0 is what devices write that have no fix; remove this "
+            "place, or give the right one"
         )
     return lon_deg, lat_deg
 

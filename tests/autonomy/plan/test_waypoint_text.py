@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from agribot.autonomy.plan.waypoint_text import parse_waypoints
 from agribot.core.errors import MissionError
 
-lat_lon = st.tuples(st.floats(-90.0, 90.0), st.floats(-180.0, 180.0))
+lat_lon = st.tuples(st.floats(-90.0, 90.0), st.floats(-180.0, 180.0)).filter(any)
 
 
 @given(points=st.lists(lat_lon, min_size=1, max_size=8))
@@ -60,6 +60,7 @@ def test_a_spreadsheet_may_separate_by_semicolons_or_tabs_and_write_decimal_comm
         ("lat;lon\n1,000,5;2\n", "f line 2: '1,000,5' is not a number"),
         ("lat,lon\n1,nan\n", "f line 2: 'nan' is not a number"),
         ("lat,lon\n1\n", "f line 2: 1 values"),
+        ("lat,lon\n1,2\n0.0,0\n", "f line 3: latitude 0, longitude 0 is what devices write"),
         ("lat,lon\n91,2\n", "f line 2: latitude 91.0 is outside"),
         ("lat,lon\n1,181\n", "f line 2: longitude 181.0 is outside"),
         ('{"type":\n "Point",}', "f line 2 is not valid JSON"),

@@ -77,6 +77,9 @@ def test_it_survives_the_bytes_of_ros_2(
     data = rosmsg.to_cdr(make(fix))
     message = rosmsg.load_types().deserialize_cdr(data, gps_types.GPSFIX_ROS2)
     back = gps_types.read_gps_fix(message, 1.0)
+    if (lat_deg, lon_deg) == (0.0, 0.0):
+        assert back is None, "which is said by who knows no place"
+        return
     assert back is not None and back.quality is quality
     assert (back.lat_deg, back.lon_deg) == (lat_deg, lon_deg)
     assert back.pos_std_m == pytest.approx(std_m)

@@ -6,6 +6,7 @@ import io
 import math
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image
@@ -51,6 +52,8 @@ def test_a_receiver_without_a_fix_says_nothing() -> None:
         t_s=0.0, lat_deg=0.0, lon_deg=0.0, alt_m=0.0, pos_std_m=1.0, quality=GnssQuality.NONE
     )
     assert read("gnss", rosmsg.make_fix(fix, "gps")) is None
+    boasting = msgspec.structs.replace(fix, quality=GnssQuality.SINGLE)
+    assert read("gnss", rosmsg.make_fix(boasting, "gps")) is None, "0, 0 is no place"
 
 
 def test_a_fix_of_unknown_covariance_is_worth_what_its_kind_is_worth() -> None:

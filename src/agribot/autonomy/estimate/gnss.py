@@ -40,7 +40,7 @@ from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.sensor_ranges import MAX_ALT_M, MAX_POS_STD_M
 from agribot.autonomy.estimate.velocity_way import VelocityMark
 from agribot.core.arithmetic import FLOATS, clamp
-from agribot.core.geo import MapFrame, rotation_from_rpy
+from agribot.core.geo import MapFrame, is_nowhere, rotation_from_rpy
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch, Vec3
 from agribot.core.pose import Pose2
 
@@ -137,6 +137,7 @@ class Gnss(Correction[GnssFix]):
 
     def is_usable(self, sample: GnssFix) -> bool:
         is_told = sample.quality is not GnssQuality.NONE and abs(sample.pos_std_m) <= MAX_POS_STD_M
+        is_told = is_told and not is_nowhere(sample.lat_deg, sample.lon_deg)
         return is_told and abs(sample.lat_deg) <= 90.0 and abs(sample.lon_deg) <= 180.0
 
     def objection(self, sample: GnssFix) -> str:

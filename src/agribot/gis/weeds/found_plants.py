@@ -196,6 +196,12 @@ def _check_degrees(lonlat_deg: FloatArray, shown: str) -> None:
     if not np.isfinite(lonlat_deg).all():
         at = int(np.argmin(np.isfinite(lonlat_deg).all(axis=1)))
         raise RecordingError(f"{shown}, plant {at + 1}: its place is no number")
+    is_null = (lonlat_deg == 0.0).all(axis=1)
+    if is_null.any():
+        raise RecordingError(
+            f"{shown}, plant {int(np.argmax(is_null)) + 1}: longitude 0, latitude 0 is what "
+            "devices write that have no fix; remove it, or give the right place"
+        )
     beyond = np.abs(lonlat_deg) > (180.0, 90.0)
     if not beyond.any():
         return

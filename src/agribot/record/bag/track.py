@@ -16,7 +16,7 @@ import msgspec
 
 from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
-from agribot.core.geo import MapFrame
+from agribot.core.geo import MapFrame, is_nowhere
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag, BagTopic
 from agribot.record.recorder import CONFIG_ATTACHMENT
@@ -109,6 +109,8 @@ def _choose_reader(bag: Bag, topic: BagTopic) -> Callable[[Any], TrackPoint | No
 
 def _read_fix(fix: Any) -> TrackPoint | None:
     if fix.status.status < 0 or not (math.isfinite(fix.latitude) and math.isfinite(fix.longitude)):
+        return None
+    if is_nowhere(fix.latitude, fix.longitude):
         return None
     variance = float(fix.position_covariance[0] + fix.position_covariance[4]) / 2.0
     known = fix.position_covariance_type and variance >= 0.0

@@ -14,6 +14,7 @@ from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import BridgeError
+from agribot.core.geo import is_nowhere
 from agribot.core.messages import GnssFix, GnssQuality, GnssStatus
 
 SHIPPED = "ros/messages/msg"
@@ -137,6 +138,8 @@ def read_gps_fix(message: Any, t_s: float) -> GnssFix | None:
     if code <= _NO_FIX:
         return None
     place = (float(message.latitude), float(message.longitude), float(message.altitude))
+    if is_nowhere(place[0], place[1]):
+        return None
     if not (abs(place[0]) <= 90.0 and abs(place[1]) <= 180.0 and math.isfinite(place[2])):
         raise BridgeError(f"latitude, longitude and altitude {place} are no place on Earth")
     quality, std_m = _QUALITY.get(code, _QUALITY[_FIX])

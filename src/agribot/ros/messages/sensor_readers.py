@@ -16,6 +16,7 @@ import numpy as np
 from PIL import Image
 
 from agribot.core.errors import BridgeError, ConfigError
+from agribot.core.geo import is_nowhere
 from agribot.core.messages import (
     WHEEL_NAMES,
     ByteArray,
@@ -91,6 +92,8 @@ def read_fix(message: Any, t_s: float) -> GnssFix | None:
         return None
     place = (float(message.latitude), float(message.longitude), float(message.altitude))
     lat_deg, lon_deg, alt_m = place
+    if is_nowhere(lat_deg, lon_deg):
+        return None
     if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and math.isfinite(alt_m)):
         raise BridgeError(f"latitude, longitude and altitude {place} are no place on Earth")
     quality, std_m = _QUALITY.get(message.status.status, _QUALITY[0])
