@@ -170,6 +170,37 @@ def test_a_robot_without_mass_rate_or_place_is_refused(
         read_robot(tmp_path, text)
 
 
+def test_a_robot_in_grams_is_refused_with_its_mass_and_the_limit(tmp_path: Path) -> None:
+    def make_grams(found: re.Match[str]) -> str:
+        return f'<mass value="{1000.0 * float(found[1])}"'
+
+    text = re.sub(r'<mass value="([^"]*)"', make_grams, export_urdf())
+    complaint = (
+        r"a mass of 5112\.2 kg on 0\.68 x 0\.83 m, more than the limit of 1\d{3}.* kg for that "
+        r"size \(link 'base_link' alone: 3467\.2 kg\); masses are in kilograms"
+    )
+    with pytest.raises(DescriptionError, match=complaint):
+        read_robot(tmp_path, text)
+
+
+def test_angles_of_a_robot_that_can_only_be_degrees_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    text, count = re.subn(
+        r'(<joint name="base_link_to_camera_link_joint".*?rpy=")[^"]*"',
+        r'\g<1>0 90 -180"',
+        export_urdf(),
+        flags=re.S,
+    )
+    assert count == 1
+    path.write_text(text)
+    [told] = [one for one in load_robot(str(path)).warnings if "whole turn" in one]
+    assert told == (
+        "joint 'base_link_to_camera_link_joint' <origin rpy>: an angle of -180 rad is more than a "
+        "whole turn, 6.283; angles are in radians: -180 degrees are -3.142"
+    )
+    assert not [one for one in load_robot().warnings if "whole turn" in one]
+
+
 def test_a_body_that_was_left_without_its_mass_is_refused_though_its_camera_has_one(
     tmp_path: Path,
 ) -> None:

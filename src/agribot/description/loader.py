@@ -8,7 +8,7 @@ from pathlib import Path
 
 from agribot.core.errors import DescriptionError
 from agribot.core.messages import WHEEL_NAMES
-from agribot.core.robot import Link, RobotSpec
+from agribot.core.robot import DriveSpec, Link, RobotSpec
 from agribot.description import devices
 from agribot.description.adopt_devices import adopt_devices
 from agribot.description.adopt_wheels import (
@@ -23,9 +23,11 @@ from agribot.description.implements import read_implement
 from agribot.description.kinematics import read_joints, read_links
 from agribot.description.markup import parse_xml
 from agribot.description.package import find_packaged_or_file, list_robot_files
+from agribot.description.poses import tell_large_angles
 
 # Of the wheels together: a lighter body lacks its mass, and its physics would be unstable.
 MIN_BODY_RATIO = 0.05
+MOST_KG_PER_M2 = 3000.0  # of the ground under it; a tractor has 1500, a tank 2500
 
 
 def load_robot(
@@ -89,11 +91,13 @@ def _adopt(root: ET.Element, source: SourceFile, folder: Path) -> None:
 
 
 def _read_robot(root: ET.Element, source: SourceFile, path: Path) -> RobotSpec:
+    tell_large_angles(root, source)
     _adopt(root, source, path.parent)
     links = read_links(root, source)
     joints = read_joints(root, source)
     _check_masses(links, source)
     drive = devices.read_drive(root, links, joints, source)
+    _check_weight(links, drive, source)
     imu, gnss, mag = devices.read_mounts(root, links, source)
     return RobotSpec(
         name=root.get("name", path.stem),
@@ -125,6 +129,22 @@ def _check_masses(links: Sequence[Link], source: SourceFile) -> None:
             "link 'base_link'",
             f"{body_kg:g} kg with all that it carries, between wheels of {wheels_kg:g} kg; give "
             f"its <inertial> at least {MIN_BODY_RATIO * wheels_kg:g} kg",
+        )
+
+
+def _check_weight(links: Sequence[Link], drive: DriveSpec, source: SourceFile) -> None:
+    """Check that the robot is no heavier than anything of its size can be."""
+    mass_kg = sum(link.mass_kg for link in links)
+    length_m = drive.wheelbase_m + 2.0 * drive.wheel_radius_m
+    width_m = drive.track_m + drive.wheel_width_m
+    most_kg = MOST_KG_PER_M2 * length_m * width_m
+    if mass_kg > most_kg:
+        heaviest = max(links, key=lambda link: link.mass_kg)
+        raise source.fail(
+            "the robot",
+            f"a mass of {mass_kg:.6g} kg on {length_m:.2f} x {width_m:.2f} m, more than the limit "
+            f"of {most_kg:.6g} kg for that size (link '{heaviest.name}' alone: "
+            f"{heaviest.mass_kg:.6g} kg); masses are in kilograms, divide those in grams by 1000",
         )
 
 

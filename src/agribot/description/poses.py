@@ -24,6 +24,24 @@ def read_pose(element: ET.Element, source: SourceFile, where: str) -> FloatArray
     return transform((x, y, z), (roll, pitch, yaw))
 
 
+def tell_large_angles(root: ET.Element, source: SourceFile) -> None:
+    """Warn of angles of a URDF beyond a whole turn, which are most likely degrees."""
+    for part in (*root.findall("link"), *root.findall("joint")):
+        where = f"{part.tag} '{part.get('name')}' <origin rpy>"
+        for origin in part.iter("origin"):
+            with source.attempt(origin):
+                angles_rad = source.parse_vec3(origin.get("rpy", "0 0 0"), where)
+                largest_rad = max(angles_rad, key=abs)
+                if abs(largest_rad) <= math.tau + 1e-6:
+                    continue
+                source.warn(
+                    f"{where}: an angle of {largest_rad:g} rad is more than a whole turn, "
+                    f"{math.tau:.4g}; angles are in radians: {largest_rad:g} degrees are "
+                    f"{math.radians(largest_rad):.4g}",
+                    origin,
+                )
+
+
 def extract_yaw(matrix: FloatArray) -> float:
     """Return the yaw of a pose (4, 4) or rotation (3, 3), rad."""
     return math.atan2(matrix[1, 0], matrix[0, 0])
