@@ -123,6 +123,36 @@ def test_what_is_only_begun_survives_a_restart_and_teaches_nobody(root: Path) ->
     assert not list((root / ".label" / "drafts").iterdir())
 
 
+@pytest.mark.parametrize("done", [0, 1])
+def test_what_somebody_else_saved_meanwhile_is_not_replaced_and_nothing_drawn_is_lost(
+    done: int, root: Path, client: Client
+) -> None:
+    path = f"/api/v1/pictures/{DIM}/classes"
+    ours, theirs = drawn(), bytes([PlantClass.SOIL]) * (WIDTH * HEIGHT)
+    read = client.ask("GET", path)[1]["etag"]
+    status, saved, _ = client.ask("PUT", f"{path}?done={done}", theirs, **{"If-Match": read})
+    assert status == 204
+    status, _, answer = client.ask("PUT", f"{path}?done=1", ours, **{"If-Match": read})
+    assert status == 409
+    assert "somebody else has saved dim" in json.loads(answer)["error"]
+    assert client.ask("GET", path)[2] == theirs
+    kept = root / ".label" / "kept" / "dim-1.png"
+    assert read_label(kept, {}).tobytes() == ours
+    assert client.ask("PUT", f"{path}?done=0", ours, **{"If-Match": read})[0] == 409
+    assert (root / ".label" / "kept" / "dim-2.png").is_file()
+    assert client.ask("PUT", f"{path}?done=1", ours, **{"If-Match": saved["etag"]})[0] == 204
+    assert client.ask("GET", path)[2] == ours
+
+
+def test_a_save_whose_answer_was_lost_may_be_sent_again(root: Path, client: Client) -> None:
+    path = f"/api/v1/pictures/{DIM}/classes"
+    read = client.ask("GET", path)[1]["etag"]
+    answers = [client.ask("PUT", f"{path}?done=1", drawn(), **{"If-Match": read}) for _ in "12"]
+    assert [status for status, _, _ in answers] == [204, 204]
+    assert answers[0][1]["etag"] == answers[1][1]["etag"] != read
+    assert not (root / ".label" / "kept").exists()
+
+
 @pytest.mark.parametrize(
     ("body", "said"),
     [(b"\x00" * 7, "120 x 90 pixels"), (b"\x07" * (WIDTH * HEIGHT), "values that are no class")],

@@ -102,6 +102,37 @@ def test_what_is_painted_is_saved_found_again_and_finished(root: Path, page: Pag
     expect(page.locator(".count")).to_have_text("1 of 3 labelled")
 
 
+def test_the_second_of_two_who_finish_a_picture_is_told_and_sees_the_first_ones(
+    root: Path, page: Page
+) -> None:
+    second = page.context.new_page()
+    second.goto(page.url)
+    expect(second.locator(".picture-name")).to_have_text("murky")
+    page.keyboard.press("3")
+    drag(page, (90, 65), (90, 65))
+    saved(page)
+    page.keyboard.press("Enter")
+    expect(page.locator(".picture-name")).to_have_text("dim")
+    first = read_mask(root / "masks" / "murky.png")
+    second.keyboard.press("1")
+    drag(second, (20, 25), (40, 45))
+    expect(second.locator(".problem")).to_contain_text("somebody else has saved murky")
+    expect(second.locator(".problem")).to_contain_text(".label/kept/murky-1.png")
+    kept = read_mask(root / ".label" / "kept" / "murky-1.png")
+    assert (kept == PlantClass.CROP).any()
+    assert (read_mask(root / "masks" / "murky.png") == first).all()
+    expect(second.locator(".picture-name")).to_have_text("murky")
+    second.keyboard.press("4")
+    drag(second, (60, 10), (70, 10))  # on what the first one saved
+    saved(second)
+    second.keyboard.press("Enter")
+    expect(second.locator(".picture-name")).to_have_text("dim")
+    joined = read_mask(root / "masks" / "murky.png")
+    assert joined[65, 90] == PlantClass.SOIL
+    assert (joined[joined != first] == 255).all()
+    second.close()
+
+
 def test_keys_go_from_picture_to_picture_and_change_nothing(root: Path, page: Page) -> None:
     page.keyboard.press("ArrowRight")
     expect(page.locator(".picture-name")).to_have_text("dim")

@@ -18,6 +18,15 @@ export interface PictureList {
 
 const BASE = '/api/v1/pictures'
 
+/** Somebody else has saved the picture since it was opened; the server has kept what was drawn. */
+export class SavedMeanwhile extends Error {}
+
+/** The classes of a picture, and the revision of what is saved of it. */
+export interface SavedClasses {
+  classes: Classes
+  revision: string
+}
+
 async function ask(path: string, init?: RequestInit): Promise<Response> {
   let answer: Response
   try {
@@ -27,7 +36,8 @@ async function ask(path: string, init?: RequestInit): Promise<Response> {
   }
   if (!answer.ok) {
     const told = (await answer.json().catch(() => null)) as { error?: string } | null
-    throw new Error(told?.error ?? `the server answered ${answer.status}`)
+    const text = told?.error ?? `the server answered ${answer.status}`
+    throw answer.status === 409 ? new SavedMeanwhile(text) : new Error(text)
   }
   return answer
 }
@@ -45,9 +55,10 @@ export async function readPicture(number: number): Promise<ImageBitmap> {
   return createImageBitmap(await (await ask(`/${number}/picture`)).blob())
 }
 
-export async function readClasses(number: number): Promise<Classes> {
+export async function readClasses(number: number): Promise<SavedClasses> {
   const answer = await ask(`/${number}/classes`)
-  return raster(answer, new Uint8Array(await answer.arrayBuffer()))
+  const classes = raster(answer, new Uint8Array(await answer.arrayBuffer()))
+  return { classes, revision: answer.headers.get('etag') ?? '' }
 }
 
 export async function readPieces(number: number): Promise<Pieces> {
@@ -55,6 +66,14 @@ export async function readPieces(number: number): Promise<Pieces> {
   return raster(answer, new Uint16Array(await answer.arrayBuffer()))
 }
 
-export async function saveClasses(number: number, data: Uint8Array, isDone: boolean): Promise<void> {
-  await ask(`/${number}/classes?done=${isDone ? 1 : 0}`, { method: 'PUT', body: data.slice() })
+/** Saves what replaces `revision`; gives the new one. */
+export async function saveClasses(
+  number: number,
+  data: Uint8Array,
+  revision: string,
+  isDone: boolean,
+): Promise<string> {
+  const init = { method: 'PUT', body: data.slice(), headers: { 'if-match': revision } }
+  const answer = await ask(`/${number}/classes?done=${isDone ? 1 : 0}`, init)
+  return answer.headers.get('etag') ?? ''
 }

@@ -25,6 +25,7 @@ export class Session extends Emitter<Events> implements Painter {
   isBusy = false
   isUnsaved = false
   private classes: Classes | null = null
+  private revision = ''
   private pieces: Pieces | null = null
   private history = new History()
   private last: Point | null = null
@@ -70,21 +71,26 @@ export class Session extends Emitter<Events> implements Painter {
     this.emit('change', undefined)
     try {
       await this.flush()
-      const [image, classes] = await Promise.all([
-        server.readPicture(picture.number),
-        server.readClasses(picture.number),
-      ])
-      this.current = picture
-      this.classes = classes
-      this.pieces = null
-      this.history = new History()
-      this.canvas.show(image, classes)
+      await this.show(picture)
     } catch (error) {
       this.fail(error)
     } finally {
       this.isBusy = false
     }
     await this.setTool(this.tool)
+  }
+
+  private async show(picture: server.PictureState): Promise<void> {
+    const [image, { classes, revision }] = await Promise.all([
+      server.readPicture(picture.number),
+      server.readClasses(picture.number),
+    ])
+    this.current = picture
+    this.classes = classes
+    this.revision = revision
+    this.pieces = null
+    this.history = new History()
+    this.canvas.show(image, classes)
   }
 
   async step(by: number): Promise<void> {
@@ -98,7 +104,7 @@ export class Session extends Emitter<Events> implements Painter {
     if (!current || !classes || this.isBusy) return
     try {
       await this.flush()
-      await server.saveClasses(current.number, classes.data, true)
+      await this.save(current, classes, true)
       await this.refresh()
     } catch (error) {
       this.fail(error)
@@ -195,17 +201,52 @@ export class Session extends Emitter<Events> implements Painter {
     const { current, classes } = this
     if (!this.isUnsaved || !current || !classes) return
     this.isUnsaved = false
-    const sent = server.saveClasses(current.number, classes.data, false)
+    const sent = this.save(current, classes, false)
     this.saving = sent.catch(() => undefined)
     try {
       await sent
       await this.refresh()
     } catch (error) {
-      this.isUnsaved = true
+      this.isUnsaved ||= !(error instanceof server.SavedMeanwhile)
       throw error
     } finally {
       this.emit('change', undefined)
     }
+  }
+
+  private async save(current: server.PictureState, classes: Classes, isDone: boolean): Promise<void> {
+    try {
+      this.revision = await server.saveClasses(current.number, classes.data, this.revision, isDone)
+    } catch (error) {
+      if (error instanceof server.SavedMeanwhile) await this.showTheirs(current, classes)
+      throw error
+    }
+  }
+
+  /** Shows what somebody else has saved, when the server has kept all that was drawn here. */
+  private async showTheirs(current: server.PictureState, classes: Classes): Promise<void> {
+    const wasBusy = this.isBusy
+    this.isBusy = true
+    try {
+      this.end()
+      clearTimeout(this.timer)
+      if (this.isUnsaved) await this.keep(current, classes)
+      await this.show(current)
+    } finally {
+      this.isBusy = wasBusy
+    }
+    await this.refresh().catch(() => undefined)
+    await this.setTool(this.tool)
+  }
+
+  /** Has the server keep what was drawn while it refused what had been drawn before. */
+  private async keep(current: server.PictureState, classes: Classes): Promise<void> {
+    try {
+      await server.saveClasses(current.number, classes.data, this.revision, false)
+    } catch (error) {
+      if (!(error instanceof server.SavedMeanwhile)) throw error
+    }
+    this.isUnsaved = false
   }
 
   private fail(error: unknown): void {

@@ -6,6 +6,7 @@ unsure of lie in `.label` beside them, so that a half-corrected mask teaches nob
 
 from __future__ import annotations
 
+import hashlib
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -25,7 +26,12 @@ from agribot.lab.dataset.layouts import IMAGE_FOLDERS, MASK_FOLDERS, Item, find_
 from agribot.lab.dataset.pictures import read_picture
 from agribot.lab.labelling.superpixels import find_superpixels
 from agribot.lab.train.photographs import read_label
-from agribot.ui.server.label_page import LabelledClasses, PictureState, State
+from agribot.ui.server.label_page import (
+    LabelledClasses,
+    PictureState,
+    SavedMeanwhileError,
+    State,
+)
 
 WORK = ".label"
 CLASSES = (*PlantClass, UNLABELLED)
@@ -63,6 +69,7 @@ class LabelFolder:
             raise ConfigError(f"{root / 'images'} has no picture; put the photographs there")
         self._uncertainty = self._read_judged()
         self._lock = threading.Lock()
+        self._saving = threading.Lock()
 
     @property
     def about(self) -> str:
@@ -94,7 +101,7 @@ class LabelFolder:
         Raises: AgribotError: a file cannot be read, or does not fit its picture.
         """
         item, image_rgb = self._item(number), self.read_picture(number)
-        state = self._state_of(item)
+        state, revision = self._state_of(item), self._read_revision(item)
         if state == "draft":
             label = read_label(self._draft(item), {})
         elif item.mask is not None:
@@ -106,35 +113,73 @@ class LabelFolder:
                 f"{item.mask or item.key}: is {label.shape[1]} x {label.shape[0]} pixels, its "
                 f"picture {image_rgb.shape[1]} x {image_rgb.shape[0]}; move the mask away"
             )
-        return LabelledClasses(class_id=label, state=state)
+        return LabelledClasses(class_id=label, state=state, revision=revision)
 
-    def save(self, number: int, class_id: ByteArray, *, is_done: bool) -> None:
+    def save(self, number: int, class_id: ByteArray, *, is_done: bool, revision: str = "") -> str:
         """Save a finished mask where a training reads it, or one that was only begun.
 
+        `revision` is that of what was read or saved before; what somebody else has saved since is
+        not replaced. Returns the new one.
         Raises: RecordingError: the disk does not take it. ConfigError: a mask that is no PNG.
+        SavedMeanwhileError: somebody has; the classes are kept beside the drafts.
         """
         item = self._item(number)
         if not np.isin(class_id, CLASSES).all():
             raise ConfigError(f"{item.key}: the classes hold values that are no class")
-        draft = self._draft(item)
         try:
-            if not is_done:
-                draft.parent.mkdir(parents=True, exist_ok=True)
-                write_at_once(draft, encode_mask(class_id))
-                return
-            path = self._mask(item)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_at_once(path, encode_mask(self._values[class_id]), is_synced=True)
-            draft.unlink(missing_ok=True)
-            self._confirm_note(item)
+            with self._saving:
+                item = self._item(number)
+                if revision and revision != self._read_revision(item):
+                    self._refuse_to_replace(item, class_id, is_done)
+                elif is_done:
+                    self._finish(number, item, class_id)
+                else:
+                    self._draft(item).parent.mkdir(parents=True, exist_ok=True)
+                    write_at_once(self._draft(item), encode_mask(class_id))
+                return self._read_revision(self._item(number))
         except OSError as error:
             raise RecordingError(
                 f"cannot save the mask of {item.key}: {error.strerror}; make room on the disk, or "
                 "check that the folder may be written"
             ) from error
+
+    def _finish(self, number: int, item: Item, class_id: ByteArray) -> None:
+        path = self._mask(item)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_at_once(path, encode_mask(self._values[class_id]), is_synced=True)
+        self._draft(item).unlink(missing_ok=True)
+        self._confirm_note(item)
         with self._lock:
             saved = path.relative_to(self.root).as_posix()
             self._items[number] = msgspec.structs.replace(item, mask=saved)
+
+    def _refuse_to_replace(self, item: Item, class_id: ByteArray, is_done: bool) -> None:
+        """Keep classes beside the drafts, unless the very same ones are saved already.
+
+        Raises: SavedMeanwhileError: others are.
+        """
+        target = self._mask(item) if is_done else self._draft(item)
+        data = encode_mask(self._values[class_id] if is_done else class_id)
+        if target.is_file() and target.read_bytes() == data:  # asked again: its answer was lost
+            return
+        folder = self.root / WORK / "kept"
+        number = 1
+        while (kept := folder / f"{item.key}-{number}.png").exists():
+            number += 1
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        write_at_once(kept, encode_mask(class_id), is_synced=True)
+        raise SavedMeanwhileError(
+            f"somebody else has saved {item.key} since you opened it, and theirs is shown now; "
+            f"what you drew is kept in {kept.relative_to(self.root)}"
+        )
+
+    def _read_revision(self, item: Item) -> str:
+        """Read what stands for the saved classes of a picture, those that were begun included."""
+        digest = hashlib.sha256()
+        for path in (self._draft(item), self.root / item.mask if item.mask else None):
+            data = path.read_bytes() if path is not None and path.is_file() else b""
+            digest.update(len(data).to_bytes(8, "little") + data)
+        return digest.hexdigest()[:32]
 
     def judge_all(self, is_stopped: Callable[[], object]) -> None:
         """Ask the network about every picture that it has not seen, and remember how unsure it is.

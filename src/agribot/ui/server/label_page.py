@@ -1,4 +1,6 @@
-"""The page of `agribot label` and what it asks: one person, this machine, no robot.
+"""The page of `agribot label` and what it asks: this machine, no robot.
+
+Two pages may be open on one folder: neither replaces what the other has saved.
 
 Classes and superpixels cross the line as plain bytes, row by row, with their size in headers.
 """
@@ -58,10 +60,18 @@ class PictureList(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LabelledClasses(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """`PlantClass` or 255 of every pixel (height, width), and whether somebody has drawn it."""
+    """`PlantClass` or 255 of every pixel (height, width), and whether somebody has drawn it.
+
+    `revision` changes with every change of what is saved.
+    """
 
     class_id: ByteArray
     state: State
+    revision: str
+
+
+class SavedMeanwhileError(AgribotError):
+    """Somebody else has saved a picture since its revision; what was drawn is kept elsewhere."""
 
 
 class LabelSet(Protocol):
@@ -78,7 +88,9 @@ class LabelSet(Protocol):
 
     def find_superpixels(self, number: int) -> npt.NDArray[np.uint16]: ...
 
-    def save(self, number: int, class_id: ByteArray, *, is_done: bool) -> None: ...
+    def save(
+        self, number: int, class_id: ByteArray, *, is_done: bool, revision: str = ""
+    ) -> str: ...
 
 
 @contextlib.contextmanager
@@ -202,7 +214,7 @@ def _encode(image_rgb: ByteArray) -> bytes:
 
 async def _read_classes(request: Request) -> Response:
     found = await run_in_thread(_labels(request).read_classes, _number(request))
-    return _array_answer(found.class_id, {"x-state": found.state})
+    return _array_answer(found.class_id, {"x-state": found.state, "etag": f'"{found.revision}"'})
 
 
 async def _find_superpixels(request: Request) -> Response:
@@ -219,7 +231,10 @@ def _array_answer(array: npt.NDArray[np.unsignedinteger], headers: dict[str, str
 
 
 async def _save_classes(request: Request) -> Response:
-    """Save the classes of a picture; `?done=1` says that they are finished."""
+    """Save the classes of a picture; `?done=1` says that they are finished.
+
+    With `If-Match`, the `ETag` of what was read or saved before, they replace nothing else.
+    """
     number, labels = _number(request), _labels(request)
     shape = (await run_in_thread(labels.read_picture, number)).shape[:2]
     size, data = shape[0] * shape[1], bytearray()
@@ -231,8 +246,14 @@ async def _save_classes(request: Request) -> Response:
         raise Unusable(400, f"the classes are not those of {shape[1]} x {shape[0]} pixels")
     class_id = np.frombuffer(bytes(data), np.uint8).reshape(shape)
     is_done = request.query_params.get("done") == "1"
-    await run_in_thread(lambda: labels.save(number, class_id, is_done=is_done))
-    return Response(status_code=204)
+    known = request.headers.get("if-match", "").strip('"')
+    try:
+        saved = await run_in_thread(
+            lambda: labels.save(number, class_id, is_done=is_done, revision=known)
+        )
+    except SavedMeanwhileError as error:
+        raise Unusable(409, str(error)) from error
+    return Response(status_code=204, headers={"etag": f'"{saved}"'})
 
 
 async def _front_page(request: Request) -> Response:
