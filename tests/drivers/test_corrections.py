@@ -174,8 +174,8 @@ def test_a_caster_that_wants_a_login_says_so_where_none_is_known() -> None:
 def test_a_line_that_falls_silent_is_asked_for_again_and_told_twice() -> None:
     rover = Rover()
     with casting() as caster:
-        quiet = send(YES, b"\r\n", STATION, then=caster.listen)
-        caster._answers = [quiet, send(b""), send(YES, b"\r\n", STATION, then=caster.listen)]
+        quiet = send(YES, b"\r\n", STATION, make_observation(), then=caster.listen)
+        caster._answers = [quiet, send(b""), quiet]
         with rover.fed_by(caster.port, timing=BRISK):
             rover.wait_told("are lost: nothing came for 0.4 s; trying again")
             rover.wait_told("are back")
@@ -184,6 +184,20 @@ def test_a_line_that_falls_silent_is_asked_for_again_and_told_twice() -> None:
         " come",
         " are lost",
     ]
+
+
+def test_a_base_that_measures_no_satellite_gives_no_corrections() -> None:
+    def repeat(peer: socket.socket, _head: bytes) -> None:
+        with contextlib.suppress(OSError):
+            peer.sendall(b"ICY 200 OK\r\n\r\n")
+            while not caster.ended.wait(0.02):
+                peer.sendall(STATION)
+
+    rover = Rover()
+    with casting(repeat) as caster, rover.fed_by(caster.port, timing=BRISK) as link:
+        rover.wait_told("the base told of itself only (RTCM 1005) and measured no satellite")
+        assert STATION in rover.taken, "the receiver needs it beside the measurements"
+        assert link.state().age_s is None
 
 
 def test_an_old_caster_that_hangs_up_on_version_2_is_asked_in_version_1() -> None:
@@ -399,7 +413,7 @@ def test_a_run_tells_of_its_corrections_and_its_folder_knows_no_password(
     receiver = threading.Thread(target=speak)
     receiver.start()
     with casting() as caster:
-        caster._answers = [send(YES, b"\r\n", STATION * 3, then=caster.listen)]
+        caster._answers = [send(YES, b"\r\n", make_observation() * 3, then=caster.listen)]
         uri = f"gnss=serial:{line.path}?ntrip=ntrip://127.0.0.1:{caster.port}/FARM"
         words = ["run", "farm", "--headless", "--for", "3", "--out", str(out), "--source", uri]
         try:
@@ -411,7 +425,7 @@ def test_a_run_tells_of_its_corrections_and_its_folder_knows_no_password(
     assert told in (out / "events.jsonl").read_text()
     states = [s for tick in read_ticks(out / "run.mcap") for s in tick.batch.gnss_status]
     ((kind, count),) = states[-1].correction_counts
-    assert kind == 1005 and count >= 3, "a slow start outlives a silent caster, which is asked anew"
+    assert kind == 1077 and count >= 3, "a slow start outlives a silent caster, which is asked anew"
     said = capsys.readouterr()
     secrets = [b"s3cret", base64.b64encode(b"farmer:s3cret")]
     texts = [path.read_bytes() for path in out.rglob("*") if path.is_file()]

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from agribot.core.errors import ConfigError
 from agribot.drivers.byte_streams import ByteStream, TcpStream
 from agribot.drivers.ntrip import AnswerDecoder, Caster, CasterLogin, CasterRefusal, write_request
-from agribot.drivers.rtcm import RtcmDecoder
+from agribot.drivers.rtcm import RtcmDecoder, RtcmMessage, corrects_ranges
 
 if TYPE_CHECKING:
     import ssl
@@ -28,13 +28,16 @@ class CorrectionTiming(NamedTuple):
     """How long to wait: casters shut those out who ask too often."""
 
     gga_period_s: float = 10.0
-    stall_s: float = 15.0  # without a message the line counts as dead
+    stall_s: float = 15.0  # without a measurement of satellites the line counts as dead
     first_wait_s: float = 1.0  # between two tries, then twice that, and so on
     longest_wait_s: float = 60.0
 
 
 class CorrectionState(NamedTuple):
-    """Age of the last message, None before the first; messages passed on by RTCM number."""
+    """Age of the last measurement of satellites, None before the first; messages passed on.
+
+    These are counted by their RTCM number.
+    """
 
     age_s: float | None
     counts: dict[int, int]
@@ -145,6 +148,7 @@ class CorrectionLink:
         messages = RtcmDecoder()
         asked_s = self._now_s()
         told_s = asked_s if gga and self._version == 2 else asked_s - self._timing.gga_period_s
+        beside: set[int] = set()
         while not self._ended.is_set():
             try:
                 data = stream.read()
@@ -152,20 +156,26 @@ class CorrectionLink:
                 answer.end()
                 raise
             for message in messages.feed(answer.feed(data)) if data else ():
-                asked_s = self._now_s()
-                self._take(message.kind, message.data)
+                self._take(message)
+                if corrects_ranges(message.kind):
+                    asked_s = self._now_s()
+                    beside.clear()
+                else:
+                    beside.add(message.kind)
             now_s = self._now_s()
             if now_s - asked_s > self._timing.stall_s:
-                raise CasterRefusal(self._explain_stall(messages.junk))
+                raise CasterRefusal(self._explain_stall(messages.junk, beside))
             if answer.is_open and now_s - told_s >= self._timing.gga_period_s:
                 gga = self._position()
                 stream.write(gga)
                 told_s = now_s if gga else told_s
 
-    def _take(self, kind: int, data: bytes) -> None:
-        if not self._write(data):  # unplugged, or the line is full: old corrections are no use
+    def _take(self, message: RtcmMessage) -> None:
+        if not self._write(message.data):  # unplugged, or the line is full: old ones are no use
             return
-        self._counts[kind] += 1
+        self._counts[message.kind] += 1
+        if not corrects_ranges(message.kind):
+            return
         self._last_s = self._now_s()
         if not self._is_flowing:
             self._is_flowing, self._told = True, ""
@@ -173,7 +183,13 @@ class CorrectionLink:
             self._has_come = True
             self._tell(f"corrections from {self._caster.name} {word}", True)
 
-    def _explain_stall(self, junk: int) -> str:
+    def _explain_stall(self, junk: int, beside: set[int]) -> str:
+        if beside:
+            kinds = ", ".join(map(str, sorted(beside)))
+            return (
+                f"for {self._timing.stall_s:g} s the base told of itself only (RTCM {kinds}) and "
+                "measured no satellite; check its antenna, or choose another mountpoint"
+            )
         if junk and not self._is_flowing:
             return f"{junk} bytes came that are no RTCM 3; choose a mountpoint in that format"
         lacks_fix = "" if self._position() else "; the receiver has no position yet to tell it"

@@ -10,6 +10,11 @@ from typing import NamedTuple
 PREAMBLE = 0xD3
 _AROUND = 6  # bytes of preamble, length and checksum
 _POLYNOMIAL = 0x1864CFB
+# Place, antenna, receiver and words of a base, orbits, and biases of its receiver: it repeats them
+# also while it hears no satellite.
+_OF_THE_BASE = frozenset(
+    (1005, 1006, 1007, 1008, 1013, 1019, 1020, 1029, 1032, 1033, *range(1041, 1047), 1230)
+)
 
 
 class RtcmMessage(NamedTuple):
@@ -17,6 +22,11 @@ class RtcmMessage(NamedTuple):
 
     kind: int
     data: bytes
+
+
+def corrects_ranges(kind: int) -> bool:
+    """Tell whether a receiver corrects with messages of that number, or only needs them beside."""
+    return kind not in _OF_THE_BASE
 
 
 class RtcmDecoder:
