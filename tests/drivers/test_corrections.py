@@ -200,6 +200,16 @@ def test_a_base_that_measures_no_satellite_gives_no_corrections() -> None:
         assert link.state().age_s is None
 
 
+def test_a_host_that_can_be_none_is_told_and_asked_for_again() -> None:
+    rover = Rover()
+    caster = ntrip.Caster("caster..example", 2101, "FARM")
+    link = CorrectionLink(caster, None, rover.write, lambda: b"", rover.tell, PATIENT)
+    try:
+        rover.wait_told("'caster..example' can be no host's name")
+    finally:
+        link.close()
+
+
 def test_an_old_caster_that_hangs_up_on_version_2_is_asked_in_version_1() -> None:
     def only_old(peer: socket.socket, head: bytes) -> None:
         if b"Ntrip/2.0" not in head:

@@ -114,6 +114,8 @@ class TcpStream:
         """With `tls` the connection is encrypted, and the other end proves that it is `host`."""
         try:
             self._socket = socket.create_connection((host, port), timeout=LONGEST_WAIT_S)
+        except UnicodeError as error:  # an empty label, as of two dots, or one of over 63 letters
+            raise UnreachableError(errno.EINVAL, f"'{host}' can be no host's name") from error
         except OSError as error:
             raise UnreachableError(error.errno, error.strerror or str(error)) from error
         if tls is not None:
