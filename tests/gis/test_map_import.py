@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import sqlite3
 import threading
 from collections.abc import Iterator
+from contextlib import closing
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
@@ -113,6 +115,86 @@ def test_a_picture_without_a_place_is_refused(
     assert main(["map", "import", str(tmp_path / "plain.tif")]) == 2
     assert "does not say where it lies" in capsys.readouterr().err
     assert main(["map", "import", str(tmp_path / "text.tif")]) == 2
+    assert not list(maps.glob("*"))
+
+
+def write_raster(path: Path, bands: list[np.ndarray], place_of: str = UTM, **more: object) -> None:
+    """Write pixels of 10 m at a place of the field, or wherever `transform` puts them."""
+    rasterio = pytest.importorskip("rasterio")
+    height, width = bands[0].shape
+    colours, table = more.pop("colours", None), more.pop("table", None)
+    settings = {"transform": rasterio.Affine(10.0, 0.0, 270_000.0, 0.0, -10.0, 2_342_000.0), **more}
+    with rasterio.open(
+        path, "w", driver="GTiff", width=width, height=height, count=len(bands), dtype="uint8",
+        crs=place_of, **settings,
+    ) as raster:  # fmt: skip
+        for number, band in enumerate(bands, start=1):
+            raster.write(band, number)
+        if colours is not None:
+            raster.colorinterp = colours
+        if table is not None:
+            raster.write_colormap(1, table)
+
+
+def list_colours(path: Path) -> np.ndarray:
+    """All pixels of a map's finest tiles, (N, 4)."""
+    with closing(sqlite3.connect(path)) as database:
+        tiles = database.execute(
+            "SELECT tile_data FROM tiles WHERE zoom_level = (SELECT max(zoom_level) FROM tiles)"
+        ).fetchall()
+    pictures = [Image.open(io.BytesIO(data)).convert("RGBA") for (data,) in tiles]
+    return np.concatenate([np.asarray(picture).reshape(-1, 4) for picture in pictures])
+
+
+def test_a_picture_with_an_alpha_band_is_transparent_where_that_says_so(
+    tmp_path: Path, maps: Path
+) -> None:
+    """As the orthophotos of drones are."""
+    pytest.importorskip("rasterio")
+    from rasterio.enums import ColorInterp
+
+    flat = np.full((64, 64), 200, dtype=np.uint8)
+    alpha = np.where(np.arange(64)[None, :] < 32, 255, 0).astype(np.uint8).repeat(64, axis=0)
+    kinds = (ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha)
+    write_raster(tmp_path / "drone.tif", [flat, flat // 2, flat // 4, alpha], colours=kinds)
+    assert main(["map", "import", str(tmp_path / "drone.tif")]) == 0
+    pixels = list_colours(maps / "drone.mbtiles")
+    shown = pixels[pixels[:, 3] > 250]
+    assert np.abs(np.median(shown[:, :3], axis=0) - (200, 100, 50)).max() < 25
+    write_raster(tmp_path / "whole.tif", [flat, flat, flat])
+    assert main(["map", "import", str(tmp_path / "whole.tif")]) == 0
+    whole = list_colours(maps / "whole.mbtiles")
+    assert len(shown) == pytest.approx((whole[:, 3] > 250).sum() / 2, rel=0.05)
+
+
+def test_numbers_of_a_palette_become_its_colours(tmp_path: Path, maps: Path) -> None:
+    """As topographic maps are stored."""
+    numbers = np.full((64, 64), 7, dtype=np.uint8)
+    numbers[:, 32:] = 9
+    write_raster(tmp_path / "topo.tif", [numbers], table={7: (*RED, 255), 9: (*GREEN, 255)})
+    assert main(["map", "import", str(tmp_path / "topo.tif")]) == 0
+    pixels = list_colours(maps / "topo.mbtiles")
+    shown = pixels[pixels[:, 3] > 250].tolist()
+    found = [sum(near(tuple(pixel), colour) for pixel in shown) for colour in (RED, GREEN)]
+    assert min(found) > 0.45 * len(shown)
+
+
+def test_a_picture_that_lies_nowhere_or_shows_nothing_is_refused_in_a_sentence(
+    tmp_path: Path, maps: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rasterio = pytest.importorskip("rasterio")
+    flat = np.full((16, 16), 200, dtype=np.uint8)
+    step = rasterio.Affine(0.001, 0.0, 179.995, 0.0, -0.001, 10.0)
+    local = 'LOCAL_CS["site",UNIT["metre",1]]'
+    for name, system, more, told in (
+        ("local", local, {}, "local.tif lies nowhere on Earth"),
+        ("beyond", "EPSG:4326", {}, "beyond.tif lies nowhere on Earth"),
+        ("cut", "EPSG:4326", {"transform": step}, "across the line of 180 degrees"),
+        ("empty", UTM, {"nodata": 200}, "has no picture that a map can show"),
+    ):
+        write_raster(tmp_path / f"{name}.tif", [flat], system, **more)
+        assert main(["map", "import", str(tmp_path / f"{name}.tif")]) == 2
+        assert told in capsys.readouterr().err
     assert not list(maps.glob("*"))
 
 

@@ -39,52 +39,98 @@ Report = Callable[[int, int], None]  # tiles done, tiles in all
 def import_geotiff(source: Path, target: Path, report: Report) -> None:
     """Import any georeferenced raster that GDAL reads, resampled to the grid of web tiles.
 
-    Raises: ConfigError: not readable, without a place, or larger than MAX_TILES.
+    Raises: ConfigError: not readable, without a place or a picture, or larger than MAX_TILES.
     """
     rasterio = _load_rasterio()
-    from rasterio.warp import calculate_default_transform, transform_bounds
-
     try:
         with warnings.catch_warnings(action="ignore"), rasterio.open(source) as raster:
-            if raster.crs is None:
-                raise ConfigError(
-                    f"{source.name} does not say where it lies (no coordinate system); give it one "
-                    "with gdal_edit.py -a_srs, or export it as GeoTIFF"
-                )
-            bounds = GeoBounds(*transform_bounds(raster.crs, DEGREES, *raster.bounds))
-            size = raster.width, raster.height
-            fine, _, _ = calculate_default_transform(raster.crs, WEB, *size, *raster.bounds)
-            last = _choose_zoom(fine.a)
+            bounds, pixel_m = _find_place(raster, source.name)
+            last = _choose_zoom(pixel_m)
             first = _choose_first_zoom(bounds, last)
-            count = _check_count(bounds, first, last)
+            count, drawn = _check_count(bounds, first, last), 0
+            colours = _read_palette(raster)
             with TileWriter(target, _make_metadata(target, bounds, first, last, "webp")) as writer:
                 for done, tile in enumerate(iterate_tiles(bounds, first, last), start=1):
-                    data = _draw_tile(raster, tile)
+                    data = _draw_tile(raster, tile, colours)
                     if data:
                         writer.put(*tile, data)
+                        drawn += 1
                     report(done, count)
+            if not drawn:
+                raise ConfigError(
+                    f"{source.name} has no picture that a map can show: every pixel is marked as "
+                    "without data, or lies beyond 85 degrees North or South"
+                )
     except rasterio.errors.RasterioError as error:
         raise ConfigError(f"cannot read {source} as a raster: {error}") from error
 
 
-def _draw_tile(raster: rasterio.DatasetReader, tile: MapTile) -> bytes:
+def _find_place(raster: rasterio.DatasetReader, name: str) -> tuple[GeoBounds, float]:
+    """Find the bounds of a raster and the side of its pixels in Web Mercator, m.
+
+    Raises: ConfigError: it does not say where it lies, or not on Earth.
+    """
+    from rasterio.warp import calculate_default_transform, transform_bounds
+
+    if raster.crs is None:
+        raise ConfigError(
+            f"{name} does not say where it lies (no coordinate system); give it one "
+            "with gdal_edit.py -a_srs, or export it as GeoTIFF"
+        )
+    try:
+        bounds = GeoBounds(*transform_bounds(raster.crs, DEGREES, *raster.bounds))
+        size = raster.width, raster.height
+        fine, _, _ = calculate_default_transform(raster.crs, WEB, *size, *raster.bounds)
+    except Exception as error:  # GDAL's errors have no common base
+        raise ConfigError(
+            f"{name} lies nowhere on Earth by its coordinate system "
+            f"({raster.crs.to_string().partition(',')[0]}) and its edges "
+            f"{', '.join(f'{edge:g}' for edge in raster.bounds)}; export it with the coordinate "
+            "system that it is in"
+        ) from error
+    if not -180.0 <= bounds.west_deg < bounds.east_deg <= 180.0:
+        raise ConfigError(
+            f"{name} lies across the line of 180 degrees of longitude; cut it there into two "
+            "pictures and import each"
+        )
+    return bounds, float(fine.a)
+
+
+def _read_palette(raster: rasterio.DatasetReader) -> Any:
+    """Read the colours (256, 4) of pixels that are numbers of colours; None of a real picture."""
+    from rasterio.enums import ColorInterp
+
+    if raster.colorinterp[0] != ColorInterp.palette or raster.dtypes[0] != "uint8":
+        return None
+    table = raster.colormap(1)
+    return np.array([table.get(number, (0, 0, 0, 0)) for number in range(256)], dtype=np.uint8)
+
+
+def _draw_tile(raster: rasterio.DatasetReader, tile: MapTile, palette: Any) -> bytes:
     """Draw a tile as WebP; empty bytes where the picture has no data."""
     from PIL import Image
-    from rasterio.enums import Resampling
+    from rasterio.enums import ColorInterp, Resampling
     from rasterio.transform import from_bounds
     from rasterio.vrt import WarpedVRT
 
     grid = {"transform": from_bounds(*tile.compute_edges_m(), TILE_PX, TILE_PX),
             "width": TILE_PX, "height": TILE_PX}  # fmt: skip
+    has_alpha = ColorInterp.alpha in raster.colorinterp
+    resampling = Resampling.bilinear if palette is None else Resampling.nearest
     with WarpedVRT(
-        raster, crs=WEB, resampling=Resampling.bilinear, add_alpha=True, **grid
+        raster, crs=WEB, resampling=resampling, add_alpha=not has_alpha, **grid
     ) as picture:
         bands = picture.read()
-    alpha = bands[-1]
+    at = raster.colorinterp.index(ColorInterp.alpha) if has_alpha else len(bands) - 1
+    alpha, others = bands[at], np.delete(bands, at, axis=0)
     if not alpha.any():
         return b""
-    colours = bands[:3] if len(bands) >= 4 else np.repeat(bands[:1], 3, axis=0)
-    rgba = np.moveaxis(np.concatenate([_to_bytes(colours), _to_bytes(alpha[None])]), 0, 2)
+    if palette is not None:
+        rgba = palette[others[0]]
+        rgba[alpha == 0] = 0
+    else:
+        colours = others[:3] if len(others) >= 3 else np.repeat(others[:1], 3, axis=0)
+        rgba = np.moveaxis(np.concatenate([_to_bytes(colours), _to_bytes(alpha[None])]), 0, 2)
     buffer = io.BytesIO()
     Image.fromarray(np.ascontiguousarray(rgba), "RGBA").save(buffer, "WEBP", quality=WEBP_QUALITY)
     return buffer.getvalue()
