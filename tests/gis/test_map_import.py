@@ -235,13 +235,17 @@ class TileServer(ThreadingHTTPServer):
 
     daemon_threads = True
     asked: list[str]
+    broken = ""  # how the addresses end whose tiles fail
 
 
 class _Answer(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         assert isinstance(self.server, TileServer)
         self.server.asked.append(self.path)
-        is_missing = self.path.endswith("/14406.png")
+        is_missing = self.path.endswith("/14412.png")
+        if self.server.broken and self.path.endswith(self.server.broken):
+            self.send_error(500)
+            return
         self.send_response(404 if is_missing else 200)
         self.end_headers()
         self.wfile.write(b"" if is_missing else png(RED))
@@ -269,11 +273,48 @@ def test_a_region_is_fetched_once_and_what_was_missing_again(
     assert main(["map", "import", url, *region]) == 0
     wanted = count_tiles(GeoBounds(72.785, 21.160, 72.790, 21.163), 14, 15)
     assert len(tiles.asked) == len(set(tiles.asked)) == wanted
-    missing = [path for path in tiles.asked if path.endswith("/14406.png")]
+    missing = [path for path in tiles.asked if path.endswith("/14412.png")]
     assert describe_map(maps / "aerial.mbtiles")["tiles"] == wanted - len(missing)
     tiles.asked.clear()
     assert main(["map", "import", url, *region]) == 0
     assert sorted(tiles.asked) == sorted(missing)
+
+
+def test_tiles_that_fail_are_counted_and_the_import_is_not_called_good(
+    server: tuple[TileServer, str], maps: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tiles, url = server
+    region = ["--bbox", "72.77,21.15,72.80,21.18", "--zoom", "14-15", "--name", "aerial"]
+    tiles.broken = "/14412.png"
+    assert main(["map", "import", url, *region]) == 1
+    told = capsys.readouterr().err
+    assert "tiles did not come: HTTP Error 500" in told and "the same command" in told
+    tiles.broken = ""
+    assert main(["map", "import", url, *region]) == 0
+    assert "the server has no tile at" in capsys.readouterr().err
+
+
+def test_an_import_without_a_tile_leaves_no_map_and_a_broken_one_can_be_listed_and_removed(
+    server: tuple[TileServer, str], maps: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tiles, url = server
+    region = ["--bbox", "72.785,21.160,72.790,21.163", "--zoom", "14-14"]
+    assert main(["map", "import", url, *region, "--name", "good"]) == 0
+    tiles.broken = ".png"
+    for template in (url, url.replace("/{z}", "/no http/{z}"), url.replace("http:", "https:")):
+        assert main(["map", "import", template, *region, "--name", "none"]) == 2
+        assert "no tile came from" in capsys.readouterr().err
+    elsewhere = ["--bbox", "10.1,50.1,10.2,50.2", "--zoom", "10-10", "--name", "good"]
+    assert main(["map", "import", url, *elsewhere]) == 2
+    assert [path.name for path in maps.iterdir()] == ["good.mbtiles"]
+    assert describe_map(maps / "good.mbtiles")["tiles"] == 1, "what was there stays"
+    capsys.readouterr()
+    (maps / "broken.mbtiles").write_bytes(b"SQLite format 3")
+    assert main(["map", "list"]) == 1
+    shown = capsys.readouterr()
+    assert shown.out.startswith("good: ") and "agribot map remove broken" in shown.err
+    assert main(["map", "remove", "broken"]) == 0
+    assert main(["map", "list"]) == 0
 
 
 @pytest.mark.parametrize(

@@ -54,21 +54,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     folder = find_home() / "maps"
+    troubles: list[str] = []
     if options.action == "import":
-        maps = [_import(options, folder)]
+        maps = [_import(options, folder, troubles)]
     elif options.action == "remove":
-        maps = [_remove(options.name, folder)]
+        maps = _remove(options.name, folder)
     else:
-        maps = [describe_map(path) for path in find_maps(folder).values()]
+        maps = _describe_all(folder, troubles)
     if options.json:
         sys.stdout.write(json.dumps(maps) + "\n")
     else:
         sys.stdout.writelines(_format_map(one) for one in maps)
-        sys.stdout.write("" if maps else f"no maps in {folder}\n")
-    return 0
+        sys.stdout.write("" if maps or troubles else f"no maps in {folder}\n")
+    sys.stderr.writelines(f"agribot map: {trouble}\n" for trouble in troubles)
+    return 1 if troubles else 0
 
 
-def _import(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
+def _describe_all(folder: Path, troubles: list[str]) -> list[dict[str, Any]]:
+    """Describe the maps; of those that are none, `troubles` says why."""
+    found = []
+    for name, path in find_maps(folder).items():
+        try:
+            found.append(describe_map(path))
+        except ConfigError as error:
+            troubles.append(f"{error}; import it again, or: agribot map remove {name}")
+    return found
+
+
+def _import(options: argparse.Namespace, folder: Path, troubles: list[str]) -> dict[str, Any]:
     from agribot.gis import map_import
 
     is_url = "://" in options.source
@@ -77,7 +90,7 @@ def _import(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
         raise ConfigError(f"--name '{name}': give one of letters, digits and . _ -, at most 63")
     target = folder / f"{name}.mbtiles"
     if is_url:
-        _import_from_server(options, target)
+        troubles += _import_from_server(options, target)
         return describe_map(target)
     source = Path(options.source)
     suffix = source.suffix.lower()
@@ -108,19 +121,25 @@ def _convert(source: Path, target: Path, convert: Any) -> dict[str, Any]:
     return describe_map(target)
 
 
-def _import_from_server(options: argparse.Namespace, target: Path) -> None:
+def _import_from_server(options: argparse.Namespace, target: Path) -> list[str]:
+    """Fetch the tiles of a server, or note where to fetch them; gives what failed."""
     from agribot.gis import map_import
 
     zooms = _parse_zooms(options.zoom)
     if options.live:
         map_import.register_server(options.source, target, zooms, options.attribution)
-    elif options.bbox is None:
+        return []
+    if options.bbox is None:
         raise ConfigError("a URL needs --bbox W,S,E,N, the region to fetch, or --live")
-    else:
-        bounds = parse_bounds(options.bbox)
-        map_import.import_from_server(
-            options.source, target, bounds, zooms, options.attribution, _show_progress
-        )
+    bounds = parse_bounds(options.bbox)
+    missing = map_import.import_from_server(
+        options.source, target, bounds, zooms, options.attribution, _show_progress
+    )
+    if missing.absent:
+        sys.stderr.write(f"the server has no tile at {missing.absent} places\n")
+    if not missing.failed:
+        return []
+    return [f"{missing.failed} tiles did not come: {missing.why}; the same command fetches them"]
 
 
 def _parse_zooms(text: str) -> tuple[int, int]:
@@ -131,11 +150,15 @@ def _parse_zooms(text: str) -> tuple[int, int]:
         raise ConfigError(f"--zoom {text}: write two numbers, as in 15-20") from error
 
 
-def _remove(name: str, folder: Path) -> dict[str, Any]:
+def _remove(name: str, folder: Path) -> list[dict[str, Any]]:
+    """Delete a map, also a broken one; gives what it was, as far as it can be told."""
     path = find_maps(folder).get(name)
     if path is None:
         raise ConfigError(f"there is no map '{name}'; see agribot map list")
-    known = describe_map(path)
+    try:
+        known = [describe_map(path)]
+    except ConfigError:
+        known = []
     path.unlink()
     return known
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import http.client
 import io
 import itertools
 import math
 import tempfile
+import urllib.error
 import urllib.request
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -33,7 +35,19 @@ MAX_TILE_BYTES = 2_000_000
 WEBP_QUALITY = 85
 AGENT = "agribot (offline maps of a field robot)"
 
+NONE_THERE = (404, 410)  # answers of a server that has no tile at an address
 Report = Callable[[int, int], None]  # tiles done, tiles in all
+
+
+class MissingTiles(NamedTuple):
+    """Tiles that did not come: `absent` the server has not, `failed` it may give another time.
+
+    `why` is what the last failure said.
+    """
+
+    absent: int
+    failed: int
+    why: str
 
 
 def import_geotiff(source: Path, target: Path, report: Report) -> None:
@@ -191,14 +205,15 @@ def import_pmtiles(source: Path, target: Path, report: Report) -> None:
 def import_from_server(
     template: str, target: Path, bounds: GeoBounds, zooms: tuple[int, int], attribution: str,
     report: Report,
-) -> None:  # fmt: skip
+) -> MissingTiles:  # fmt: skip
     """Fetch a region once; tiles that are there already are not requested again.
 
     Raises: ConfigError: no template, too many tiles, or the server does not give any.
     """
     check_template(template)
-    count, fetched, problem = _check_count(bounds, *zooms), 0, ""
+    count, absent, failed, why = _check_count(bounds, *zooms), 0, 0, ""
     metadata = {**_make_metadata(target, bounds, *zooms, ""), "attribution": attribution}
+    is_new = not target.exists()
     with TileWriter(target, metadata) as writer, ThreadPoolExecutor(PARALLEL) as pool:
         missing = (tile for tile in iterate_tiles(bounds, *zooms) if not writer.has(*tile))
         done = count - sum(not writer.has(*tile) for tile in iterate_tiles(bounds, *zooms))
@@ -208,12 +223,17 @@ def import_from_server(
                 done += 1
                 if isinstance(answer, bytes):
                     writer.put(*tile, answer)
-                    fetched += 1
+                elif getattr(answer, "code", None) in NONE_THERE:
+                    absent += 1
                 else:
-                    problem = answer
+                    failed += 1
+                why = why if isinstance(answer, bytes) else str(answer)
                 report(done, count)
-    if problem and not fetched:
-        raise ConfigError(f"no tile came from {template}: {problem}")
+    if absent + failed == count:
+        if is_new:
+            target.unlink()
+        raise ConfigError(f"no tile came from {template}: {why}")
+    return MissingTiles(absent, failed, why)
 
 
 def register_server(template: str, target: Path, zooms: tuple[int, int], attribution: str) -> None:
@@ -236,8 +256,14 @@ def fetch_tile(template: str, tile: MapTile) -> bytes:
     """
     url = template.format(z=tile.z, x=tile.x, y=tile.y)
     request = urllib.request.Request(url, headers={"User-Agent": AGENT})
-    with urllib.request.urlopen(request, timeout=TIMEOUT_S) as answer:
-        data: bytes = answer.read(MAX_TILE_BYTES + 1)
+    try:
+        with urllib.request.urlopen(request, timeout=TIMEOUT_S) as answer:
+            data: bytes = answer.read(MAX_TILE_BYTES + 1)
+    except urllib.error.HTTPError as error:
+        error.close()
+        raise
+    except http.client.HTTPException as error:  # an answer that is no HTTP, or no address
+        raise OSError(f"{url}: {type(error).__name__}: {error}") from error
     if len(data) > MAX_TILE_BYTES or not is_picture(data):
         raise ValueError(f"{url} gave {len(data)} bytes that are no picture of a tile")
     return data
@@ -260,11 +286,11 @@ def check_template(template: str) -> None:
         )
 
 
-def _try_fetch(template: str, tile: MapTile) -> bytes | str:
+def _try_fetch(template: str, tile: MapTile) -> bytes | Exception:
     try:
         return fetch_tile(template, tile)
     except (OSError, ValueError) as error:
-        return str(error)
+        return error
 
 
 def _choose_zoom(pixel_m: float) -> int:
