@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
-from rosbags import rosbag1
+from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import get_types_from_msg
 
@@ -16,8 +17,9 @@ from agribot.cli.main import main
 from agribot.core import topics
 from agribot.core.errors import RecordingError
 from agribot.record.bag.convert import convert
-from agribot.record.bag.definitions import make_ros1_store
+from agribot.record.bag.definitions import make_ros1_store, ros2_store
 from agribot.record.bag.info import read_info
+from agribot.record.bag.opening import open_bag
 from agribot.record.mcap_file import McapFile
 from agribot.ros.messages import rosmsg
 from tests import nightly
@@ -186,6 +188,43 @@ def test_a_rosbag2_folder_without_its_metadata_is_read(tmp_path: Path) -> None:
     info = read_info(tmp_path / "bag")
     assert info.messages == 50
     assert any("metadata.yaml is missing" in note for note in info.notes)
+
+
+def test_the_files_of_a_folder_are_read_in_the_order_of_their_times(tmp_path: Path) -> None:
+    """By name the eleventh comes before the second."""
+    folder, store = tmp_path / "drive", ros2_store()
+    folder.mkdir()
+    for part in range(12):
+        with rosbag2.Writer(tmp_path / "part", version=9, storage_plugin=StoragePlugin.MCAP) as one:
+            fix = one.add_connection("/fix", "sensor_msgs/msg/NavSatFix", typestore=store)
+            t_ns = samples.START_NS + part * samples.STEP_NS
+            message = samples.nav_sat_fix(store, t_ns)
+            one.write(fix, t_ns, store.serialize_cdr(message, fix.msgtype))
+        (tmp_path / "part" / "part.mcap").rename(folder / f"drive_{part}.mcap")
+        shutil.rmtree(tmp_path / "part")
+    with open_bag(folder) as bag:
+        times_ns = [message.log_ns for message in bag.messages()]
+    assert len(times_ns) == 12 and times_ns == sorted(times_ns)
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+@pytest.mark.parametrize("mode", list(rosbag2.CompressionMode)[1:])
+def test_a_compressed_rosbag2_folder_is_read(
+    tmp_path: Path, plugin: StoragePlugin, mode: rosbag2.CompressionMode
+) -> None:
+    if (plugin, mode) == (StoragePlugin.SQLITE3, rosbag2.CompressionMode.STORAGE):
+        return  # there is no such file
+    store = ros2_store()
+    writer = rosbag2.Writer(tmp_path / "bag", version=9, storage_plugin=plugin)
+    writer.set_compression(mode, rosbag2.CompressionFormat.ZSTD)
+    with writer:
+        fix = writer.add_connection("/fix", "sensor_msgs/msg/NavSatFix", typestore=store)
+        for index in range(5):
+            t_ns = samples.START_NS + index * samples.STEP_NS
+            message = samples.nav_sat_fix(store, t_ns)
+            writer.write(fix, t_ns, store.serialize_cdr(message, fix.msgtype))
+    values = samples.values(tmp_path / "bag")["/fix"]
+    assert [value["latitude"] for _, value in values] == [49.5] * 5
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from agribot.record.mcap_records import MAGIC
 
 _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _SQLITE_MAGIC = b"SQLite format 3\x00"
+# Of a metadata.yaml: each message is compressed by itself, of which the files say nothing.
+_MESSAGES_COMPRESSED = re.compile(r"(?im)^\s*compression_mode:\s*['\"]?message\b")
 
 
 @contextlib.contextmanager
@@ -29,6 +32,17 @@ def open_bag(path: Path) -> Iterator[Bag]:
         yield bag
     finally:
         bag.close()
+
+
+def check_target(source: Path, target: Path, what: str) -> None:
+    """Refuse to write over the recording that is read, or a file of its folder.
+
+    Raises: RecordingError: the target is part of it; `what` would replace it.
+    """
+    if target.exists() and target.resolve().is_relative_to(source.resolve()):
+        raise RecordingError(
+            f"{target} is the recording itself, which the {what} would replace; choose another name"
+        )
 
 
 def _open(path: Path) -> Bag:
@@ -67,14 +81,17 @@ def _open_folder(path: Path) -> Bag:
         raise RecordingError(f"{path} is an empty folder; give a rosbag2 folder or a file")
     if (path / "metadata.yaml").exists():
         databases = [file for file in path.iterdir() if file.suffix == ".mcap"]
-        if not databases:
+        about = (path / "metadata.yaml").read_text("utf-8", "replace")
+        if not databases or _MESSAGES_COMPRESSED.search(about):
             return RosbagsBag(path)
-    parts = sorted(file for file in path.iterdir() if file.suffix in (".mcap", ".db3"))
-    if not parts:
+    files = sorted(file for file in path.iterdir() if file.suffix in (".mcap", ".db3"))
+    if not files:
         raise RecordingError(
             f"{path} is no rosbag2 folder: it holds neither metadata.yaml nor .mcap or .db3 files"
         )
-    return FolderBag(path, [_open(part) for part in parts])
+    # By their times: the tenth file of a recorder comes before the second by name.
+    parts = sorted((_open(file) for file in files), key=lambda part: part.times_ns or (0, 0))
+    return FolderBag(path, parts)
 
 
 def _read_start(path: Path) -> bytes:

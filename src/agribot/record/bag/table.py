@@ -12,7 +12,7 @@ import numpy as np
 
 from agribot.core.errors import RecordingError
 from agribot.core.whole_file import make_at_once
-from agribot.record.bag.opening import open_bag
+from agribot.record.bag.opening import check_target, open_bag
 from agribot.record.bag.source import Bag, BagTopic
 
 _WIDEST = 64  # longer arrays stay in one column, as JSON
@@ -25,10 +25,7 @@ def write_table(source: Path, topic_name: str, target: Path) -> int:
     ones, are JSON in one column. An earlier table stays until the new one is whole.
     Raises: RecordingError: no such topic, no ROS messages, or the target is the recording itself.
     """
-    if target.exists() and target.resolve().is_relative_to(source.resolve()):
-        raise RecordingError(
-            f"{target} is the recording itself, which the table would replace; choose another name"
-        )
+    check_target(source, target, "table")
     with open_bag(source) as bag:
         topic = bag.find(topic_name)
         if not bag.knows(topic):
