@@ -130,10 +130,12 @@ def _format_losses(result: ConvertResult) -> list[str]:
 
 
 def _export_track(options: argparse.Namespace) -> int:
+    from agribot.record.bag.opening import check_target
     from agribot.record.bag.track import SUFFIXES, encode_track, read_track
 
     if options.out.suffix not in SUFFIXES:
         raise RecordingError(f"{options.out} is no track file; end it in {', '.join(SUFFIXES)}")
+    check_target(options.recording, options.out, "track")
     track = read_track(options.recording, options.topic)
     write_file(options.out, encode_track(track, options.out.suffix, options.recording.stem))
     result = {

@@ -15,6 +15,7 @@ from agribot.core.geo import Datum, MapFrame, compass_deg_from_yaw
 from agribot.core.messages import FloatArray
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag, BagTopic
+from agribot.record.bag.track import is_on_earth
 from agribot.record.frames_path import read_frames_path
 from agribot.ros.messages.fixes import GPSFIXES, NAVSATFIX
 from agribot.ros.messages.utm import ODOMETRY
@@ -62,6 +63,11 @@ class ForeignData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 _Extract = Callable[[Any], float | tuple[float, ...] | None]
 
 
+def _get_time(row: tuple[float, ...]) -> float:
+    """Of a recorder that wrote its messages in another order than they came."""
+    return row[0]
+
+
 class _Collector:
     def __init__(self) -> None:
         self.rules: dict[int, list[tuple[str, str, _Extract]]] = {}
@@ -72,7 +78,7 @@ class _Collector:
 
     def lines(self, plot: str) -> tuple[PlotLine, ...]:
         return tuple(
-            PlotLine(label=label, points=np.array(rows, dtype=float).reshape(len(rows), -1))
+            PlotLine(label=label, points=np.array(sorted(rows, key=_get_time), dtype=float))
             for (kind, label), rows in self.rows.items()
             if kind == plot and rows
         )
@@ -194,7 +200,7 @@ class _Places:
         self._frame: MapFrame | None = None
 
     def __call__(self, fix: Any) -> tuple[float, float] | None:
-        if fix.status.status < 0 or not math.isfinite(fix.latitude + fix.longitude):
+        if fix.status.status < 0 or not is_on_earth(fix.latitude, fix.longitude):
             return None
         alt_m = fix.altitude if math.isfinite(fix.altitude) else 0.0
         if self._frame is None:

@@ -8,12 +8,14 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from rosbags import rosbag1
 
 from agribot.cli.main import main
 from agribot.core import topics
 from agribot.core.config import load
 from agribot.core.geo import MapFrame
 from agribot.record.bag import table
+from agribot.record.bag.definitions import ros1_store
 from agribot.record.bag.track import read_track
 from tests.record.bag import bag_samples as samples
 
@@ -131,3 +133,22 @@ def test_a_table_is_never_written_over_its_recording(
         assert main(["bag", "csv", str(bag), "/fix", "-o", str(out)]) == 2
         assert "is the recording itself" in capsys.readouterr().err
     assert bag.read_bytes() == before
+
+
+def test_a_track_is_never_written_over_its_recording_and_leaves_out_what_is_no_place(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording, store = tmp_path / "drive.csv", ros1_store()
+    with rosbag1.Writer(recording) as writer:
+        fix = writer.add_connection("/fix", "sensor_msgs/msg/NavSatFix", typestore=store)
+        for index, lat_deg in enumerate((49.5, 500.0, 49.6)):
+            t_ns = samples.START_NS + index * samples.STEP_NS
+            message = samples.nav_sat_fix(store, t_ns, lat_deg, seq=index)
+            writer.write(fix, t_ns, store.serialize_ros1(message, fix.msgtype))
+    before = recording.read_bytes()
+    assert main(["bag", "track", str(recording), "-o", str(recording)]) == 2
+    assert "is the recording itself" in capsys.readouterr().err
+    assert recording.read_bytes() == before
+    track = read_track(recording)
+    assert [point.lat_deg for point in track.points] == [49.5, 49.6]
+    assert track.without_fix == 1

@@ -59,14 +59,18 @@ def read_track(path: Path, topic_name: str = "") -> GeoTrack:
     with open_bag(path) as bag:
         topic = bag.find(topic_name) if topic_name else _find_topic(bag)
         point_of = _choose_reader(bag, topic)
-        points, missing = [], 0
-        for message in bag.messages(frozenset({topic.name})):
-            point = point_of(bag.value(message))
-            if point is None:
-                missing += 1
-            else:
-                points.append(point)
-        return GeoTrack(topic=topic.name, points=tuple(points), without_fix=missing)
+        found = [
+            (message.log_ns, point_of(bag.value(message)))
+            for message in bag.messages(frozenset({topic.name}))
+        ]
+        found.sort(key=lambda each: each[0])  # a recorder may write them in another order
+        points = tuple(point for _, point in found if point is not None)
+        return GeoTrack(topic=topic.name, points=points, without_fix=len(found) - len(points))
+
+
+def is_on_earth(lat_deg: float, lon_deg: float) -> bool:
+    """Tell whether degrees, which another program may have left unset, are a place."""
+    return abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0
 
 
 def encode_track(track: GeoTrack, suffix: str, name: str) -> bytes:
@@ -108,7 +112,7 @@ def _choose_reader(bag: Bag, topic: BagTopic) -> Callable[[Any], TrackPoint | No
 
 
 def _read_fix(fix: Any) -> TrackPoint | None:
-    if fix.status.status < 0 or not (math.isfinite(fix.latitude) and math.isfinite(fix.longitude)):
+    if fix.status.status < 0 or not is_on_earth(fix.latitude, fix.longitude):
         return None
     if is_nowhere(fix.latitude, fix.longitude):
         return None
