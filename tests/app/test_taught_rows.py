@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from rosbags import rosbag2
+from rosbags.rosbag2 import StoragePlugin
 
 from agribot.app.simulated_run import simulate
 from agribot.app.taught_rows import (
@@ -26,6 +28,8 @@ from agribot.core.messages import FloatArray, OperatorEvent
 from agribot.core.pose import Pose2
 from agribot.gis.drawn_field import SIMPLIFIED_M
 from agribot.gis.field_file import read_field
+from agribot.record.bag.definitions import ros2_store
+from tests.record.bag.bag_samples import START_NS, nav_sat_fix
 
 DATUM = Datum(lat_deg=21.0, lon_deg=72.0)
 
@@ -81,7 +85,7 @@ def test_a_recorded_drive_becomes_a_field_whose_line_keeps_to_its_track(
     out = tmp_path / "field.geojson"
     assert main(["plan", "teach", str(run), "--out", str(out), "--json"]) == 0
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["rows"] == 1
-    text, _ = teach_rows(run / "run.mcap")
+    text, _, _ = teach_rows(run / "run.mcap")
     assert text == out.read_text()
     area, _ = read_field(out, load("rows-10x12").field.datum)
     line = shapely.LineString(area.rows[0])
@@ -96,3 +100,55 @@ def test_what_is_no_recording_is_refused_in_a_line(tmp_path: Path) -> None:
     missing = str(tmp_path / "nothing.mcap")
     assert main(["plan", "teach", missing, "--out", str(tmp_path / "x.geojson")]) == 2
     assert main(["plan", "teach", missing]) == 2
+
+
+def write_fixes(folder: Path, places: list[tuple[float, float]], order: list[int]) -> None:
+    """A rosbag2 folder of fixes (latitude, longitude), one a second, written in another order."""
+    store = ros2_store()
+    with rosbag2.Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topic = writer.add_connection("/gps/fix", "sensor_msgs/msg/NavSatFix", typestore=store)
+        for index in order:
+            t_ns = START_NS + index * 10**9
+            message = nav_sat_fix(store, t_ns, *places[index])
+            writer.write(topic, t_ns, store.serialize_cdr(message, topic.msgtype))
+
+
+def test_wrong_fixes_of_another_robot_are_left_out_of_its_rows_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first of a receiver that knows nothing yet, and one that is 700 m off."""
+    row = [(48.0 + 5e-6 * k, 11.0) for k in range(40)]
+    places = [(0.0, 0.0), (0.0, 0.0), *row]
+    places[20] = (places[20][0], 11.01)
+    write_fixes(tmp_path / "foreign", places, list(range(len(places))))
+    out = tmp_path / "field.geojson"
+    assert main(["plan", "teach", str(tmp_path / "foreign"), "--out", str(out)]) == 0
+    assert "warning: 2 fixes are left out" in capsys.readouterr().err
+    area, _ = read_field(out)
+    assert shapely.Polygon(area.boundary).area < 100.0, "no corridor to where nobody drove"
+    assert sum(shapely.LineString(line).length for line in area.rows) > 20.0
+
+
+def test_fixes_that_a_recorder_wrote_out_of_order_are_taught_in_theirs(tmp_path: Path) -> None:
+    row = [(48.0 + 5e-6 * k, 11.0) for k in range(40)]
+    order = [k for k in range(40) if k % 3] + list(range(0, 40, 3))
+    write_fixes(tmp_path / "foreign", row, order)
+    out = tmp_path / "field.geojson"
+    assert main(["plan", "teach", str(tmp_path / "foreign"), "--out", str(out)]) == 0
+    area, _ = read_field(out)
+    (line,) = area.rows
+    assert len(line) == 2 and shapely.LineString(line).length == pytest.approx(21.7, abs=0.3)
+
+
+def test_a_field_is_never_written_over_its_recording_nor_under_the_name_of_another_format(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_fixes(tmp_path / "foreign", [(48.0 + 5e-6 * k, 11.0) for k in range(40)], [*range(40)])
+    (recording,) = (tmp_path / "foreign").glob("*.mcap")
+    drive = recording.rename(tmp_path / "drive.json")
+    before = drive.read_bytes()
+    assert main(["plan", "teach", str(drive), "--out", str(drive)]) == 2
+    assert "is the recording itself" in capsys.readouterr().err
+    assert main(["plan", "teach", str(drive), "--out", str(tmp_path / "field.kml")]) == 2
+    assert "agribot plan convert" in capsys.readouterr().err
+    assert drive.read_bytes() == before and not (tmp_path / "field.kml").exists()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
+from statistics import median_low
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +21,9 @@ from agribot.gis.drawn_field import DrawnRow, format_drawn_field
 STEP_M = 0.05  # between points of a track; a robot that stands adds none
 # What bends more, over so much way, is a turn and no row; shorter stretches are none either.
 TURN_RADPM, BEND_OVER_M, SHORTEST_M = 0.25, 1.0, 2.0
+# Nothing drives faster that teaches rows: between two fixes one of them is wrong. Stamps that do
+# not go on are taken for as far apart as those of a quick receiver.
+MOST_MPS, LEAST_STEP_S = 15.0, 0.1
 
 
 class DrivenTrack(NamedTuple):
@@ -26,21 +31,37 @@ class DrivenTrack(NamedTuple):
 
     `marks_s` are when its driver marked the beginnings and the ends of rows. `unsure_m` is how far
     from an edge the fence would have kept the robot; nothing, where only its fixes are known.
+    `left_out` fixes lie where no robot could have driven between the others.
     """
 
     points: FloatArray
     marks_s: tuple[float, ...]
     datum: Datum
     unsure_m: float = 0.0
+    left_out: int = 0
 
 
-def teach_rows(recording: Path) -> tuple[str, int]:
-    """Make the text of a field file of a drive, and count its rows.
+class TaughtField(NamedTuple):
+    """The text of a field file, its rows, and how many fixes were left out as wrong."""
+
+    text: str
+    rows: int
+    left_out: int
+
+
+def find_drive(recording: Path) -> Path:
+    """Find the recording of a run by its folder; a rosbag2 folder or a file is one itself."""
+    found = find_recording(recording)
+    return found if found.exists() else recording
+
+
+def teach_rows(recording: Path) -> TaughtField:
+    """Make a field file of a drive.
 
     Rows run from one mark to the next; without marks, every stretch is one on which the robot
     did not turn. Raises: AgribotError: not a recording, or one without a row.
     """
-    path = find_recording(recording)
+    path = find_drive(recording)
     track = _read(path)
     stretches = split_by_marks(track) if track.marks_s else split_by_turns(track.points)
     if not stretches:
@@ -50,7 +71,7 @@ def teach_rows(recording: Path) -> tuple[str, int]:
         )
     rows = [_draw(stretch) for stretch in stretches]
     text = format_drawn_field(rows, track.points[:, 1:3], track.datum, track.unsure_m)
-    return text, len(rows)
+    return TaughtField(text, len(rows), track.left_out)
 
 
 def split_by_marks(track: DrivenTrack) -> list[FloatArray]:
@@ -96,6 +117,24 @@ def split_by_turns(points: FloatArray) -> list[FloatArray]:
     ]  # fmt: skip
 
 
+def keep_driven(points: FloatArray) -> FloatArray:
+    """Leave out points of a track, (N, 4), from which no robot could drive to the most others."""
+    jumps = [not _is_drivable(a, b) for a, b in pairwise(points)]
+    runs = np.split(points, np.flatnonzero(jumps) + 1)
+    longest = max(range(len(runs)), key=lambda k: len(runs[k]))
+    kept = [runs[longest]]
+    for run in runs[longest + 1 :]:
+        kept += [run] if _is_drivable(kept[-1][-1], run[0]) else []
+    for run in reversed(runs[:longest]):
+        kept = [run, *kept] if _is_drivable(run[-1], kept[0][0]) else kept
+    return np.concatenate(kept)
+
+
+def _is_drivable(a: FloatArray, b: FloatArray) -> bool:
+    step_s = max(abs(b[0] - a[0]), LEAST_STEP_S)
+    return math.dist(a[1:3], b[1:3]) <= MOST_MPS * step_s
+
+
 def _draw(stretch: FloatArray) -> DrawnRow:
     known = stretch[np.isfinite(stretch[:, 3]), 3]
     std_m = math.sqrt(float(np.mean(known**2))) if len(known) else math.nan
@@ -137,13 +176,20 @@ def _read_fixes(path: Path) -> DrivenTrack:
     fixes = read_track(path).points
     if not fixes:
         raise MissionError(f"{path} has no fix; nothing is known of where the robot drove")
-    datum = Datum(lat_deg=fixes[0].lat_deg, lon_deg=fixes[0].lon_deg, alt_m=fixes[0].alt_m)
+    # Any of the places will do, but for that of a receiver that did not know it yet.
+    datum = Datum(
+        lat_deg=median_low(fix.lat_deg for fix in fixes),
+        lon_deg=median_low(fix.lon_deg for fix in fixes),
+        alt_m=median_low(fix.alt_m for fix in fixes),
+    )
     frame, points = MapFrame(datum), list[tuple[float, float, float, float]]()
     for fix in fixes:
         x_m, y_m, _ = frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m)
         if _has_moved(points, x_m, y_m):
             points.append((fix.t_s, x_m, y_m, math.nan if fix.std_m is None else fix.std_m))
-    return DrivenTrack(_make_table(points, path), (), datum)
+    table = _make_table(points, path)
+    driven = keep_driven(table)
+    return DrivenTrack(driven, (), datum, left_out=len(table) - len(driven))
 
 
 def _has_moved(points: Sequence[tuple[float, ...]], x_m: float, y_m: float) -> bool:

@@ -157,19 +157,26 @@ def _convert(options: argparse.Namespace) -> int:
 
 
 def _teach(options: argparse.Namespace) -> int:
-    from agribot.app.taught_rows import teach_rows
+    from agribot.app.taught_rows import find_drive, teach_rows
+    from agribot.record.bag.opening import check_target
 
     if options.file is None or options.out is None:
         raise MissionError("give both: agribot plan teach runs/by-hand --out field.geojson")
-    text, rows = teach_rows(Path(options.file))
-    if not _write_map(Path(options.out), text):
+    recording, out = Path(options.file), Path(options.out)
+    check_target(find_drive(recording), out, "field")
+    taught = teach_rows(recording)
+    if not _write_map(out, taught.text):
         sys.stderr.write(
-            f"note: {options.out} has the lines alone; only GeoJSON keeps the margin that plans "
-            "need here\n"
+            f"note: {out} has the lines alone; only GeoJSON keeps the margin that plans need here\n"
         )
-    sys.stderr.write(f"{options.out}: {rows} rows\n")
+    sys.stderr.write(f"{out}: {taught.rows} rows\n")
+    if taught.left_out:
+        sys.stderr.write(
+            f"warning: {taught.left_out} fixes are left out: nothing drives so fast as from the "
+            "others to them; check the field before it is driven\n"
+        )
     if options.json:
-        result = {"path": options.out, "rows": rows}
+        result = {"path": options.out, "rows": taught.rows, "left_out": taught.left_out}
         sys.stdout.write(msgspec.json.encode(result).decode() + "\n")
     return 0
 
