@@ -50,6 +50,18 @@ def test_a_file_needs_to_name_only_what_it_changes(tmp_path: Path) -> None:
     assert config.estimate == RunConfig().estimate
 
 
+def test_a_file_with_the_mark_and_line_ends_of_windows_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    path.write_bytes("\ufeffseed = 3\r\n[mission]\r\nspeed_mps = 0.3\r\n".encode())
+    config = load(str(path))
+    assert (config.seed, config.mission.speed_mps) == (3, 0.3)
+
+
+def test_settings_of_a_file_are_called_by_its_name_unless_it_says_another(tmp_path: Path) -> None:
+    assert load(write(tmp_path, "seed = 3\n")).profile == "mine"
+    assert load(write(tmp_path, 'profile = "east field"\n')).profile == "east field"
+
+
 def test_every_default_lies_in_its_own_range() -> None:
     """Struct defaults are not validated when the struct is made; a round trip does it."""
     assert msgspec.convert(msgspec.to_builtins(RunConfig()), RunConfig) == RunConfig()
@@ -113,6 +125,12 @@ def test_a_whole_group_can_be_set_as_an_inline_table() -> None:
         ("mission.speed_mps", "write it as key.subkey=value"),
         ("=3", "write it as key.subkey=value"),
         ("seed.low=3", "'seed' is a value, not a group"),
+        (
+            'safety.must_report=["redbutton"]',
+            "did you mean 'red button'?; known: red button, bumper",
+        ),
+        ('safety.must_report="red button"', "expected `array | null`, got `str`"),
+        ("profile=beet", "a name and no setting; begin with that profile instead"),
     ],
 )
 def test_a_bad_setting_is_refused_with_key_value_and_limit(setting: str, told: str) -> None:

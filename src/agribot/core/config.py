@@ -261,7 +261,8 @@ class SimConfig(Config, frozen=True):
 class RunConfig(Config, frozen=True):
     """All settings of one run; `config.toml` of the output folder holds them resolved."""
 
-    profile: str = "farm"  # the settings that a run begins with: a packaged name or a TOML file
+    # What these settings are called in reports and folders; a command is given them by its PROFILE.
+    profile: str = "farm"
     # Of all randomness; up to what TOML and JSON readers take.
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
     # What drives: `sim`, `firmware`, `hardware`, a registered platform, or module:function.
@@ -300,10 +301,18 @@ def list_profiles() -> list[str]:
 def load(profile: str, settings: Iterable[str] = ()) -> RunConfig:
     """Read a packaged profile or a TOML file and apply `a.b=c` settings in order.
 
+    A file that does not say how its settings are called is called by its name.
+
     Raises: ConfigError: unknown profile or key, a value of the wrong type or out of range.
     """
     source, tree = _read_profile(profile)
     for setting in settings:
+        key, _, name = (part.strip() for part in setting.partition("="))
+        if key == "profile":
+            raise ConfigError(
+                f"--set {setting}: it would change a name and no setting; begin with that profile "
+                f"instead, as in: agribot run {name}"
+            )
         assign(tree, setting)
         source = f"{source} --set {setting}"
     return from_tree(tree, source)
@@ -318,7 +327,7 @@ def _read_profile(profile: str) -> tuple[str, dict[str, Any]]:
     if path.suffix == ".toml":
         if not path.is_file():
             raise ConfigError(f"profile file {profile} does not exist; check the path")
-        return profile, read_toml(path)
+        return profile, {"profile": path.stem, **read_toml(path)}
     if profile not in list_profiles():
         raise ConfigError(
             f"unknown profile '{profile}'{suggest_name(profile, list_profiles())}; "
@@ -378,7 +387,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises: ConfigError: no such file, or not TOML in UTF-8.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # as editors of Windows begin a file
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}; check the path") from error
     except UnicodeDecodeError as error:
@@ -434,13 +443,22 @@ def check_keys(tree: Mapping[str, Any], struct: type[msgspec.Struct], source: st
                 f"known here: {', '.join(known)}"
             )
         kind = known[key]
-        if get_origin(kind) is Literal and value not in get_args(kind):
-            raise ConfigError(
-                f"{source}: {where} = {value!r}{suggest_name(str(value), list(get_args(kind)))}; "
-                f"known: {', '.join(get_args(kind))}"
-            )
+        words = _find_words(kind)
+        for word in value if isinstance(value, list) else [value]:
+            if words and word not in words and (get_origin(kind) is Literal or value is not word):
+                raise ConfigError(
+                    f"{source}: {where} = {value!r}{suggest_name(str(word), words)}; "
+                    f"known: {', '.join(words)}"
+                )
         if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
             check_keys(value, kind, source, where)
+
+
+def _find_words(kind: Any) -> list[str]:
+    """List the words that a setting may be, or that may stand in its list; none of numbers."""
+    if get_origin(kind) is Literal:
+        return list(get_args(kind))
+    return [word for inner in get_args(kind) for word in _find_words(inner)]
 
 
 def drop_none(tree: dict[str, Any]) -> dict[str, Any]:
