@@ -13,7 +13,7 @@ from agribot.app.calibration.robot_file import RobotFile
 from agribot.cli.run_settings import add_setting_arguments, read_settings
 from agribot.core import config
 from agribot.core.config import CalibrationConfig
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, DescriptionError
 from agribot.description.loader import load_robot
 
 
@@ -55,6 +55,20 @@ def test_a_run_believes_the_file_and_an_option_more(
     assert read_settings(parser.parse_args(words)).calibration.wheel_radius_m == 0.088
     other = read_settings(parser.parse_args(["farm", "--robot", "other"]))
     assert other.calibration.wheel_radius_m is None
+
+
+@pytest.mark.parametrize(
+    "measured",
+    [
+        CalibrationConfig(wheel_radius_m=9.8),
+        CalibrationConfig(wheel_radius_m=0.001),
+        CalibrationConfig(yaw_multiplier=20.0),
+    ],
+)
+def test_wheels_that_cannot_be_those_of_the_robot_are_refused(measured: CalibrationConfig) -> None:
+    """A radius in centimetres or inches would make the wheels turn many times too fast."""
+    with pytest.raises(DescriptionError, match=r"by its description, and measured it can be"):
+        apply_calibration(load_robot(), measured)
 
 
 def test_the_antenna_moves_and_nothing_else() -> None:

@@ -10,13 +10,20 @@ from agribot.core.errors import DescriptionError
 from agribot.core.geo import inverse, rotation_from_rpy, rpy_from_rotation
 from agribot.core.robot import Joint, Origin, RobotSpec
 
+# Wear and load change a wheel by some percent: so much more is another unit, or another robot, and
+# the wheels would turn as many times too fast.
+MOST_RADIUS_RATIO, MOST_YAW_RATIO = 2.0, 4.0
+
 
 def apply_calibration(robot: RobotSpec, measured: CalibrationConfig) -> RobotSpec:
     """Return the robot with the measured geometry; the same where nothing was measured.
 
-    Raises: DescriptionError: an antenna or a camera that is measured but hangs on no joint.
+    Raises: DescriptionError: an antenna or a camera that is measured but hangs on no joint, or
+    wheels that cannot be those of the description.
     """
     drive = robot.drive
+    _check_ratio(robot, "wheel_radius_m", measured, MOST_RADIUS_RATIO)
+    _check_ratio(robot, "yaw_multiplier", measured, MOST_YAW_RATIO)
     if measured.wheel_radius_m is not None:
         drive = msgspec.structs.replace(drive, wheel_radius_m=measured.wheel_radius_m)
     if measured.yaw_multiplier is not None:
@@ -26,6 +33,16 @@ def apply_calibration(robot: RobotSpec, measured: CalibrationConfig) -> RobotSpe
     if measured.antenna_m is not None:
         robot = _move_antenna(robot, measured.antenna_m)
     return _move_camera(robot, measured)
+
+
+def _check_ratio(robot: RobotSpec, name: str, measured: CalibrationConfig, most: float) -> None:
+    value, described = getattr(measured, name), getattr(robot.drive, name)
+    if value is not None and not 1.0 / most <= value / described <= most:
+        raise DescriptionError(
+            f"calibration.{name} = {value:g}: that of robot '{robot.name}' is {described:g} by its "
+            f"description, and measured it can be {described / most:g} to {described * most:g}; "
+            "measure it again (agribot calibrate drive), or mend the description"
+        )
 
 
 def _move_antenna(robot: RobotSpec, antenna_m: tuple[float, float]) -> RobotSpec:
