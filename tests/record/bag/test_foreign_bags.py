@@ -190,6 +190,19 @@ def test_a_rosbag2_folder_without_its_metadata_is_read(tmp_path: Path) -> None:
     assert any("metadata.yaml is missing" in note for note in info.notes)
 
 
+def test_messages_of_a_big_endian_computer_become_a_ros_1_bag(tmp_path: Path) -> None:
+    store = ros2_store()
+    with rosbag2.Writer(tmp_path / "big", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        fix = writer.add_connection("/fix", "sensor_msgs/msg/NavSatFix", typestore=store)
+        message = samples.nav_sat_fix(store, samples.START_NS)
+        data = store.serialize_cdr(message, fix.msgtype, little_endian=False)
+        writer.write(fix, samples.START_NS, data)
+    result = convert(tmp_path / "big", tmp_path / "big.bag")
+    assert (result.messages_out, result.skipped) == (1, {})
+    ((_, value),) = samples.values(tmp_path / "big.bag")["/fix"]
+    assert value["latitude"] == 49.5
+
+
 def test_the_files_of_a_folder_are_read_in_the_order_of_their_times(tmp_path: Path) -> None:
     """By name the eleventh comes before the second."""
     folder, store = tmp_path / "drive", ros2_store()

@@ -86,7 +86,9 @@ def make_transcoder(
         if from_ros2 == to_ros2:
             return bytes
         if from_ros2:
-            return lambda data: bytes(source.cdr_to_ros1(data, source_type))
+            return lambda data: bytes(
+                source.cdr_to_ros1(_make_little_endian(source, source_type, data), source_type)
+            )
         return lambda data: bytes(target.ros1_to_cdr(data, target_type))
     cache: dict[str, object] = {}
 
@@ -96,6 +98,13 @@ def make_transcoder(
         return serialize(target, target_type, to_ros2, moved)
 
     return migrate
+
+
+def _make_little_endian(store: Typestore, ros_type: str, data: bytes) -> bytes:
+    """Turn a message around that a big-endian computer wrote; others stay as they are."""
+    if data[1:2] != b"\0":
+        return data
+    return serialize(store, ros_type, True, deserialize(store, ros_type, True, data))
 
 
 def deserialize(store: Typestore, ros_type: str, is_ros2: bool, data: bytes) -> Any:
