@@ -22,6 +22,7 @@ from agribot.core.messages import (
 from agribot.drivers.corrections import CorrectionLink
 from agribot.drivers.line_watch import MANY, WITHIN_S, LineWatch, make_note
 from agribot.drivers.ntrip import Caster
+from agribot.drivers.rtcm import RtcmMessage
 from agribot.record.recorder import RunRecorder
 from agribot.ui import wire
 from agribot.ui.receiver_view import MOST_SHOWN, STATUS_LATE_S, ReceiverView
@@ -161,7 +162,7 @@ def test_a_caster_that_gives_nothing_is_told_with_the_reason_and_forgotten_once_
     view(SensorBatch(t_s=1.0, events=(make_note(1.0, text, is_fault=not is_good),)))
     shown = view.show()
     assert (shown.caster_state, shown.correction_trouble) == ("failed", text)
-    link._take(1005, b"")  # as from a caster that answers at last
+    link._take(RtcmMessage(1077, b""))  # as from a caster that answers at last
     text, is_good = told[-1]
     view(SensorBatch(t_s=2.0, events=(make_note(2.0, text, is_fault=not is_good),)))
     shown = view.show()

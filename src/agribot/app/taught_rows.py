@@ -132,7 +132,7 @@ def keep_driven(points: FloatArray) -> FloatArray:
 
 def _is_drivable(a: FloatArray, b: FloatArray) -> bool:
     step_s = max(abs(b[0] - a[0]), LEAST_STEP_S)
-    return math.dist(a[1:3], b[1:3]) <= MOST_MPS * step_s
+    return bool(math.dist(a[1:3], b[1:3]) <= MOST_MPS * step_s)
 
 
 def _draw(stretch: FloatArray) -> DrawnRow:
