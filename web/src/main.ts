@@ -93,23 +93,20 @@ async function boot(): Promise<void> {
   }
   const off = new Set((new URLSearchParams(location.search).get('off') ?? '').split(','))
   const app = new App(store, link, session, toasts, dialogs, off)
+  const main = el('main', { class: 'main', id: 'main' })
+  const content = el('div', { class: 'content' }, new Banners(app, main).node, main)
+  shell.append(el('h1', { class: 'visually-hidden' }, 'AGRIBOT operator page'), new StatusBar(app).node, content)
+  store.on('channel', () => void app.loadWorld())
+  store.on('field', () => void app.loadWorld())
+  tellRefusals(store, toasts)
+  link.start() // whatever the screens still have to ask for, STOP and what it needs are there by now
   const extras = await api.panels().catch(() => [])
   const screens = extras.some((panel) => panel.kind !== 'layer' && panel.kind !== 'listener')
     ? [...SCREENS, panels]
     : SCREENS
-  const main = el('main', { class: 'main', id: 'main' })
   const router = new Router(app, screens, main)
-  shell.append(
-    el('h1', { class: 'visually-hidden' }, 'AGRIBOT operator page'),
-    new StatusBar(app).node,
-    router.nav,
-    el('div', { class: 'content' }, new Banners(app, main).node, main),
-  )
+  content.before(router.nav)
   installHooks(app, router)
-  store.on('channel', () => void app.loadWorld())
-  store.on('field', () => void app.loadWorld())
-  tellRefusals(store, toasts)
-  link.start()
   await app.loadWorld()
   await router.show()
 }

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import BrowserContext, Page, expect
 
 from agribot.ui import wire
 from tests.ui.page.conftest import (
@@ -15,6 +15,7 @@ from tests.ui.page.conftest import (
     PLUG_IN,
     SCREENS,
     UNPLUG,
+    WITHOUT_GL,
     OpenPage,
     arm,
     drag_pad,
@@ -80,6 +81,17 @@ def test_stop_works_above_a_dialog_without_the_seat(
     page.locator(".operator").click()
     expect(page.get_by_role("dialog")).to_be_visible()
     assert page.evaluate(STOP_FREE)
+    page.locator("#stop").click()
+    wait_for(lambda: commands(server, wire.PressStop), "a stop command")
+    expect(page.locator(".banner.bad", has_text="Stopped")).to_be_visible()
+
+
+def test_stop_reaches_the_robot_while_the_page_still_waits_for_what_it_is_to_show(
+    context: BrowserContext, server: FakeServer
+) -> None:
+    page = context.new_page()
+    page.route("**/api/v1/panels", lambda _: None)  # the line swallowed the question
+    page.goto(f"{server.address}/?{WITHOUT_GL}")
     page.locator("#stop").click()
     wait_for(lambda: commands(server, wire.PressStop), "a stop command")
     expect(page.locator(".banner.bad", has_text="Stopped")).to_be_visible()
