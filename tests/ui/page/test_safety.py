@@ -37,6 +37,14 @@ STOP_FREE = """() => {
     box.left + x * box.width, box.top + y * box.height)?.closest('#stop'))
   return inside && onTop && box.width >= 110 && box.height >= 48
 }"""
+# The button's box and the width of what is seen of the page, once it follows that.
+STOP_IN_SIGHT = """() => {
+  const box = document.getElementById('stop').getBoundingClientRect()
+  const {offsetLeft, offsetTop, width, scale} = visualViewport
+  const at = [box.left - offsetLeft, box.top - offsetTop, box.right - offsetLeft,
+    box.bottom - offsetTop, width].map(each => each * scale)
+  return Math.abs(box.width * scale - 148) < 1 && at
+}"""
 
 
 M = TypeVar("M", bound=wire.Message)
@@ -95,6 +103,18 @@ def test_stop_reaches_the_robot_while_the_page_still_waits_for_what_it_is_to_sho
     page.locator("#stop").click()
     wait_for(lambda: commands(server, wire.PressStop), "a stop command")
     expect(page.locator(".banner.bad", has_text="Stopped")).to_be_visible()
+
+
+def test_stop_stays_in_view_and_as_large_on_a_page_that_is_pinched(open_page: OpenPage) -> None:
+    page = open_page("health")
+    line = page.context.new_cdp_session(page)
+    for factor in (2.5, 0.2):
+        pinch = {"x": 60, "y": 300, "scaleFactor": factor, "gestureSourceType": "mouse"}
+        line.send("Input.synthesizePinchGesture", pinch)
+        assert page.evaluate("visualViewport.scale") == pytest.approx(max(1.0, factor), rel=1e-3)
+        left, top, right, bottom, width = until(page, STOP_IN_SIGHT)
+        assert (right - left, bottom - top) == pytest.approx((148, 56), abs=1)
+        assert (top, width - right) == pytest.approx((8, 12), abs=1)
 
 
 def test_space_stops_everywhere_but_in_a_text_field(

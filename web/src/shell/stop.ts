@@ -35,6 +35,7 @@ export class StopButton {
     })
     document.body.append(this.button)
     this.raise()
+    for (const name of ['resize', 'scroll']) window.visualViewport?.addEventListener(name, () => this.stay())
     window.addEventListener('keydown', (event) => this.onKey(event, true), true)
     window.addEventListener('keyup', (event) => this.onKey(event, false), true)
   }
@@ -43,6 +44,16 @@ export class StopButton {
   raise(): void {
     if (this.button.matches(':popover-open')) this.button.hidePopover()
     this.button.showPopover()
+  }
+
+  /** A page that is pinched larger shows a part of itself only: the button stays in it, as large as before. */
+  private stay(): void {
+    const seen = window.visualViewport
+    if (!seen) return
+    const { scale, offsetLeft, offsetTop, width } = seen
+    const right = offsetLeft + width - document.documentElement.clientWidth
+    this.button.style.transform =
+      scale === 1 && !offsetTop ? '' : `translate(${right}px, ${offsetTop}px) scale(${1 / scale})`
   }
 
   private stop(): void {
