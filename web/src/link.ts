@@ -27,15 +27,27 @@ export function socketUrl(path: string): string {
   return url.href
 }
 
-/** This tab's name in its session: a reload is the same operator, a second tab is another one. */
+const TAB = 'tab'
+
+/**
+ * This tab's name in its session: a reload is the same operator, a second tab is another one.
+ *
+ * It lies in the tab's storage only while no page is seen in it: a tab that is made from another one begins
+ * with a copy of that.
+ */
 function tabId(): string {
-  const known = sessionStorage.getItem('tab')
-  if (known) return known
-  const made = Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) => byte.toString(16).padStart(2, '0')).join(
-    '',
-  )
-  sessionStorage.setItem('tab', made)
-  return made
+  const name = sessionStorage.getItem(TAB) ?? madeName()
+  sessionStorage.removeItem(TAB)
+  const keep = (isAway: boolean): void => (isAway ? sessionStorage.setItem(TAB, name) : sessionStorage.removeItem(TAB))
+  window.addEventListener('pagehide', () => keep(true))
+  window.addEventListener('pageshow', () => keep(false))
+  document.addEventListener('visibilitychange', () => keep(document.hidden)) // a phone may end a hidden page
+  return name
+}
+
+function madeName(): string {
+  const bytes = crypto.getRandomValues(new Uint8Array(8))
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('')
 }
 
 export function savedScale(): number {
@@ -55,6 +67,7 @@ export class Link {
   private received = { count: 0, bytes: 0, toldCount: 0, toldMs: 0 }
   private readonly waiting = new Map<string, (outcome: Outcome) => void>()
   private readonly store: Store
+  private readonly tab = tabId()
   farewell = ''
   /** A refusal of something that no command waits for. */
   onRefusal: (reason: string) => void = () => undefined
@@ -78,7 +91,7 @@ export class Link {
 
   private open(): void {
     clearTimeout(this.retry)
-    const socket = new WebSocket(socketUrl(`/ws/v1?tab=${tabId()}&acks=1`))
+    const socket = new WebSocket(socketUrl(`/ws/v1?tab=${this.tab}&acks=1`))
     this.socket = socket
     this.isOpened = false
     this.openBy = performance.now() + OPEN_MS[Math.min(this.attempt, OPEN_MS.length - 1)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TypeVar
+from urllib.parse import parse_qs, urlparse
 
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
@@ -305,6 +306,22 @@ def test_a_reload_keeps_the_screen_the_seat_and_the_whole_track(
     expect(page.locator(".operator")).to_contain_text("You")
     driven = len(server.robot.trajectory)
     until(page, f"window.__agribot.counters.traj >= {driven}")
+
+
+def test_a_tab_made_from_another_is_another_operator_and_a_reload_is_the_same(
+    open_page: OpenPage, context: BrowserContext
+) -> None:
+    lines: list[str] = []
+    context.on("page", lambda page: page.on("websocket", lambda line: lines.append(line.url)))
+    page = open_page()
+    with context.expect_page() as opened:
+        page.evaluate("void open(location.href)")  # begins with a copy of the tab's storage
+    until(opened.value, "window.__agribot?.ready")
+    page.reload()
+    until(page, "window.__agribot?.ready")
+    tabs = [parse_qs(urlparse(line).query)["tab"][0] for line in lines if "/ws/v1" in line]
+    assert tabs[0] != tabs[1]
+    assert tabs[0] == tabs[2]
 
 
 def test_the_mission_buttons_send_what_they_say(open_page: OpenPage, server: FakeServer) -> None:
