@@ -112,6 +112,16 @@ def test_everything_that_can_be_worked_is_reached_by_the_tab_key(
         assert left_out == [], screen
 
 
+def test_escape_closes_a_dialog_wherever_the_focus_is(open_page: OpenPage) -> None:
+    page = open_page()
+    operator = page.locator(".operator")
+    operator.click()
+    page.get_by_text("Nobody operates the robot.").click()  # leaves the focus nowhere
+    page.keyboard.press("Escape")
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    expect(operator).to_be_focused()
+
+
 def test_the_mission_skips_goes_home_and_begins_once_more_only_when_asked_twice(
     open_page: OpenPage, server: FakeServer
 ) -> None:

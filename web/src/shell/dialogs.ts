@@ -12,6 +12,9 @@ export interface Choice<T> {
 export class Dialogs {
   /** Called after a dialog opened, to bring STOP and the messages above it. */
   onOpen: () => void = () => undefined
+  /** Those that are open, the newest last. */
+  private readonly layers: HTMLElement[] = []
+  private count = 0
 
   constructor(private readonly behind: HTMLElement) {}
 
@@ -22,9 +25,14 @@ export class Dialogs {
       const close = (value: T | null): void => {
         layer.hidePopover()
         layer.remove()
-        this.behind.inert = false
+        this.layers.splice(this.layers.indexOf(layer), 1)
+        this.behind.inert = this.layers.length > 0
+        window.removeEventListener('keydown', onKey)
         if (returnTo instanceof HTMLElement) returnTo.focus()
         resolve(value)
+      }
+      const onKey = (event: KeyboardEvent): void => {
+        if (event.key === 'Escape' && this.layers.at(-1) === layer) close(null)
       }
       const actions = choices.map((choice) =>
         el(
@@ -38,21 +46,21 @@ export class Dialogs {
         { type: 'button', class: 'icon-button quiet', 'aria-label': 'Close', onclick: () => close(null) },
         icon('cancel'),
       )
+      const name = `dialog-${++this.count}`
       const panel = el(
         'div',
-        { class: 'dialog', role: 'dialog', 'aria-labelledby': 'dialog-title' },
-        el('header', {}, el('h2', { id: 'dialog-title' }, title), dismiss),
+        { class: 'dialog', role: 'dialog', 'aria-labelledby': name },
+        el('header', {}, el('h2', { id: name }, title), dismiss),
         el('div', { class: 'dialog-body' }, ...body),
         choices.length > 0 && el('footer', {}, ...actions),
       )
       const layer = el('div', { class: 'dialog-layer', popover: 'manual' }, panel)
-      layer.addEventListener('keydown', (event) => {
-        if (event.key === 'Escape') close(null)
-      })
+      window.addEventListener('keydown', onKey) // wherever the focus is: a tap on the text leaves it nowhere
       layer.addEventListener('pointerdown', (event) => {
         if (event.target === layer) close(null)
       })
       document.body.append(layer)
+      this.layers.push(layer)
       this.behind.inert = true
       layer.showPopover()
       this.onOpen()
