@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from agribot.ui import wire
 from tests.ui.page.conftest import SCREENS, OpenPage, show, take_control, until
@@ -44,6 +44,16 @@ COVERING = """() => {
     && box.left < boxes[index].right - 1 && box.right > boxes[index].left + 1
     && box.top < boxes[index].bottom - 1 && box.bottom > boxes[index].top + 1)
   ).map(each => each.className)
+}"""
+# What of the line at the top lies over something else of it, below STOP or beyond the display.
+COLLISIONS = """() => {
+  const parts = [...document.querySelectorAll('.statusbar :is(.chip, .mode, .theme-button), #stop')]
+    .map(each => [each, each.getBoundingClientRect()]).filter(([, box]) => box.width)
+  const meet = (a, b) => a.left < b.right - 1 && b.left < a.right - 1
+    && a.top < b.bottom - 1 && b.top < a.bottom - 1
+  return parts.filter(([each, box]) => box.right > innerWidth
+    || parts.some(([other, its]) => other !== each && meet(box, its))
+  ).map(([each]) => each.textContent)
 }"""
 SCROLLBARS = """[...document.querySelectorAll('.rail')].filter(each =>
     each.scrollHeight > each.clientHeight + 1 || each.scrollWidth > each.clientWidth + 1).length"""
@@ -92,6 +102,17 @@ def test_the_marks_of_a_broad_boom_stay_in_their_box(
     page.set_viewport_size({"width": width, "height": height})
     until(page, f"document.querySelector('dd.implement')?.textContent.includes('{marks}')")
     assert page.evaluate(MARKS_OUTSIDE) == 0
+
+
+def test_the_line_at_the_top_has_room_for_all_of_it_whatever_the_name_of_the_operator(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    server.seat = "Wilhelmina Featherstonehaugh-Montgomery"
+    page = open_page()
+    expect(page.locator(".operator")).to_have_attribute("title", f"Operator: {server.seat}")
+    for width, height in (*SIZES, (640, 320), (360, 640), (600, 800), (768, 1024), (1280, 720)):
+        page.set_viewport_size({"width": width, "height": height})
+        assert page.evaluate(COLLISIONS) == [], f"{width}×{height}"
 
 
 def test_no_card_beside_the_map_lies_over_another_on_any_screen(open_page: OpenPage) -> None:

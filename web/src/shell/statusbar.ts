@@ -82,7 +82,9 @@ export class StatusBar {
     this.updatePosition()
     this.updateBattery()
     this.stop.set(state ? (state.stop ? 'Pressed' : 'Clear') : NONE, state?.stop ? 'bad' : '')
-    this.operator.set(operatorText(store.seat, store.holder), store.seat === 'you' ? 'good' : '')
+    const holder = operatorText(store.seat, store.holder)
+    this.operator.set(holder, store.seat === 'you' ? 'good' : '')
+    setAttr(this.operator.node, 'title', `Operator: ${holder}`)
     this.clients.set(String(store.clients))
   }
 
