@@ -230,6 +230,21 @@ def test_keys_drive_while_held_and_steer(open_page: OpenPage, server: FakeServer
     assert stamps_ms == sorted(set(stamps_ms)), "each is stamped with the robot's clock"
 
 
+def test_a_key_that_brings_another_program_lets_go_of_all_keys(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    """On a Mac, a page does not hear what is let go while Command is held."""
+    page = armed(open_page, server)
+    hold(
+        page,
+        lambda: drives_within(server, [0.1, 2.0]),
+        lambda page: page.keyboard.down("w"),
+        lambda page: page.keyboard.up("w"),
+    )
+    page.keyboard.down("Meta")
+    wait_for(lambda: ends_with_zero(server), "a zero at the end")
+
+
 def test_a_gamepad_drives_only_while_its_shoulder_button_is_held(
     open_page: OpenPage, server: FakeServer
 ) -> None:

@@ -49,7 +49,12 @@ export function listenKeys(machine: TeleopMachine): () => void {
     if (down.size) machine.hold('keys', forward, turn)
     else machine.release('keys')
   }
+  const forget = (): void => {
+    down.clear()
+    machine.release('keys')
+  }
   const press = (event: KeyboardEvent): void => {
+    if (event.metaKey) forget() // a Mac does not tell what is let go while it is held
     if (!isDriveKey(event.code) || event.ctrlKey || event.altKey || event.metaKey || isTextField(event.target)) return
     if (event.target instanceof HTMLInputElement || event.target instanceof HTMLSelectElement) return
     event.preventDefault()
@@ -59,10 +64,6 @@ export function listenKeys(machine: TeleopMachine): () => void {
   }
   const lift = (event: KeyboardEvent): void => {
     if (down.delete(event.code)) apply()
-  }
-  const forget = (): void => {
-    down.clear()
-    machine.release('keys')
   }
   window.addEventListener('keydown', press)
   window.addEventListener('keyup', lift)
