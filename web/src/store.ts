@@ -95,6 +95,11 @@ export class Store extends Emitter<Events> {
     return this.linked && this.monitor.answers
   }
 
+  /** Whether a stop holds the robot, or was pressed here and is on its way. */
+  get isStopped(): boolean {
+    return this.stop.isPending || Boolean(this.state?.stop)
+  }
+
   setLinked(linked: boolean): void {
     this.linked = linked
     this.epoch = null // whatever comes first on a new line, it begins with a snapshot

@@ -245,6 +245,25 @@ def test_a_key_that_brings_another_program_lets_go_of_all_keys(
     wait_for(lambda: ends_with_zero(server), "a zero at the end")
 
 
+def test_a_hand_that_held_on_through_a_stop_drives_only_after_a_new_press(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = armed(open_page, server)
+    hold(
+        page,
+        lambda: drives_within(server, [0.1, 2.0]),
+        lambda page: page.keyboard.down("w"),
+        lambda page: page.keyboard.up("w"),
+    )
+    page.keyboard.press("Space")
+    wait_for(lambda: ends_with_zero(server), "a zero at the stop")
+    page.get_by_role("button", name="Release stop").click()
+    wait_for(lambda: commands(server, wire.ClearStop), "the stop to be cleared")
+    sent = server.robot.n
+    wait_for(lambda: server.robot.n > sent + 6, "six more ticks")
+    assert ends_with_zero(server)
+
+
 def test_a_gamepad_drives_only_while_its_shoulder_button_is_held(
     open_page: OpenPage, server: FakeServer
 ) -> None:

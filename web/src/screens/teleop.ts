@@ -60,6 +60,7 @@ export const teleop: Screen = {
       const nowMs = performance.now()
       if (nowMs - lastMs > HUNG_MS) machine.releaseAll() // the robot stood meanwhile and shall not set off by itself
       lastMs = nowMs
+      if (app.store.isStopped) machine.releaseAll() // nor when somebody clears the stop
       setText(gamepad, gamepadText(readGamepad(machine)))
       arm.update()
       send(app, machine)
