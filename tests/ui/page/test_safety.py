@@ -46,6 +46,7 @@ STOP_IN_SIGHT = """() => {
     box.bottom - offsetTop, width].map(each => each * scale)
   return Math.abs(box.width * scale - 148) < 1 && at
 }"""
+GREY = "grayscale(1) opacity(0.55)"
 
 
 M = TypeVar("M", bound=wire.Message)
@@ -324,8 +325,11 @@ def test_old_data_are_grey_below_a_red_banner(open_page: OpenPage, server: FakeS
     server.silent = True
     expect(page.locator(".banner.bad", has_text="old")).to_be_visible()
     expect(page.locator("#main")).to_have_class("main is-stale")
+    for each in (page.locator(".mode"), *page.locator(".chip", has_text="Battery").all()):
+        expect(each).to_have_css("filter", GREY)
     server.silent = False
     expect(page.locator("#main")).to_have_class("main")
+    expect(page.locator(".mode")).to_have_css("filter", "none")
 
 
 def test_a_reload_keeps_the_screen_the_seat_and_the_whole_track(

@@ -59,6 +59,7 @@ export class StatusBar {
     this.operator.node.classList.add('operator')
     this.clients = new Chip('people', 'Viewers', () => void showConnect(app))
     const chips = [this.link, this.age, this.gnss, this.battery, this.stop, this.clients]
+    for (const part of [this.mode, this.gnss.node, this.battery.node, this.stop.node]) part.classList.add('of-robot')
     this.node = el(
       'header',
       { class: 'statusbar' },
@@ -75,6 +76,7 @@ export class StatusBar {
     const { store } = this.app
     const state = store.state
     const ageMs = store.ageMs(performance.now())
+    this.node.classList.toggle('is-stale', store.stale)
     setText(this.mode, state ? (MODE_NAMES[state.mode] ?? state.mode) : 'Connecting')
     setAttr(this.mode, 'data-mode', state?.mode ?? 'waiting')
     this.link.set(linkText(store), linkTone(store))
