@@ -162,6 +162,16 @@ def test_the_wheel_zooms_to_where_the_pointer_is_and_painting_stays_in_place(
     assert columns.mean() + 15.5 == pytest.approx(30, abs=0.7)
 
 
+def test_enter_that_is_held_finishes_the_picture_that_was_looked_at_alone(page: Page) -> None:
+    page.keyboard.down("Enter")
+    expect(page.locator(".picture-name")).to_have_text("dim")
+    page.keyboard.down("Enter")  # as a keyboard repeats it
+    page.keyboard.up("Enter")
+    page.reload()
+    expect(page.locator(".picture-name")).to_have_text("dim")
+    expect(page.locator(".count")).to_have_text("1 of 3 labelled")
+
+
 @pytest.mark.parametrize("size", [(1400, 850), (390, 844)], ids=["wide", "phone"])
 def test_everything_is_within_the_display_and_large_enough_for_a_finger(
     size: tuple[int, int], page: Page

@@ -40,7 +40,8 @@ function listenToKeys(session: Session, canvas: LabelCanvas): void {
   addEventListener('keydown', (event) => {
     const target = event.target as HTMLElement
     const isUsed = target.matches('input') || (target.matches('button') && event.key === 'Enter')
-    if (isUsed || event.altKey) return
+    const isHeld = event.key === 'Enter' && event.repeat // one press finishes one picture
+    if (isUsed || isHeld || event.altKey) return
     const isRedo = event.key.toLowerCase() === 'z' && event.shiftKey
     const press = keys.get(isRedo ? 'y' : event.key.toLowerCase())
     if (!press || (event.ctrlKey && !['z', 'y'].includes(event.key.toLowerCase()))) return
