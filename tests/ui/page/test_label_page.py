@@ -172,6 +172,16 @@ def test_enter_that_is_held_finishes_the_picture_that_was_looked_at_alone(page: 
     expect(page.locator(".count")).to_have_text("1 of 3 labelled")
 
 
+def test_keys_work_after_a_slider_was_moved(page: Page) -> None:
+    size = page.get_by_label("Brush size")
+    size.focus()
+    page.keyboard.press("ArrowRight")
+    expect(size).to_have_value("9")
+    expect(page.locator(".picture-name")).to_have_text("murky")
+    page.keyboard.press("f")
+    expect(page.get_by_role("button", name="Superpixels")).to_have_attribute("aria-pressed", "true")
+
+
 @pytest.mark.parametrize("size", [(1400, 850), (390, 844)], ids=["wide", "phone"])
 def test_everything_is_within_the_display_and_large_enough_for_a_finger(
     size: tuple[int, int], page: Page

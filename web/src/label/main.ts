@@ -39,9 +39,10 @@ function listenToKeys(session: Session, canvas: LabelCanvas): void {
   const keys = keysOf(session, canvas)
   addEventListener('keydown', (event) => {
     const target = event.target as HTMLElement
-    const isUsed = target.matches('input') || (target.matches('button') && event.key === 'Enter')
+    const isOfSlider = target.matches('input') && /^(Arrow|Page|Home|End)/.test(event.key)
+    const isOfButton = target.matches('button') && event.key === 'Enter'
     const isHeld = event.key === 'Enter' && event.repeat // one press finishes one picture
-    if (isUsed || isHeld || event.altKey) return
+    if (isOfSlider || isOfButton || isHeld || event.altKey) return
     const isRedo = event.key.toLowerCase() === 'z' && event.shiftKey
     const press = keys.get(isRedo ? 'y' : event.key.toLowerCase())
     if (!press || (event.ctrlKey && !['z', 'y'].includes(event.key.toLowerCase()))) return
