@@ -182,6 +182,25 @@ def test_keys_work_after_a_slider_was_moved(page: Page) -> None:
     expect(page.get_by_role("button", name="Superpixels")).to_have_attribute("aria-pressed", "true")
 
 
+def test_a_picture_of_few_pixels_is_not_made_smaller_by_the_key_for_larger(
+    root: Path, page: Page
+) -> None:
+    Image.fromarray(np.full((5, 6, 3), 90, np.uint8)).save(root / "images" / "dim.png")
+    page.keyboard.press("ArrowRight")
+    expect(page.locator(".picture-name")).to_have_text("dim")
+    widths = [width(page)]
+    for key in ("+", "-", "0"):
+        page.keyboard.press(key)
+        widths.append(width(page))
+    assert widths == pytest.approx([widths[0], widths[0], 0.8 * widths[0], widths[0]])
+
+
+def width(page: Page) -> float:
+    box = page.locator(".overlay").bounding_box()
+    assert box
+    return box["width"]
+
+
 @pytest.mark.parametrize("size", [(1400, 850), (390, 844)], ids=["wide", "phone"])
 def test_everything_is_within_the_display_and_large_enough_for_a_finger(
     size: tuple[int, int], page: Page

@@ -5,6 +5,8 @@ import { type Box, type Classes, type Pieces, type Point, tint } from './paintin
 
 const LARGEST_SCALE = 24
 const FILLED = 0.96
+/** Of the scale at which the whole picture is seen. */
+const SMALLEST_SHARE = 0.3
 
 export class LabelCanvas {
   readonly node: HTMLElement
@@ -72,8 +74,8 @@ export class LabelCanvas {
 
   fit(): void {
     const { clientWidth, clientHeight } = this.node
-    if (!clientWidth || !this.photo.width) return
-    this.scale = FILLED * Math.min(clientWidth / this.photo.width, clientHeight / this.photo.height)
+    if (!clientWidth || !clientHeight || !this.photo.width) return
+    this.scale = this.fitted()
     this.origin = {
       x: (clientWidth - this.scale * this.photo.width) / 2,
       y: (clientHeight - this.scale * this.photo.height) / 2,
@@ -82,12 +84,18 @@ export class LabelCanvas {
     this.place()
   }
 
+  /** The scale at which the whole picture is seen. */
+  private fitted(): number {
+    const { clientWidth, clientHeight } = this.node
+    return FILLED * Math.min(clientWidth / Math.max(1, this.photo.width), clientHeight / Math.max(1, this.photo.height))
+  }
+
   zoom(factor: number, about?: Point): void {
     const box = this.node.getBoundingClientRect()
     const at = about ?? { x: box.left + box.width / 2, y: box.top + box.height / 2 }
     const [x, y] = [at.x - box.left, at.y - box.top]
-    const smallest = (0.3 * box.width) / Math.max(1, this.photo.width)
-    const next = Math.min(LARGEST_SCALE, Math.max(smallest, this.scale * factor))
+    const fitted = this.fitted()
+    const next = Math.min(Math.max(LARGEST_SCALE, fitted), Math.max(SMALLEST_SHARE * fitted, this.scale * factor))
     const ratio = next / this.scale
     this.origin = { x: x - ratio * (x - this.origin.x), y: y - ratio * (y - this.origin.y) }
     this.scale = next
