@@ -201,6 +201,31 @@ def width(page: Page) -> float:
     return box["width"]
 
 
+def test_a_stroke_ends_with_its_picture_and_is_kept(root: Path, page: Page) -> None:
+    box = page.locator(".overlay").bounding_box()
+    assert box
+    page.mouse.move(box["x"] + 60, box["y"] + 60)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 90, box["y"] + 60)
+    page.keyboard.press("ArrowRight")
+    expect(page.locator(".picture-name")).to_have_text("dim")
+    page.mouse.move(box["x"] + 300, box["y"] + 200)
+    page.mouse.up()
+    assert [path.name for path in (root / ".label" / "drafts").iterdir()] == ["murky.png"]
+    expect(page.locator(".state")).to_have_text("not labelled")
+
+
+def test_what_could_not_be_saved_is_saved_as_soon_as_it_can_be(root: Path, page: Page) -> None:
+    full = {"error": "make room on the disk"}
+    page.route("**/classes?done=0", lambda route: route.fulfill(status=422, json=full))
+    drag(page, (60, 60), (70, 60))
+    expect(page.locator(".problem")).to_have_text(full["error"])
+    expect(page.locator(".saved")).to_have_text("not saved yet")
+    page.unroute("**/classes?done=0")
+    saved(page)
+    assert (root / ".label" / "drafts" / "murky.png").is_file()
+
+
 @pytest.mark.parametrize("size", [(1400, 850), (390, 844)], ids=["wide", "phone"])
 def test_everything_is_within_the_display_and_large_enough_for_a_finger(
     size: tuple[int, int], page: Page

@@ -14,6 +14,7 @@ interface Events {
 }
 
 const SAVE_AFTER_MS = 700
+const SAVE_AGAIN_MS = 3000
 
 export class Session extends Emitter<Events> implements Painter {
   about = ''
@@ -70,6 +71,7 @@ export class Session extends Emitter<Events> implements Painter {
     this.isBusy = true
     this.emit('change', undefined)
     try {
+      this.end()
       await this.flush()
       await this.show(picture)
     } catch (error) {
@@ -102,17 +104,22 @@ export class Session extends Emitter<Events> implements Painter {
   async finish(): Promise<void> {
     const { current, classes } = this
     if (!current || !classes || this.isBusy) return
+    this.isBusy = true // what is painted meanwhile would begin it anew
+    this.emit('change', undefined)
     try {
+      this.end()
       await this.flush()
       await this.save(current, classes, true)
       await this.refresh()
     } catch (error) {
       this.fail(error)
       return
+    } finally {
+      this.isBusy = false
+      this.emit('change', undefined)
     }
     const next = this.pictures.find((one) => one.state !== 'done')
     if (next) await this.open(next)
-    else this.emit('change', undefined)
   }
 
   async setTool(tool: Tool): Promise<void> {
@@ -174,10 +181,12 @@ export class Session extends Emitter<Events> implements Painter {
   }
 
   undo(): void {
+    this.end()
     if (this.classes) this.redraw(this.history.undo(this.classes))
   }
 
   redo(): void {
+    this.end()
     if (this.classes) this.redraw(this.history.redo(this.classes))
   }
 
@@ -187,17 +196,20 @@ export class Session extends Emitter<Events> implements Painter {
     this.saveSoon()
   }
 
-  private saveSoon(): void {
+  private saveSoon(afterMs = SAVE_AFTER_MS): void {
     this.isUnsaved = true
     clearTimeout(this.timer)
-    this.timer = window.setTimeout(() => void this.flush().catch((error) => this.fail(error)), SAVE_AFTER_MS)
+    this.timer = window.setTimeout(() => void this.flush().catch((error) => this.fail(error)), afterMs)
     this.emit('change', undefined)
   }
 
   /** Saves what was drawn as begun; one request at a time, the newest content last. */
   async flush(): Promise<void> {
     clearTimeout(this.timer)
-    await this.saving
+    for (let sent: Promise<void> | null = null; sent !== this.saving; ) {
+      sent = this.saving
+      await sent
+    }
     const { current, classes } = this
     if (!this.isUnsaved || !current || !classes) return
     this.isUnsaved = false
@@ -207,7 +219,7 @@ export class Session extends Emitter<Events> implements Painter {
       await sent
       await this.refresh()
     } catch (error) {
-      this.isUnsaved ||= !(error instanceof server.SavedMeanwhile)
+      if (!(error instanceof server.SavedMeanwhile)) this.saveSoon(SAVE_AGAIN_MS)
       throw error
     } finally {
       this.emit('change', undefined)
