@@ -226,6 +226,20 @@ def test_what_could_not_be_saved_is_saved_as_soon_as_it_can_be(root: Path, page:
     assert (root / ".label" / "drafts" / "murky.png").is_file()
 
 
+def test_a_picture_that_cannot_be_read_bars_the_way_to_no_other(root: Path, page: Page) -> None:
+    (root / "images" / "dim.png").write_bytes(b"no picture")
+    page.keyboard.press("ArrowRight")
+    expect(page.locator(".picture-name")).to_have_text("dim")
+    expect(page.locator(".problem")).to_contain_text("is no picture")
+    page.keyboard.press("ArrowRight")
+    expect(page.locator(".picture-name")).to_have_text("clear")
+    page.keyboard.press("Enter")
+    expect(page.locator(".picture-name")).to_have_text("murky")
+    page.keyboard.press("Enter")
+    expect(page.locator(".count")).to_have_text("2 of 3 labelled")
+    expect(page.locator(".picture-name")).to_have_text("murky")
+
+
 @pytest.mark.parametrize("size", [(1400, 850), (390, 844)], ids=["wide", "phone"])
 def test_everything_is_within_the_display_and_large_enough_for_a_finger(
     size: tuple[int, int], page: Page

@@ -39,6 +39,13 @@ export class LabelCanvas {
     this.fit()
   }
 
+  /** Shows no picture. */
+  clear(): void {
+    for (const canvas of [this.photo, this.overlay]) canvas.width = canvas.height = 0
+    this.outlines.hidden = true
+    this.stage.style.width = this.stage.style.height = '0'
+  }
+
   /** Draws the classes anew, or a part of them with the outlines beside it. */
   draw(classes: Classes, part?: Box): void {
     const { width, height } = classes

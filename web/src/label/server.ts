@@ -27,12 +27,15 @@ export interface SavedClasses {
   revision: string
 }
 
+/** The server is away, or the line to it. */
+export class NoAnswer extends Error {}
+
 async function ask(path: string, init?: RequestInit): Promise<Response> {
   let answer: Response
   try {
     answer = await fetch(`${BASE}${path}`, init)
   } catch {
-    throw new Error('agribot label does not answer; is it still running?')
+    throw new NoAnswer('agribot label does not answer; is it still running?')
   }
   if (!answer.ok) {
     const told = (await answer.json().catch(() => null)) as { error?: string } | null

@@ -33,6 +33,7 @@ export class Session extends Emitter<Events> implements Painter {
   private paintKind = SOIL
   private timer = 0
   private saving: Promise<void> = Promise.resolve()
+  private readonly unreadable = new Set<number>()
 
   constructor(private readonly canvas: LabelCanvas) {
     super()
@@ -62,8 +63,18 @@ export class Session extends Emitter<Events> implements Painter {
   async start(): Promise<void> {
     await this.refresh()
     const begun = this.pictures.find((one) => one.state === 'draft')
-    const first = begun ?? this.pictures.find((one) => one.state === 'new') ?? this.pictures[0]
-    if (first) await this.open(first)
+    if (begun) await this.open(begun)
+    if (!this.classes) await this.openNext()
+    if (!this.classes && this.pictures[0]) await this.open(this.pictures[0])
+  }
+
+  /** Opens the first that is not finished, of those that can be read. */
+  private async openNext(): Promise<void> {
+    for (const one of this.pictures) {
+      if (one.state === 'done' || this.unreadable.has(one.number)) continue
+      await this.open(one)
+      if (!this.unreadable.has(one.number)) return
+    }
   }
 
   async open(picture: server.PictureState): Promise<void> {
@@ -83,16 +94,26 @@ export class Session extends Emitter<Events> implements Painter {
   }
 
   private async show(picture: server.PictureState): Promise<void> {
-    const [image, { classes, revision }] = await Promise.all([
-      server.readPicture(picture.number),
-      server.readClasses(picture.number),
-    ])
+    const [image, saved] = (await this.read(picture.number)) ?? [null, null]
     this.current = picture
-    this.classes = classes
-    this.revision = revision
+    this.classes = saved?.classes ?? null
+    this.revision = saved?.revision ?? ''
     this.pieces = null
     this.history = new History()
-    this.canvas.show(image, classes)
+    if (image) this.canvas.show(image, this.classes)
+    else this.canvas.clear()
+  }
+
+  /** Null where the picture cannot be read: then it is left empty, and one goes on from there. */
+  private async read(number: number): Promise<[ImageBitmap, server.SavedClasses] | null> {
+    try {
+      return await Promise.all([server.readPicture(number), server.readClasses(number)])
+    } catch (error) {
+      if (error instanceof server.NoAnswer) throw error
+      this.unreadable.add(number)
+      this.fail(error)
+      return null
+    }
   }
 
   async step(by: number): Promise<void> {
@@ -118,15 +139,14 @@ export class Session extends Emitter<Events> implements Painter {
       this.isBusy = false
       this.emit('change', undefined)
     }
-    const next = this.pictures.find((one) => one.state !== 'done')
-    if (next) await this.open(next)
+    await this.openNext()
   }
 
   async setTool(tool: Tool): Promise<void> {
     this.tool = tool
     this.emit('change', undefined)
     if (tool !== 'fill') this.canvas.showPieces(null)
-    else if (this.current) await this.loadPieces(this.current.number)
+    else if (this.current && this.classes) await this.loadPieces(this.current.number)
   }
 
   private async loadPieces(number: number): Promise<void> {
