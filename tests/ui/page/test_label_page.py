@@ -172,14 +172,43 @@ def test_enter_that_is_held_finishes_the_picture_that_was_looked_at_alone(page: 
     expect(page.locator(".count")).to_have_text("1 of 3 labelled")
 
 
-def test_keys_work_after_a_slider_was_moved(page: Page) -> None:
-    size = page.get_by_label("Brush size")
-    size.focus()
+def test_a_stroke_ends_with_its_picture_and_is_kept(root: Path, page: Page) -> None:
+    box = page.locator(".overlay").bounding_box()
+    assert box
+    page.mouse.move(box["x"] + 60, box["y"] + 60)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 90, box["y"] + 60)
     page.keyboard.press("ArrowRight")
-    expect(size).to_have_value("9")
+    expect(page.locator(".picture-name")).to_have_text("dim")
+    page.mouse.move(box["x"] + 300, box["y"] + 200)
+    page.mouse.up()
+    assert [path.name for path in (root / ".label" / "drafts").iterdir()] == ["murky.png"]
+    expect(page.locator(".state")).to_have_text("not labelled")
+
+
+def test_a_picture_that_cannot_be_read_bars_the_way_to_no_other(root: Path, page: Page) -> None:
+    (root / "images" / "dim.png").write_bytes(b"no picture")
+    page.keyboard.press("ArrowRight")
+    expect(page.locator(".picture-name")).to_have_text("dim")
+    expect(page.locator(".problem")).to_contain_text("is no picture")
+    page.keyboard.press("ArrowRight")
+    expect(page.locator(".picture-name")).to_have_text("clear")
+    page.keyboard.press("Enter")
     expect(page.locator(".picture-name")).to_have_text("murky")
-    page.keyboard.press("f")
-    expect(page.get_by_role("button", name="Superpixels")).to_have_attribute("aria-pressed", "true")
+    page.keyboard.press("Enter")
+    expect(page.locator(".count")).to_have_text("2 of 3 labelled")
+    expect(page.locator(".picture-name")).to_have_text("murky")
+
+
+def test_what_could_not_be_saved_is_saved_as_soon_as_it_can_be(root: Path, page: Page) -> None:
+    full = {"error": "make room on the disk"}
+    page.route("**/classes?done=0", lambda route: route.fulfill(status=422, json=full))
+    drag(page, (60, 60), (70, 60))
+    expect(page.locator(".problem")).to_have_text(full["error"])
+    expect(page.locator(".saved")).to_have_text("not saved yet")
+    page.unroute("**/classes?done=0")
+    saved(page)
+    assert (root / ".label" / "drafts" / "murky.png").is_file()
 
 
 def test_a_picture_of_few_pixels_is_not_made_smaller_by_the_key_for_larger(
@@ -201,46 +230,19 @@ def width(page: Page) -> float:
     return box["width"]
 
 
-def test_a_stroke_ends_with_its_picture_and_is_kept(root: Path, page: Page) -> None:
-    box = page.locator(".overlay").bounding_box()
-    assert box
-    page.mouse.move(box["x"] + 60, box["y"] + 60)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 90, box["y"] + 60)
+def test_keys_work_after_a_slider_was_moved(page: Page) -> None:
+    size = page.get_by_label("Brush size")
+    size.focus()
     page.keyboard.press("ArrowRight")
-    expect(page.locator(".picture-name")).to_have_text("dim")
-    page.mouse.move(box["x"] + 300, box["y"] + 200)
-    page.mouse.up()
-    assert [path.name for path in (root / ".label" / "drafts").iterdir()] == ["murky.png"]
-    expect(page.locator(".state")).to_have_text("not labelled")
-
-
-def test_what_could_not_be_saved_is_saved_as_soon_as_it_can_be(root: Path, page: Page) -> None:
-    full = {"error": "make room on the disk"}
-    page.route("**/classes?done=0", lambda route: route.fulfill(status=422, json=full))
-    drag(page, (60, 60), (70, 60))
-    expect(page.locator(".problem")).to_have_text(full["error"])
-    expect(page.locator(".saved")).to_have_text("not saved yet")
-    page.unroute("**/classes?done=0")
-    saved(page)
-    assert (root / ".label" / "drafts" / "murky.png").is_file()
-
-
-def test_a_picture_that_cannot_be_read_bars_the_way_to_no_other(root: Path, page: Page) -> None:
-    (root / "images" / "dim.png").write_bytes(b"no picture")
-    page.keyboard.press("ArrowRight")
-    expect(page.locator(".picture-name")).to_have_text("dim")
-    expect(page.locator(".problem")).to_contain_text("is no picture")
-    page.keyboard.press("ArrowRight")
-    expect(page.locator(".picture-name")).to_have_text("clear")
-    page.keyboard.press("Enter")
+    expect(size).to_have_value("9")
     expect(page.locator(".picture-name")).to_have_text("murky")
-    page.keyboard.press("Enter")
-    expect(page.locator(".count")).to_have_text("2 of 3 labelled")
-    expect(page.locator(".picture-name")).to_have_text("murky")
+    page.keyboard.press("f")
+    expect(page.get_by_role("button", name="Superpixels")).to_have_attribute("aria-pressed", "true")
 
 
-@pytest.mark.parametrize("size", [(1400, 850), (390, 844)], ids=["wide", "phone"])
+@pytest.mark.parametrize(
+    "size", [(1400, 850), (390, 844), (640, 320)], ids=["wide", "phone", "phone on its side"]
+)
 def test_everything_is_within_the_display_and_large_enough_for_a_finger(
     size: tuple[int, int], page: Page
 ) -> None:

@@ -100,7 +100,7 @@ export class Session extends Emitter<Events> implements Painter {
     this.revision = saved?.revision ?? ''
     this.pieces = null
     this.history = new History()
-    if (image) this.canvas.show(image, this.classes)
+    if (image && saved) this.canvas.show(image, saved.classes)
     else this.canvas.clear()
   }
 
