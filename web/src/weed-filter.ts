@@ -6,12 +6,17 @@ export interface WeedFilter {
   treated: boolean
   open: boolean
   confidence: number
-  /** Seen at or after this time of the robot's clock. */
-  sinceS: number | null
+  /** Seen at most so long ago. */
+  withinS: number | null
 }
 
-export function passes(weed: Weed, filter: WeedFilter): boolean {
+/** The time of the robot's clock from which on a plant must have been seen; null where any will do. */
+export function sinceS({ withinS }: WeedFilter, nowS: number): number | null {
+  return withinS === null ? null : nowS - withinS
+}
+
+export function passes(weed: Weed, filter: WeedFilter, nowS: number): boolean {
   if (weed.plant === 0 ? !filter.weeds : !filter.crop) return false
   if (weed.treated_s !== null ? !filter.treated : !filter.open) return false
-  return weed.confidence >= filter.confidence && (filter.sinceS === null || weed.last_seen_s >= filter.sinceS)
+  return weed.confidence >= filter.confidence && weed.last_seen_s >= (sinceS(filter, nowS) ?? -Infinity)
 }

@@ -237,6 +237,10 @@ def test_the_plants_are_counted_as_the_filter_leaves_them(
     page.get_by_label("Seen").select_option("60")
     recent = page.evaluate("window.__agribot.state().t_s") - 60.0
     counted([weed for weed in sure if weed.last_seen_s >= recent])
+    server.robot.t_s += 1000.0
+    server.silent = False
+    counted([])  # the minute goes on with the time
+    until(page, f"{drawn} === ''")
 
 
 def test_the_list_of_recordings_tells_room_result_and_files(open_page: OpenPage) -> None:

@@ -10,7 +10,7 @@ import { mapControls } from '../map/controls.ts'
 import { openMap } from '../map/shared.ts'
 import type { MapView } from '../map/view.ts'
 import type { Weed } from '../wire.ts'
-import { passes } from '../weed-filter.ts'
+import { passes, sinceS } from '../weed-filter.ts'
 import type { WeedFilter } from '../weed-filter.ts'
 
 const COUNT_EVERY_MS = 1000
@@ -21,7 +21,7 @@ export const weeds: Screen = {
   title: 'Weeds',
   icon: 'weeds',
   async mount(host, app) {
-    const filter: WeedFilter = { weeds: true, crop: true, treated: true, open: true, confidence: 0, sinceS: null }
+    const filter: WeedFilter = { weeds: true, crop: true, treated: true, open: true, confidence: 0, withinS: null }
     const mapHost = el('div', { class: 'map-host card' })
     const count = el('p', { class: 'count' })
     const details = el(
@@ -33,19 +33,22 @@ export const weeds: Screen = {
     let view: MapView | null = null
     const apply = (): void => {
       showCount(count, app, filter)
-      view?.ready(() => view?.map.setFilter('weeds', mapFilter(filter)))
+      view?.ready(() => view?.map.setFilter('weeds', mapFilter(filter, nowS(app))))
     }
     host.append(
       mapHost,
       el(
         'div',
         { class: 'side' },
-        filterCard(app, filter, count, apply),
+        filterCard(filter, count, apply),
         el('div', { class: 'card' }, stepButtons(app, filter, details), details),
         exportCard(),
       ),
     )
-    const timer = setInterval(() => showCount(count, app, filter), COUNT_EVERY_MS)
+    const timer = setInterval(() => {
+      if (filter.withinS === null) showCount(count, app, filter)
+      else apply() // what was seen of late is something else by now
+    }, COUNT_EVERY_MS)
     view = await openMap(mapHost, app)
     apply()
     if (!view) return () => clearInterval(timer)
@@ -61,23 +64,28 @@ export const weeds: Screen = {
   },
 }
 
+function nowS(app: App): number {
+  return app.store.state?.t_s ?? 0
+}
+
 function showCount(node: HTMLElement, app: App, filter: WeedFilter): void {
   let shown = 0
-  for (const weed of app.store.weeds.values()) if (passes(weed, filter)) shown++
+  for (const weed of app.store.weeds.values()) if (passes(weed, filter, nowS(app))) shown++
   setText(node, `${shown.toLocaleString('en')} of ${app.store.weeds.size.toLocaleString('en')} plants`)
 }
 
-function mapFilter(filter: WeedFilter): FilterSpecification {
+function mapFilter(filter: WeedFilter, nowS: number): FilterSpecification {
+  const since = sinceS(filter, nowS)
   const rules: FilterSpecification[] = [['>=', ['get', 'confidence'], filter.confidence]]
   if (!filter.weeds) rules.push(['!=', ['get', 'plant'], 0])
   if (!filter.crop) rules.push(['!=', ['get', 'plant'], 1])
   if (!filter.treated) rules.push(['!', ['get', 'treated']])
   if (!filter.open) rules.push(['get', 'treated'] as unknown as FilterSpecification)
-  if (filter.sinceS !== null) rules.push(['>=', ['get', 'last_seen_s'], filter.sinceS])
+  if (since !== null) rules.push(['>=', ['get', 'last_seen_s'], since])
   return ['all', ...rules] as FilterSpecification
 }
 
-function filterCard(app: App, filter: WeedFilter, count: HTMLElement, apply: () => void): HTMLElement {
+function filterCard(filter: WeedFilter, count: HTMLElement, apply: () => void): HTMLElement {
   const toggle = (name: 'weeds' | 'crop' | 'treated' | 'open', label: string, swatch = ''): HTMLElement => {
     const box = el('input', {
       type: 'checkbox',
@@ -106,8 +114,7 @@ function filterCard(app: App, filter: WeedFilter, count: HTMLElement, apply: () 
     'select',
     {
       onchange: () => {
-        const ageS = Number(time.value)
-        filter.sinceS = ageS ? (app.store.state?.t_s ?? 0) - ageS : null
+        filter.withinS = Number(time.value) || null
         apply()
       },
     },
@@ -178,7 +185,7 @@ function stepButtons(app: App, filter: WeedFilter, details: HTMLElement): HTMLEl
   let shown: number | null = null
   const step = (by: 1 | -1): void => {
     const ids = [...app.store.weeds.values()]
-      .filter((weed) => passes(weed, filter))
+      .filter((weed) => passes(weed, filter, nowS(app)))
       .map(({ id }) => id)
       .sort((a, b) => a - b)
     const from = shown ?? Infinity
