@@ -53,6 +53,14 @@ FACTS = """() => {
 }"""
 LEFT_SHOULDER = "window.__pad.buttons[4].pressed = %s"
 
+# All that the page has said in messages that vanish.
+KEEP_TOASTS = """
+  window.__toasts = []
+  const keep = (node) => node.classList?.contains('toast') && window.__toasts.push(node.textContent)
+  new MutationObserver((changes) => changes.forEach((change) => change.addedNodes.forEach(keep)))
+    .observe(document, { childList: true, subtree: true })
+"""
+
 
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
@@ -79,6 +87,7 @@ def new_context(browser: Browser, **options: Any) -> BrowserContext:
     """
     context = browser.new_context(**{"device_scale_factor": COARSE, **options})
     context.set_default_timeout(1000 * PATIENCE_S)
+    context.add_init_script(KEEP_TOASTS)
     return context
 
 
@@ -147,6 +156,16 @@ def until(page: Page, expression: str, patience_s: float = PATIENCE_S) -> Any:
             return None  # the page is being loaded anew
 
     return wait_for(ask, expression, patience_s)
+
+
+def wait_for_toast(page: Page, *texts: str) -> None:
+    """Wait until the page has said all of it in one of its short messages.
+
+    They vanish after some seconds, which a slow machine may sleep through.
+    """
+    until(
+        page, f"window.__toasts.some((said) => {list(texts)}.every((text) => said.includes(text)))"
+    )
 
 
 def hold_map_still(page: Page) -> None:

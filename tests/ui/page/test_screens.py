@@ -17,7 +17,15 @@ from playwright.sync_api import Page, Route, expect
 from agribot.core.geo import Datum, MapFrame
 from agribot.ui import wire
 from tests.ui.page import fake_answers
-from tests.ui.page.conftest import SCREENS, SHARP, OpenPage, show, take_control, until
+from tests.ui.page.conftest import (
+    SCREENS,
+    SHARP,
+    OpenPage,
+    show,
+    take_control,
+    until,
+    wait_for_toast,
+)
 from tests.ui.page.fake_robot import DATUM, field
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.test_safety import commands
@@ -198,7 +206,7 @@ def test_a_late_answer_leaves_what_was_typed_meanwhile(
     wait_for(lambda: page.evaluate("true") and held, "the request that is answered late")
     speed.fill("0.3")
     held[0].continue_()
-    expect(page.locator(".toast", has_text="is now 0.6")).to_be_visible()
+    wait_for_toast(page, "is now 0.6")
     assert speed.input_value() == "0.3"
     speed.press("Enter")
     wait_for(lambda: server.written["settings"] == {"mission.speed_mps": 0.3}, "the other setting")

@@ -15,7 +15,14 @@ from playwright.sync_api import Browser, Page, expect
 
 from agribot.core import config
 from agribot.core.geo import MapFrame
-from tests.ui.page.conftest import hold_map_still, new_context, show, take_control, until
+from tests.ui.page.conftest import (
+    hold_map_still,
+    new_context,
+    show,
+    take_control,
+    until,
+    wait_for_toast,
+)
 from tests.ui.page.robots import Robot, robot_with_page
 from tests.waiting import wait_for
 
@@ -103,7 +110,7 @@ def test_a_standing_robot_believes_the_pose_that_was_drawn_and_then_its_sensors(
     page.get_by_role("button", name="Correct the robot’s pose").click()
     draw_north(page, *page.evaluate(f"{STATE}.pose.slice(0, 2)"))
     page.get_by_role("button", name="Correct the pose", exact=True).click()
-    expect(page.locator(".toast", has_text="Pose corrected")).to_be_visible()
+    wait_for_toast(page, "Pose corrected")
     until(page, f"{STATE}.pos_std_m < 0.05 && Math.abs({STATE}.v_mps) < 0.01")
 
 

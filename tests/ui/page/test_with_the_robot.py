@@ -32,6 +32,7 @@ from tests.ui.page.conftest import (
     show,
     take_control,
     until,
+    wait_for_toast,
 )
 from tests.ui.page.robots import Robot, robot_with_page
 from tests.waiting import wait_for
@@ -209,10 +210,8 @@ def test_the_operator_keeps_a_frame_that_teaches_networks(page: Page, robot: Rob
     in_charge(page)
     show(page, "camera")
     page.get_by_role("button", name="Keep for training").click()
-    toast = page.locator(".toast.info", has_text="Kept images/")
-    expect(toast).to_contain_text("frames there: 1.")
     folder = robot.out_dir.parent / "frames"
-    expect(toast).to_contain_text(str(folder))
+    wait_for_toast(page, "Kept images/", "frames there: 1.", str(folder))
     found = check(find_layout(folder), lambda _: None)
     assert (found.ok, found.pairs, found.sizes) == (True, 1, {"640x480": 1})
 
@@ -334,7 +333,7 @@ def test_a_replay_says_so_and_commands_nothing(context: BrowserContext, ended: P
         expect(page.locator(".banner", has_text="Replay")).to_be_visible()
         expect(page.locator(".mode")).to_have_text("Replay")
         page.get_by_role("button", name="Take control").first.click()
-        expect(page.locator(".toast", has_text="recording")).to_be_visible()
+        wait_for_toast(page, "recording")
         expect(page.locator("[data-action]:visible")).to_have_count(0)
         show(page, "recordings")
         expect(page.get_by_label("Time in the recording")).to_be_visible()
