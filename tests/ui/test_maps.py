@@ -33,7 +33,7 @@ def test_a_live_map_fetches_a_tile_once_and_works_without_its_server_afterwards(
     for _ in range(2):
         assert browser.ask("GET", "/tiles/live/15/23008/14400") == (200, png(RED))
     assert tiles.asked == ["/15/23008/14400.png"]
-    assert browser.ask("GET", "/tiles/live/15/23008/14406")[0] == 204, "the server has none"
+    assert browser.ask("GET", "/tiles/live/15/23008/14412")[0] == 204, "the server has none"
     assert describe_map(find_home() / "maps" / "live.mbtiles")["tiles"] == 1
     assert main(["map", "remove", "live"]) == 0
     assert browser.ask("GET", "/tiles/live/15/23008/14400")[0] == 404
