@@ -231,17 +231,22 @@ def test_keys_drive_while_held_and_steer(open_page: OpenPage, server: FakeServer
     assert stamps_ms == sorted(set(stamps_ms)), "each is stamped with the robot's clock"
 
 
-def test_a_key_that_brings_another_program_lets_go_of_all_keys(
-    open_page: OpenPage, server: FakeServer
-) -> None:
-    """On a Mac, a page does not hear what is let go while Command is held."""
-    page = armed(open_page, server)
+def hold_ahead(page: Page, server: FakeServer) -> None:
+    """Hold the key that drives ahead until the robot is told to."""
     hold(
         page,
         lambda: drives_within(server, [0.1, 2.0]),
         lambda page: page.keyboard.down("w"),
         lambda page: page.keyboard.up("w"),
     )
+
+
+def test_a_key_that_brings_another_program_lets_go_of_all_keys(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    """On a Mac, a page does not hear what is let go while Command is held."""
+    page = armed(open_page, server)
+    hold_ahead(page, server)
     page.keyboard.down("Meta")
     wait_for(lambda: ends_with_zero(server), "a zero at the end")
 
@@ -250,12 +255,7 @@ def test_a_hand_that_held_on_through_a_stop_drives_only_after_a_new_press(
     open_page: OpenPage, server: FakeServer
 ) -> None:
     page = armed(open_page, server)
-    hold(
-        page,
-        lambda: drives_within(server, [0.1, 2.0]),
-        lambda page: page.keyboard.down("w"),
-        lambda page: page.keyboard.up("w"),
-    )
+    hold_ahead(page, server)
     page.keyboard.press("Space")
     wait_for(lambda: ends_with_zero(server), "a zero at the stop")
     page.get_by_role("button", name="Release stop").click()
