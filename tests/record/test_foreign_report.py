@@ -51,6 +51,21 @@ def test_values_of_a_foreign_bag_are_those_that_were_driven(tmp_path: Path) -> N
     assert tracks[topics.ODOMETRY.name][-1] == pytest.approx([1.0, 2.0 + 0.4 * 3.0], abs=0.1)
 
 
+def test_a_receiver_that_begins_at_latitude_and_longitude_0_is_at_no_place_yet(
+    tmp_path: Path,
+) -> None:
+    store, kind = ros1_store(), "sensor_msgs/msg/NavSatFix"
+    with rosbag1.Writer(tmp_path / "a.bag") as writer:
+        topic = writer.add_connection("/fix", kind, typestore=store)
+        for index, lat_deg in enumerate((0.0, 49.5, 49.50001)):
+            t_ns = samples.START_NS + index * samples.STEP_NS
+            fix = samples.nav_sat_fix(store, t_ns, lat_deg, 8.1 if lat_deg else 0.0)
+            writer.write(topic, t_ns, store.serialize_ros1(fix, kind))
+    (track,) = read_foreign(tmp_path / "a.bag").tracks
+    assert len(track.points) == 2
+    assert track.points[-1] == pytest.approx([0.0, 1.11], abs=0.01)
+
+
 def test_odometry_before_its_first_fix_is_no_part_of_the_track(tmp_path: Path) -> None:
     samples.write_run(tmp_path / "run.mcap", unplaced=50)
     convert(

@@ -75,6 +75,11 @@ class Datum(msgspec.Struct, frozen=True, kw_only=True):
     alt_m: float = 0.0
 
 
+def is_place(lat_deg: float, lon_deg: float) -> bool:
+    """Tell whether degrees, which another program may have left unset, are a place on Earth."""
+    return abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and not is_nowhere(lat_deg, lon_deg)
+
+
 def is_nowhere(lat_deg: float, lon_deg: float) -> bool:
     """Tell whether a place is 0, 0 exactly, which devices and files say that know none.
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.core.geo import is_nowhere
+from agribot.core.geo import is_place
 from agribot.core.messages import GnssFix, GnssQuality
 from agribot.drivers.nmea import StampedFix
 
@@ -187,8 +187,7 @@ def read_pvt(payload: bytes) -> StampedFix | None:
         _, _,
     ) = PVT.unpack_from(payload)  # fmt: skip
     lat_deg, lon_deg = lat * 1e-7, lon * 1e-7
-    is_place = abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and not is_nowhere(lat, lon)
-    if not flags & 1 or fix_type not in (2, 3, 4) or not is_place:
+    if not flags & 1 or fix_type not in (2, 3, 4) or not is_place(lat_deg, lon_deg):
         return None
     quality = _CARRIER.get(flags >> 6)
     if quality is None:
@@ -219,7 +218,7 @@ def read_hpposllh(payload: bytes) -> tuple[int, float, float, float] | None:
         HPPOSLLH.unpack_from(payload)
     )
     lat_deg, lon_deg = lat * 1e-7 + lat_hp * 1e-9, lon * 1e-7 + lon_hp * 1e-9
-    if flags & 1 or abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0 or is_nowhere(lat_deg, lon_deg):
+    if flags & 1 or not is_place(lat_deg, lon_deg):
         return None
     return i_tow_ms, lat_deg, lon_deg, height_mm * 1e-3 + height_hp * 1e-4
 

@@ -11,11 +11,10 @@ import msgspec
 import numpy as np
 
 from agribot.core.errors import RecordingError
-from agribot.core.geo import Datum, MapFrame, compass_deg_from_yaw
+from agribot.core.geo import Datum, MapFrame, compass_deg_from_yaw, is_place
 from agribot.core.messages import FloatArray
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag, BagTopic
-from agribot.record.bag.track import is_on_earth
 from agribot.record.frames_path import read_frames_path
 from agribot.ros.messages.fixes import GPSFIXES, NAVSATFIX
 from agribot.ros.messages.utm import ODOMETRY
@@ -200,7 +199,7 @@ class _Places:
         self._frame: MapFrame | None = None
 
     def __call__(self, fix: Any) -> tuple[float, float] | None:
-        if fix.status.status < 0 or not is_on_earth(fix.latitude, fix.longitude):
+        if fix.status.status < 0 or not is_place(fix.latitude, fix.longitude):
             return None
         alt_m = fix.altitude if math.isfinite(fix.altitude) else 0.0
         if self._frame is None:

@@ -16,7 +16,7 @@ import msgspec
 
 from agribot.core.config import RunConfig
 from agribot.core.errors import RecordingError
-from agribot.core.geo import MapFrame, is_nowhere
+from agribot.core.geo import MapFrame, is_place
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag, BagTopic
 from agribot.record.recorder import CONFIG_ATTACHMENT
@@ -68,11 +68,6 @@ def read_track(path: Path, topic_name: str = "") -> GeoTrack:
         return GeoTrack(topic=topic.name, points=points, without_fix=len(found) - len(points))
 
 
-def is_on_earth(lat_deg: float, lon_deg: float) -> bool:
-    """Tell whether degrees, which another program may have left unset, are a place."""
-    return abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0
-
-
 def encode_track(track: GeoTrack, suffix: str, name: str) -> bytes:
     """Encode a track as the bytes of a .gpx, .kml or .csv file.
 
@@ -112,9 +107,7 @@ def _choose_reader(bag: Bag, topic: BagTopic) -> Callable[[Any], TrackPoint | No
 
 
 def _read_fix(fix: Any) -> TrackPoint | None:
-    if fix.status.status < 0 or not is_on_earth(fix.latitude, fix.longitude):
-        return None
-    if is_nowhere(fix.latitude, fix.longitude):
+    if fix.status.status < 0 or not is_place(fix.latitude, fix.longitude):
         return None
     variance = float(fix.position_covariance[0] + fix.position_covariance[4]) / 2.0
     known = fix.position_covariance_type and variance >= 0.0
