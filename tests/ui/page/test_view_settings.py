@@ -43,12 +43,6 @@ BANNER = """() => new Promise((resolve) => {
 })"""
 
 
-@pytest.fixture
-def sharpness() -> float:
-    """Pictures of the map are compared with the screen pixel by pixel."""
-    return SHARP
-
-
 def opened(open_page: OpenPage, server: FakeServer) -> Page:
     server.robot.mode = "paused"
     page = open_page(query="off=scene,camera")
@@ -180,6 +174,7 @@ def test_target_and_size_of_pictures_are_kept_with_the_view(
     expect(page.get_by_label("Target frame")).to_have_value("heading")
 
 
+@pytest.mark.parametrize("sharpness", [SHARP])  # compared with the screen pixel by pixel
 def test_pictures_have_the_size_that_was_chosen_and_show_the_middle_of_the_map_undistorted(
     open_page: OpenPage, server: FakeServer
 ) -> None:
