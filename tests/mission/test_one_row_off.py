@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -18,13 +19,15 @@ from agribot.record.report import Report
 from tests.mission.paper_camera import CameraOnPaper
 
 SETTINGS = ["seed=1", "perception.enabled=false", "record.enabled=false", "field.row_count=3",
-            "field.row_length_m=5", 'world="empty"']  # fmt: skip
+            "field.row_length_m=5", 'world="empty"', "mission.stall_timeout_s=20"]  # fmt: skip
+BRISK = ["mission.speed_mps=0.8", "mission.turn_speed_mps=0.5"]  # twice as fast as usual
 PITCH_M = 1.0
 
 
 def drive(
-    folder: Path, aside_m: float, monkeypatch: pytest.MonkeyPatch, *, has_cover: bool = False
-) -> tuple[Report, MissionStatus]:
+    folder: Path, aside_m: float, monkeypatch: pytest.MonkeyPatch, *, has_cover: bool = False,
+    speeds: Sequence[str] = BRISK,
+) -> tuple[Report, MissionStatus]:  # fmt: skip
     """`aside_m` is how far left of its mark the robot is put down, across the rows."""
 
     def shifted(settings: config.RunConfig) -> WorldSpec:
@@ -32,7 +35,7 @@ def drive(
         return msgspec.structs.replace(load_run_world(settings), **place)
 
     monkeypatch.setattr("agribot.app.run_world.load_run_world", shifted)
-    with simulate(config.load("rows-10x12", SETTINGS), folder) as session:
+    with simulate(config.load("rows-10x12", [*SETTINGS, *speeds]), folder) as session:
         session.stack.perception = CameraOnPaper(
             session, lay_rows(session.config.field), has_cover=has_cover
         )
@@ -43,7 +46,7 @@ def drive(
 def test_beyond_the_crop_it_stands_and_the_report_says_why(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    report, status = drive(tmp_path / "run", -PITCH_M, monkeypatch)
+    report, status = drive(tmp_path / "run", -PITCH_M, monkeypatch, speeds=())
     assert not report.ok and report.mission.success is False
     assert (status.rows_done, status.rows_unproven) == ((), ())  # it came to the end of none
     assert report.mission.rows_done == 0  # in truth

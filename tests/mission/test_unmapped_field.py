@@ -27,6 +27,7 @@ from tests.mission.paper_camera import CameraOnPaper
 Start = tuple[float, float, float]  # East, North, heading in degrees
 SETTINGS = ["seed=1", 'sim.sensors="rtk"', "perception.enabled=false", "record.enabled=false",
             "field.row_length_m=5.0", "field.row_count=3"]  # fmt: skip
+BRISK = ["mission.speed_mps=0.8", "mission.turn_speed_mps=0.5"]  # twice as fast as usual
 BEFORE, BESIDE, ELSEWHERE = (-2.4, -1.3, 8.0), (2.5, -5.0, 80.0), (7.2, 1.2, 180.0)
 
 
@@ -77,7 +78,7 @@ def drive_again(
 def test_rows_that_nobody_mapped_are_found_and_driven_again_from_their_drawing(
     start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    session, report = drive(start, tmp_path / "first", monkeypatch, 'task="explore"')
+    session, report = drive(start, tmp_path / "first", monkeypatch, *BRISK, 'task="explore"')
     assert report.ok, report.reason
     found = report.found_rows
     assert found is not None
@@ -85,7 +86,7 @@ def test_rows_that_nobody_mapped_are_found_and_driven_again_from_their_drawing(
     assert found.offset_m_max is not None and found.offset_m_max < 0.03
     assert found.end_error_m_max is not None and found.end_error_m_max < 0.3
     assert report.tracking.xte_max_m is not None and report.tracking.xte_max_m < 0.1
-    second = drive_again(session, tmp_path / "first", monkeypatch)
+    second = drive_again(session, tmp_path / "first", monkeypatch, *BRISK)
     assert second.ok, second.reason
     assert second.mission.rows_done == 3
     assert report.tracking.plants_crushed == second.tracking.plants_crushed == 0
