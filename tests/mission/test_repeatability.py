@@ -13,10 +13,11 @@ from agribot.cli.main import main
 from agribot.record.replay import read_ticks
 from agribot.record.report import Report, TimeReport
 from tests import nightly
-from tests.mission.conftest import ShortRun, run_session
+from tests.mission.conftest import ALL_HZ, FEW_HZ, ShortRun, run_session, see_at
 
-FirstRun = Callable[[float], tuple[Path, Report]]
-SEED, SHORT_S, LONG_S = 7, 12.0, 25.0
+FirstRun = Callable[[float, float], tuple[Path, Report]]
+SEED = 7
+SHORT, LONG = (12.0, FEW_HZ), (25.0, ALL_HZ)  # seconds, and pictures in each
 
 
 @pytest.fixture(scope="module")
@@ -24,9 +25,10 @@ def first_run(tmp_path_factory: pytest.TempPathFactory) -> FirstRun:
     """The first seconds of the farm mission with camera and network, driven once."""
 
     @cache
-    def drive(seconds: float) -> tuple[Path, Report]:
+    def drive(seconds: float, pictures_hz: float) -> tuple[Path, Report]:
         out = tmp_path_factory.mktemp("first") / "run"
-        return out, run_session("farm", [f"duration_s={seconds}", f"seed={SEED}"], str(out))
+        settings = [f"duration_s={seconds}", f"seed={SEED}", see_at(pictures_hz)]
+        return out, run_session("farm", settings, str(out))
 
     return drive
 
@@ -41,8 +43,9 @@ def without_times(report: Report) -> Report:
 def test_the_same_seed_gives_the_same_report_and_the_same_commands(
     first_run: FirstRun, short_run: ShortRun
 ) -> None:
-    first_dir, first = first_run(SHORT_S)
-    second_dir, second = short_run("second", f"seed={SEED}", seconds=SHORT_S)
+    seconds, pictures_hz = SHORT
+    first_dir, first = first_run(seconds, pictures_hz)
+    second_dir, second = short_run("second", f"seed={SEED}", see_at(pictures_hz), seconds=seconds)
     assert without_times(first) == without_times(second)
     first_commands = [tick.command for tick in read_ticks(first_dir / "run.mcap")]
     second_commands = [tick.command for tick in read_ticks(second_dir / "run.mcap")]
@@ -58,9 +61,9 @@ def test_another_seed_gives_another_run(short_run: ShortRun) -> None:
     assert first != other
 
 
-@nightly.one_by_one("seconds", (SHORT_S, LONG_S), in_suite=1)
+@nightly.one_by_one("drive", (SHORT, LONG), in_suite=1)
 def test_replaying_a_recording_gives_bit_identical_commands(
-    first_run: FirstRun, seconds: float
+    first_run: FirstRun, drive: tuple[float, float]
 ) -> None:
-    out, _ = first_run(seconds)
+    out, _ = first_run(*drive)
     assert main(["replay", str(out / "run.mcap")]) == 0
