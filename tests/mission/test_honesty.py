@@ -24,7 +24,8 @@ def test_cheap_receivers_run_to_an_honest_report(
 ) -> None:
     out = tmp_path / preset
     arguments = ["run", "farm", "--sensors", preset, "--seed", "1", "--out", str(out), "--json"]
-    status = main([*arguments, "--set", "perception.enabled=false"])
+    settings = ["--set", "perception.enabled=false", "--set", "mission.stall_timeout_s=20"]
+    status = main([*arguments, *settings])
     report = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert report["ok"] is (status == 0)
     assert report["reason"]
