@@ -11,14 +11,17 @@ from torch import Tensor
 
 from agribot.cli.train import run
 from agribot.core.errors import ConfigError
+from agribot.lab.train.architectures import ARCHITECTURES
 from agribot.lab.train.processes import TrainingGroup, join_group
+from tests.lab.train import trained_together
 from tests.lab.train.command_line import parsed
 
 ROOT = Path(__file__).parents[3]
 
 
-def trained(out: Path, launcher: list[str]) -> None:
-    words = [sys.executable, *launcher, "-m", "tests.lab.train.trained_together", str(out)]
+def train_in_two_processes(out: Path) -> None:
+    launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc_per_node", "2"]
+    words = [sys.executable, *launcher, "-m", trained_together.__name__, str(out)]
     done = subprocess.run(
         words, cwd=ROOT, env=os.environ | {"OMP_NUM_THREADS": "1"}, capture_output=True, check=False
     )
@@ -31,10 +34,12 @@ def weights(path: Path) -> dict[str, Tensor]:
 
 
 @pytest.mark.slow
-def test_two_processes_learn_what_one_learns_from_the_doubled_batch(tmp_path: Path) -> None:
-    torchrun = ["-m", "torch.distributed.run", "--standalone", "--nproc_per_node", "2"]
-    trained(tmp_path / "two.pt", torchrun)
-    trained(tmp_path / "one.pt", [])
+def test_two_processes_learn_what_one_learns_from_the_doubled_batch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(ARCHITECTURES, "plain", trained_together.PLAIN)
+    train_in_two_processes(tmp_path / "two.pt")
+    trained_together.main(tmp_path / "one.pt")
     first, second = weights(tmp_path / "two-0.pt"), weights(tmp_path / "two-1.pt")
     alone = weights(tmp_path / "one-0.pt")
     assert all(torch.equal(first[name], second[name]) for name in first)

@@ -22,11 +22,11 @@ from tests.lab.train.photo_folder import photo_folder, spoil
 def test_one_command_goes_from_nothing_to_weights_with_a_card(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ("--images", "4", "--test-images", "2", "--steps", "2", "--out", str(tmp_path))
+    words = ("--images", "2", "--test-images", "1", "--steps", "2", "--out", str(tmp_path))
     assert run(parsed(*words)) == 0
     weights = tmp_path / "agribot-sim.onnx"
     card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
-    assert (card.plan.steps, card.train_images) == (2, 4)
+    assert (card.plan.steps, card.train_images) == (2, 2)
     assert set(card.test) == {"random-fields", "farm", "row-crops", "turns"}
     assert card.calibration is not None and card.calibration.images == 2
     assert card.calibration.temperature > 0.0

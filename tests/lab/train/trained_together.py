@@ -1,7 +1,8 @@
 """Started by torchrun, or alone: trains a small network on the same images in each case.
 
-`python -m tests.lab.train.trained_together OUT.pt`: with several processes each takes its share of
-every batch, alone it takes them all. Fails where a thread of the others' meeting outlives it.
+`python -m tests.lab.train.trained_together OUT.pt`, or `main` where its network is known: with
+several processes each takes its share of every batch, alone it takes them all. Fails where a
+thread of the others' meeting outlives it.
 """
 
 from __future__ import annotations
@@ -27,9 +28,11 @@ def plain() -> nn.Module:
     return nn.Sequential(nn.Conv2d(3, 8, 3, padding=1), nn.ReLU(), nn.Conv2d(8, 3, 1))
 
 
+PLAIN = Architecture(plain, centred_rgb, "of this test")
+
+
 def main(out: Path) -> None:
     torch.set_num_threads(1)
-    ARCHITECTURES["plain"] = Architecture(plain, centred_rgb, "of this test")
     group = join_group("cpu")
     step = 0
 
@@ -58,4 +61,5 @@ def thread_names() -> list[str]:
 
 
 if __name__ == "__main__":
+    ARCHITECTURES["plain"] = PLAIN
     main(Path(sys.argv[1]))
