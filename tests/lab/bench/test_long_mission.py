@@ -25,10 +25,10 @@ from agribot.lab.sweep.execution import Assignment
 
 
 def assign(tmp_path: Path, *settings: str) -> Assignment:
-    """A mission of 50 m."""
+    """A mission of 50 m, twice as fast as usual."""
     plan = tmp_path / "plan.geojson"
     plan.write_text(make_plan(0.05), encoding="utf-8")
-    (job,) = list_jobs(0.05, plan, [1])
+    (job,) = list_jobs(0.05, plan, [1], speed_mps=0.8)
     job = msgspec.structs.replace(job, fixed=(*job.fixed, *settings))
     return Assignment(job=job, out_dir=tmp_path / "mission")
 
@@ -44,7 +44,8 @@ def test_a_plan_is_about_as_long_as_asked_for_and_a_mission_takes_it(km: float) 
 def test_a_short_one_is_driven_to_its_end_and_is_not_driven_twice(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["bench", "long", "--km", "0.05", "--out", str(tmp_path / "out"), "--json"]
+    words = ["bench", "long", "--km", "0.05", "--mps", "0.8", "--json"]
+    words += ["--out", str(tmp_path / "out")]
     assert main(words) == 0
     result = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert result["km"] == pytest.approx(0.05, rel=0.5)
@@ -66,7 +67,7 @@ def test_a_mission_that_is_cut_off_twice_goes_on_and_is_one_job(
     tell, said = WayToldNow([assignment.out_dir, tmp_path / "not begun"]), []
     for _ in range(2):
         ticks = itertools.count()
-        assert go_on(assignment, lambda ticks=ticks: next(ticks) == 1500) is None  # type: ignore[misc]
+        assert go_on(assignment, lambda ticks=ticks: next(ticks) == 1200) is None  # type: ignore[misc]
         said += [tell(), tell(), tell()]
     assert said[:2] == said[3:5] == ["", ""], "news come every five seconds"
     assert [path.name for path in list_parts(assignment.out_dir)] == ["mission", "mission.2"]
