@@ -156,6 +156,7 @@ def test_rviz_shows_the_farm(ros1: Ros1, tmp_path: Path) -> None:
     )
     wait_for(screen.exists, "the screen")
     options = f"--out {tmp_path / 'run'} --speed 2 --set record.enabled=false"
+    options += " --set perception.camera_rate_hz=2"
     launched = ros1.start(
         "roslaunch", "agribot_description", "agribot.launch", f"options:={options}"
     )
