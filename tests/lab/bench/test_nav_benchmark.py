@@ -216,7 +216,7 @@ def test_a_receiver_whose_velocity_is_far_noisier_than_it_says_strands_nobody(
     assert all(outcome.xte_rms_m < 0.03 for outcome in outcomes)
 
 
-@pytest.mark.parametrize("receiver", ["m8n", "rtk"])
+@nightly.one_by_one("receiver", ["m8n", "rtk"], in_suite=1)
 def test_row_lines_far_noisier_than_they_state_leave_the_covariance_honest(
     receiver: Receiver,
 ) -> None:
