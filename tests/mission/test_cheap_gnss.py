@@ -10,6 +10,8 @@ from agribot.cli.main import main
 from tests import nightly
 from tests.mission.conftest import ALL_HZ, FEW_HZ, run_session, see_at
 
+BLIND = ["perception.enabled=false", "record.enabled=false"]
+
 
 @pytest.mark.slow
 @nightly.one_by_one("drive", ((2, FEW_HZ), (6, ALL_HZ)), in_suite=1)
@@ -32,8 +34,7 @@ def test_a_cheap_receiver_and_the_camera_drive_all_rows_and_crush_nothing(
 def test_without_the_camera_a_cheap_receiver_stops_before_it_crushes_the_crop(
     tmp_path: Path,
 ) -> None:
-    patience = ["mission.stall_timeout_s=20"]
-    settings = ["seed=1", 'sim.sensors="m8n"', "perception.enabled=false", *patience]
+    settings = ["seed=1", 'sim.sensors="m8n"', *BLIND, "mission.stall_timeout_s=20"]
     report = run_session("farm", settings, str(tmp_path))
     assert not report.ok
     assert "off the row" in report.reason
@@ -43,7 +44,7 @@ def test_without_the_camera_a_cheap_receiver_stops_before_it_crushes_the_crop(
 
 def test_a_robot_that_is_not_on_its_mark_never_moves_and_the_run_ends(tmp_path: Path) -> None:
     elsewhere = ["field.start_map_m=[-30.0, 0.0]", "mission.stall_timeout_s=5"]
-    settings = ["seed=1", 'sim.sensors="rtk"', "perception.enabled=false", *elsewhere]
+    settings = ["seed=1", 'sim.sensors="rtk"', *BLIND, *elsewhere]
     report = run_session("farm", settings, str(tmp_path))
     assert not report.ok
     assert "does not stand at the marked start" in report.reason

@@ -14,7 +14,8 @@ from agribot.core.config import load
 from agribot.core.row_shape import project_on_row
 from agribot.record.report import Report
 
-BLIND = ("perception.enabled=false", "sim.sensors='ideal'")
+UNSEEN = ("perception.enabled=false", "record.enabled=false")
+BLIND = (*UNSEEN, "sim.sensors='ideal'")
 
 
 def _drive(folder: Path, preset: str, seconds: float, seed: int = 1) -> Report:
@@ -48,7 +49,7 @@ def test_way_lost_in_turns_on_soil_is_no_reason_to_doubt_a_good_receiver(
 ) -> None:
     config = load(
         "farm",
-        ["perception.enabled=false", "sim.preset=field", "duration_s=35", f"seed={seed}"],
+        [*UNSEEN, "sim.preset=field", "duration_s=35", f"seed={seed}"],
     )
     with simulate(config, tmp_path) as run:
         records = list(run.ticks())
@@ -60,9 +61,7 @@ def test_a_turn_on_soil_without_a_fix_leaves_the_filter_where_the_robot_is(
     tmp_path: Path,
 ) -> None:
     """The receiver of this seed is silent for eight seconds of its first turn."""
-    config = load(
-        "farm", ["perception.enabled=false", "sim.preset=field", "duration_s=72", "seed=8"]
-    )
+    config = load("farm", [*UNSEEN, "sim.preset=field", "duration_s=72", "seed=8"])
     with simulate(config, tmp_path) as run:
         apart_m = []
         for record in run.ticks():

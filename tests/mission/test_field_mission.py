@@ -93,7 +93,8 @@ def test_a_run_that_was_killed_goes_on_from_its_folder(tmp_path: Path) -> None:
 
 
 def test_called_home_it_comes_back_to_where_it_began(tmp_path: Path) -> None:
-    config = load("farm", [*EMPTY, 'world="Farm"', "field.start_map_m=[-2,0]"])
+    farm = ['world="Farm"', "field.start_map_m=[-2,0]", "record.enabled=false"]
+    config = load("farm", [*EMPTY, *farm])
     with simulate(config, tmp_path / "run") as session:
         ticks = session.ticks()
         next(record for record in ticks if record.status.row == 0 and record.batch.t_s > 20.0)

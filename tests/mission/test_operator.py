@@ -14,7 +14,8 @@ from agribot.core.messages import OperatorAction, OperatorEvent, TickRecord
 
 @pytest.fixture
 def session(tmp_path: Path) -> Iterator[SimulatedRun]:
-    settings = config.load("farm", ["seed=2", "perception.enabled=false", "field.row_count=1"])
+    unseen = ["perception.enabled=false", "record.enabled=false"]
+    settings = config.load("farm", ["seed=2", "field.row_count=1", *unseen])
     with simulate(settings, tmp_path / "run") as opened:
         yield opened
 

@@ -8,7 +8,8 @@ import pytest
 
 from agribot import load, simulate
 
-HARD = ["sim.preset='hard'", "sim.sensors='rtk'", "perception.enabled=false"]
+HARD = ["sim.preset='hard'", "sim.sensors='rtk'", "perception.enabled=false",
+        "record.enabled=false"]  # fmt: skip
 
 
 @pytest.mark.parametrize(("seed", "until_s", "least_m"), [(102, 20.0, 1.5), (116, 25.0, 3.5)])

@@ -34,7 +34,7 @@ class SeeingBench(Bench):
     """Plants grow along the drive; the wizard is told what the camera makes of them."""
 
     def __init__(self, folder: Path, *settings: str, line_aside_m: float = 0.0) -> None:
-        super().__init__(folder, *FIELD, *settings)
+        super().__init__(folder, "record.enabled=false", *FIELD, *settings)
         session, rng = self.session, np.random.default_rng(5)
         self._places_m = np.column_stack([rng.uniform(-0.5, 0.5, 90), rng.uniform(0.0, 12.0, 90)])
         self._real = load_robot().body_from_camera()

@@ -28,6 +28,7 @@ SETTINGS = (
     "field.start_yaw_deg=90.0",
     "field.obstacles_map_m=[]",
 )
+CHEAP = ("sim.sensors=m8n", "safety.max_pos_std_m=50.0")
 
 
 class Bench:
@@ -76,7 +77,7 @@ class Bench:
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(tmp_path)
+    made = Bench(tmp_path, "record.enabled=false")
     with made.session:
         yield made
 
@@ -102,7 +103,7 @@ def test_a_wheel_of_another_size_is_found_and_taken_over_by_the_next_run(tmp_pat
 
 
 def test_the_compass_is_better_against_the_gyro_after_than_before(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, "sim.sensors=m8n", "safety.max_pos_std_m=50.0")
+    bench = Bench(tmp_path, "record.enabled=false", *CHEAP)
     with bench.session:
         bench.stand_ready()
         assert bench.do("start", "magnetometer")["refusal"] == ""
