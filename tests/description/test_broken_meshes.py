@@ -20,7 +20,7 @@ from agribot.description.loader import export_urdf, load_robot
 from agribot.description.mesh_files import encode_stl, make_box
 from agribot.description.ros_map import load_ros_map
 from agribot.description.worlds_sdf import load_world
-from agribot.sim.camera.stl import read_stl
+from agribot.sim.stl import read_stl
 
 CUBE = make_box((0.0, 0.0, 0.5), (1.0, 1.0, 1.0))
 OBJ = "\n".join(f"v {x} {y} {z}" for x, y, z in CUBE.reshape(-1, 3))

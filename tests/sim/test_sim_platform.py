@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 import threading
 
 import msgspec
@@ -269,3 +271,14 @@ def test_perception_without_a_camera_is_a_contradiction(
 def test_unknown_sensor_preset_is_refused(rover: RobotSpec, meadow: WorldSpec) -> None:
     with pytest.raises(ConfigError, match="did you mean 'm8n'"):
         SimPlatform(_config("m8"), rover, meadow)
+
+
+def test_a_simulator_without_a_camera_loads_no_renderer() -> None:
+    """It takes half a CPU second to load."""
+    code = (
+        "import sys, agribot.app.simulated_run, agribot.sim.referee, agribot.sim.platform;"
+        "dear = 'agribot.sim.camera.', 'scipy.ndimage';"
+        "print([name for name in sys.modules if name.startswith(dear)])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -141,7 +141,7 @@ class CameraSensor:
 
 def keep_drawable(robot: RobotSpec) -> RobotSpec:
     """Return the robot without the visuals whose meshes cannot be read; warn of each."""
-    from agribot.sim.camera.stl import find_mesh_file, read_stl
+    from agribot.sim.stl import find_mesh_file, read_stl
 
     def can_be_drawn(shape: Shape) -> bool:
         try:

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from agribot.core.errors import DescriptionError
 from agribot.core.messages import FloatArray
 from agribot.core.robot import Link, RobotSpec, Shape
-from agribot.sim.camera.stl import find_mesh_file, read_stl
 from agribot.sim.rigid_body import BASE, find_carrier
+from agribot.sim.stl import find_mesh_file, read_stl
 
 CELL_M = 0.02
 SPACING_M = 0.01  # of the points on a shape's surface

@@ -165,7 +165,7 @@ def test_the_robot_leaves_no_trace_when_it_is_not_asked_for(rover: RobotSpec) ->
 def test_a_wheel_turns_about_its_axle_and_rolls_forward(rover: RobotSpec) -> None:
     """The wheels turn about the axis of their joint: a mark on the rim moves on a circle."""
     from agribot.sim.camera.rover import Rover
-    from agribot.sim.camera.stl import find_mesh_file
+    from agribot.sim.stl import find_mesh_file
 
     poses = [
         Rover(rover, find_mesh_file).compute_poses(np.eye(4), (angle, 0.0, 0.0, 0.0))

@@ -52,9 +52,9 @@ from agribot.sim.camera.shading import (
     develop_rows,
 )
 from agribot.sim.camera.shadows import bake_shadows, compute_directness, compute_shadow_slope
-from agribot.sim.camera.stl import find_mesh_file
 from agribot.sim.camera.terrain import draw_terrain, project_terrain
 from agribot.sim.ground_surface import GroundSurface, build_ground_surface
+from agribot.sim.stl import find_mesh_file
 
 LOD_PX = (150.0, 70.0, 32.0, 16.0)  # below these apparent sizes the next coarser mesh is drawn
 LEAST_PX = 1.2

@@ -13,9 +13,9 @@ from agribot.core.messages import WHEEL_NAMES, FloatArray, PlantClass, Vec3
 from agribot.core.robot import RobotSpec, Shape
 from agribot.sim.camera.arrays import Instances
 from agribot.sim.camera.solids import build_shape_lods, make_flat_faced
-from agribot.sim.camera.stl import read_stl
 from agribot.sim.flora.mesh import Mesh
 from agribot.sim.flora.species import LODS
+from agribot.sim.stl import read_stl
 
 ResolveMesh = Callable[[str], Path]
 
