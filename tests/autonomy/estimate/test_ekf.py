@@ -15,6 +15,7 @@ from agribot.autonomy.estimate.ekf import (
     MAG_BIAS,
     SLIP,
     STATES,
+    WAY_X,
     WHEEL_SCALE,
     YAW,
     Ekf,
@@ -50,7 +51,7 @@ def dense(row: Row) -> FloatArray:
     return h
 
 
-STATE = [3.0, -2.0, 0.7, 0.01, 0.04, 0.03, 0.02, 0.5, -0.4, 0.1, 0.02, 0.03]
+STATE = [3.0, -2.0, 0.7, 0.01, 0.04, 0.03, 0.02, 0.5, -0.4, 0.1, 0.02, 0.03, 0.01, -0.02]
 
 
 def test_prediction_equals_numerical_jacobian_times_covariance() -> None:
@@ -116,7 +117,8 @@ def test_gated_update_leaves_the_filter_untouched() -> None:
 
 def test_covariance_stays_positive_after_thousands_of_mixed_steps() -> None:
     rng = np.random.default_rng(5)
-    ekf = Ekf([1e3, 1e3, 3.0, 0.01, 0.03, 0.03, 0.01, 1.0, 1.0, 0.1, 0.01, 0.03], row_yaw_rad=0.0)
+    std = [1e3, 1e3, 3.0, 0.01, 0.03, 0.03, 0.01, 1.0, 1.0, 0.1, 0.01, 0.03, 0.1, 0.1]
+    ekf = Ekf(std, row_yaw_rad=0.0)
     for k in range(3000):
         ekf.predict(0.004, float(rng.normal(0.0, 0.01)), 0.01, SOME_NOISE)
         if k % 10 == 0:
@@ -177,6 +179,18 @@ def test_bias_and_scale_are_taken_out_of_the_motion() -> None:
     ekf = Ekf([0.1] * STATES, row_yaw_rad=0.0)
     ekf.x[GYRO_BIAS], ekf.x[WHEEL_SCALE] = 0.02, 0.1
     assert ekf.predict(1.0, 0.02 * 0.5, 0.5, NO_NOISE) == pytest.approx((0.9, 0.0, 0.0))
+
+
+def test_a_way_that_is_doubted_and_then_told_moves_the_position_as_much() -> None:
+    """Of a way off by a decimetre and told to a centimetre the position takes all but a part."""
+    ekf = Ekf([0.02] * WAY_X, row_yaw_rad=0.0)
+    ekf.doubt_way(0.3**2)
+    ekf.update(((WAY_X, 1.0),), 0.1, 0.01**2)
+    ekf.forget_way()
+    assert ekf.x[X] == pytest.approx(0.1, abs=0.001) and ekf.x[Y] == 0.0
+    assert ekf.cov[X, X] == pytest.approx(0.02**2 + 0.01**2, rel=0.01)
+    assert ekf.cov[Y, Y] == pytest.approx(0.02**2 + 0.3**2)
+    assert ekf.x[WAY_X] == 0.0 and not ekf.cov[WAY_X].any()
 
 
 def test_reset_forgets_value_and_correlations() -> None:

@@ -21,18 +21,73 @@ def is_turning(t_s: float) -> bool:
     return t_s > FIRST_S and (t_s - FIRST_S) % (STRAIGHT_S + TURN_S) >= STRAIGHT_S
 
 
+def let_float(fix: GnssFix) -> GnssFix:
+    return msgspec.structs.replace(fix, quality=GnssQuality.RTK_FLOAT, pos_std_m=0.4)
+
+
 def let_float_in_turns(recording: Recording) -> Recording:
     """Give the receiver decimetres instead of centimetres for as long as the robot turns."""
     fixes = [
         (
             arrival_s,
-            msgspec.structs.replace(fix, quality=GnssQuality.RTK_FLOAT, pos_std_m=0.4)
-            if is_turning(fix.t_s)
-            else fix,
+            let_float(fix) if is_turning(fix.t_s) else fix,
         )
         for arrival_s, fix in recording.fixes
     ]
     return msgspec.structs.replace(recording, fixes=fixes)
+
+
+def distances_m(recording: Recording, begin_s: float, end_s: float) -> list[float]:
+    """How far off the pose is in that time."""
+    return [distance_m(recording, each) for each in play(recording) if begin_s < each.t_s < end_s]
+
+
+@pytest.mark.parametrize("lost_ratio", [0.0, 0.3, 0.5])
+@nightly.one_by_one("seed", range(3), in_suite=1)
+def test_while_fixes_float_the_velocities_lead_through_a_turn_that_the_wheels_lose(
+    lost_ratio: float, seed: int
+) -> None:
+    def grip(t_s: float) -> float:
+        return 1.0 - lost_ratio if is_turning(t_s) else 1.0
+
+    recording = let_float_in_turns(record(rows, 40.0, seed=seed, grip=grip))
+    assert max(distances_m(recording, 10.0, 40.0)) < 0.1
+
+
+@nightly.one_by_one("seed", range(4), in_suite=2)
+def test_while_fixes_float_the_pose_goes_with_a_robot_that_clods_push_aside(seed: int) -> None:
+    """The wheels lose half of their way besides; the pose says how far off it may be."""
+
+    def slide(t_s: float) -> float:
+        return 0.08 if 15.0 < t_s < 19.0 else 0.0
+
+    recording = record(
+        rows, 40.0, seed=seed, slide_mps=slide, grip=lambda t_s: 0.5 if 20.0 < t_s < 26.0 else 1.0
+    )
+    fixes = [
+        (arrival_s, let_float(fix) if 14.0 < fix.t_s < 30.0 else fix)
+        for arrival_s, fix in recording.fixes
+    ]
+    estimates = play(msgspec.structs.replace(recording, fixes=fixes))
+    floating = [each for each in estimates if 14.0 < each.t_s < 30.0]
+    assert max(distance_m(recording, each) for each in floating) < 0.15
+    assert max(distance_m(recording, each) / each.pos_std_m for each in floating) < 3.0
+    assert not any(each.contradiction for each in estimates)
+
+
+@nightly.one_by_one("seed", range(3), in_suite=1)
+def test_wheels_that_find_their_grip_again_on_the_straight_are_no_jump_of_the_fixes(
+    seed: int,
+) -> None:
+    """They had been learnt to lose most of their way; the robot is then faster than expected."""
+
+    def drive(t_s: float) -> tuple[float, float]:
+        return (0.4, 0.0) if t_s > FIRST_S else (0.0, 0.0)
+
+    recording = record(drive, 40.0, seed=seed, grip=lambda t: 0.2 if 15.0 < t < 25.0 else 1.0)
+    estimates = play(recording)
+    assert not any(each.contradiction for each in estimates)
+    assert max(distance_m(recording, each) for each in estimates[500:]) < 0.2
 
 
 def is_on_straight(t_s: float) -> bool:

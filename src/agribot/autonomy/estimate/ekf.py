@@ -1,4 +1,4 @@
-"""Extended Kalman filter of the pose and of nine slow errors, in plain NumPy.
+"""Extended Kalman filter of the pose and of what sensors get wrong, in plain NumPy.
 
 The state is a list of floats and the covariance one array that is only ever changed in place:
 at 100 predictions a second the arithmetic is free and the Python around it is the cost.
@@ -19,10 +19,10 @@ from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray
 from agribot.core.pose import Pose2
 
-STATES = 12
+STATES = 14
 (
     X, Y, YAW, GYRO_BIAS, WHEEL_SCALE, SLIP, GYRO_SCALE,
-    GNSS_BIAS_X, GNSS_BIAS_Y, MAG_BIAS, ROW_BIAS, ROW_OFFSET,
+    GNSS_BIAS_X, GNSS_BIAS_Y, MAG_BIAS, ROW_BIAS, ROW_OFFSET, WAY_X, WAY_Y,
 ) = range(STATES)  # fmt: skip
 
 # One row of the measurement matrix, without its zeros: (state, coefficient) pairs.
@@ -51,7 +51,9 @@ class Ekf:
     States: x_map_m, y_map_m, yaw_map_rad, gyro bias (rad/s), wheel scale (share of the wheel
     speed lost), slip, gyro scale (share that it tells too much), GNSS bias east and north (m),
     magnetometer bias (rad), offset of the row sensor (m, to the left of the robot), offset of the
-    field's rows from where the map has them (m, to the right of the rows).
+    field's rows from where the map has them (m, to the right of the rows), error of the way that
+    wheels and gyro have told since the receiver's last velocity, east and north (m): known to be 0
+    but while a velocity tells better (`doubt_way`).
 
     Slip belongs to the slope, so its sign is kept in the map and not in the body: driving along
     the rows in either direction the robot crabs to the same side of the field. In the body it is
@@ -136,6 +138,19 @@ class Ekf:
 
     def inflate(self, state: int, variance: float) -> None:
         self.cov[state, state] += variance
+
+    def doubt_way(self, variance_m2: float) -> None:
+        """Doubt the way that was last told: what it is off by, the position is off by, too."""
+        for place, way in ((X, WAY_X), (Y, WAY_Y)):
+            self.inflate(place, variance_m2)
+            self.inflate(way, variance_m2)
+            self.cov[place, way] += variance_m2
+            self.cov[way, place] += variance_m2
+
+    def forget_way(self) -> None:
+        """Begin another way, which is believed."""
+        for way in (WAY_X, WAY_Y):
+            self.reset(way, 0.0, 0.0)
 
     def reset(self, state: int, value: float, variance: float) -> None:
         """Forget a state and its correlations."""

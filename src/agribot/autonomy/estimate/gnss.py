@@ -49,14 +49,16 @@ FIRST_FIXES = 5
 UNKNOWN_M2 = 1e6
 SUSPICIOUS_REJECTIONS = 5  # in a row
 # While a robot turns so fast, and so far at least, fixes that lie within three sigmas of where
-# velocities lead are right. On the straight its swerves and the gyro's noise add up to half of it.
+# velocities lead are right. On the straight its swerves and the gyro's noise add up to half of it:
+# there they are where the wheels have lost some of their way ahead, and none aside.
 VOUCHED_TURN_RADPS, VOUCHED_TURN_RAD, VOUCHED_SIGMA2 = 0.1, 0.1, 9.0
 
 
 class _Sure(NamedTuple):
-    """A fix that was believed: mark of the velocities, turns so far, and the filter's variance."""
+    """A fix that was believed: mark of the velocities, way and turns so far, filter's variance."""
 
     mark: VelocityMark
+    driven_m: float
     turned_rad: float
     variance_m2: float
 
@@ -163,8 +165,9 @@ class Gnss(Correction[GnssFix]):
         yield from self._position(fix, noise, (antenna_m, arm_m), epoch)
         if fix.velocity_mps is not None and "position" in self.pose.known:
             yield from self.velocity.measure(
-                fix, since_last_s, lever_m, epoch, is_corrected=self._is_corrected
-            )
+                fix, since_last_s, lever_m, epoch, is_corrected=self._is_corrected,
+                is_vague=fix.quality is GnssQuality.RTK_FLOAT,
+            )  # fmt: skip
         if fix.quality is GnssQuality.RTK_FIXED:
             self._compare_with_camera(fix.t_s)
         self._watch_drift(fix, noise, antenna_m, lever_m, epoch)
@@ -303,7 +306,7 @@ class Gnss(Correction[GnssFix]):
             self._note_sure()
             return
         if self._is_vouched(measured):
-            self.pose.rejected["wheels slip in a turn"] += 1
+            self.pose.rejected["wheels slip"] += 1
             self._position_gate.rejected_in_a_row = 0
             self._open(measured)
             return
@@ -320,20 +323,18 @@ class Gnss(Correction[GnssFix]):
         mark = self.velocity.way.find_mark(self.last_t_s)
         if self.quality is GnssQuality.RTK_FIXED and mark is not None:
             cov = self.pose.ekf.cov
-            self._sure = _Sure(mark, self._turned_rad, float(cov[X, X] + cov[Y, Y]) / 2.0)
+            variance_m2 = float(cov[X, X] + cov[Y, Y]) / 2.0
+            self._sure = _Sure(mark, self._driven_m, self._turned_rad, variance_m2)
 
     def _is_vouched(self, measured: Measurement) -> bool:
-        """Whether a rejected fix lies where its velocities lead since the last turn began.
+        """Whether a rejected fix lies where its velocities lead, and the wheels can have been off.
 
-        Then the wheels have lost their way on soft ground, and neither did the fixes jump nor was
-        the robot carried, which happens anywhere.
+        Then they have lost their way on soft ground, in a turn or ahead, or found it again, and
+        neither did the fixes jump nor was the robot carried, which happens anywhere.
         """
         sure, way = self._sure, self.velocity.way
         is_often = self.rejected_in_a_row >= SUSPICIOUS_REJECTIONS
         if sure is None or not is_often:
-            return False
-        least_rad = max(VOUCHED_TURN_RAD, VOUCHED_TURN_RADPS * (self.last_t_s - sure.mark.t_s))
-        if self._turned_rad - sure.turned_rad < least_rad:
             return False
         told = way.compare(sure.mark, way.find_mark(self.last_t_s))
         if told is None or self.quality is not GnssQuality.RTK_FIXED:
@@ -341,7 +342,12 @@ class Gnss(Correction[GnssFix]):
         parted_m, std_m = told
         variance_m2 = measured.variance + sure.variance_m2 + std_m**2
         off_m2 = abs(complex(*measured.residuals) + parted_m) ** 2
-        return off_m2 <= VOUCHED_SIGMA2 * variance_m2
+        least_rad = max(VOUCHED_TURN_RAD, VOUCHED_TURN_RADPS * (self.last_t_s - sure.mark.t_s))
+        has_turned = self._turned_rad - sure.turned_rad >= least_rad
+        aside_m = _along(parted_m, self.pose.ekf.x[YAW] + math.pi / 2.0)
+        is_ahead = aside_m * aside_m <= VOUCHED_SIGMA2 * variance_m2
+        can_be_ahead = is_ahead and abs(parted_m) <= self._driven_m - sure.driven_m
+        return (has_turned or can_be_ahead) and off_m2 <= VOUCHED_SIGMA2 * variance_m2
 
     def _follow(self, measured: Measurement) -> None:
         """With corrections the fix is right and the robot is elsewhere (carried, or slid).
@@ -368,6 +374,10 @@ class Gnss(Correction[GnssFix]):
 
 def _sum(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
     return a[0] + b[0], a[1] + b[1]
+
+
+def _along(vector_m: complex, yaw_rad: float) -> float:
+    return (vector_m * cmath.rect(1.0, -yaw_rad)).real
 
 
 def _pair(residuals: tuple[float, ...]) -> tuple[float, float]:

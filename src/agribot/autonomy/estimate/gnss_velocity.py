@@ -1,22 +1,31 @@
-"""Velocity of the GNSS antenna: it shows the heading, and what the wheels lose."""
+"""Velocity of the GNSS antenna: it shows the heading, what wheels lose, and where that leads."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from agribot.autonomy.estimate.correction import Measurements
-from agribot.autonomy.estimate.ekf import SLIP, WHEEL_SCALE, YAW, Row
+from agribot.autonomy.estimate.ekf import SLIP, WAY_X, WAY_Y, WHEEL_SCALE, YAW, Row
 from agribot.autonomy.estimate.gate import Gate
 from agribot.autonomy.estimate.gnss_noise import VelocityNoise
-from agribot.autonomy.estimate.history import Epoch
+from agribot.autonomy.estimate.history import Epoch, Motion
+from agribot.autonomy.estimate.lost_way import (
+    LOST_MPS,
+    LOST_S,
+    Told,
+    can_be_of_wheels,
+    have_lost_way,
+)
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.sensor_ranges import MAX_SPEED_MPS
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
-from agribot.autonomy.estimate.velocity_way import VelocityWay
+from agribot.autonomy.estimate.velocity_way import MAX_GAP_S, VelocityWay
 from agribot.core.arithmetic import FLOATS
 from agribot.core.messages import GnssFix
+from agribot.core.pose import Pose2
 
 SPUN_S = 5.0  # so long wheels that slipped are named
 
@@ -27,6 +36,17 @@ def has_usable_velocity(fix: GnssFix) -> bool:
         return False
     values = (*fix.velocity_mps[:2], fix.velocity_std_mps)
     return all(abs(value) <= MAX_SPEED_MPS for value in values)
+
+
+class _Seen(NamedTuple):
+    """A velocity, east and north, of an antenna ahead and left in a robot moving like `then`."""
+
+    t_s: float
+    velocity_mps: tuple[float, float]
+    std_mps: float
+    then: Motion
+    yaw_rad: float
+    lever_m: tuple[float, float]
 
 
 class GnssVelocity:
@@ -40,6 +60,8 @@ class GnssVelocity:
         self._gate = Gate(pose.config.gate_sigma, self._spin_after, "velocity outlier")
         self._spin_watch = SpinWatch(FLOATS, self._spin_after)
         self._spun_t_s, self._spun_mps = -math.inf, (0.0, 0.0)
+        self._told: Told | None = None
+        self._lost_t_s = -math.inf
 
     def spin_fault(self, t_s: float) -> str:
         """Say that wheels turn and the robot hardly moves, or did so a moment ago."""
@@ -59,20 +81,37 @@ class GnssVelocity:
         epoch: Epoch,
         *,
         is_corrected: bool,
+        is_vague: bool,
     ) -> Measurements:
+        """Yield what a velocity shows; `is_vague` where positions tell less than it."""
         if fix.velocity_mps is None:
             return
         ekf, (then, now, _) = self._pose.ekf, epoch
         yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
-        rate_radps, wheel_mps = then.yaw_rate_radps, then.wheel_mps
+        seen = _Seen(fix.t_s, fix.velocity_mps[:2], fix.velocity_std_mps, then, yaw_rad, lever_m)
+        measured = self._compare(seen, since_last_s, is_corrected=is_corrected)
+        if not is_corrected:
+            yield measured
+            return
+        if way := self._lead(measured, seen, is_vague=is_vague):
+            yield way
+            ekf.forget_way()
+        yield measured
+        antenna_m = complex(*self._pose.place(epoch).transform(*lever_m))
+        self.way.add(fix.t_s, complex(*seen.velocity_mps), antenna_m, self.noise.sure_mps)
+
+    def _compare(self, seen: _Seen, since_last_s: float, *, is_corrected: bool) -> Measurement:
+        """Hold a velocity against how wheels and gyro have the antenna move just then."""
+        ekf, yaw_rad = self._pose.ekf, seen.yaw_rad
+        rate_radps, wheel_mps = seen.then.yaw_rate_radps, seen.then.wheel_mps
         east_mps, north_mps, (east_row, north_row) = antenna_velocity(
             FLOATS, yaw_rad, ekf.row_yaw_rad, ekf.x[WHEEL_SCALE], ekf.x[SLIP], wheel_mps,
-            rate_radps, lever_m,
+            rate_radps, seen.lever_m,
         )  # fmt: skip
-        residuals = (fix.velocity_mps[0] - east_mps, fix.velocity_mps[1] - north_mps)
-        self.noise.add(residuals, fix.velocity_std_mps)
+        residuals = (seen.velocity_mps[0] - east_mps, seen.velocity_mps[1] - north_mps)
+        self.noise.add(residuals, seen.std_mps)
         variance = velocity_variance(
-            FLOATS, fix.velocity_std_mps, self.noise.std_mps, rate_radps, since_last_s
+            FLOATS, seen.std_mps, self.noise.std_mps, rate_radps, since_last_s
         )
         claimed_mps, _ = ahead_and_aside(FLOATS, (east_mps, north_mps), yaw_rad)
         missing_mps = ahead_and_aside(FLOATS, residuals, yaw_rad)
@@ -81,20 +120,43 @@ class GnssVelocity:
         spins = spins and self.noise.is_known and is_steady
         if spins:
             self._pose.rejected["wheels spin"] += 1
-            self._spun_t_s, self._spun_mps = fix.t_s, (claimed_mps, claimed_mps + missing_mps[0])
+            self._spun_t_s, self._spun_mps = seen.t_s, (claimed_mps, claimed_mps + missing_mps[0])
         opened = doubts(
             FLOATS, residuals, (east_mps, north_mps), yaw_rad, self._spin_watch.aside_mps,
             (wheel_mps, rate_radps), since_last_s * self._spin_after, is_corrected=is_corrected,
         ) if is_steady else ()  # fmt: skip
-        yield Measurement(
+        return Measurement(
             residuals, (_velocity_row(east_row), _velocity_row(north_row)), variance,
             self._gate, opens=tuple((state, doubt**2) for state, doubt in opened),
             is_retaken=is_steady, must_open=spins,
         )  # fmt: skip
-        if is_corrected:
-            antenna_m = complex(*self._pose.place(epoch).transform(*lever_m))
-            velocity_mps = complex(*fix.velocity_mps[:2])
-            self.way.add(fix.t_s, velocity_mps, antenna_m, self.noise.sure_mps)
+
+    def _lead(self, measured: Measurement, seen: _Seen, *, is_vague: bool) -> Measurement | None:
+        """Measure the way from the last velocity, where wheels have lost theirs; None elsewhere."""
+        last, then, lever_m = self._told, seen.then, seen.lever_m
+        arm_m = complex(*Pose2(0.0, 0.0, seen.yaw_rad).rotate(*lever_m))
+        velocity_mps = complex(*seen.velocity_mps)
+        told = self._told = Told(seen.t_s, velocity_mps, complex(then.x_m, then.y_m) + arm_m)
+        step_s = math.inf if last is None else told.t_s - last.t_s
+        if last is None or step_s > MAX_GAP_S:
+            return None
+        mean_mps = (last.velocity_mps + velocity_mps) / 2.0
+        off_mps = mean_mps - (told.led_m - last.led_m) / step_s
+        off_ahead_mps, _ = ahead_and_aside(FLOATS, (off_mps.real, off_mps.imag), seen.yaw_rad)
+        ahead_mps, aside_mps = ahead_and_aside(FLOATS, (mean_mps.real, mean_mps.imag), seen.yaw_rad)
+        rate_radps = then.yaw_rate_radps
+        shown_mps = (ahead_mps + rate_radps * lever_m[1], aside_mps - rate_radps * lever_m[0])
+        variance = velocity_variance(FLOATS, seen.std_mps, self.noise.std_mps, 0.0, step_s)
+        if have_lost_way(off_ahead_mps, measured.variance, self.noise.is_steady):
+            self._lost_t_s = seen.t_s
+        is_lost = seen.t_s - self._lost_t_s <= LOST_S
+        driven, std_mps = (then.wheel_mps, rate_radps), math.sqrt(variance)
+        if not ((is_vague or is_lost) and can_be_of_wheels(shown_mps, driven, std_mps)):
+            return None
+        self._pose.ekf.doubt_way((LOST_MPS * step_s) ** 2)
+        east, north = measured.rows
+        rows = ((*east, (WAY_X, 1.0 / step_s)), (*north, (WAY_Y, 1.0 / step_s)))
+        return Measurement((off_mps.real, off_mps.imag), rows, variance)
 
 
 def _velocity_row(by: tuple[float, ...]) -> Row:

@@ -13,6 +13,8 @@ from agribot.autonomy.estimate.ekf import (
     GYRO_SCALE,
     SLIP,
     STATES,
+    WAY_X,
+    WAY_Y,
     WHEEL_SCALE,
     YAW,
     MotionNoise,
@@ -92,6 +94,17 @@ class BatchEkf:
 
     def inflate(self, state: int, variance: float | FloatArray) -> None:
         self.cov[state, state] += variance
+
+    def doubt_way(self, variance_m2: FloatArray) -> None:
+        for place, way in ((X, WAY_X), (Y, WAY_Y)):
+            self.inflate(place, variance_m2)
+            self.inflate(way, variance_m2)
+            self.cov[place, way] += variance_m2
+            self.cov[way, place] += variance_m2
+
+    def forget_way(self) -> None:
+        for way in (WAY_X, WAY_Y):
+            self.reset(way, 0.0, 0.0)
 
     def reset(self, state: int, value: float | FloatArray, variance: float | FloatArray) -> None:
         self.x[state] = value

@@ -8,8 +8,19 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from agribot.autonomy.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y, SLIP, WHEEL_SCALE, YAW, X, Y
+from agribot.autonomy.estimate.ekf import (
+    GNSS_BIAS_X,
+    GNSS_BIAS_Y,
+    SLIP,
+    WAY_X,
+    WAY_Y,
+    WHEEL_SCALE,
+    YAW,
+    X,
+    Y,
+)
 from agribot.autonomy.estimate.gnss import FIRST_FIXES, UNKNOWN_M2
 from agribot.autonomy.estimate.gnss_noise import (
     BEND2_MEDIAN,
@@ -25,9 +36,11 @@ from agribot.autonomy.estimate.gnss_noise import (
     noise_model,
     widen,
 )
+from agribot.autonomy.estimate.lost_way import LOST_MPS, LOST_S, can_be_of_wheels, have_lost_way
 from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
 from agribot.autonomy.estimate.start import StartMark
+from agribot.autonomy.estimate.velocity_way import MAX_GAP_S
 from agribot.core.config import EstimateConfig
 from agribot.core.messages import FloatArray
 from agribot.lab.bench.nav.batch.arrays import ARRAYS
@@ -35,6 +48,7 @@ from agribot.lab.bench.nav.batch.ekf import BatchEkf, BatchRow, Mask
 from agribot.lab.bench.nav.batch.motion import BatchGate, BatchHistory, BatchMotion
 
 Pair = tuple[FloatArray, FloatArray]
+ComplexArray = npt.NDArray[np.complex128]
 
 
 class BatchFix(NamedTuple):
@@ -123,6 +137,8 @@ class BatchGnss:
         self._noise: FixNoise[FloatArray] | None = None
         self._last_t_s = -math.inf
         self._receiver_m = np.zeros((2, count))
+        self._lost_t_s = np.full(count, -math.inf)
+        self._told: tuple[float, ComplexArray, ComplexArray] | None = None  # as lost_way.Told
 
     def update(self, fix: BatchFix) -> None:
         now, then = self._history.newest, self._history.at(fix.t_s)
@@ -239,13 +255,15 @@ class BatchGnss:
             ARRAYS, yaw_rad, ekf.row_yaw_rad, ekf.x[WHEEL_SCALE], ekf.x[SLIP], then.wheel_mps,
             then.yaw_rate_radps, self._lever_m,
         )  # fmt: skip
-        rows = (_velocity_row(east_row), _velocity_row(north_row))
         residuals = (fix.east_mps - east_mps, fix.north_mps - north_mps)
         self._velocity_noise.add(residuals)
         variance = velocity_variance(
             ARRAYS, fix.velocity_std_mps, self._velocity_noise.std_mps, then.yaw_rate_radps,
             since_last_s,
         )  # fmt: skip
+        rows = (_velocity_row(east_row), _velocity_row(north_row))
+        if self._is_corrected:
+            self._lead(fix, rows, variance, then, yaw_rad)
         _, recovers = gate.evaluate(ekf.update_pair(rows, residuals, variance, gate.limit))
         claimed_mps, _ = ahead_and_aside(ARRAYS, (east_mps, north_mps), yaw_rad)
         missing_mps = ahead_and_aside(ARRAYS, residuals, yaw_rad)
@@ -262,6 +280,42 @@ class BatchGnss:
             for state, doubt in opened:
                 ekf.inflate(state, recovers * doubt**2)
             ekf.update_pair(rows, residuals, variance, mask=recovers)
+
+    def _lead(
+        self,
+        fix: BatchFix,
+        rows: tuple[BatchRow, BatchRow],
+        variance: FloatArray,
+        then: BatchMotion,
+        yaw_rad: FloatArray,
+    ) -> None:
+        """As GnssVelocity._lead, and the correction by it."""
+        last, (ahead_m, left_m) = self._told, self._lever_m
+        velocity_mps = fix.east_mps + 1j * fix.north_mps
+        arm_m = np.exp(1j * yaw_rad) * complex(ahead_m, left_m)
+        here = self._told = (fix.t_s, velocity_mps, then.x_m + 1j * then.y_m + arm_m)
+        step_s = math.inf if last is None else here[0] - last[0]
+        if last is None or step_s > MAX_GAP_S:
+            return
+        mean_mps = (last[1] + velocity_mps) / 2.0
+        off_mps = mean_mps - (here[2] - last[2]) / step_s
+        off_ahead_mps, _ = ahead_and_aside(ARRAYS, (off_mps.real, off_mps.imag), yaw_rad)
+        shown_ahead, shown_aside = ahead_and_aside(ARRAYS, (mean_mps.real, mean_mps.imag), yaw_rad)
+        rate_radps = then.yaw_rate_radps
+        sure = velocity_variance(
+            ARRAYS, fix.velocity_std_mps, self._velocity_noise.std_mps, 0.0 * rate_radps, step_s
+        )
+        is_lost = have_lost_way(off_ahead_mps, variance, self._velocity_noise.is_steady)
+        self._lost_t_s = np.where(is_lost, fix.t_s, self._lost_t_s)
+        shown_mps = (shown_ahead + rate_radps * left_m, shown_aside - rate_radps * ahead_m)
+        leads = fix.is_float | (fix.t_s - self._lost_t_s <= LOST_S)
+        leads &= can_be_of_wheels(shown_mps, (then.wheel_mps, rate_radps), np.sqrt(sure))
+        if leads.any():
+            ekf, (east, north) = self._ekf, rows
+            ekf.doubt_way(np.where(leads, (LOST_MPS * step_s) ** 2, 0.0))
+            ways = ((*east, (WAY_X, 1.0 / step_s)), (*north, (WAY_Y, 1.0 / step_s)))
+            ekf.update_pair(ways, (off_mps.real, off_mps.imag), sure, mask=leads)
+            ekf.forget_way()
 
 
 def _velocity_row(by: tuple[FloatArray, ...]) -> BatchRow:

@@ -1,0 +1,58 @@
+"""Where wheels lose their way, the velocities of the receiver lead: on clods, and in turns on them.
+
+Wheels and gyro tell the way to millimetres for as long as the wheels grip. Where they do not, the
+robot is elsewhere by a decimetre after some metres, and fixes with float ambiguities are too far
+off to tell. The velocities come from the carrier's Doppler shift: the mean of two of them, times
+the time in between, is the way of the antenna to some millimetres, whatever the wheels do.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from agribot.autonomy.estimate.spin_watch import CORNER_M, SLIDE_MPS
+from agribot.core.arithmetic import Condition, Number
+
+# 1 sigma of what wheels may be off by where they have lost their way: so much that nothing else is
+# learnt from it. A clod pushes for seconds, which a heading must not be blamed for.
+LOST_MPS = 10.0
+# Wheels that are off by three sigmas of a velocity have lost it, and are not believed for a while:
+# what they lose ahead is soon learnt, and then they still slide aside.
+LOST_SIGMA2, LOST_S = 9.0, 2.0
+# Velocities of a larger 1 sigma lead nowhere that wheels do not, even where these slip.
+MAX_STD_MPS = 0.15
+
+
+class Told(NamedTuple):
+    """A velocity, and where wheels and gyro had led the antenna until then, East + i North."""
+
+    t_s: float
+    velocity_mps: complex
+    led_m: complex
+
+
+def have_lost_way(off_ahead_mps: Number, variance: Number, is_steady: Condition) -> Condition:
+    """Tell whether wheels are off by more than noise, `is_steady` where they were so for a while.
+
+    `off_ahead_mps` is what they lack of the velocity of the receiver, along the robot: to the side
+    a wrong heading would look the same.
+    """
+    is_off: Condition = off_ahead_mps * off_ahead_mps > LOST_SIGMA2 * variance
+    return is_off & is_steady
+
+
+def can_be_of_wheels(
+    shown_mps: tuple[Number, Number], driven: tuple[Number, Number], std_mps: Number
+) -> Condition:
+    """Tell whether velocities are sure that wheels move the robot, however much way they lose.
+
+    Nobody carries it then. `shown_mps` is how its middle moves ahead and aside, with 1 sigma
+    `std_mps`, `driven` what wheels and gyro say: m/s and rad/s.
+    """
+    (ahead_mps, aside_mps), (driven_mps, rate_radps) = shown_mps, driven
+    margin_mps = 3.0 * std_mps
+    slide_mps = SLIDE_MPS + CORNER_M * abs(rate_radps) + margin_mps
+    is_that_way: Condition = ahead_mps * driven_mps >= -margin_mps * abs(driven_mps)
+    is_slower: Condition = abs(ahead_mps) <= abs(driven_mps) + margin_mps
+    is_sure: Condition = std_mps <= MAX_STD_MPS
+    return is_sure & is_that_way & is_slower & (abs(aside_mps) <= slide_mps)

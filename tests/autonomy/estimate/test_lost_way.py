@@ -1,0 +1,61 @@
+"""When wheels have lost their way, and when they cannot have moved the robot at all."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agribot.autonomy.estimate.lost_way import can_be_of_wheels, have_lost_way
+
+STD_MPS = 0.03
+
+
+@pytest.mark.parametrize(
+    ("shown_mps", "driven"),
+    [
+        ((0.4, 0.0), (0.4, 0.0)),  # they grip
+        ((0.0, 0.0), (0.4, 0.0)),  # they spin
+        ((-0.2, 0.0), (-0.4, 0.0)),  # backwards
+        ((0.1, 0.15), (0.3, 0.5)),  # it turns about a wheel that is held
+    ],
+)
+def test_wheels_that_lose_some_of_their_way_move_a_robot_so(
+    shown_mps: tuple[float, float], driven: tuple[float, float]
+) -> None:
+    assert can_be_of_wheels(shown_mps, driven, STD_MPS)
+
+
+@pytest.mark.parametrize(
+    ("shown_mps", "driven"),
+    [
+        ((0.5, 0.0), (0.0, 0.0)),  # its wheels stand
+        ((0.8, 0.0), (0.4, 0.0)),  # faster than they turn
+        ((-0.4, 0.0), (0.4, 0.0)),  # the other way
+        ((0.0, 0.5), (0.4, 0.0)),  # aside, on the straight
+    ],
+)
+def test_a_robot_that_moves_otherwise_is_carried(
+    shown_mps: tuple[float, float], driven: tuple[float, float]
+) -> None:
+    assert not can_be_of_wheels(shown_mps, driven, STD_MPS)
+
+
+def test_velocities_that_scatter_tell_nothing_of_it() -> None:
+    assert not can_be_of_wheels((0.4, 0.0), (0.4, 0.0), 0.3)
+
+
+def test_wheels_have_lost_their_way_that_are_off_for_long_by_more_than_noise() -> None:
+    assert have_lost_way(-0.3, 0.05**2, True)
+    assert not have_lost_way(-0.3, 0.05**2, False), "a single outlier"
+    assert not have_lost_way(-0.1, 0.05**2, True), "no more than noise"
+
+
+def test_one_robot_and_many_are_judged_alike() -> None:
+    draws = np.random.default_rng(0).uniform(-0.8, 0.8, (4, 300))
+    many = can_be_of_wheels((draws[0], draws[1]), (draws[2], draws[3]), np.full(300, STD_MPS))
+    alone = [
+        can_be_of_wheels((ahead, aside), (driven, rate), STD_MPS)
+        for ahead, aside, driven, rate in draws.T.tolist()
+    ]
+    assert np.asarray(many).tolist() == alone
+    assert set(alone) == {False, True}
