@@ -13,10 +13,12 @@ from agribot.autonomy.estimate.crop_rows import MIN_MOVED_M, CropRows
 from agribot.autonomy.estimate.doubts import Doubts
 from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, X, Y
 from agribot.autonomy.estimate.field_rows import Rows
+from agribot.autonomy.estimate.gate import Gate
 from agribot.autonomy.estimate.gnss import Gnss
 from agribot.autonomy.estimate.history import UNMOVED, Motion
 from agribot.autonomy.estimate.integrity import Integrity
 from agribot.autonomy.estimate.lateness import Lateness, LeapWatch
+from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.odometry import Odometry, Step
 from agribot.autonomy.estimate.plant_places import PlantPlaces
 from agribot.autonomy.estimate.pose_filter import PoseFilter
@@ -42,6 +44,9 @@ BLIND_YAW_RAD_PER_SQRT_S = 0.05
 # Dead reckoning also counts as lost when it has lost half as much again as was known.
 LOST_RATIO = 1.5
 STANDING_MPS = 0.02
+# Half seconds of standstill after which a rate that a gyro cannot tell for its bias is that after
+# all; before, the robot turns though its wheels stand: soft ground gives way.
+STANDING_WINDOWS = 60
 
 Kind = TypeVar("Kind", bound=Correction[Any])
 
@@ -69,6 +74,8 @@ class Localizer:
         self._doubts = Doubts(self.pose, self._gnss)
         self._sight = RowSight(field)
         self._integrity = Integrity(self.pose, self._gnss)
+        self._bias_gate = Gate(config.gate_sigma, STANDING_WINDOWS, "turns at standstill")
+        self._gives_way = False
         self._last_line: Motion | None = None
         self._motion = UNMOVED
         self._unaged_s = self._unaged_rad = 0.0
@@ -187,9 +194,9 @@ class Localizer:
         lost_m = self._integrity.find_turn_loss_m(step.distance_m, step.turn_rad)
         dt_s, distance_m = step.dt_s / pieces, step.distance_m / pieces
         slide_m = ((step.slide_m[0] - lost_m) / pieces, step.slide_m[1] / pieces)
-        bias_radps = self._ekf.x[GYRO_BIAS]
-        turn_rad = bias_radps * dt_s if step.is_still or step.is_blind else 0.0
-        if not step.is_still:
+        is_still = step.is_still and not self._gives_way
+        turn_rad = self._ekf.x[GYRO_BIAS] * dt_s if is_still or step.is_blind else 0.0
+        if not is_still:
             turn_rad += step.turn_rad / pieces
         x_m, y_m, yaw_rad = last.x_m, last.y_m, last.yaw_rad
         for _ in range(pieces):
@@ -211,10 +218,24 @@ class Localizer:
             self._doubts.move(step.t_s)
         if step.is_blind:
             self._inflate_blind_step(step)
-        if step.zero_rate is not None:
-            mean_radps, variance = step.zero_rate
-            self._ekf.update(((GYRO_BIAS, 1.0),), mean_radps - self._ekf.x[GYRO_BIAS], variance)
+        self._learn_bias(step)
         self._age(step.dt_s, yaw_rad - last.yaw_rad)
+
+    def _learn_bias(self, step: Step) -> None:
+        """Take the gyro's rate at standstill for its bias, unless it is far from what is known."""
+        self._gives_way = self._gives_way and step.is_still
+        if step.zero_rate is None:
+            return
+        mean_radps, variance = step.zero_rate
+        off_radps = mean_radps - self._ekf.x[GYRO_BIAS]
+        verdict = self.pose.correct(
+            Measurement(
+                (off_radps,), (((GYRO_BIAS, 1.0),),), variance, self._bias_gate,
+                opens=((GYRO_BIAS, off_radps**2),),
+            )
+        )  # fmt: skip
+        # once, the window may hold the end of a stop
+        self._gives_way = verdict == "reject" and self._bias_gate.rejected_in_a_row > 1
 
     def _watch_turn(self, step: Step, yaw_rad: float) -> None:
         """Hold the step's turn against the other sensors; a gyro that they outvote is mended."""

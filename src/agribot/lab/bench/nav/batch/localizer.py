@@ -10,7 +10,7 @@ import numpy as np
 
 from agribot.autonomy.estimate.dual_heading import STD_FACTOR
 from agribot.autonomy.estimate.ekf import GYRO_BIAS, SLIP, WHEEL_SCALE, YAW, X, Y
-from agribot.autonomy.estimate.localizer import AGEING_PERIOD_S
+from agribot.autonomy.estimate.localizer import AGEING_PERIOD_S, STANDING_WINDOWS
 from agribot.autonomy.estimate.priors import initial_std, motion_noise, slow_ageing
 from agribot.autonomy.estimate.row_agreement import HELD_S
 from agribot.autonomy.estimate.start import StartMark
@@ -19,7 +19,7 @@ from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
 from agribot.lab.bench.nav.batch.arrays import ARRAYS
 from agribot.lab.bench.nav.batch.compass import BatchCompass, BatchYaw
-from agribot.lab.bench.nav.batch.ekf import BatchEkf
+from agribot.lab.bench.nav.batch.ekf import BatchEkf, Mask
 from agribot.lab.bench.nav.batch.gnss import BatchFix, BatchGnss
 from agribot.lab.bench.nav.batch.integrity import BatchIntegrity
 from agribot.lab.bench.nav.batch.motion import (
@@ -75,6 +75,8 @@ class BatchLocalizer:
         )
         self._row_lines = BatchRowLines(self.ekf, self._history, field)
         self._heading_gate = BatchGate(count, config.gate_sigma, config.recover_after)
+        self._bias_gate = BatchGate(count, config.gate_sigma, STANDING_WINDOWS)
+        self._gives_way = np.zeros(count, dtype=bool)
         zeros = np.zeros(count)
         self._motion = BatchMotion(0.0, zeros, zeros, zeros, zeros, zeros)
         self._unaged_s, self._unaged_rad = 0.0, np.zeros(count)
@@ -93,7 +95,8 @@ class BatchLocalizer:
         last, ekf = self._motion, self.ekf
         dt_s = t_s - last.t_s
         window = self._standstill.update(dt_s, distance_m, rate_radps)
-        still = self._standstill.is_still
+        self._gives_way &= self._standstill.is_still
+        still = self._standstill.is_still & ~self._gives_way
         turn_rad = np.where(still, ekf.x[GYRO_BIAS] * dt_s, rate_radps * dt_s)
         dx_m, dy_m, dyaw_rad = ekf.predict(distance_m, turn_rad, dt_s, self._noise)
         self._motion = BatchMotion(
@@ -103,10 +106,20 @@ class BatchLocalizer:
         self._history.append(self._motion)
         self._integrity.move(distance_m, dyaw_rad)
         if window is not None:
-            quiet, mean_radps, variance = window
-            residual = mean_radps - ekf.x[GYRO_BIAS]
-            ekf.update(((GYRO_BIAS, 1.0),), residual, variance, mask=quiet)
+            self._learn_bias(*window)
         self._age(dt_s, dyaw_rad)
+
+    def _learn_bias(self, quiet: Mask, mean_radps: FloatArray, variance: FloatArray) -> None:
+        """As Localizer._learn_bias."""
+        ekf, gate, row = self.ekf, self._bias_gate, ((GYRO_BIAS, 1.0),)
+        off_radps = mean_radps - ekf.x[GYRO_BIAS]
+        distance2 = ekf.update(row, off_radps, variance, gate.limit, quiet)
+        accepted, recovers = gate.evaluate(distance2, quiet)
+        gives_way = ~(accepted | recovers) & (gate.rejected_in_a_row > 1)
+        self._gives_way = np.where(quiet, gives_way, self._gives_way)
+        if recovers.any():
+            ekf.inflate(GYRO_BIAS, recovers * off_radps**2)
+            ekf.update(row, off_radps, variance, mask=recovers)
 
     def hear(
         self,

@@ -95,7 +95,7 @@ class BatchGate:
 
     def __init__(self, count: int, sigma: float, recover_after: int) -> None:
         self.limit = sigma * sigma
-        self._rejected = np.zeros(count, dtype=np.int64)
+        self.rejected_in_a_row = np.zeros(count, dtype=np.int64)
         self._recover_after = recover_after
 
     def evaluate(self, distance2: FloatArray, mask: Mask | None = None) -> tuple[Mask, Mask]:
@@ -103,8 +103,8 @@ class BatchGate:
         fits = distance2 <= self.limit
         seen = np.ones_like(fits) if mask is None else mask
         accepted = fits & seen
-        self._rejected[accepted] = 0
-        self._rejected += ~fits & seen
-        recovers = self._rejected >= self._recover_after
-        self._rejected[recovers] = 0
+        self.rejected_in_a_row[accepted] = 0
+        self.rejected_in_a_row += ~fits & seen
+        recovers = self.rejected_in_a_row >= self._recover_after
+        self.rejected_in_a_row[recovers] = 0
         return accepted, recovers
