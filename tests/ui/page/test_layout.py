@@ -58,6 +58,20 @@ COLLISIONS = """() => {
 SCROLLBARS = """[...document.querySelectorAll('.rail')].filter(each =>
     each.scrollHeight > each.clientHeight + 1 || each.scrollWidth > each.clientWidth + 1).length"""
 
+NOTCHES = [  # width and height of a phone, and what it takes of the page's edges
+    (390, 844, {"top": 59, "bottom": 34}),
+    (844, 390, {"left": 59, "right": 59, "bottom": 21}),
+]
+# What of the page can be pressed or read reaches into those edges.
+UNDER_THE_NOTCH = """(edges) => {
+  const {top = 0, left = 0, right = 0, bottom = 0} = edges
+  return [...document.querySelectorAll('#stop, .statusbar *, .rail .tab, .dialog button, .toast')]
+    .map(each => [each, each.getBoundingClientRect()]).filter(([, box]) => box.width && box.height)
+    .filter(([, box]) => box.top < top || box.left < left
+      || box.right > innerWidth - right || box.bottom > innerHeight - bottom)
+    .map(([each]) => each.outerHTML.slice(0, 120))
+}"""
+
 
 def check(page: Page, where: str, part: str = "body") -> None:
     assert page.evaluate(OUT_OF_REACH, part) == [], where
@@ -122,3 +136,20 @@ def test_no_card_beside_the_map_lies_over_another_on_any_screen(open_page: OpenP
         page.set_viewport_size({"width": width, "height": height})
         until(page, "document.querySelectorAll('.screen-drive .side > *').length == 4")
         assert page.evaluate(COVERING) == [], f"{width}×{height}"
+
+
+@pytest.mark.parametrize(("width", "height", "edges"), NOTCHES)
+def test_nothing_lies_under_a_notch_or_the_bars_of_a_phone(
+    open_page: OpenPage, width: int, height: int, edges: dict[str, int]
+) -> None:
+    page = open_page()
+    page.set_viewport_size({"width": width, "height": height})
+    line = page.context.new_cdp_session(page)
+    line.send("Emulation.setSafeAreaInsetsOverride", {"insets": edges})
+    for screen in SCREENS:
+        show(page, screen)
+        assert page.evaluate(UNDER_THE_NOTCH, edges) == [], screen
+    assert page.evaluate(COLLISIONS) == []
+    page.locator(".operator").click()
+    expect(page.get_by_role("dialog")).to_be_visible()
+    assert page.evaluate(UNDER_THE_NOTCH, edges) == []
