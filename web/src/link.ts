@@ -68,6 +68,10 @@ export class Link {
   private readonly waiting = new Map<string, (outcome: Outcome) => void>()
   private readonly store: Store
   private readonly tab = tabId()
+  /** The run that this page is of: that which first says so. */
+  private run: number | null = null
+  /** No line is wanted now. */
+  isResting = false
   farewell = ''
   /** A refusal of something that no command waits for. */
   onRefusal: (reason: string) => void = () => undefined
@@ -76,10 +80,7 @@ export class Link {
   /** What answers is not what this page was loaded from. */
   onOutdated: () => void = () => undefined
 
-  constructor(
-    store: Store,
-    private readonly run: number,
-  ) {
+  constructor(store: Store) {
     this.store = store
   }
 
@@ -87,6 +88,22 @@ export class Link {
     this.open()
     setInterval(() => this.tick(performance.now()), TICK_MS)
     window.addEventListener('online', () => this.hurry())
+  }
+
+  /** Give up the line until it is wanted again. */
+  rest(): void {
+    this.isResting = true
+    clearTimeout(this.retry)
+    this.drop(this.socket)
+    this.socket = null
+    this.openBy = Infinity
+    this.store.setLinked(false)
+  }
+
+  resume(): void {
+    this.isResting = false
+    this.attempt = 0
+    this.open()
   }
 
   private open(): void {
@@ -117,7 +134,7 @@ export class Link {
 
   /** A network is back: do not wait for the next try. */
   private hurry(): void {
-    if (this.socket?.readyState === WebSocket.OPEN) return
+    if (this.isResting || this.socket?.readyState === WebSocket.OPEN) return
     this.attempt = 0
     this.drop(this.socket)
     this.open()
@@ -194,8 +211,16 @@ export class Link {
 
   /** Another run of the robot's program, or one that knows this browser as somebody else. */
   private meet(run: number, session: string): void {
+    this.run ??= run
     this.session ??= session
     this.isOutdated = run !== this.run || session !== this.session
+    this.renew()
+  }
+
+  /** The run that this page is told to be of; its line may have reached another one meanwhile. */
+  expect(run: number): void {
+    this.run ??= run
+    if (run !== this.run) this.isOutdated = true
     this.renew()
   }
 

@@ -24,23 +24,26 @@ import type { SessionInfo } from './wire.ts'
 
 const RETRY_MS = 1500
 
-async function openSession(): Promise<SessionInfo> {
+/** Asks until the robot answers who it is; what keeps it from that is said in the middle of the page. */
+async function openSession(main: HTMLElement, logIn: () => Promise<void>): Promise<SessionInfo> {
   const problem = el('p', { class: 'boot', role: 'status' })
+  main.append(problem)
   for (;;) {
     try {
       const session = await api.session()
+      problem.textContent = ''
       if (!session.needs_login) {
         problem.remove()
         return session
       }
-      await login()
+      await logIn()
     } catch (error) {
       if (error instanceof ApiError && error.status === 401) {
-        await login()
+        problem.textContent = ''
+        await logIn()
         continue
       }
       problem.textContent = `${message(error)} Trying again…`
-      if (!problem.isConnected) document.body.append(problem)
       await new Promise((resolve) => setTimeout(resolve, RETRY_MS))
     }
   }
@@ -72,40 +75,72 @@ function tellRefusals(store: Store, toasts: Toasts): void {
   })
 }
 
-async function boot(): Promise<void> {
-  startTheme()
-  const session = await openSession()
-  if (session.source === 'description') return showDescription(session)
+/** What needs no answer of the robot, STOP first: it is sent as soon as there is a line. */
+function beginPage() {
   const store = new Store()
-  store.hasRobot = session.source !== 'replay'
-  const link = new Link(store, session.run)
-  const shell = el('div', { class: 'shell' })
+  const link = new Link(store)
+  const main = el('main', { class: 'main', id: 'main' })
+  const banners = new Banners(store, link, main)
+  const top = el(
+    'header',
+    { class: 'statusbar' },
+    el('div', { class: 'brand' }, el('b', { class: 'brand-name' }, 'AGRIBOT')),
+  )
+  const content = el('div', { class: 'content' }, banners.node, main)
+  const shell = el(
+    'div',
+    { class: 'shell' },
+    el('h1', { class: 'visually-hidden' }, 'AGRIBOT operator page'),
+    top,
+    content,
+  )
   document.body.append(shell)
   const toasts = new Toasts()
   const dialogs = new Dialogs(shell)
   const stop = new StopButton(link)
   link.onRefusal = (reason) => toasts.show('warn', reason || 'The robot refused.')
-  link.onUnopened = sessionCheck(session.run)
   link.onOutdated = () => location.reload()
   dialogs.onOpen = () => {
     toasts.raise()
     stop.raise()
   }
+  link.start()
+  const logIn = async (): Promise<void> => {
+    link.rest() // whoever has no token is turned away each time, and the robot notes it
+    stop.hide() // and stops nothing
+    await login(main)
+    stop.raise()
+    link.resume()
+  }
+  return { store, link, main, banners, top, content, shell, toasts, dialogs, stop, logIn }
+}
+
+async function boot(): Promise<void> {
+  startTheme()
+  const page = beginPage()
+  const { store, link, main, toasts } = page
+  const session = await openSession(main, page.logIn)
   const off = new Set((new URLSearchParams(location.search).get('off') ?? '').split(','))
-  const app = new App(store, link, session, toasts, dialogs, off)
-  const main = el('main', { class: 'main', id: 'main' })
-  const content = el('div', { class: 'content' }, new Banners(app, main).node, main)
-  shell.append(el('h1', { class: 'visually-hidden' }, 'AGRIBOT operator page'), new StatusBar(app).node, content)
+  const app = new App(store, link, session, toasts, page.dialogs, off)
+  if (session.source === 'description') {
+    link.rest()
+    page.stop.remove()
+    return showDescription(app, page.shell)
+  }
+  store.setHasRobot(session.source !== 'replay')
+  link.onUnopened = sessionCheck(session.run)
+  link.expect(session.run)
+  page.banners.onRelease = () => void app.command({ kind: 'clear_stop' }, 'Stop released.')
+  page.top.replaceWith(new StatusBar(app).node)
   store.on('channel', () => void app.loadWorld())
   store.on('field', () => void app.loadWorld())
   tellRefusals(store, toasts)
-  link.start() // whatever the screens still have to ask for, STOP and what it needs are there by now
   const extras = await api.panels().catch(() => [])
   const screens = extras.some((panel) => panel.kind !== 'layer' && panel.kind !== 'listener')
     ? [...SCREENS, panels]
     : SCREENS
   const router = new Router(app, screens, main)
-  content.before(router.nav)
+  page.content.before(router.nav)
   installHooks(app, router)
   await app.loadWorld()
   await router.show()

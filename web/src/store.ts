@@ -70,7 +70,7 @@ export class Store extends Emitter<Events> {
   channel: Channel | null = null
   /** The robot's own mode and stop while a recording is shown. */
   live: LiveState | null = null
-  /** False where a recording alone is served. */
+  /** False where a recording alone is served, which the first answer of the robot tells. */
   hasRobot = true
   readonly monitor = new LinkMonitor()
   readonly stop = new StopRequest()
@@ -98,6 +98,11 @@ export class Store extends Emitter<Events> {
   /** Whether a stop holds the robot, or was pressed here and is on its way. */
   get isStopped(): boolean {
     return this.stop.isPending || Boolean(this.state?.stop)
+  }
+
+  setHasRobot(hasRobot: boolean): void {
+    this.hasRobot = hasRobot
+    if (!hasRobot && this.stop.isPending && !this.stop.isUnheard) this.stop.hear(hasRobot)
   }
 
   setLinked(linked: boolean): void {

@@ -1,9 +1,10 @@
 /** What must not be missed: a line that is slow or lost, old data, a pressed STOP, a replay. */
 
-import type { App } from '../app.ts'
 import { el, setText } from '../dom.ts'
 import { icon } from '../icons.ts'
 import type { IconName } from '../icons.ts'
+import type { Link } from '../link.ts'
+import type { Store } from '../store.ts'
 import { MODE_NAMES } from './statusbar.ts'
 
 const UPDATE_MS = 100
@@ -31,6 +32,8 @@ class Banner {
 }
 
 export class Banners {
+  /** Null until the page may command. */
+  onRelease: (() => void) | null = null
   readonly node: HTMLElement
   private readonly line = new Banner('warning', 'bad')
   private readonly unconfirmed = new Banner('stop', 'bad')
@@ -43,7 +46,8 @@ export class Banners {
   )
 
   constructor(
-    private readonly app: App,
+    private readonly store: Store,
+    private readonly link: Link,
     private readonly main: HTMLElement,
   ) {
     this.node = el(
@@ -54,14 +58,14 @@ export class Banners {
       this.stopped.node,
       this.replay.node,
     )
-    this.release.addEventListener('click', () => void app.command({ kind: 'clear_stop' }, 'Stop released.'))
+    this.release.addEventListener('click', () => this.onRelease?.())
     setInterval(() => this.update(), UPDATE_MS)
-    app.store.on('stale', () => this.update())
-    app.store.on('link', () => this.update())
+    store.on('stale', () => this.update())
+    store.on('link', () => this.update())
   }
 
   private update(): void {
-    const { store } = this.app
+    const { store } = this
     const isReplay = store.channel?.source === 'replay'
     this.main.classList.toggle('is-stale', store.stale)
     this.main.classList.toggle('is-replay', isReplay)
@@ -69,12 +73,13 @@ export class Banners {
     this.unconfirmed.say(this.unconfirmedText())
     const stop = isReplay ? store.live?.stop : store.state?.stop
     this.stopped.say(stop ? (isReplay ? `The robot itself is held: ${stop}` : `Stopped: ${stop}`) : '')
-    this.release.hidden = store.seat !== 'you' || isReplay
+    this.release.hidden = store.seat !== 'you' || isReplay || !this.onRelease
     this.replay.say(isReplay ? this.replayText() : '')
   }
 
   private lineText(): string {
-    const { store, link } = this.app
+    const { store, link } = this
+    if (link.isResting) return ''
     const ageMs = store.ageMs(performance.now())
     const old = store.stale && Number.isFinite(ageMs) ? `What you see is ${seconds(ageMs)} old. ` : ''
     const { unansweredMs, roundTripMs } = store.monitor
@@ -91,14 +96,14 @@ export class Banners {
   }
 
   private unconfirmedText(): string {
-    const waitedMs = this.app.store.stop.waitedMs(performance.now())
+    const waitedMs = this.store.stop.waitedMs(performance.now())
     if (waitedMs < CONFIRMED_WITHIN_MS) return ''
     const silence = `nothing from the robot about it for ${seconds(waitedMs)}`
     return `STOP is not confirmed: ${silence}. Press the red button on the robot.`
   }
 
   private replayText(): string {
-    const { channel, live, hasRobot } = this.app.store
+    const { channel, live, hasRobot } = this.store
     const robot = live ? ` The robot itself: ${MODE_NAMES[live.mode].toLowerCase()}.` : ''
     return `Replay of ${channel?.name}: nothing here commands the robot${hasRobot ? ', but STOP does' : ''}.${robot}`
   }

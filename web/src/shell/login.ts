@@ -2,7 +2,7 @@ import { api, message } from '../api.ts'
 import { el } from '../dom.ts'
 
 /** Ask for the access token until the server takes it. */
-export function login(): Promise<void> {
+export function login(host: HTMLElement): Promise<void> {
   return new Promise((resolve) => {
     const input = el('input', {
       type: 'password',
@@ -14,13 +14,13 @@ export function login(): Promise<void> {
     const form = el(
       'form',
       { class: 'login card' },
-      el('h1', {}, 'AGRIBOT'),
+      el('h2', {}, 'AGRIBOT'),
       el('p', {}, 'Enter the access token that the server printed when it started.'),
       el('label', { class: 'field' }, el('span', {}, 'Access token'), input),
       error,
       el('button', { class: 'button primary', type: 'submit' }, 'Open'),
     )
-    const page = el('main', { class: 'login-page' }, form)
+    const page = el('div', { class: 'login-page' }, form)
     form.addEventListener('submit', (event) => {
       event.preventDefault()
       api.login(input.value.trim()).then(
@@ -31,7 +31,7 @@ export function login(): Promise<void> {
         (problem: unknown) => (error.textContent = message(problem)),
       )
     })
-    document.body.append(page)
+    host.append(page)
     input.focus()
   })
 }

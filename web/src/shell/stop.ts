@@ -42,8 +42,20 @@ export class StopButton {
 
   /** Put the button on top of everything that entered the top layer before. */
   raise(): void {
+    this.button.hidden = false
     if (this.button.matches(':popover-open')) this.button.hidePopover()
     this.button.showPopover()
+  }
+
+  /** Where a press would stop nothing; Space is an ordinary key again. */
+  hide(): void {
+    this.button.hidden = true
+  }
+
+  /** Where there is no robot to stop. */
+  remove(): void {
+    this.hide()
+    this.button.remove()
   }
 
   /** A page that is pinched larger shows a part of itself only: the button stays in it, as large as before. */
@@ -63,7 +75,7 @@ export class StopButton {
   }
 
   private onKey(event: KeyboardEvent, down: boolean): void {
-    if (event.code !== 'Space' || isTextField(event.target)) return
+    if (this.button.hidden || event.code !== 'Space' || isTextField(event.target)) return
     event.preventDefault()
     event.stopPropagation()
     if (down && !event.repeat) this.stop()
