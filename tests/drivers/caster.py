@@ -5,12 +5,27 @@ from __future__ import annotations
 import socket
 import ssl
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
+from agribot.core.geo import ecef_from_geodetic
 from agribot.drivers import rtcm
+from tests.drivers.receiver_bytes import ALT_M, LAT_DEG, LON_DEG
 
-# RTCM 10403.3, the example of message 1005.
-STATION = bytes.fromhex("d300133ed7d30202980edeef34b4bd62ac0941986f33360b98")
+# RTCM 10403.3, the example of message 1005: it stands near Washington.
+EXAMPLE = bytes.fromhex("d300133ed7d30202980edeef34b4bd62ac0941986f33360b98")
+
+
+def make_station(ecef_m: Iterable[float]) -> bytes:
+    """Write message 1005 of a base there."""
+    bits = int.from_bytes(EXAMPLE[3:-3])
+    for at, value in zip((34, 74, 114), ecef_m, strict=True):
+        shift = 152 - 38 - at
+        bits = bits & ~(((1 << 38) - 1) << shift) | (round(value * 1e4) % (1 << 38)) << shift
+    return rtcm.make_message(bits.to_bytes(19))
+
+
+# Four kilometres from the receivers of these tests.
+STATION = make_station(ecef_from_geodetic(LAT_DEG + 0.03, LON_DEG - 0.03, ALT_M))
 Serve = Callable[[socket.socket, bytes], None]
 YES = b"HTTP/1.1 200 OK\r\nNtrip-Version: Ntrip/2.0\r\nContent-Type: gnss/data\r\n"
 TABLE = b"STR;FARM;Farm;RTCM 3.3;\r\nSTR;FARMVRS;Farm;RTCM 3.3;\r\nENDSOURCETABLE\r\n"

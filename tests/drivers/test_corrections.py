@@ -19,14 +19,24 @@ from pyrtcm import RTCMReader
 
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
-from agribot.core.messages import GnssStatus, OperatorEvent
+from agribot.core.messages import GnssFix, GnssQuality, GnssStatus, OperatorEvent
 from agribot.drivers import ntrip, rtcm
 from agribot.drivers.corrections import CorrectionLink, CorrectionTiming
 from agribot.drivers.nmea import StampedFix, write_gga
 from agribot.record.replay import read_ticks
 from tests import machine
 from tests.drivers import receiver_bytes as written
-from tests.drivers.caster import STATION, TABLE, YES, FakeCaster, Serve, chunk, make_observation
+from tests.drivers.caster import (
+    EXAMPLE,
+    STATION,
+    TABLE,
+    YES,
+    FakeCaster,
+    Serve,
+    chunk,
+    make_observation,
+    make_station,
+)  # fmt: skip
 from tests.drivers.lines import Line, Opened, free_port, is_open, speak_ubx
 from tests.waiting import wait_for
 
@@ -34,7 +44,14 @@ LOGIN = ntrip.CasterLogin("farmer", "s3cret")
 # The same waits as on a farm, only shorter.
 PATIENT = CorrectionTiming(gga_period_s=0.02, stall_s=600, first_wait_s=0.01, longest_wait_s=0.05)
 BRISK = PATIENT._replace(stall_s=0.4)
-GGA = b"$GPGGA,093015.00,5209.0,N,00430.6,E,1,12,1.0,56.5,M,0.0,M,,*4D\r\n"
+FIX = StampedFix(
+    written.EPOCH.timestamp(),
+    GnssFix(
+        t_s=0.0, lat_deg=written.LAT_DEG, lon_deg=written.LON_DEG, alt_m=written.ALT_M,
+        pos_std_m=1.0, quality=GnssQuality.SINGLE,
+    ),
+)  # fmt: skip
+GGA = write_gga(FIX)
 
 
 class Rover:
@@ -44,7 +61,7 @@ class Rover:
         self.taken = bytearray()
         self.told: list[str] = []
         self.is_there = True
-        self.position = GGA
+        self.fix: StampedFix | None = FIX
 
     def write(self, data: bytes) -> bool:
         if self.is_there:
@@ -57,7 +74,7 @@ class Rover:
         timing: CorrectionTiming = PATIENT,
     ) -> Iterator[CorrectionLink]:  # fmt: skip
         caster = ntrip.Caster("127.0.0.1", port, mount)
-        link = CorrectionLink(caster, login, self.write, lambda: self.position, self.tell, timing)
+        link = CorrectionLink(caster, login, self.write, lambda: self.fix, self.tell, timing)
         try:
             yield link
         finally:
@@ -95,12 +112,21 @@ def send(*parts: bytes, then: Callable[[socket.socket], None] | None = None) -> 
 
 def test_a_message_of_the_standard_is_found_between_anything() -> None:
     decoder = rtcm.RtcmDecoder()
-    data = b"\xd3\x00" + STATION + b"$GNGGA\xd3" + make_observation() + STATION[:9]
+    data = b"\xd3\x00" + EXAMPLE + b"$GNGGA\xd3" + make_observation() + EXAMPLE[:9]
     found = [each for k in range(0, len(data), 7) for each in decoder.feed(data[k : k + 7])]
     assert [each.kind for each in found] == [1005, 1077]
-    assert found[0].data == STATION and decoder.junk == 9
+    assert found[0].data == EXAMPLE and decoder.junk == 9
     assert RTCMReader.parse(found[0].data).identity == "1005"
-    assert rtcm.make_message(STATION[3:-3]) == STATION
+    assert rtcm.make_message(EXAMPLE[3:-3]) == EXAMPLE
+
+
+def test_the_place_of_a_base_is_read_as_others_read_it() -> None:
+    for data in (EXAMPLE, STATION):
+        message = rtcm.RtcmMessage(1005, data)
+        other = RTCMReader.parse(data)
+        assert rtcm.read_base(message) == pytest.approx((other.DF025, other.DF026, other.DF027))
+        assert rtcm.read_base(rtcm.RtcmMessage(1077, data)) is None
+        assert rtcm.read_base(rtcm.RtcmMessage(1006, data[:15] + b"\0\0\0")) is None
 
 
 def test_chunks_of_any_size_reach_the_receiver_as_whole_messages() -> None:
@@ -200,10 +226,52 @@ def test_a_base_that_measures_no_satellite_gives_no_corrections() -> None:
         assert link.state().age_s is None
 
 
+@pytest.mark.parametrize(
+    ("base", "why"),
+    [
+        (EXAMPLE, "stand at latitude 38.80, longitude -77.06, 5959 km from here; the limit is 200"),
+        (make_station((0.0, 0.0, 0.0)), "inside of the Earth: it does not know its own place"),
+    ],
+)
+def test_a_base_that_stands_where_it_corrects_nothing_is_told_once_and_not_passed_on(
+    base: bytes, why: str
+) -> None:
+    rover = Rover()
+    with casting() as caster:
+        caster._answers = [send(YES, b"\r\n", base, make_observation(), then=caster.listen)]
+        with rover.fed_by(caster.port):
+            rover.wait_told(why)
+            wait_for(lambda: len(caster.requests) >= 3, "further tries")
+            assert not rover.taken and len(rover.told) == 1
+            caster._answers = [send(YES, b"\r\n", STATION, make_observation(), then=caster.listen)]
+            rover.wait_told("come")
+    assert rover.taken.startswith(STATION + make_observation())
+
+
+def test_measurements_of_a_base_too_far_away_wait_until_it_tells_another_place() -> None:
+    rover = Rover()
+    with casting() as caster:
+        late = send(YES, b"\r\n", make_observation(), EXAMPLE, then=caster.listen)
+        caster._answers = [late, late, send(YES, b"\r\n", make_observation(), then=caster.listen)]
+        with rover.fed_by(caster.port):
+            wait_for(lambda: len(caster.requests) >= 3, "a third try")
+    assert rover.taken == make_observation(), "what came before the base told its place"
+    assert [text for text in rover.told if "come" in text] == rover.told[:1]
+
+
+def test_a_base_is_believed_while_the_receiver_does_not_know_where_it_is() -> None:
+    rover = Rover()
+    rover.fix = None
+    with casting() as caster:
+        caster._answers = [send(YES, b"\r\n", EXAMPLE, make_observation(), then=caster.listen)]
+        with rover.fed_by(caster.port):
+            rover.wait_for(EXAMPLE + make_observation())
+
+
 def test_a_host_that_can_be_none_is_told_and_asked_for_again() -> None:
     rover = Rover()
     caster = ntrip.Caster("caster..example", 2101, "FARM")
-    link = CorrectionLink(caster, None, rover.write, lambda: b"", rover.tell, PATIENT)
+    link = CorrectionLink(caster, None, rover.write, lambda: None, rover.tell, PATIENT)
     try:
         rover.wait_told("'caster..example' can be no host's name")
     finally:

@@ -97,7 +97,7 @@ class Rover:
     def ask(self, caster: ntrip.Caster, trust: Path | None = None) -> Iterator[None]:
         tls = make_tls(str(trust)) if trust else None
         link = CorrectionLink(
-            caster, LOGIN, self._write, lambda: b"", lambda text, _: self.told.append(text),
+            caster, LOGIN, self._write, lambda: None, lambda text, _: self.told.append(text),
             TIMING, tls=tls,
         )  # fmt: skip
         try:

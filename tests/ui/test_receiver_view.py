@@ -153,7 +153,7 @@ def test_a_caster_that_gives_nothing_is_told_with_the_reason_and_forgotten_once_
     )
     told: list[tuple[str, bool]] = []
     link = CorrectionLink(
-        Caster("127.0.0.1", free_port(), "FARM"), None, lambda _: True, lambda: b"",
+        Caster("127.0.0.1", free_port(), "FARM"), None, lambda _: True, lambda: None,
         lambda text, is_good: told.append((text, is_good)),
     )  # fmt: skip
     wait_for(lambda: told, "the reason why there are no corrections")

@@ -1,27 +1,39 @@
 """Corrections of a base station on their way from a caster to a receiver.
 
 A thread of its own asks the caster, passes whole RTCM messages on, tells it every ten seconds
-where the receiver is (virtual base stations want to know), and asks again after a loss. Neither
-the control loop nor the thread that reads the receiver waits for it.
+where the receiver is (virtual base stations want to know), and asks again after a loss. A base
+that says to stand where it corrects nothing here is not passed on. Neither the control loop nor
+the thread that reads the receiver waits for it.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from agribot.core.errors import ConfigError
+from agribot.core.geo import ecef_from_geodetic, geodetic_from_ecef
+from agribot.core.messages import GnssFix, Vec3
 from agribot.drivers.byte_streams import ByteStream, TcpStream
+from agribot.drivers.nmea import StampedFix, write_gga
 from agribot.drivers.ntrip import AnswerDecoder, Caster, CasterLogin, CasterRefusal, write_request
-from agribot.drivers.rtcm import RtcmDecoder, RtcmMessage, corrects_ranges
+from agribot.drivers.rtcm import RtcmDecoder, RtcmMessage, corrects_ranges, read_base
 
 if TYPE_CHECKING:
     import ssl
 
 _CLOSE_S = 1.0  # a name that nobody resolves holds the thread up for longer; it ends by itself
+# No base corrects a receiver so far away: networks of them carry over 50 to 70 km (Swift
+# Navigation, "What is an RTK baseline"), and the millimetre per kilometre that makers of receivers
+# state (u-blox, ZED-F9P data sheet: 1 cm + 1 ppm) is 20 cm by then.
+_FARTHEST_BASE_M = 200e3
+_LEAST_RADIUS_M = 6e6  # from the Earth's centre, which a base says that knows no place of its own
 
 
 class CorrectionTiming(NamedTuple):
@@ -63,8 +75,8 @@ def make_tls(authority: str = "") -> ssl.SSLContext:
 class CorrectionLink:
     """Feeds a receiver from a caster until it is closed.
 
-    `write` gives bytes to the receiver and tells whether it took them, `position` is a GGA
-    sentence, empty while there is no fix. `tell` hears once that corrections come (and true), are
+    `write` gives bytes to the receiver and tells whether it took them, `last_fix` is where that is,
+    None before it knows. `tell` hears once that corrections come (and true), are
     lost, and why there are none (and false).
     """
 
@@ -73,7 +85,7 @@ class CorrectionLink:
         caster: Caster,
         login: CasterLogin | None,
         write: Callable[[bytes], bool],
-        position: Callable[[], bytes],
+        last_fix: Callable[[], StampedFix | None],
         tell: Callable[[str, bool], None],
         timing: CorrectionTiming | None = None,
         now_s: Callable[[], float] = time.monotonic,
@@ -85,11 +97,11 @@ class CorrectionLink:
         """
         self._tls = (tls or make_tls()) if caster.is_secure else None
         self._caster, self._login, self._write = caster, login, write
-        self._position, self._tell, self._now_s = position, tell, now_s
+        self._last_fix, self._tell, self._now_s = last_fix, tell, now_s
         self._timing = timing or CorrectionTiming()
         self._counts: Counter[int] = Counter()
         self._last_s: float | None = None
-        self._has_come = self._is_flowing = False
+        self._has_come = self._is_flowing = self._is_doubted = False
         self._told = ""
         self._version = 2
         self._ended = threading.Event()
@@ -142,7 +154,7 @@ class CorrectionLink:
         return ""
 
     def _pass_on(self, stream: ByteStream) -> None:
-        gga = self._position()
+        gga = self._write_position()
         stream.write(write_request(self._caster, self._login, self._version, gga))
         answer = AnswerDecoder(self._caster, has_login=self._login is not None)
         messages = RtcmDecoder()
@@ -166,11 +178,18 @@ class CorrectionLink:
             if now_s - asked_s > self._timing.stall_s:
                 raise CasterRefusal(self._explain_stall(messages.junk, beside))
             if answer.is_open and now_s - told_s >= self._timing.gga_period_s:
-                gga = self._position()
+                gga = self._write_position()
                 stream.write(gga)
                 told_s = now_s if gga else told_s
 
+    def _write_position(self) -> bytes:
+        found = self._last_fix()
+        return write_gga(found) if found else b""
+
     def _take(self, message: RtcmMessage) -> None:
+        self._check_base(message)
+        if self._is_doubted:  # until the base says that it stands elsewhere
+            return
         if not self._write(message.data):  # unplugged, or the line is full: old ones are no use
             return
         self._counts[message.kind] += 1
@@ -183,6 +202,19 @@ class CorrectionLink:
             self._has_come = True
             self._tell(f"corrections from {self._caster.name} {word}", True)
 
+    def _check_base(self, message: RtcmMessage) -> None:
+        """Compare where the base says to stand with where the receiver is.
+
+        Raises: CasterRefusal: it corrects nothing there.
+        """
+        base_m, found = read_base(message), self._last_fix()
+        if base_m is None or found is None:
+            return
+        why = _doubt_base(base_m, found.fix)
+        self._is_doubted = bool(why)
+        if why:
+            raise CasterRefusal(why)
+
     def _explain_stall(self, junk: int, beside: set[int]) -> str:
         if beside:
             kinds = ", ".join(map(str, sorted(beside)))
@@ -192,7 +224,7 @@ class CorrectionLink:
             )
         if junk and not self._is_flowing:
             return f"{junk} bytes came that are no RTCM 3; choose a mountpoint in that format"
-        lacks_fix = "" if self._position() else "; the receiver has no position yet to tell it"
+        lacks_fix = "" if self._last_fix() else "; the receiver has no position yet to tell it"
         return f"nothing came for {self._timing.stall_s:g} s{lacks_fix}"
 
     def _tell_why(self, why: str) -> None:
@@ -204,6 +236,24 @@ class CorrectionLink:
         lost = f"corrections from {name} are lost"
         state = lost if self._is_flowing else f"no corrections from {name}"
         self._tell(f"{state}: {why}; trying again", False)
+
+
+def _doubt_base(base_m: Vec3, fix: GnssFix) -> str:
+    """Say why a base at that place, Earth-centred, corrects nothing at a fix; empty if it may."""
+    if math.hypot(*base_m) < _LEAST_RADIUS_M:
+        return (
+            "the base says to stand inside of the Earth: it does not know its own place; tell it, "
+            "or choose another mountpoint"
+        )
+    distance_m = math.dist(base_m, ecef_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m))
+    if distance_m <= _FARTHEST_BASE_M:
+        return ""
+    lat_deg, lon_deg, _ = geodetic_from_ecef(np.array(base_m))
+    return (
+        f"the base says to stand at latitude {lat_deg:.2f}, longitude {lon_deg:.2f}, "
+        f"{distance_m / 1e3:.0f} km from here; the limit is {_FARTHEST_BASE_M / 1e3:.0f} km; "
+        "choose a mountpoint nearby, or tell the base its place"
+    )
 
 
 def _explain_line(error: OSError) -> str:

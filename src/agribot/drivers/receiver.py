@@ -261,7 +261,7 @@ class ReceiverSource:
     ) -> None:
         """Feed the receiver with the corrections of a caster from now on."""
         self._corrections = CorrectionLink(
-            caster, login, self._reader.write, self._write_position, self._note, tls=tls
+            caster, login, self._reader.write, self._tell_fix, self._note, tls=tls
         )
         self._link.decoder.sky.corrections = self._corrections.state
 
@@ -285,6 +285,5 @@ class ReceiverSource:
     def _note(self, text: str, is_good: bool) -> None:
         self._notes.append((text, is_good))
 
-    def _write_position(self) -> bytes:
-        found = self._link.decoder.last_fix
-        return nmea.write_gga(found) if found else b""
+    def _tell_fix(self) -> nmea.StampedFix | None:
+        return self._link.decoder.last_fix

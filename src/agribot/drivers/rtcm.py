@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from agribot.core.messages import Vec3
+
 PREAMBLE = 0xD3
 _AROUND = 6  # bytes of preamble, length and checksum
 _POLYNOMIAL = 0x1864CFB
@@ -15,6 +17,7 @@ _POLYNOMIAL = 0x1864CFB
 _OF_THE_BASE = frozenset(
     (1005, 1006, 1007, 1008, 1013, 1019, 1020, 1029, 1032, 1033, *range(1041, 1047), 1230)
 )
+_PLACE_BITS = (34, 74, 114)  # where the three numbers of a place begin
 
 
 class RtcmMessage(NamedTuple):
@@ -27,6 +30,24 @@ class RtcmMessage(NamedTuple):
 def corrects_ranges(kind: int) -> bool:
     """Tell whether a receiver corrects with messages of that number, or only needs them beside."""
     return kind not in _OF_THE_BASE
+
+
+def read_base(message: RtcmMessage) -> Vec3 | None:
+    """Read where the base says that its antenna stands, Earth-centred, m; None of other messages.
+
+    Source: RTCM 10403.3, messages 1005 and 1006: three numbers of 38 bits, in 0.1 mm.
+    """
+    payload = message.data[3:-3]
+    if message.kind not in (1005, 1006) or len(payload) * 8 < _PLACE_BITS[-1] + 38:
+        return None
+    bits = int.from_bytes(payload)
+    last = len(payload) * 8 - 38
+    x, y, z = (bits >> (last - at) & ((1 << 38) - 1) for at in _PLACE_BITS)
+    return _scale_place(x), _scale_place(y), _scale_place(z)
+
+
+def _scale_place(number: int) -> float:
+    return (number - (number >> 37 << 38)) * 1e-4
 
 
 class RtcmDecoder:
