@@ -9,6 +9,7 @@ import { icon } from '../icons.ts'
 import { mapControls } from '../map/controls.ts'
 import { openMap } from '../map/shared.ts'
 import type { MapView } from '../map/view.ts'
+import type { WeedUpdate } from '../store.ts'
 import type { Weed } from '../wire.ts'
 import { passes, sinceS } from '../weed-filter.ts'
 import type { WeedFilter } from '../weed-filter.ts'
@@ -24,12 +25,7 @@ export const weeds: Screen = {
     const filter: WeedFilter = { weeds: true, crop: true, treated: true, open: true, confidence: 0, withinS: null }
     const mapHost = el('div', { class: 'map-host card' })
     const count = el('p', { class: 'count' })
-    const details = el(
-      'div',
-      { class: 'details' },
-      el('h2', {}, 'Details'),
-      el('p', { class: 'muted' }, 'Tap a plant on the map, or go through them here.'),
-    )
+    const details = new Details(app)
     let view: MapView | null = null
     const apply = (): void => {
       showCount(count, app, filter)
@@ -41,7 +37,7 @@ export const weeds: Screen = {
         'div',
         { class: 'side' },
         filterCard(filter, count, apply),
-        el('div', { class: 'card' }, stepButtons(app, filter, details), details),
+        el('div', { class: 'card' }, stepButtons(app, filter, details), details.node),
         exportCard(),
       ),
     )
@@ -51,12 +47,16 @@ export const weeds: Screen = {
     }, COUNT_EVERY_MS)
     view = await openMap(mapHost, app)
     apply()
-    if (!view) return () => clearInterval(timer)
+    const done = (): void => {
+      clearInterval(timer)
+      details.done()
+    }
+    if (!view) return done
     const controls = mapControls(view, app, ['measure', 'coordinates'])
     mapHost.append(controls.node)
     const stopPicking = pick(view, app, details)
     return () => {
-      clearInterval(timer)
+      done()
       stopPicking()
       controls.done()
       view?.ready(() => view?.map.setFilter('weeds', null))
@@ -161,7 +161,7 @@ function exportCard(): HTMLElement {
   )
 }
 
-function pick(view: MapView, app: App, details: HTMLElement): () => void {
+function pick(view: MapView, app: App, details: Details): () => void {
   const click = (event: MapMouseEvent): void => {
     if (view.tools.tool !== 'pan') return
     const { x, y } = event.point
@@ -174,27 +174,24 @@ function pick(view: MapView, app: App, details: HTMLElement): () => void {
     )
     const id: unknown = found[0]?.properties.id
     const weed = typeof id === 'number' ? app.store.weeds.get(id) : undefined
-    if (weed) showWeed(details, weed, app)
+    if (weed) details.show(weed)
   }
   view.map.on('click', click)
   return () => view.map.off('click', click)
 }
 
 /** From plant to plant in the order of the map, beginning with the newest: what a map does for those who can tap it. */
-function stepButtons(app: App, filter: WeedFilter, details: HTMLElement): HTMLElement {
-  let shown: number | null = null
+function stepButtons(app: App, filter: WeedFilter, details: Details): HTMLElement {
   const step = (by: 1 | -1): void => {
     const ids = [...app.store.weeds.values()]
       .filter((weed) => passes(weed, filter, nowS(app)))
       .map(({ id }) => id)
       .sort((a, b) => a - b)
-    const from = shown ?? Infinity
+    const from = details.id ?? Infinity
     const next =
       by > 0 ? (ids.find((id) => id > from) ?? ids[0]) : (ids.filter((id) => id < from).pop() ?? ids[ids.length - 1])
     const weed = next === undefined ? undefined : app.store.weeds.get(next)
-    if (!weed) return
-    shown = weed.id
-    showWeed(details, weed, app)
+    if (weed) details.show(weed)
   }
   return el(
     'div',
@@ -221,30 +218,73 @@ function weedPicture(id: number): HTMLElement {
   return figure
 }
 
-function showWeed(node: HTMLElement, weed: Weed, app: App): void {
-  const { id, x_map_m: x, y_map_m: y } = weed
-  const isWeed = weed.plant === 0
-  const [lon, lat] = app.projection.toLonLat(x, y)
-  const rows: [string, string][] = [
-    ['Confidence', `${(weed.confidence * 100).toFixed(0)} %`],
-    ['Size', area(weed.area_m2)],
-    ['Position ±', metres(weed.std_m)],
-    ['Sightings', String(weed.sightings)],
-    ['First seen', duration(weed.first_seen_s)],
-    ['Last seen', duration(weed.last_seen_s)],
-    ['Treated', weed.treated_s === null ? NONE : duration(weed.treated_s)],
-    ...(weed.left ? [['Left', weed.left] as [string, string]] : []),
-    ['East, north', `${fixed(x, 2)}, ${fixed(y, 2)} m`],
-  ]
-  replace(
-    node,
-    el('h2', {}, `${isWeed ? 'Weed' : 'Crop plant'} ${id}`),
-    isWeed && weedPicture(id),
-    el(
-      'dl',
-      { class: 'facts plain' },
-      ...rows.map(([name, text]) => el('div', {}, el('dt', {}, name), el('dd', {}, text))),
-    ),
-    el('p', { class: 'mono select-all' }, `${lat.toFixed(8)}, ${lon.toFixed(8)}`),
-  )
+/** One plant of the map, as it is now. */
+class Details {
+  readonly node = el('div', { class: 'details' })
+  id: number | null = null
+  private readonly facts = el('div')
+  readonly done: () => void
+
+  constructor(private readonly app: App) {
+    this.begin()
+    const undo = [
+      app.store.on('weeds', (changes) => this.update(changes)),
+      app.store.on('restart', () => this.begin()), // its number is another plant there
+    ]
+    this.done = () => undo.forEach((each) => each())
+  }
+
+  show(weed: Weed): void {
+    this.id = weed.id
+    const isWeed = weed.plant === 0
+    replace(this.node, el('h2', {}, title(weed)), isWeed && weedPicture(weed.id), this.facts)
+    this.tell(weed)
+  }
+
+  private update({ set, all }: WeedUpdate): void {
+    if (this.id === null) return
+    const weed = this.app.store.weeds.get(this.id)
+    if (!weed) {
+      this.say(`Plant ${this.id} is not on the map any more.`)
+      this.id = null
+    } else if (all || set.some(({ id }) => id === weed.id)) {
+      setText(this.node.querySelector('h2') as HTMLElement, title(weed))
+      this.tell(weed)
+    }
+  }
+
+  private begin(): void {
+    this.id = null
+    this.say('Tap a plant on the map, or go through them here.')
+  }
+
+  private say(words: string): void {
+    replace(this.node, el('h2', {}, 'Details'), el('p', { class: 'muted' }, words))
+  }
+
+  private tell(weed: Weed): void {
+    const { x_map_m: x, y_map_m: y } = weed
+    const [lon, lat] = this.app.projection.toLonLat(x, y)
+    const rows: [string, string][] = [
+      ['Confidence', `${(weed.confidence * 100).toFixed(0)} %`],
+      ['Size', area(weed.area_m2)],
+      ['Position ±', metres(weed.std_m)],
+      ['Sightings', String(weed.sightings)],
+      ['First seen', duration(weed.first_seen_s)],
+      ['Last seen', duration(weed.last_seen_s)],
+      ['Treated', weed.treated_s === null ? NONE : duration(weed.treated_s)],
+      ...(weed.left ? [['Left', weed.left] as [string, string]] : []),
+      ['East, north', `${fixed(x, 2)}, ${fixed(y, 2)} m`],
+    ]
+    const lines = rows.map(([name, text]) => el('div', {}, el('dt', {}, name), el('dd', {}, text)))
+    replace(
+      this.facts,
+      el('dl', { class: 'facts plain' }, ...lines),
+      el('p', { class: 'mono select-all' }, `${lat.toFixed(8)}, ${lon.toFixed(8)}`),
+    )
+  }
+}
+
+function title({ plant, id }: Weed): string {
+  return `${plant === 0 ? 'Weed' : 'Crop plant'} ${id}`
 }
