@@ -150,7 +150,7 @@ def rerun(path: Path, config: RunConfig) -> tuple[list[TickRecord], tuple[Mapped
     finally:
         platform.close()
         stack.close()
-    return ticks, stack.weed_map.plants()
+    return ticks, stack.weed_map.export_plants()
 
 
 def _read_earlier_plants(path: Path) -> tuple[Track, ...]:

@@ -200,7 +200,7 @@ class Run:
         return self.task.explorer is not None
 
     def plants(self) -> tuple[MappedPlant, ...]:
-        return self.weed_map.plants()
+        return self.weed_map.export_plants()
 
     @property
     def weed_map(self) -> WeedMap:
@@ -364,6 +364,6 @@ class Run:
             zones=self.stack.treatment.zones,
             plan=self.stack.mission.path,
             goals_map_m=self.shown_goals_map_m,
-            plants=self.job.plants(self.weed_map.plants()),
+            plants=self.job.plants(self.plants()),
             events=self.job.events(self.event_log.events),
         )

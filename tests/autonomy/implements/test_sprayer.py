@@ -68,7 +68,7 @@ def test_latency_and_speed_are_led_so_that_the_spray_is_centred_on_the_weed(
         x += v_mps * TICK_S
     assert "weed" in truth.hit
     assert np.mean(wet_x_m) == pytest.approx(1.0, abs=0.5 * v_mps * TICK_S + 0.005)
-    (weed,) = weed_map.list_confirmed()
+    (weed,) = weed_map.list_mapped()
     # Before and behind the weed, as well as it is known and the way to it is.
     reach_m = 2.0 * 2.0 * math.hypot(weed.seen_std_m, MET_STD_M)
     assert max(wet_x_m) - min(wet_x_m) == pytest.approx(reach_m, abs=2.5 * v_mps * TICK_S)
@@ -133,7 +133,7 @@ def test_a_weed_between_two_nozzles_opens_both() -> None:
     truth = Field(plants={"weed": (1.0, 0.103)})
     treatment = Treatment(TreatmentConfig(margin_m=0.08), BOOM)
     weed_map = make_map([(1.0, 0.103)])
-    (weed,) = weed_map.list_confirmed()
+    (weed,) = weed_map.list_mapped()
     drive_over(treatment, weed_map, truth)
     one_m2 = 0.1 * (4.0 * math.hypot(weed.seen_std_m, MET_STD_M) + 0.01)
     assert 1.7 * one_m2 < figure(treatment, "sprayed") < 2.3 * one_m2

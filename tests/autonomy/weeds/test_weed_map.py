@@ -232,6 +232,18 @@ def test_plants_can_be_filtered_by_evidence() -> None:
     assert len(weed_map.plants(min_confidence=0.9)) == 1
 
 
+def test_what_was_seen_once_is_in_the_map_only_where_it_was_treated() -> None:
+    weed_map = WeedMap(WeedConfig())
+    add_sightings(weed_map, [(1.0, 0.0)], times=8)
+    look(weed_map, 1.0, (1.0, 0.5, PlantClass.WEED))
+    (sure,) = weed_map.export_plants()
+    assert sure.sightings == 8 and len(weed_map.plants()) == 2
+    (once,) = {plant.id for plant in weed_map.plants()} - {sure.id}
+    weed_map.mark_treated(once, 2.0)
+    assert [plant.id for plant in weed_map.export_plants()] == [sure.id, once]
+    assert [track.id for track in weed_map.list_mapped()] == [sure.id, once]
+
+
 def test_the_map_is_the_same_on_both_sides_of_the_origin() -> None:
     """Cells left and below zero are as good as the others."""
     weed_map = WeedMap(WeedConfig())

@@ -114,9 +114,16 @@ class WeedMap:
             if not track.is_confirmed:
                 self._tentative.append((track.first_seen_s, track.id))
 
-    def list_confirmed(self) -> list[Track]:
-        """List confirmed plants as they are now; a page may ask from a thread of its own."""
-        return [track for track in list(self._tracks.values()) if track.is_confirmed]
+    def list_mapped(self) -> list[Track]:
+        """List the plants that are sure enough to be in the map, and those that were treated.
+
+        They are as they are now; a page may ask from a thread of its own.
+        """
+        return [track for track in list(self._tracks.values()) if track.is_mapped]
+
+    def export_plants(self) -> tuple[MappedPlant, ...]:
+        """Give what a run leaves of the map: what was seen once or twice is none yet."""
+        return tuple(track.message() for track in self.list_mapped())
 
     def weeds(self) -> tuple[MappedPlant, ...]:
         """List confirmed weeds, oldest first."""

@@ -87,6 +87,11 @@ class Track:
     rest_weight: float = 0.0
 
     @property
+    def is_mapped(self) -> bool:
+        """Whether files and pages show it."""
+        return self.is_confirmed or self.treated_s is not None
+
+    @property
     def plant(self) -> PlantClass:
         return PlantClass.WEED if self.weed_logit >= 0.0 else PlantClass.CROP
 

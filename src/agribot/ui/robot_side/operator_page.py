@@ -281,7 +281,7 @@ class SessionSource:
         return self._session.stack.mission.path
 
     def weeds(self) -> list[Track]:
-        return self._session.weed_map.list_confirmed()
+        return self._session.weed_map.list_mapped()
 
     def events_since(self, index: int) -> list[Event]:
         return self._session.event_log.list_since(index)
