@@ -39,6 +39,15 @@ def test_sixteen_bits_keep_their_upper_eight(tmp_path: Path) -> None:
         np.testing.assert_array_equal(found[..., 0], RAMP)
 
 
+@pytest.mark.parametrize("bits", [10, 12, 14])
+def test_deep_pixels_at_the_lower_end_of_sixteen_bits_keep_their_upper_eight(
+    tmp_path: Path, bits: int
+) -> None:
+    deep = (RAMP.astype(np.uint16) << (bits - 8)) | 1
+    found = read_picture(saved(Image.fromarray(deep), tmp_path / "deep.png"))
+    np.testing.assert_array_equal(found[..., 0], RAMP)
+
+
 def test_eight_bit_values_in_a_sixteen_bit_file_stay(tmp_path: Path) -> None:
     found = read_picture(saved(Image.fromarray(RAMP.astype(np.uint16)), tmp_path / "wide.png"))
     np.testing.assert_array_equal(found[..., 0], RAMP)

@@ -14,6 +14,7 @@ from PIL import Image
 from agribot.core.errors import BridgeError
 from agribot.core.messages import (
     WHEEL_NAMES,
+    CameraFrame,
     GnssFix,
     GnssQuality,
     ImuSample,
@@ -157,6 +158,34 @@ def test_compressed_pictures_come_in_or_are_refused() -> None:
     assert np.array_equal(read("frames", message, robot=robot).image_rgb, rgb)
     with pytest.raises(BridgeError, match="no picture"):
         read("frames", rosmsg.make_compressed_image(0.0, b"\xff\xd8 cut"), robot=robot)
+
+
+@pytest.mark.parametrize("is_bigendian", [False, True])
+@pytest.mark.parametrize("encoding", ["rgb16", "bgr16"])
+def test_pictures_of_sixteen_bits_keep_the_upper_eight_of_those_that_the_camera_uses(
+    encoding: str, is_bigendian: bool
+) -> None:
+    rgb = samples.frame(0, 0.0).image_rgb.copy()
+    rgb[0, 0] = 255
+    message = rosmsg.make_image(0.0, rgb)
+    deep = (rgb.astype(np.uint16) << 4)[:, :, :: -1 if encoding == "bgr16" else 1]  # 12 bits
+    message.data = np.frombuffer(deep.astype(">u2" if is_bigendian else "<u2").tobytes(), np.uint8)
+    message.encoding, message.step = encoding, 2 * message.step
+    message.is_bigendian = int(is_bigendian)
+    assert np.array_equal(read("frames", message, robot=samples.robot()).image_rgb, rgb)
+
+
+def test_a_dark_picture_after_a_bright_one_stays_dark() -> None:
+    robot = samples.robot()
+    assert robot.camera is not None
+    shape = (robot.camera.height_px, robot.camera.width_px)
+    reader = make_readers("frames", robot)["sensor_msgs/msg/CompressedImage"]
+    for value, grey in ((4080, 255), (800, 50)):
+        buffer = io.BytesIO()
+        Image.fromarray(np.full(shape, value, np.uint16)).save(buffer, format="PNG")
+        frame = reader(rosmsg.make_compressed_image(0.0, buffer.getvalue()), 0.0)
+        assert isinstance(frame, CameraFrame)
+        assert (frame.image_rgb == grey).all() and frame.image_rgb.shape == (*shape, 3)
 
 
 def test_seconds_of_a_stamp() -> None:

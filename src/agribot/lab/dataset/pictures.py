@@ -10,6 +10,7 @@ from PIL import Image, ImageOps
 
 from agribot.core.errors import AgribotError
 from agribot.core.messages import ByteArray
+from agribot.core.pixel_depth import find_depth, narrow_pixels
 
 SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 # 16 bits a channel and grey: Pillow keeps these apart from its 8-bit modes.
@@ -41,6 +42,8 @@ def show_name(name: str) -> str:
 
 def read_picture(path: Path, most_px: int = LARGEST_PX) -> ByteArray:
     """Read (height, width, 3) uint8, upright as its EXIF tag says; alpha is dropped.
+
+    Of deeper pixels the upper eight of their bits are kept (`core.pixel_depth`).
 
     Raises: PictureError.
     """
@@ -89,9 +92,7 @@ def _open(path: Path, most_px: int = LARGEST_PX) -> Image.Image:
 def _to_rgb(image: Image.Image, path: Path) -> ByteArray:
     if image.mode in DEEP_MODES:
         values = np.asarray(image).astype(np.int64)
-        # 16-bit sensors fill the range; smaller values are 8-bit ones in a wide file.
-        grey = (values >> 8 if values.max(initial=0) > 255 else values).clip(0, 255)
-        return np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
+        return np.repeat(narrow_pixels(values, find_depth(values))[..., None], 3, axis=2)
     if image.mode == "F":
         raise PictureError(f"{path}: holds floating-point values; save it with 8 or 16 bits")
     return np.asarray(image.convert("RGB"))

@@ -29,6 +29,7 @@ from agribot.core.messages import (
     Vec3,
     WheelSample,
 )
+from agribot.core.pixel_depth import Pixels, find_depth, narrow_pixels
 from agribot.core.platform import Sensor
 from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.ros.messages.gps_types import GPSFIX_ROS1, GPSFIX_ROS2, read_gps_fix
@@ -46,7 +47,8 @@ _QUALITY = {
 _NO_FIX = -1
 _FIXED_STD_M = 0.05  # a carrier solution that claims to be better has its ambiguities fixed
 _CHANNELS = {"rgb8": (3, (0, 1, 2)), "bgr8": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
-             "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0))}  # fmt: skip
+             "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "rgb16": (3, (0, 1, 2)),
+             "bgr16": (3, (2, 1, 0)), "mono16": (1, (0, 0, 0))}  # fmt: skip
 
 
 def make_readers(sensor: Sensor, robot: RobotSpec) -> Mapping[str, ReadSample]:
@@ -175,12 +177,17 @@ class TwistReader:
 
 
 class ImageReader:
-    """Reads and numbers the frames; all must have the size of the robot's camera."""
+    """Reads and numbers the frames; all must have the size of the robot's camera.
+
+    Of 16-bit pixels the upper eight of the bits that the camera uses are kept, as far as its
+    frames have told them: a dark frame after a bright one stays dark.
+    """
 
     def __init__(self, robot: RobotSpec) -> None:
         camera = robot.camera
         self._shape = (camera.height_px, camera.width_px, 3) if camera else None
         self._index = 0
+        self._depth = 8
 
     def read_raw(self, message: Any, t_s: float) -> CameraFrame:
         if message.encoding not in _CHANNELS:
@@ -188,17 +195,30 @@ class ImageReader:
         count, order = _CHANNELS[message.encoding]
         height, width, step = int(message.height), int(message.width), int(message.step)
         data = np.asarray(message.data, dtype=np.uint8)
-        if step < width * count or data.size < height * step:
+        is_deep = message.encoding.endswith("16")
+        used = width * count * (2 if is_deep else 1)
+        if step < used or data.size < height * step:
             raise BridgeError(f"{data.size} bytes are no image of {width} x {height} pixels")
-        rows = data[: height * step].reshape(height, step)[:, : width * count]
+        rows = data[: height * step].reshape(height, step)[:, :used]
+        if is_deep:
+            order_of_bytes = ">u2" if message.is_bigendian else "<u2"
+            rows = self._narrow(np.ascontiguousarray(rows).view(order_of_bytes))
         return self._make_frame(rows.reshape(height, width, count)[:, :, order], t_s)
 
     def read_compressed(self, message: Any, t_s: float) -> CameraFrame:
         try:
-            image = Image.open(io.BytesIO(np.asarray(message.data).tobytes())).convert("RGB")
+            image = Image.open(io.BytesIO(np.asarray(message.data).tobytes()))
+            if image.mode.startswith("I"):  # 16 bits and grey
+                grey = self._narrow(np.asarray(image).astype(np.int64))
+                return self._make_frame(np.repeat(grey[..., None], 3, axis=2), t_s)
+            pixels = np.asarray(image.convert("RGB"))
         except (OSError, ValueError, Image.DecompressionBombError) as error:
             raise BridgeError(f"{len(message.data)} bytes are no picture: {error}") from error
-        return self._make_frame(np.asarray(image), t_s)
+        return self._make_frame(pixels, t_s)
+
+    def _narrow(self, pixels: Pixels) -> ByteArray:
+        self._depth = max(self._depth, find_depth(pixels))
+        return narrow_pixels(pixels, self._depth)
 
     def _make_frame(self, image_rgb: ByteArray, t_s: float) -> CameraFrame:
         if image_rgb.shape != self._shape:
