@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import re
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+
+import zstandard
 
 from agribot.core.errors import RecordingError
 from agribot.record.bag.folder_bag import FolderBag
@@ -17,6 +20,8 @@ from agribot.record.mcap_records import MAGIC
 
 _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _SQLITE_MAGIC = b"SQLite format 3\x00"
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"  # RFC 8878, section 3.1.1
+_PARTS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")  # how files of a rosbag2 folder end
 # Of a metadata.yaml: each message is compressed by itself, of which the files say nothing.
 _MESSAGES_COMPRESSED = re.compile(r"(?im)^\s*compression_mode:\s*['\"]?message\b")
 
@@ -25,13 +30,16 @@ _MESSAGES_COMPRESSED = re.compile(r"(?im)^\s*compression_mode:\s*['\"]?message\b
 def open_bag(path: Path) -> Iterator[Bag]:
     """Open a ROS 1 `.bag`, a ROS 2 `.db3` or rosbag2 folder, or an MCAP file.
 
+    A file that was compressed as a whole is unpacked into a temporary folder.
+
     Raises: RecordingError: no such file, empty, of another kind, or damaged beyond reading.
     """
-    bag = _open(path)
-    try:
-        yield bag
-    finally:
-        bag.close()
+    with contextlib.ExitStack() as unpacked:
+        bag = _open(path, unpacked)
+        try:
+            yield bag
+        finally:
+            bag.close()
 
 
 def check_target(source: Path, target: Path, what: str) -> None:
@@ -45,9 +53,9 @@ def check_target(source: Path, target: Path, what: str) -> None:
         )
 
 
-def _open(path: Path) -> Bag:
+def _open(path: Path, unpacked: contextlib.ExitStack) -> Bag:
     if path.is_dir():
-        return _open_folder(path)
+        return _open_folder(path, unpacked)
     start = _read_start(path)
     if not start:
         raise RecordingError(f"{path} is empty (0 bytes); there is nothing to read")
@@ -57,6 +65,8 @@ def _open(path: Path) -> Bag:
         return _open_ros1(path)
     if start.startswith(_SQLITE_MAGIC):
         return RosbagsBag(path)
+    if start.startswith(_ZSTD_MAGIC):
+        return _open_packed(path, unpacked)
     if start.startswith(b"#ROSBAG V"):
         version = start.split(b"\n")[0][9:].decode("ascii", "replace")
         raise RecordingError(f"{path} is a ROS 1 bag of version {version}; only 2.0 is read")
@@ -64,6 +74,37 @@ def _open(path: Path) -> Bag:
         f"{path} is no recording: it begins with {start[:8]!r}, not like a ROS 1 bag, a rosbag2 "
         "database or an MCAP file"
     )
+
+
+def _open_packed(path: Path, unpacked: contextlib.ExitStack) -> Bag:
+    inner = _unpack(path, unpacked)
+    try:
+        bag = _open(inner, unpacked)
+    except RecordingError as error:
+        why = str(error).replace(str(inner), inner.name)
+        raise RecordingError(f"{path} was unpacked, but {why}") from error
+    bag.kind = f"{bag.kind} in a zstd file"
+    return bag
+
+
+def _unpack(path: Path, unpacked: contextlib.ExitStack) -> Path:
+    """Unpack a file that was compressed as a whole; of one that was cut off, what is there.
+
+    Raises: RecordingError: it is damaged, or there is no room.
+    """
+    try:
+        folder = tempfile.TemporaryDirectory(prefix="agribot-bag-")
+        inner = Path(unpacked.enter_context(folder)) / path.name.removesuffix(".zstd")
+        with path.open("rb") as packed, inner.open("wb") as file:
+            zstandard.ZstdDecompressor().copy_stream(packed, file)
+    except zstandard.ZstdError as error:
+        raise RecordingError(f"{path} is no sound zstd file: {error}") from error
+    except OSError as error:
+        raise RecordingError(
+            f"cannot unpack {path} into {tempfile.gettempdir()}: {error.strerror or error}; "
+            "set TMPDIR to a folder with room"
+        ) from error
+    return inner
 
 
 def _open_ros1(path: Path) -> Bag:
@@ -76,7 +117,7 @@ def _open_ros1(path: Path) -> Bag:
         return UnindexedBag(path)
 
 
-def _open_folder(path: Path) -> Bag:
+def _open_folder(path: Path, unpacked: contextlib.ExitStack) -> Bag:
     if not any(path.iterdir()):
         raise RecordingError(f"{path} is an empty folder; give a rosbag2 folder or a file")
     if (path / "metadata.yaml").exists():
@@ -84,13 +125,15 @@ def _open_folder(path: Path) -> Bag:
         about = (path / "metadata.yaml").read_text("utf-8", "replace")
         if not databases or _MESSAGES_COMPRESSED.search(about):
             return RosbagsBag(path)
-    files = sorted(file for file in path.iterdir() if file.suffix in (".mcap", ".db3"))
+    files = sorted(file for file in path.iterdir() if file.name.endswith(_PARTS))
     if not files:
         raise RecordingError(
             f"{path} is no rosbag2 folder: it holds neither metadata.yaml nor .mcap or .db3 files"
         )
     # By their times: the tenth file of a recorder comes before the second by name.
-    parts = sorted((_open(file) for file in files), key=lambda part: part.times_ns or (0, 0))
+    parts = sorted(
+        (_open(file, unpacked) for file in files), key=lambda part: part.times_ns or (0, 0)
+    )
     return FolderBag(path, parts)
 
 
