@@ -21,7 +21,10 @@ from agribot.record.bag.definitions import (
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.sinks import Compression, Sink, Storage, open_sink
 from agribot.record.bag.source import Bag, BagFile, BagMessage, BagTopic
+from agribot.record.bag.stamps import UNHOLDABLE, make_stamp_check
 from agribot.ros.messages import fixes, utm
+
+NS_A_YEAR = 365.2425 * 86400e9
 
 
 class ConvertOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -97,6 +100,9 @@ class _Conversion:
 
     def __call__(self, message: BagMessage) -> None:
         self._count_in += 1
+        if not 0 <= message.log_ns <= self._sink.last_ns:
+            self._skip(message.topic, self._explain_time(message.log_ns))
+            return
         for route in self._routes[message.topic.id]:
             try:
                 data = route.data(message)
@@ -157,7 +163,21 @@ class _Conversion:
             self._store, ros_type, self._sink.is_ros2,
         )  # fmt: skip
         number = self._add(topic.name, ros_type, topic.is_latched, topic.qos_yaml)
-        return _Route(number, lambda message: recode(message.data))
+        can_hold = self._make_stamp_check(topic)
+
+        def data(message: BagMessage) -> bytes | None:
+            if can_hold is not None and not can_hold(message.data):
+                self._skip(topic, UNHOLDABLE)
+                return None
+            return recode(message.data)
+
+        return _Route(number, data)
+
+    def _make_stamp_check(self, topic: BagTopic) -> Callable[[bytes], bool] | None:
+        from_ros2 = topic.encoding == "cdr"
+        if from_ros2 == self._sink.is_ros2:
+            return None
+        return make_stamp_check(self._bag.store().fielddefs, topic.ros_type, from_ros2)
 
     def _route_fix(self, topic: BagTopic) -> _Route | None:
         is_ros2, store = self._sink.is_ros2, self._store
@@ -274,6 +294,13 @@ class _Conversion:
 
     def _serialize(self, message: Any, ros_type: str) -> bytes:
         return serialize(self._store, ros_type, self._sink.is_ros2, message)
+
+    def _explain_time(self, log_ns: int) -> str:
+        year, last = (1970 + t_ns / NS_A_YEAR for t_ns in (log_ns, self._sink.last_ns))
+        return (
+            f"recorded in the year {year:.0f}, and this format holds 1970 to {last:.0f}; check the "
+            "clock of the recorder, or convert to an .mcap"
+        )
 
     def _skip(self, topic: BagTopic, reason: str) -> None:
         self._skipped[topic.name] += 1

@@ -53,6 +53,7 @@ class Sink(Protocol):
     store: Typestore  # the types it writes; it may learn further ones
     is_ros2: bool
     holds_anything: bool  # also what is no ROS message, and files
+    last_ns: int  # of the times of messages that fit into it, from 1970 on
 
     def add(self, topic: BagTopic) -> int: ...
 
@@ -81,6 +82,7 @@ def compress_for_ros1(data: bytes) -> bytes:
 class Ros1Sink:
     is_ros2 = False
     holds_anything = False
+    last_ns = (1 << 32) * 1_000_000_000 - 1
 
     def __init__(self, path: Path, compression: Compression) -> None:
         self.store = make_ros1_store()
@@ -116,6 +118,7 @@ class Ros1Sink:
 class Rosbag2Sink:
     is_ros2 = True
     holds_anything = False
+    last_ns = (1 << 63) - 1
 
     def __init__(self, folder: Path, storage: Storage) -> None:
         self.store = make_ros2_store()
@@ -151,6 +154,7 @@ class Rosbag2Sink:
 class McapSink:
     is_ros2 = True
     holds_anything = True
+    last_ns = (1 << 64) - 1
 
     def __init__(self, path: Path) -> None:
         self.store = make_ros2_store()
