@@ -184,6 +184,7 @@ def test_a_platform_may_be_named_by_module_and_function(bench: str, tmp_path: Pa
         ("no_such_module:open", "No module named 'no_such_module'"),
         ("json:no_such_name", "has no attribute 'no_such_name'"),
         ("json:__name__", "is not a function but str"),
+        ("os:system", "does not take the settings of the run and the robot"),
     ],
 )
 def test_a_platform_that_is_none_is_refused_before_anything_is_written(
@@ -193,6 +194,22 @@ def test_a_platform_that_is_none_is_refused_before_anything_is_written(
         open_run(config.load("farm", [f"platform='{name}'", *SETTINGS]), tmp_path / "run")
     assert words in str(refusal.value)
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("builtins:isinstance", "'builtins:isinstance' failed: TypeError: isinstance"),
+        ("os.path:join", "'os.path:join' failed: TypeError: expected str"),
+        ("builtins:print", "gives NoneType, which has no inbox, read, write, close"),
+    ],
+)
+def test_a_function_that_opens_no_platform_is_refused_with_how_to_write_one(
+    name: str, words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigError, match=r"docs/contribute/platform\.md") as refusal:
+        open_run(config.load("farm", [f"platform='{name}'", *SETTINGS]), tmp_path / "run")
+    assert words in str(refusal.value)
 
 
 def test_a_name_is_registered_once() -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from agribot.core import extras
-from agribot.core.errors import ConfigError
+from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import SafetyInput
 from agribot.core.named_functions import find_function
 from agribot.core.platform import Platform
@@ -14,6 +15,8 @@ from agribot.core.suggestions import suggest_name
 
 # Takes the settings of the run (`RunConfig`) and the robot (`RobotSpec`).
 OpenPlatform = Callable[[Any, Any], Platform]
+
+_HOW = "how to write one: docs/contribute/platform.md"
 
 
 class PlatformKind(NamedTuple):
@@ -38,11 +41,52 @@ class PlatformKind(NamedTuple):
     def find_opener(self) -> OpenPlatform:
         """Import what opens it.
 
-        Raises: ConfigError: there is no such function, or the simulator opens itself.
+        Raises: ConfigError: there is no such function, or the simulator opens itself. What it
+            returns raises it where it opens no platform.
         """
         if self.opener is None:
             raise ConfigError("the simulator needs a world; open it with SimulatedRun")
-        return find_function(self.opener, f"platform = {self.opener!r}")
+        what = f"platform = {self.opener!r}"
+        opener = find_function(self.opener, what)
+        if not _takes_two(opener):
+            raise ConfigError(
+                f"{what} opens no platform: it does not take the settings of the run and the "
+                f"robot; {_HOW}"
+            )
+
+        def open_platform(config: Any, robot: Any) -> Platform:
+            try:
+                platform: Platform = opener(config, robot)
+            except Exception as error:
+                if self in _KINDS.values() or isinstance(error, (AgribotError, OSError)):
+                    raise
+                raise ConfigError(
+                    f"{what} failed: {type(error).__name__}: {error}; {_HOW}"
+                ) from error
+            _check_platform(platform, what)
+            return platform
+
+        return open_platform
+
+
+def _check_platform(platform: Platform, what: str) -> None:
+    lacks = [name for name in ("inbox", "read", "write", "close") if not hasattr(platform, name)]
+    if lacks:
+        raise ConfigError(
+            f"{what} opens no platform but gives {type(platform).__name__}, which has no "
+            f"{', '.join(lacks)}; {_HOW}"
+        )
+
+
+def _takes_two(opener: Callable[..., Any]) -> bool:
+    """Tell whether a function takes two arguments; true of one that does not tell."""
+    try:
+        inspect.signature(opener).bind(None, None)
+    except TypeError:
+        return False
+    except ValueError:
+        return True
+    return True
 
 
 _KINDS: dict[str, PlatformKind] = {
