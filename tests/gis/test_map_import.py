@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 import sqlite3
 import threading
 from collections.abc import Iterator
@@ -315,6 +316,40 @@ def test_an_import_without_a_tile_leaves_no_map_and_a_broken_one_can_be_listed_a
     assert shown.out.startswith("good: ") and "agribot map remove broken" in shown.err
     assert main(["map", "remove", "broken"]) == 0
     assert main(["map", "list"]) == 0
+
+
+def test_a_server_adds_no_tiles_to_a_map_that_came_from_elsewhere(
+    server: tuple[TileServer, str], maps: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    tiles, url = server
+    region = ["--bbox", "72.785,21.160,72.790,21.163", "--zoom", "14-14"]
+    assert main(["map", "import", url, *region, "--name", "aerial"]) == 0
+    shutil.copy(maps / "aerial.mbtiles", tmp_path / "drone.mbtiles")
+    with closing(sqlite3.connect(tmp_path / "drone.mbtiles")) as database:
+        database.execute("DELETE FROM metadata WHERE name = 'agribot_server'")
+        database.commit()
+    assert main(["map", "import", str(tmp_path / "drone.mbtiles")]) == 0
+    before = {path.name: path.read_bytes() for path in maps.iterdir()}
+    tiles.asked.clear()
+    other = url.replace("/{z}", "/other/{z}")
+    for name, words in (("aerial", [other]), ("aerial", [other, "--live"]), ("drone", [url])):
+        assert main(["map", "import", *words, *region, "--name", name]) == 2
+        told = capsys.readouterr().err
+        assert f"there is a map '{name}' already" in told and f"map remove {name}" in told
+    assert not tiles.asked
+    assert {path.name: path.read_bytes() for path in maps.iterdir()} == before
+
+
+def test_another_region_of_the_same_server_joins_the_map(
+    server: tuple[TileServer, str], maps: Path
+) -> None:
+    _, url = server
+    for region, zoom in (("72.78,21.16,72.785,21.163", "16"), ("72.79,21.17,72.8,21.2", "14")):
+        words = ["--bbox", region, "--zoom", zoom, "--name", "aerial"]
+        assert main(["map", "import", url, *words]) == 0
+    shown = describe_map(maps / "aerial.mbtiles")
+    assert shown["bounds"] == pytest.approx([72.78, 21.16, 72.8, 21.2])
+    assert (shown["minzoom"], shown["maxzoom"]) == (14, 16)
 
 
 @pytest.mark.parametrize(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import http.client
 import io
 import itertools
 import math
+import sqlite3
 import tempfile
 import urllib.error
 import urllib.request
@@ -20,7 +22,15 @@ import numpy as np
 from agribot.core.arithmetic import clamp
 from agribot.core.errors import ConfigError
 from agribot.gis.geo_pyramid import read_geo, write_vrt
-from agribot.gis.mbtiles import LIVE, MAX_ZOOM, TileWriter, is_picture
+from agribot.gis.mbtiles import (
+    LIVE,
+    MAX_ZOOM,
+    SERVER,
+    TileWriter,
+    describe_map,
+    is_picture,
+    read_note,
+)
 from agribot.gis.tile_grid import HALF_M, TILE_PX, GeoBounds, MapTile, count_tiles, iterate_tiles
 
 if TYPE_CHECKING:
@@ -208,13 +218,19 @@ def import_from_server(
 ) -> MissingTiles:  # fmt: skip
     """Fetch a region once; tiles that are there already are not requested again.
 
-    Raises: ConfigError: no template, too many tiles, or the server does not give any.
+    Raises: ConfigError: no template, too many tiles, a map of something else under that name, or
+        the server does not give any.
     """
     check_template(template)
     count, absent, failed, why = _check_count(bounds, *zooms), 0, 0, ""
-    metadata = {**_make_metadata(target, bounds, *zooms, ""), "attribution": attribution}
-    is_new = not target.exists()
-    with TileWriter(target, metadata) as writer, ThreadPoolExecutor(PARALLEL) as pool:
+    is_new = _begins_new(target, template)
+    about = {"attribution": attribution, SERVER: _sum_up(template)}
+    joined = (bounds, zooms) if is_new else _join_extent(target, bounds, zooms)
+    metadata = {**_make_metadata(target, joined[0], *joined[1], ""), **about}
+    with (
+        TileWriter(target, metadata if is_new else {}) as writer,
+        ThreadPoolExecutor(PARALLEL) as pool,
+    ):
         missing = (tile for tile in iterate_tiles(bounds, *zooms) if not writer.has(*tile))
         done = count - sum(not writer.has(*tile) for tile in iterate_tiles(bounds, *zooms))
         while batch := list(itertools.islice(missing, PARALLEL * 4)):
@@ -229,6 +245,8 @@ def import_from_server(
                     failed += 1
                 why = why if isinstance(answer, bytes) else str(answer)
                 report(done, count)
+        if absent + failed < count:
+            writer.describe(metadata)
     if absent + failed == count:
         if is_new:
             target.unlink()
@@ -237,16 +255,63 @@ def import_from_server(
 
 
 def register_server(template: str, target: Path, zooms: tuple[int, int], attribution: str) -> None:
-    """Register a map whose tiles are fetched when they are first shown, and then kept."""
+    """Register a map whose tiles are fetched when they are first shown, and then kept.
+
+    Raises: ConfigError: no template, or a map of something else under that name.
+    """
     check_template(template)
+    _begins_new(target, template)
     world = GeoBounds(-180.0, -85.0, 180.0, 85.0)
     metadata = {
         **_make_metadata(target, world, *zooms, ""),
         "attribution": attribution,
         LIVE: template,
+        SERVER: _sum_up(template),
     }
     with TileWriter(target, metadata):
         pass
+
+
+def _begins_new(target: Path, template: str) -> bool:
+    """Tell whether there is no map yet.
+
+    Raises: ConfigError: there is one that came from elsewhere.
+    """
+    if not target.exists():
+        return True
+    try:
+        server, live = read_note(target, SERVER), read_note(target, LIVE)
+    except sqlite3.Error:
+        server = live = ""
+    if template == live or _sum_up(template) == server:
+        return False
+    came = "another address" if server or live else "elsewhere"
+    raise ConfigError(
+        f"there is a map '{target.stem}' already, whose tiles came from {came}; take another "
+        f"--name, or first: agribot map remove {target.stem}"
+    )
+
+
+def _sum_up(template: str) -> str:
+    """Sum an address up: it may hold a key, which others who get the map need not know."""
+    return hashlib.sha256(template.encode()).hexdigest()
+
+
+def _join_extent(
+    target: Path, bounds: GeoBounds, zooms: tuple[int, int]
+) -> tuple[GeoBounds, tuple[int, int]]:
+    """Join a region with that of the map which it comes to."""
+    try:
+        known = describe_map(target)
+    except ConfigError:  # no tile came yet
+        return bounds, zooms
+    old = GeoBounds(*known["bounds"]) if known["bounds"] else bounds
+    joined = (
+        *map(min, bounds[:2], old[:2]),
+        *map(max, bounds[2:], old[2:]),
+    )
+    first, last = min(zooms[0], known["minzoom"]), max(zooms[1], known["maxzoom"])
+    return GeoBounds(*joined), (first, last)
 
 
 def fetch_tile(template: str, tile: MapTile) -> bytes:

@@ -16,6 +16,7 @@ _MEDIA = ((b"\x89PNG", "image/png"), (b"\xff\xd8", "image/jpeg"), (b"RIFF", "ima
 MAX_ZOOM = 24
 STEPS_AT_ONCE = 1_000_000
 LIVE = "agribot_live"  # metadata: address template of the server for missing tiles
+SERVER = "agribot_server"  # metadata: a checksum of that template, of a map that came from one
 MAX_STEPS = 200_000_000  # enough to count ten million tiles; a view may be an endless program
 MAX_VALUE_BYTES = 50_000_000
 PATIENCE_S = 10.0  # while another thread writes into the same file
@@ -88,8 +89,13 @@ def is_address(z: int, x: int, y: int) -> bool:
 
 def read_live_template(path: Path) -> str:
     """Return the address template for missing tiles; empty for a complete map."""
+    return read_note(path, LIVE)
+
+
+def read_note(path: Path, name: str) -> str:
+    """Read a value of a map's metadata; empty where there is none."""
     with closing(_open_read_only(path)) as database:
-        found = database.execute("SELECT value FROM metadata WHERE name = ?", (LIVE,)).fetchone()
+        found = database.execute("SELECT value FROM metadata WHERE name = ?", (name,)).fetchone()
     return str(found[0]) if found else ""
 
 
@@ -131,9 +137,7 @@ class TileWriter:
                 " tile_row INTEGER, tile_data BLOB,"
                 " PRIMARY KEY (zoom_level, tile_column, tile_row));"
             )
-            rows = list(metadata.items())
-            self._database.executemany("INSERT OR REPLACE INTO metadata VALUES (?, ?)", rows)
-            self._database.commit()
+            self.describe(metadata)
         except (OSError, sqlite3.Error) as error:
             raise ConfigError(f"cannot write the map {path}: {error}") from error
 
@@ -143,6 +147,11 @@ class TileWriter:
     def __exit__(self, *_: object) -> None:
         self._database.commit()
         self._database.close()
+
+    def describe(self, metadata: Mapping[str, str]) -> None:
+        rows = list(metadata.items())
+        self._database.executemany("INSERT OR REPLACE INTO metadata VALUES (?, ?)", rows)
+        self._database.commit()
 
     def has(self, z: int, x: int, y: int) -> bool:
         query = "SELECT 1 FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
