@@ -10,6 +10,9 @@ import stat
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import TypeVar
+
+T = TypeVar("T")
 
 # Errors of a folder that takes no second file, or lets none replace the first.
 _NO_ROOM_BESIDE = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EBUSY)
@@ -43,8 +46,8 @@ def write_at_once(path: Path, data: bytes, *, is_synced: bool = False) -> None:
         path.write_bytes(data)
 
 
-def make_at_once(path: Path, make: Callable[[Path], object]) -> None:
-    """Let `make` write a temporary file beside the path, then put it in its place.
+def make_at_once(path: Path, make: Callable[[Path], T]) -> T:
+    """Let `make` write a file beside the path, put it in its place, and give what `make` gave.
 
     It is for files that a library writes by their path, and for long ones. What an earlier call
     that was killed left is removed, and so is the temporary file when `make` fails; the old file
@@ -53,13 +56,12 @@ def make_at_once(path: Path, make: Callable[[Path], object]) -> None:
     """
     old = _read_status(path)
     if old is not None and not stat.S_ISREG(old.st_mode):
-        make(path)
-        return
+        return make(path)
     target = Path(os.path.realpath(path))
     beside = target.with_name(f".{target.name[:60]}.new")
     try:
         beside.unlink(missing_ok=True)
-        make(beside)
+        made = make(beside)
         if old is not None:
             with suppress(OSError):  # a file system without permissions
                 shutil.copymode(target, beside)
@@ -67,7 +69,9 @@ def make_at_once(path: Path, make: Callable[[Path], object]) -> None:
     except OSError as error:
         if old is None or error.errno not in _NO_ROOM_BESIDE:
             raise
-        make(path)
+        return make(path)
+    else:
+        return made
     finally:
         with suppress(OSError):
             beside.unlink()

@@ -33,22 +33,19 @@ def write_table(source: Path, topic_name: str, target: Path) -> int:
                 f"{topic_name} holds {topic.ros_type or topic.encoding} messages, which cannot be "
                 "read here; a table needs ROS messages with a known definition"
             )
-        counted: list[int] = []
 
-        def make(path: Path) -> None:
+        def make(path: Path) -> int:
             with path.open("w", newline="", encoding="utf-8") as file:
-                rows = _list_rows(bag, topic)
-                counted.append(_write_rows(csv.writer(file, lineterminator="\n"), rows))
+                return _write_rows(csv.writer(file, lineterminator="\n"), _list_rows(bag, topic))
 
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            make_at_once(target, make)
+            return make_at_once(target, make)
         except OSError as error:
             raise RecordingError(
                 f"cannot write {target}: {error.strerror or error}; check that the folder is "
                 "writable and the disk has room"
             ) from error
-        return counted[0]
 
 
 def _write_rows(writer: Any, rows: Iterator[tuple[object, ...]]) -> int:
