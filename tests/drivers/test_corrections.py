@@ -163,6 +163,28 @@ def test_chunks_of_any_size_reach_the_receiver_as_whole_messages() -> None:
             b"HTTP/1.1 200 OK\r\nContent-Type: gnss/sourcetable\r\n\r\n" + TABLE,
             "no mountpoint 'FRAM'; did you mean 'FARM'?",
         ),
+        (
+            b"HTTP/1.1 200 OK\nContent-Type: gnss/sourcetable\n\n" + TABLE,
+            "no mountpoint 'FRAM'; did you mean 'FARM'?",
+        ),
+        (
+            b"HTTP/1.1 200 OK\r\nContent-Type: text/plain\r\n\r\n" + TABLE,
+            "no mountpoint 'FRAM'; did you mean 'FARM'?",
+        ),
+        (
+            b"HTTP/1.1 200 OK\r\nContent-Type: text/plain; charset=utf-8\r\n"
+            b"Transfer-Encoding: chunked\r\n\r\n" + chunk(TABLE),
+            "no mountpoint 'FRAM'; did you mean 'FARM'?",
+        ),
+        (
+            b"HTTP/1.1 200 OK\r\nContent-Type: text/plain\r\n\r\nclosed for today\r\n",
+            "the caster answers 'closed for today'",
+        ),
+        (
+            b"HTTP/1.1 302 Found\r\nLocation: https://caster.example/\r\n\r\n",
+            "sends on to 'https://caster.example/' ('HTTP/1.1 302 Found'); write the address of",
+        ),
+        (b"HTTP/1.1 301 Moved\r\n\r\n", "sends on, and does not say where to ('HTTP/1.1 301"),
         (b"HTTP/1.1 503 Full\r\n\r\n", "answers 'HTTP/1.1 503 Full'"),
         (b"SSH-2.0-OpenSSH_9.2\r\n", "no NTRIP caster; check host and port"),
         (b"HTTP/1.1 200 OK\r\nContent-Type: text/html\r\n\r\n<html>", "no NTRIP caster"),
@@ -185,6 +207,30 @@ def test_a_caster_that_gives_no_corrections_is_told_once_with_what_to_do(
     assert len(rover.told) == 1
     assert rover.told[0].startswith(f"no corrections from 127.0.0.1:{caster.port}/FRAM: ")
     assert not rover.taken and "s3cret" not in rover.told[0]
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        b"HTTP/1.1 200 OK\nContent-Type: gnss/data\n\n",
+        b"HTTP/1.1 200 OK\r\nContent-Type: text/plain\r\n\r\n",
+    ],
+)
+def test_corrections_come_behind_heads_that_are_not_by_the_book(head: bytes) -> None:
+    rover, stream = Rover(), STATION + make_observation()
+    with casting() as caster:
+        whole = head + stream
+        parts = (whole[k : k + 13] for k in range(0, len(whole), 13))
+        caster._answers = [send(*parts, then=caster.listen)]
+        with rover.fed_by(caster.port):
+            rover.wait_for(stream)
+
+
+def test_a_caster_that_hangs_up_in_the_head_of_a_redirect_is_told_as_one() -> None:
+    answer = ntrip.AnswerDecoder(ntrip.Caster("localhost", 2101, "FARM"), has_login=False)
+    assert answer.feed(b"HTTP/1.1 301 Moved\r\nServer: x\r\n") == b""
+    with pytest.raises(ntrip.CasterRefusal, match=r"does not say where to \('HTTP/1.1 301 Moved"):
+        answer.end()
 
 
 def test_a_caster_that_wants_a_login_says_so_where_none_is_known() -> None:

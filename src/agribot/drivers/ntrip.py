@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import binascii
 import netrc
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from urllib.parse import urlsplit
 from agribot.core.errors import ConfigError
 from agribot.core.suggestions import suggest_name
 from agribot.core.version import __version__
+from agribot.drivers.rtcm import PREAMBLE
 
 PORT, TLS_PORT = 2101, 443  # the second is that of HTTPS
 LOGIN_VARIABLE = "AGRIBOT_NTRIP_LOGIN"
@@ -25,6 +27,10 @@ _AGENT = f"NTRIP agribot/{__version__}"
 _LONGEST_HEAD, _LONGEST_TABLE, _LONGEST_CHUNK = 16_384, 1 << 20, 1 << 20
 _LONGEST_LINE = 80  # of a caster's words that are told
 _NAMES = 8  # of mountpoints that are told
+_EMPTY_LINE = re.compile(rb"\r?\n\r?\n")  # RFC 9112, section 2.2: a line may end in a bare LF
+_CHUNK_LENGTH = re.compile(rb"\A[0-9A-Fa-f]+(?:;[^\n]*)?\r?\n")
+_TABLE_BEGINS = (b"STR;", b"CAS;", b"NET;", b"ENDSOURCETABLE")
+_ENOUGH_TO_TELL = 64  # bytes
 _NO_CASTER = "what answers there is no NTRIP caster; check host and port"
 
 
@@ -145,6 +151,7 @@ class AnswerDecoder:
         self._waiting = bytearray()
         self._chunks: _Chunks | None = None
         self._is_table = False
+        self._is_text = False  # of which only its beginning will tell whether it is a table
         self.is_open = False  # the caster said yes
 
     def feed(self, data: bytes) -> bytes:
@@ -155,7 +162,8 @@ class AnswerDecoder:
         if self.is_open:
             return self._chunks.feed(data) if self._chunks else data
         self._waiting += data
-        if not self._is_table and not self._read_head():
+        is_read = self._is_table or self._is_text or self._read_head()
+        if not is_read or (self._is_text and not self._read_text()):
             return b""
         if self._is_table:
             if b"ENDSOURCETABLE" in self._waiting or len(self._waiting) > _LONGEST_TABLE:
@@ -174,6 +182,11 @@ class AnswerDecoder:
             raise CasterRefusal(self._explain_table(bytes(self._waiting)))
         if self.is_open:
             raise CasterRefusal("the caster closed the line")
+        line = _clean(bytes(self._waiting).partition(b"\n")[0])
+        if _is_redirect(line):
+            self._read_http(line, _read_fields(bytes(self._waiting)))
+        if self._is_text and self._waiting.strip():
+            raise CasterRefusal(f"the caster answers '{_clean(bytes(self._waiting))}'")
         hint = "" if self._caster.is_secure else "; if it speaks TLS, write ntrips://"
         raise CasterRefusal(
             f"the caster closed the line without an answer{hint}", is_of_version=True
@@ -187,28 +200,53 @@ class AnswerDecoder:
             if len(first) > _LONGEST_HEAD or not _may_begin(first):
                 raise CasterRefusal(_NO_CASTER)
             return False
-        if line.startswith("HTTP/1.") and " 200" in line[8:13]:
-            head, end, rest = bytes(self._waiting).partition(b"\r\n\r\n")
-            if not end:
+        if _is_redirect(line) or (line.startswith("HTTP/1.") and " 200" in line[8:13]):
+            found = _EMPTY_LINE.search(self._waiting)
+            head = bytes(self._waiting[: found.start() if found else None])
+            if found is None:
                 if len(head) > _LONGEST_HEAD:
                     raise CasterRefusal(f"the head of its answer exceeds {_LONGEST_HEAD} bytes")
                 return False
-            self._read_http(_read_fields(head))
+            rest = bytes(self._waiting[found.end() :])
+            self._read_http(line, _read_fields(head))
         elif line.startswith("SOURCETABLE 200"):
             self._is_table = True
         elif not line.startswith("ICY 200"):
             self._refuse(line)
-        self.is_open = not self._is_table
+        self.is_open = not (self._is_table or self._is_text)
         self._waiting[:] = rest
         return True
 
-    def _read_http(self, fields: Mapping[str, str]) -> None:
+    def _read_text(self) -> bool:
+        """Tell from its beginning what a text is, once there is enough of it.
+
+        Raises: CasterRefusal: neither a source table nor RTCM.
+        """
+        words = _CHUNK_LENGTH.sub(b"", self._waiting, count=1)
+        self._is_table = words.lstrip().startswith(_TABLE_BEGINS)
+        if not self._is_table and PREAMBLE not in words:
+            if b"\n" in words.lstrip() or len(words) > _ENOUGH_TO_TELL:
+                raise CasterRefusal(
+                    f"the caster answers '{_clean(words.lstrip().splitlines()[0])}'"
+                )
+            return False
+        self._is_text, self.is_open = False, not self._is_table
+        return True
+
+    def _read_http(self, line: str, fields: Mapping[str, str]) -> None:
+        if _is_redirect(line):
+            where = _clean(fields.get("location", "").encode("latin-1"))
+            sends = f"sends on to '{where}'" if where else "sends on, and does not say where to"
+            raise CasterRefusal(
+                f"the caster {sends} ('{line}'); write the address of the caster itself"
+            )
         kind = fields.get("content-type", "").lower()
         if kind.startswith("text/html"):
             raise CasterRefusal(_NO_CASTER)
         if "chunked" in fields.get("transfer-encoding", "").lower():
             self._chunks = _Chunks()
         self._is_table = "sourcetable" in kind
+        self._is_text = kind.startswith("text/plain")
 
     def _refuse(self, line: str) -> None:
         words = line.upper()
@@ -273,6 +311,10 @@ class _Chunks:
         if length == 0:
             raise CasterRefusal("the caster ended the stream")
         return length
+
+
+def _is_redirect(line: str) -> bool:
+    return line.startswith("HTTP/1.") and line[8:11] == " 30"
 
 
 def _may_begin(first: bytes) -> bool:
