@@ -6,6 +6,7 @@ import http.client
 import json
 import os
 import shutil
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -31,6 +32,7 @@ from tests.lab.labelling.photographs import (
     make_photographs,
     open_folder,
 )
+from tests.waiting import PATIENCE_S
 
 CLEAR, DIM, MURKY = range(len(NAMES))
 Answer = tuple[int, dict[str, str], bytes]
@@ -265,6 +267,31 @@ def test_superpixels_keep_to_the_outlines_of_leaves() -> None:
     right_px = np.maximum(inside, total - inside).sum()
     assert right_px / is_leaf.size > 0.995
     assert np.count_nonzero(total) > 100
+
+
+def test_an_end_while_superpixels_are_computed_is_no_error(
+    root: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    labels, begun, ended = open_folder(root), threading.Event(), threading.Event()
+
+    def compute_for_long(number: int) -> np.ndarray[tuple[int, ...], np.dtype[np.uint16]]:
+        begun.set()
+        ended.wait()
+        return find_superpixels(labels.read_picture(number))
+
+    monkeypatch.setattr(labels, "find_superpixels", compute_for_long)
+    answers: list[Answer] = []
+    try:
+        with serve_labels(labels, 0) as url:
+            path = f"/api/v1/pictures/{CLEAR}/superpixels"
+            asking = threading.Thread(target=lambda: answers.append(Client(url).ask("GET", path)))
+            asking.start()
+            assert begun.wait(PATIENCE_S)
+        asking.join(PATIENCE_S)
+    finally:
+        ended.set()
+    assert answers[0][0] == 503 and b"has ended" in answers[0][2]
+    assert capfd.readouterr().err == ""
 
 
 def test_a_folder_without_images_is_refused_with_what_to_do(tmp_path: Path) -> None:

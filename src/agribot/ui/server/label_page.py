@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import io
+import logging
 import secrets
 import socket
 import threading
@@ -109,6 +110,7 @@ def serve_labels(labels: LabelSet, port: int | None = None) -> Iterator[str]:
             server_header=False,
             timeout_graceful_shutdown=2,
         )
+        logging.getLogger("uvicorn.error").addFilter(_is_news)
         server = QuietServer(config)
         thread = threading.Thread(target=_serve, args=(server, listener), daemon=True)
         thread.start()
@@ -117,6 +119,11 @@ def serve_labels(labels: LabelSet, port: int | None = None) -> Iterator[str]:
         finally:
             server.should_exit = True
             thread.join()
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Leave out that the server's end cuts answers short: whoever ends it knows."""
+    return not str(record.msg).startswith("Cancel ")
 
 
 def _serve(server: uvicorn.Server, listener: socket.socket) -> None:
@@ -170,6 +177,8 @@ def _guard(endpoint: Endpoint, access: Access) -> Endpoint:
                 answer = refuse_request(error.status, str(error))
             except AgribotError as error:
                 answer = refuse_request(422, str(error))
+            except asyncio.CancelledError:  # the server ends, and has waited for long enough
+                answer = refuse_request(503, "agribot label has ended; start it again")
         for name, value in SAFE_HEADERS:
             answer.headers[name.decode()] = value.decode()
         return answer
