@@ -110,7 +110,7 @@ BAD = {
     "nan": (bad(lambda f: ring_of(f)[1].__setitem__(0, math.nan)), "nan is not a number"),
     "text": (bad(lambda f: ring_of(f)[1].__setitem__(0, "east")), "'east' is not a number"),
     "nowhere": (bad(lambda f: ring_of(f).__setitem__(1, [0, 0])),
-                r"ring 0 position 1: longitude 0, latitude 0 is what devices write.* no fix"),
+                r"ring 0 position 1: latitude 0, longitude 0 is what devices write.* no fix"),
     "projected": (bad(lambda f: ring_of(f)[1].__setitem__(1, 5774000.0)), r"swapped|EPSG:4326"),
     "hole outside": (bad(lambda f: f.append(polygon([(40, 1), (44, 1), (44, 4)], "obstacle"))),
                      r"obstacle 2 lies outside the boundary.*latitude 52"),

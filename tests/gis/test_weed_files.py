@@ -209,7 +209,7 @@ BROKEN: dict[str, tuple[Callable[[Any], Any], str]] = {
     ),
     "metres for degrees": (of_each(lambda _, at: at.__setitem__(0, 677_000.0)), r"not in degrees"),
     "no place": (of_each(lambda _, at: at.__setitem__(slice(2), [0.0, 0.0])),
-                 r"plant 1: longitude 0, latitude 0 is what devices write"),
+                 r"plant 1: latitude 0, longitude 0 is what devices write"),
     "swapped ids": (of_each(lambda told, _: told.update(map_id=7)), r"have the id 7"),
     "mirrored axes": (
         of_each(lambda told, _: told.update(x_map_m=-told["x_map_m"])), r"mirrored.*West",

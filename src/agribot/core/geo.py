@@ -80,6 +80,12 @@ def is_place(lat_deg: float, lon_deg: float) -> bool:
     return abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and not is_nowhere(lat_deg, lon_deg)
 
 
+NOWHERE = (
+    "latitude 0, longitude 0 is what devices write that have no fix; remove it, or give the right "
+    "place"
+)
+
+
 def is_nowhere(lat_deg: float, lon_deg: float) -> bool:
     """Tell whether a place is 0, 0 exactly, which devices and files say that know none.
 

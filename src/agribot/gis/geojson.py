@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from agribot.core.errors import MissionError
-from agribot.core.geo import is_nowhere
+from agribot.core.geo import NOWHERE, is_nowhere
 from agribot.core.json_number import is_number
 from agribot.core.table_text import decode_text
 
@@ -175,10 +175,7 @@ def read_position(position: object, where: str) -> LonLat:
             "export the file in WGS 84 (EPSG:4326)"
         )
     if is_nowhere(lat_deg, lon_deg):
-        raise MissionError(
-            f"{where}: longitude 0, latitude 0 is what devices write that have no fix; remove this "
-            "place, or give the right one"
-        )
+        raise MissionError(f"{where}: {NOWHERE}")
     return lon_deg, lat_deg
 
 

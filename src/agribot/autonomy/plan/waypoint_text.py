@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator
 
 from agribot.core.errors import MissionError
-from agribot.core.geo import is_nowhere
+from agribot.core.geo import NOWHERE, is_nowhere
 from agribot.core.table_text import find_separator, read_decimal
 
 LatLon = tuple[float, float]
@@ -50,10 +50,7 @@ def _check(point: tuple[object, object], where: str) -> LatLon:
     if not abs(lon_deg) <= 180.0:
         raise MissionError(f"{where}: longitude {lon_deg} is outside -180 to 180 degrees")
     if is_nowhere(lat_deg, lon_deg):
-        raise MissionError(
-            f"{where}: latitude 0, longitude 0 is what devices write that have no fix; remove this "
-            "waypoint, or give the right place"
-        )
+        raise MissionError(f"{where}: {NOWHERE}")
     return lat_deg, lon_deg
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from agribot.autonomy.weeds.plant_table import ROW, PlantTable, Rows, read_column, round_rows
 from agribot.core.errors import RecordingError
-from agribot.core.geo import Datum, MapFrame
+from agribot.core.geo import NOWHERE, Datum, MapFrame
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.gis.weeds.records import (
     CHUNK,
@@ -198,10 +198,7 @@ def _check_degrees(lonlat_deg: FloatArray, shown: str) -> None:
         raise RecordingError(f"{shown}, plant {at + 1}: its place is no number")
     is_null = (lonlat_deg == 0.0).all(axis=1)
     if is_null.any():
-        raise RecordingError(
-            f"{shown}, plant {int(np.argmax(is_null)) + 1}: longitude 0, latitude 0 is what "
-            "devices write that have no fix; remove it, or give the right place"
-        )
+        raise RecordingError(f"{shown}, plant {int(np.argmax(is_null)) + 1}: {NOWHERE}")
     beyond = np.abs(lonlat_deg) > (180.0, 90.0)
     if not beyond.any():
         return
