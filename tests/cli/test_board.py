@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -126,7 +128,60 @@ def test_a_board_of_another_table_is_to_be_flashed(
 
     with living(line, live):
         assert main(["board", "show", f"serial:{line.path}"]) == 1
-    assert "agribot board flash motor" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "agribot board flash motor" in told
+    assert "battery" not in told and "stopped" not in told, "read by another table"
+
+
+def test_a_board_that_falls_silent_is_not_told_as_it_was(
+    line: Line, capsys: pytest.CaptureFixture[str]
+) -> None:
+    board = BoardEmulator()
+
+    def live(data: bytes) -> bytes:
+        board.feed(data)
+        said = board.advance()
+        is_told = "motor board" in told_so_far()
+        return b"" if is_told else said
+
+    shown: list[str] = []
+
+    def told_so_far() -> str:
+        shown.append(capsys.readouterr().err)
+        return "".join(shown)
+
+    with living(line, live):
+        assert main(["board", "show", f"serial:{line.path}", "--for", "3"]) == 1
+    lines = told_so_far().strip().splitlines()
+    assert "battery 25.2 V" in lines[0]
+    assert lines[-1].startswith("nothing from the board for ")
+    assert "battery" not in lines[-1]
+
+
+def test_what_is_no_word_of_a_board_is_told_with_its_length(
+    line: Line, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("agribot.drivers.board_probe.BoardProbe.ask.__defaults__", (0.5,))
+    with living(line, lambda data: b"\x55" * 20):
+        assert main(["board", "show", f"serial:{line.path}"]) == 2
+    assert "bytes came, which are no words of one" in capsys.readouterr().err
+
+
+def test_a_board_is_not_flashed_while_another_program_has_its_line(
+    line: Line, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put_avrdude(tmp_path / "bin", f"touch {tmp_path}/called", monkeypatch)
+    script = f"import sys; line = open({str(line.path)!r}, 'rb'); print(); sys.stdin.read()"
+    with subprocess.Popen(
+        [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as holder:
+        assert holder.stdout and holder.stdin
+        holder.stdout.readline()
+        assert main(["board", "flash", "motor", f"serial:{line.path}"]) == 2
+        holder.stdin.close()
+    told = capsys.readouterr().err
+    assert f"(process {holder.pid}) has the line; end it first" in told
+    assert not (tmp_path / "called").exists()
 
 
 def test_what_is_silent_is_told_nothing_and_named(
@@ -170,7 +225,11 @@ def test_avrdude_gets_the_built_program_and_the_board_is_asked_what_it_is_now(
 
 @pytest.mark.parametrize(
     ("script", "why"),
-    [("", "sudo apt install avrdude"), ("echo no sync >&2; exit 1", "no sync")],
+    [
+        ("", "sudo apt install avrdude"),
+        ("echo no sync >&2; exit 1", "no sync"),
+        (r"printf 'caf\351\n' >&2; exit 1", "caf\ufffd"),
+    ],
 )
 def test_a_board_that_cannot_be_flashed_is_told_in_one_line(
     script: str, why: str, line: Line, tmp_path: Path, capsys: pytest.CaptureFixture[str],

@@ -7,7 +7,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from agribot.cli.ranges import finite
+from agribot.cli.ranges import number
 from agribot.cli.standard_error import print_line
 from agribot.core import extras
 from agribot.core.errors import ConfigError
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     flash.add_argument("kind", choices=KINDS, help="motor or imu")
     show.add_argument(
-        "--for", dest="seconds", type=finite, default=0.0, metavar="SECONDS",
+        "--for", dest="seconds", type=number(0.0), default=0.0, metavar="SECONDS",
         help="go on with a line a second",
     )  # fmt: skip
     for made in (show, flash):
@@ -63,20 +63,26 @@ def run(options: argparse.Namespace) -> int:
             raise ConfigError(f"{options.uri}: a board is flashed at its own line: serial:/dev/...")
         wanted = BoardKind[options.kind.upper()]
         flash(wanted, uri.path)
-    found = _find(uri, wanted, getattr(options, "seconds", 0.0))
+    found, is_heard = _find(uri, wanted, getattr(options, "seconds", 0.0))
     if options.json:
         _print_json(found)
-    return 0 if found.is_understood else 1
+    return 0 if found.is_understood and is_heard else 1
 
 
-def _find(uri: SourceUri, wanted: object, seconds: float) -> FoundBoard:
-    """Ask at the speed of each board, or at that of the URI, and print what is there."""
+def _find(uri: SourceUri, wanted: object, seconds: float) -> tuple[FoundBoard, bool]:
+    """Ask at the speed of each board, or at that of the URI, and print what is there.
+
+    Gives the board, and whether it was still heard at the end.
+
+    Raises: ConfigError: the line breaks, or no board of ours is at it.
+    """
     from agribot.drivers.board_probe import BAUDS, BoardProbe
     from agribot.drivers.stream_sources import open_receiver_line
 
     bauds = [baud for kind, baud in BAUDS.items() if wanted in (None, kind)]
     is_told = uri.scheme != "serial" or bool(dict(uri.options).get("baud"))
     lines = [uri] if is_told else [uri._replace(options=(("baud", str(b)),)) for b in bauds]
+    came = 0
     for line in lines:
         stream = open_receiver_line(line)
         try:
@@ -84,29 +90,44 @@ def _find(uri: SourceUri, wanted: object, seconds: float) -> FoundBoard:
             found = probe.ask()
             if found is not None:
                 return _print_on(probe, found, seconds)
+            came = max(came, probe.bytes)
         except OSError as error:
             raise ConfigError(f"{uri.name}: the line broke: {error.strerror or error}") from error
         finally:
             stream.close()
+    heard = f"{came} bytes came, which are no words of one" if came else "the line is silent"
     raise ConfigError(
-        f"{uri.name}: no board of ours speaks there; write its program into it (agribot board "
-        "flash), and check its power and that the other program that may use the line has ended"
+        f"{uri.name}: no board of ours speaks there: {heard}; write its program into it (agribot "
+        "board flash), and check its power, its cable, and that the other program that may use "
+        "the line has ended"
     )
 
 
-def _print_on(probe: BoardProbe, found: FoundBoard, seconds: float) -> FoundBoard:
-    """Print a board, and go on with a line a second; gives the last of it."""
+def _print_on(probe: BoardProbe, found: FoundBoard, seconds: float) -> tuple[FoundBoard, bool]:
+    """Print a board, and go on with a line a second; gives the last of it.
+
+    What was said before is not said again as if it were of now.
+    """
     from agribot.drivers.board_probe import describe_board
 
     print_line(describe_board(found))
-    until_s = time.monotonic() + seconds
+    heard_s = began_s = time.monotonic()
+    is_heard = True
     try:
-        while time.monotonic() < until_s:
-            found = probe.listen(PERIOD_S) or found
-            print_line(describe_board(found))
+        while time.monotonic() < began_s + seconds:
+            now = probe.listen(PERIOD_S)
+            is_heard = now is not None
+            if now is not None:
+                found, heard_s = now, time.monotonic()
+                print_line(describe_board(found))
+            else:
+                silent_s = time.monotonic() - heard_s
+                print_line(
+                    f"nothing from the board for {silent_s:.0f} s; check its power and cable"
+                )
     except KeyboardInterrupt:
         pass
-    return found
+    return found, is_heard
 
 
 def _print_json(found: FoundBoard) -> None:

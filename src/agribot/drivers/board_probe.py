@@ -54,9 +54,11 @@ class BoardListener:
         self._speaks = False
         self._said: dict[type[BoardMessage], BoardMessage] = {}
         self.has_printed = self.has_framed = False
+        self.bytes = 0  # that came in all
 
     def feed(self, data: bytes) -> None:
         """Take what came, which may be nothing."""
+        self.bytes += len(data)
         frames = self._decoder.feed(data)
         self._said.update({type(frame.message): frame.message for frame in frames})
         self._text = (self._text + data)[-LONGEST_LINE:] if data else b""
@@ -71,6 +73,11 @@ class BoardListener:
             return b""
         self._asked_s = now_s
         return b"\0" + self._encoder.encode(AskVersion())[1]
+
+    def forget_state(self) -> None:
+        """Forget how the board was; what it is, it stays."""
+        self._said = {kind: said for kind, said in self._said.items() if kind is BoardVersion}
+        self.has_framed = False
 
     def find(self) -> FoundBoard | None:
         """Tell what it is; None before it told its version."""
@@ -108,14 +115,20 @@ class BoardProbe:
         return self._board.find()
 
     def listen(self, seconds: float) -> FoundBoard | None:
-        """Go on hearing for a while, and tell what was said last.
+        """Go on hearing for a while, and tell what was said in it; None where nothing was.
 
         Raises: OSError: the line broke.
         """
+        self._board.forget_state()
         until_s = self._now_s() + seconds
         while self._now_s() < until_s:
             self._board.feed(self._stream.read())
-        return self._board.find()
+        return self._board.find() if self._board.has_framed else None
+
+    @property
+    def bytes(self) -> int:
+        """How many came in all."""
+        return self._board.bytes
 
 
 def describe_board(found: FoundBoard) -> str:
@@ -127,6 +140,7 @@ def describe_board(found: FoundBoard) -> str:
             f"of another table of messages (layout {version.layout:#06x}); flash it: agribot board "
             f"flash {version.board.name.lower()}"
         )
+        return ", ".join(words)  # what it says besides means something else there
     if found.state is not None:
         words += _describe_state(found.state)
     if found.imu is not None:

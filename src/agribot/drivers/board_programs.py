@@ -8,6 +8,7 @@ from pathlib import Path
 
 from agribot.core.errors import ConfigError
 from agribot.drivers.board_protocol import BoardKind
+from agribot.drivers.line_holders import find_holders
 
 PACKAGED = Path(__file__).parents[1] / "programs"  # of an installed agribot
 SOURCES = Path(__file__).parents[3] / "firmware" / "prebuilt"
@@ -30,17 +31,25 @@ def find_program(kind: BoardKind) -> Path:
 def flash(kind: BoardKind, port: str) -> None:
     """Write a board's program into the Mega at a serial line, through its bootloader.
 
-    Raises: ConfigError: avrdude is missing, or could not do it; its own last words say why.
+    Raises: ConfigError: avrdude is missing, another program has the line, or avrdude could not do
+        it; its own last words say why.
     """
     avrdude = shutil.which("avrdude")
     if avrdude is None:
         raise ConfigError("flashing needs the program avrdude: sudo apt install avrdude")
+    if holders := find_holders(port):
+        names = " and ".join(sorted(map(str, holders)))
+        raise ConfigError(
+            f"{port}: {names} has the line; end it first, for flashing stops the board's program"
+        )
     words = [
         avrdude, "-p", "atmega2560", "-c", "wiring", "-P", port, "-b", str(FLASH_BAUD), "-D",
         "-U", f"flash:w:{find_program(kind)}:i",
     ]  # fmt: skip
     try:
-        done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=FLASH_S)
+        done = subprocess.run(
+            words, capture_output=True, text=True, errors="replace", check=False, timeout=FLASH_S
+        )
     except subprocess.TimeoutExpired as error:
         raise ConfigError(
             f"{port}: avrdude has not ended after {FLASH_S:g} s; plug the board in anew"
