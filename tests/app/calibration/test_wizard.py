@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 
+from agribot.app.calibration.kinds import KINDS
 from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.calibration.robot_file import RobotFile
 from agribot.app.calibration.wizard import Wizard
@@ -131,6 +132,19 @@ def test_a_motor_without_power_is_named(bench: Bench) -> None:
     found = bench.drive_to_the_end("motors")["found"]
     assert found is not None
     assert bench.do("accept")["refusal"] != ""  # nothing to take over
+
+
+def test_a_fit_that_fails_as_nobody_foresaw_ends_the_calibration_and_lets_another_begin(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> Any:
+        raise ZeroDivisionError("float division by zero")
+
+    monkeypatch.setitem(KINDS, "motors", KINDS["motors"]._replace(find=fail))
+    now = bench.drive_to_the_end("motors")["now"]
+    assert now["phase"] == "failed" and "ZeroDivisionError: float division" in now["reason"]
+    assert bench.tick_until(lambda record: record.command.drive == STOP)
+    assert bench.do("start", "motors")["refusal"] == ""
 
 
 @pytest.mark.parametrize("action", ["stop", "pause", "resume", "goto", "cancel"])

@@ -25,7 +25,7 @@ from agribot.app.calibration.sensors import (
     calibrate_magnetometer,
     measure_compass_errors,
 )
-from agribot.app.calibration.wheels import make_wheel_settings, yaw_multiplier
+from agribot.app.calibration.wheels import list_complaints, make_wheel_settings, yaw_multiplier
 from agribot.autonomy.estimate.drive_fit import fit_drive
 from agribot.autonomy.estimate.drive_log import DriveLog
 from agribot.autonomy.estimate.mag_fit import MagCalibration
@@ -93,7 +93,7 @@ class Kind(NamedTuple):
 def _find_wheels(driven: DriveSamples, robot: RobotSpec, _: RunConfig) -> CalibrationResult:
     fit, drive = fit_drive(driven.batches, driven.stretches), robot.drive
     multiplier, multiplier_std = yaw_multiplier(drive, fit)
-    reasons = fit.complaints()
+    reasons = list_complaints(drive, fit)
     return CalibrationResult(
         ok=not reasons,
         reasons=reasons,

@@ -6,6 +6,7 @@ import msgspec
 
 from agribot.app.calibration.advice import format_advice
 from agribot.app.calibration.figure import Gain
+from agribot.app.calibration.measured_robot import MOST_RADIUS_RATIO, MOST_YAW_RATIO
 from agribot.autonomy.estimate.drive_fit import DriveFit
 from agribot.core.robot import DriveSpec
 
@@ -43,10 +44,28 @@ def make_wheel_settings(drive: DriveSpec, fit: DriveFit) -> tuple[str, ...]:
     )
 
 
+def list_complaints(drive: DriveSpec, fit: DriveFit) -> tuple[str, ...]:
+    """List why a fit must not be used; no run would begin with wheels that are no such robot's."""
+    multiplier, _ = yaw_multiplier(drive, fit)
+    found = []
+    for what, value, described, most in (
+        ("wheel radius", fit.wheel_radius_m, drive.wheel_radius_m, MOST_RADIUS_RATIO),
+        ("yaw multiplier", multiplier, drive.yaw_multiplier, MOST_YAW_RATIO),
+    ):
+        if not 1.0 / most <= value / described <= most:
+            found.append(
+                f"the {what} would be {value:.4f}, {value / described:.2f} times the "
+                f"{described:.4f} of the description, and at most {most:g} times more or less "
+                "can be: look for wheels that spin or stand, encoders of another resolution, or "
+                "another robot's description"
+            )
+    return (*fit.complaints(), *found)
+
+
 def assess_wheels(drive: DriveSpec, fit: DriveFit, described: Gain, original: Gain) -> WheelsResult:
     """Compare the fit with the description."""
     multiplier, multiplier_std = yaw_multiplier(drive, fit)
-    reasons = fit.complaints()
+    reasons = list_complaints(drive, fit)
     return WheelsResult(
         ok=not reasons,
         reasons=reasons,

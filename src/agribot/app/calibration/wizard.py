@@ -211,9 +211,10 @@ class Wizard:
         assert kind is not None
         try:
             found = kind.find(driven, self._robot, self._config)
-        except AgribotError as error:
+        except Exception as error:  # noqa: BLE001 - else it would compute for ever
+            unforeseen = f"internal error: {type(error).__name__}: {error}"
             with self._lock:
-                self._fail(str(error))
+                self._fail(str(error) if isinstance(error, AgribotError) else unforeseen)
             return
         with self._lock:
             self._phase, self._found = "found", found

@@ -21,6 +21,7 @@ from agribot.core.pose import Pose2
 
 MIN_TURNED_RAD = math.tau
 MIN_FIXES = 20
+MIN_ROLLED_RAD = 0.5  # of a wheel in a leg
 MAX_STD_M = 0.02
 MAX_SCATTER_M = 0.05  # more is a wander whose fixes err together
 
@@ -105,7 +106,13 @@ def _heading(log: DriveLog, stretches: Sequence[Stretch], start_s: float) -> tup
         if moved is None:
             continue
         (east_m, north_m), std_m = moved
-        is_back = log.rolled_rad(stretch.start_s, stretch.at_rest_s)[0] < 0.0
+        rolled_rad = log.rolled_rad(stretch.start_s, stretch.at_rest_s)[0]
+        if abs(rolled_rad) < MIN_ROLLED_RAD:
+            raise MissionError(
+                f"the wheels did not turn in '{stretch.name}', and nothing else tells forwards "
+                "from backwards; check the encoders and drive again"
+            )
+        is_back = rolled_rad < 0.0
         turned_rad = log.turned_rad(start_s, (stretch.start_s + stretch.end_s) / 2.0)
         yaw_rad = math.atan2(north_m, east_m) + math.pi * is_back - turned_rad
         share = (math.hypot(east_m, north_m) / std_m) ** 2

@@ -25,6 +25,7 @@ GYRO_SCALE_STD = 0.01
 # A skidding vehicle has no exact separation: straight, in arcs and on the spot it differs.
 SKID_STD_RATIO = 0.01
 TAPE_STD_M = 0.01
+STOOD_M = 0.1  # a leg of some metres that was no longer than that
 MIN_TURN_RAD = 0.5
 MAX_COURSE_STD_RAD = 0.05
 RESIDUAL_LIMIT_RATIO = 0.05
@@ -115,7 +116,9 @@ def fit_drive(batches: Sequence[SensorBatch], stretches: Sequence[Stretch]) -> D
         if abs(turned_rad) > MIN_TURN_RAD or not stretch.is_leg:
             std = SKID_STD_RATIO * max(abs(turned_rad), MIN_TURN_RAD)
             equations.add((0.0, -difference_rad, turned_rad), 0.0, std)
-        for length_m, std_m in _lengths(log, index, stretch) if stretch.is_leg else ():
+        lengths = _lengths(log, index, stretch) if stretch.is_leg else []
+        _check_moved(stretch, lengths, abs(mean_rad))
+        for length_m, std_m in lengths:
             equations.add((abs(mean_rad), 0.0, 0.0), length_m, std_m)
     for turned_rad, seen_rad, std in _course_changes(log, stretches):
         equations.add((0.0, 0.0, turned_rad), seen_rad, std)
@@ -145,6 +148,24 @@ def _lengths(log: DriveLog, index: int, stretch: Stretch) -> list[tuple[float, f
         found.append((float(np.hypot(*moved[0])), moved[1]))
     by_velocity = log.integrate(stretch)
     return [*found, by_velocity] if by_velocity else found
+
+
+def _check_moved(
+    stretch: Stretch, lengths: Sequence[tuple[float, float]], rolled_rad: float
+) -> None:
+    """Refuse a leg in which the wheels turned and the robot stood.
+
+    Raises: MissionError: by the best that is known of the leg's length, it is none.
+    """
+    if not lengths or rolled_rad <= MIN_TURN_RAD:
+        return
+    length_m, std_m = min(lengths, key=lambda known: known[1])
+    if length_m <= min(std_m, STOOD_M):
+        raise MissionError(
+            f"in '{stretch.name}' the wheels turned by {rolled_rad:.1f} rad and the robot moved by "
+            f"{length_m:.2f} m, +-{std_m:.2f} m: it is jacked up, its wheels spin, or the receiver "
+            "repeats an old position; check that and drive again"
+        )
 
 
 def _course_changes(
