@@ -16,6 +16,7 @@ from agribot.app.calibration.wheels import WheelsResult, assess_wheels, format_w
 from agribot.cli.calibration_camera import format_toml, observe_drive
 from agribot.cli.ranges import seed
 from agribot.core import config as settings
+from agribot.core.errors import ConfigError
 from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.sim.random_streams import make_stream
 
@@ -83,6 +84,8 @@ def _add_robot(drive: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     from agribot.description.loader import load_robot
 
+    if getattr(options, "recording", None) == "":
+        raise ConfigError("--recording is empty: give the run.mcap of a run, or leave it out")
     robot = load_robot(options.robot)
     machine = load_robot(options.machine) if options.machine else robot
     runners: dict[str, Callable[[argparse.Namespace, RobotSpec, RobotSpec], Outcome]] = {

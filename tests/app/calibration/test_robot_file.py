@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import os
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ from agribot.app.calibration.robot_file import RobotFile
 from agribot.cli.run_settings import add_setting_arguments, read_settings
 from agribot.core import config
 from agribot.core.config import CalibrationConfig
-from agribot.core.errors import ConfigError, DescriptionError
+from agribot.core.errors import ConfigError, DescriptionError, RecordingError
 from agribot.description.loader import load_robot
 
 
@@ -40,6 +42,38 @@ def test_what_does_not_fit_is_refused_and_nothing_is_written(tmp_path: Path) -> 
     file.path.write_text("calibration = [[[")
     with pytest.raises(ConfigError, match="delete it"):
         file.settings()
+
+
+@pytest.mark.parametrize("fails", ["mine.bak0002", "mine.toml"])
+def test_a_full_disk_changes_nothing_and_leaves_nothing_to_undo_that_never_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: str
+) -> None:
+    file = RobotFile(tmp_path, "mine")
+    file.add(["calibration.wheel_radius_m=0.089"])
+
+    def write(path: Path, data: bytes) -> None:
+        if path.name == fails:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        path.write_bytes(data)
+
+    with monkeypatch.context() as full:
+        full.setattr("agribot.app.calibration.robot_file.write_at_once", write)
+        with pytest.raises(RecordingError, match="No space left on device; make room"):
+            file.add(["calibration.wheel_radius_m=0.091"])
+    assert file.settings() == ("calibration.wheel_radius_m=0.089",)
+    file.undo()
+    assert file.settings() == () and not file.can_undo
+
+
+def test_no_change_is_forgotten_where_an_older_one_was_deleted(tmp_path: Path) -> None:
+    file = RobotFile(tmp_path, "mine")
+    for radius in ("0.088", "0.089", "0.091"):
+        file.add([f"calibration.wheel_radius_m={radius}"])
+    (file.path.parent / "mine.bak0001").unlink()
+    file.add(["calibration.wheel_radius_m=0.092"])
+    for radius in ("0.091", "0.089", "0.088"):
+        file.undo()
+        assert file.settings() == (f"calibration.wheel_radius_m={radius}",)
 
 
 def test_a_run_believes_the_file_and_an_option_more(

@@ -40,16 +40,18 @@ class RobotFile:
         for setting in settings:
             assign(tree, setting)
         from_tree(tree, str(self.path))
+        backup = self._backup(self._last_number() + 1)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             before = self.path.read_bytes() if self.path.exists() else b""
-            self._backup(len(self._backups()) + 1).write_bytes(before)
-            write_at_once(self.path, tomli_w.dumps(tree).encode())
+            write_at_once(backup, before)
+            try:
+                write_at_once(self.path, tomli_w.dumps(tree).encode())
+            except OSError:
+                backup.unlink()  # else it would undo a change that never was
+                raise
         except OSError as error:
-            raise RecordingError(
-                f"cannot write {self.path}: {error.strerror}; make room, or point AGRIBOT_HOME "
-                "at a folder that you may write"
-            ) from error
+            raise self._make_error(error) from error
 
     @property
     def can_undo(self) -> bool:
@@ -58,23 +60,37 @@ class RobotFile:
     def undo(self) -> None:
         """Restore the file as it was before its newest change.
 
-        Raises: ConfigError: there is none to take back.
+        Raises: ConfigError: there is none to take back. RecordingError: it cannot be written.
         """
         backups = self._backups()
         if not backups:
             raise ConfigError(f"{self.path} has no earlier state to go back to")
         newest = backups[-1]
-        if newest.stat().st_size:
-            newest.replace(self.path)
-        else:  # there was no file before
-            self.path.unlink(missing_ok=True)
-            newest.unlink()
+        try:
+            if newest.stat().st_size:
+                newest.replace(self.path)
+            else:  # there was no file before
+                self.path.unlink(missing_ok=True)
+                newest.unlink()
+        except OSError as error:
+            raise self._make_error(error) from error
+
+    def _make_error(self, error: OSError) -> RecordingError:
+        return RecordingError(
+            f"cannot write {self.path}: {error.strerror or error}; make room, or point "
+            "AGRIBOT_HOME at a folder that you may write"
+        )
+
+    def _last_number(self) -> int:
+        """Find the number of the newest backup, also where older ones were deleted."""
+        backups = self._backups()
+        return int(backups[-1].suffix.removeprefix(".bak")) if backups else 0
 
     def _backup(self, number: int) -> Path:
         return self.path.with_suffix(f".bak{number:04}")
 
     def _backups(self) -> list[Path]:
-        return sorted(self.path.parent.glob(f"{self.path.stem}.bak[0-9]*"))
+        return sorted(self.path.parent.glob(f"{self.path.stem}.bak[0-9][0-9][0-9][0-9]"))
 
     def _tree(self) -> dict[str, Any]:
         try:
