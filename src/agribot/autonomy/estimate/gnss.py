@@ -166,7 +166,7 @@ class Gnss(Correction[GnssFix]):
         if fix.velocity_mps is not None and "position" in self.pose.known:
             yield from self.velocity.measure(
                 fix, since_last_s, lever_m, epoch, is_corrected=self._is_corrected,
-                is_vague=fix.quality is GnssQuality.RTK_FLOAT,
+                is_float=fix.quality is GnssQuality.RTK_FLOAT,
             )  # fmt: skip
         if fix.quality is GnssQuality.RTK_FIXED:
             self._compare_with_camera(fix.t_s)

@@ -14,6 +14,7 @@ from agribot.autonomy.estimate.lost_way import (
     LOST_MPS,
     LOST_S,
     Told,
+    are_fixes_vague,
     can_be_of_wheels,
     have_lost_way,
 )
@@ -81,22 +82,28 @@ class GnssVelocity:
         epoch: Epoch,
         *,
         is_corrected: bool,
-        is_vague: bool,
+        is_float: bool,
     ) -> Measurements:
-        """Yield what a velocity shows; `is_vague` where positions tell less than it."""
+        """Yield what a velocity shows, beside positions with or without corrections."""
         if fix.velocity_mps is None:
             return
         ekf, (then, now, _) = self._pose.ekf, epoch
         yaw_rad = ekf.x[YAW] - (now.yaw_rad - then.yaw_rad)
         seen = _Seen(fix.t_s, fix.velocity_mps[:2], fix.velocity_std_mps, then, yaw_rad, lever_m)
         measured = self._compare(seen, since_last_s, is_corrected=is_corrected)
-        if not is_corrected:
-            yield measured
-            return
-        if way := self._lead(measured, seen, is_vague=is_vague):
+        rate_radps = then.yaw_rate_radps
+        is_vague = are_fixes_vague(rate_radps, is_corrected=is_corrected, is_float=is_float)
+        way = self._lead(measured, seen, is_vague=bool(is_vague))
+        if way is not None:
             yield way
             ekf.forget_way()
+        if way is not None or measured.must_open:
+            # a robot whose wheels lose their way slides aside, too: no sign of a wrong heading
+            opens = tuple(each for each in measured.opens if each[0] != YAW)
+            measured = measured._replace(opens=opens)
         yield measured
+        if not is_corrected:
+            return
         antenna_m = complex(*self._pose.place(epoch).transform(*lever_m))
         self.way.add(fix.t_s, complex(*seen.velocity_mps), antenna_m, self.noise.sure_mps)
 

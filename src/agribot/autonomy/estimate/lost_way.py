@@ -1,9 +1,10 @@
 """Where wheels lose their way, the velocities of the receiver lead: on clods, and in turns on them.
 
 Wheels and gyro tell the way to millimetres for as long as the wheels grip. Where they do not, the
-robot is elsewhere by a decimetre after some metres, and fixes with float ambiguities are too far
-off to tell. The velocities come from the carrier's Doppler shift: the mean of two of them, times
-the time in between, is the way of the antenna to some millimetres, whatever the wheels do.
+robot is elsewhere by a decimetre after some metres, and fixes without fixed ambiguities are too
+far off to tell. The velocities come from the carrier's Doppler shift: the mean of two of them,
+times the time in between, is the way of the antenna to millimetres or a centimetre, whatever the
+wheels do.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ LOST_MPS = 10.0
 LOST_SIGMA2, LOST_S = 9.0, 2.0
 # Velocities of a larger 1 sigma lead nowhere that wheels do not, even where these slip.
 MAX_STD_MPS = 0.15
+# Soft ground takes a third of its way and more from a robot that turns so fast.
+TURNING_RADPS = 0.1
 
 
 class Told(NamedTuple):
@@ -39,6 +42,16 @@ def have_lost_way(off_ahead_mps: Number, variance: Number, is_steady: Condition)
     """
     is_off: Condition = off_ahead_mps * off_ahead_mps > LOST_SIGMA2 * variance
     return is_off & is_steady
+
+
+def are_fixes_vague(rate_radps: Number, *, is_corrected: bool, is_float: Condition) -> Condition:
+    """Tell whether fixes say less of the way of some seconds than velocities do.
+
+    Float ambiguities never tell. Nor does a receiver without corrections, but its velocities are
+    no better than wheels that grip: they count where the robot turns.
+    """
+    is_turning: Condition = abs(rate_radps) > TURNING_RADPS
+    return is_float if is_corrected else is_turning
 
 
 def can_be_of_wheels(

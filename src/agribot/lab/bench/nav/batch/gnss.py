@@ -36,7 +36,13 @@ from agribot.autonomy.estimate.gnss_noise import (
     noise_model,
     widen,
 )
-from agribot.autonomy.estimate.lost_way import LOST_MPS, LOST_S, can_be_of_wheels, have_lost_way
+from agribot.autonomy.estimate.lost_way import (
+    LOST_MPS,
+    LOST_S,
+    are_fixes_vague,
+    can_be_of_wheels,
+    have_lost_way,
+)
 from agribot.autonomy.estimate.models import antenna_velocity, velocity_variance
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
 from agribot.autonomy.estimate.start import StartMark
@@ -262,15 +268,13 @@ class BatchGnss:
             since_last_s,
         )  # fmt: skip
         rows = (_velocity_row(east_row), _velocity_row(north_row))
-        if self._is_corrected:
-            self._lead(fix, rows, variance, then, yaw_rad)
+        leads = self._lead(fix, rows, variance, then, yaw_rad)
         _, recovers = gate.evaluate(ekf.update_pair(rows, residuals, variance, gate.limit))
         claimed_mps, _ = ahead_and_aside(ARRAYS, (east_mps, north_mps), yaw_rad)
         missing_mps = ahead_and_aside(ARRAYS, residuals, yaw_rad)
         spins = self._spin_watch.is_spinning(claimed_mps, missing_mps, np.sqrt(variance))
-        if self._velocity_noise.is_known:
-            recovers |= spins
-        recovers &= self._velocity_noise.is_steady
+        spins = np.asarray(spins) & self._velocity_noise.is_known & self._velocity_noise.is_steady
+        recovers = (recovers | spins) & self._velocity_noise.is_steady
         if recovers.any():
             opened = doubts(
                 ARRAYS, residuals, (east_mps, north_mps), yaw_rad, self._spin_watch.aside_mps,
@@ -278,7 +282,8 @@ class BatchGnss:
                 is_corrected=self._is_corrected,
             )  # fmt: skip
             for state, doubt in opened:
-                ekf.inflate(state, recovers * doubt**2)
+                opens = recovers & ~(leads | spins) if state == YAW else recovers
+                ekf.inflate(state, opens * doubt**2)
             ekf.update_pair(rows, residuals, variance, mask=recovers)
 
     def _lead(
@@ -288,15 +293,15 @@ class BatchGnss:
         variance: FloatArray,
         then: BatchMotion,
         yaw_rad: FloatArray,
-    ) -> None:
-        """As GnssVelocity._lead, and the correction by it."""
+    ) -> Mask:
+        """As GnssVelocity._lead, and the correction by it; whose velocities lead."""
         last, (ahead_m, left_m) = self._told, self._lever_m
         velocity_mps = fix.east_mps + 1j * fix.north_mps
         arm_m = np.exp(1j * yaw_rad) * complex(ahead_m, left_m)
         here = self._told = (fix.t_s, velocity_mps, then.x_m + 1j * then.y_m + arm_m)
         step_s = math.inf if last is None else here[0] - last[0]
         if last is None or step_s > MAX_GAP_S:
-            return
+            return np.zeros_like(yaw_rad, dtype=bool)
         mean_mps = (last[1] + velocity_mps) / 2.0
         off_mps = mean_mps - (here[2] - last[2]) / step_s
         off_ahead_mps, _ = ahead_and_aside(ARRAYS, (off_mps.real, off_mps.imag), yaw_rad)
@@ -308,7 +313,10 @@ class BatchGnss:
         is_lost = have_lost_way(off_ahead_mps, variance, self._velocity_noise.is_steady)
         self._lost_t_s = np.where(is_lost, fix.t_s, self._lost_t_s)
         shown_mps = (shown_ahead + rate_radps * left_m, shown_aside - rate_radps * ahead_m)
-        leads = fix.is_float | (fix.t_s - self._lost_t_s <= LOST_S)
+        is_vague = are_fixes_vague(
+            rate_radps, is_corrected=self._is_corrected, is_float=fix.is_float
+        )
+        leads = is_vague | (fix.t_s - self._lost_t_s <= LOST_S)
         leads &= can_be_of_wheels(shown_mps, (then.wheel_mps, rate_radps), np.sqrt(sure))
         if leads.any():
             ekf, (east, north) = self._ekf, rows
@@ -316,6 +324,7 @@ class BatchGnss:
             ways = ((*east, (WAY_X, 1.0 / step_s)), (*north, (WAY_Y, 1.0 / step_s)))
             ekf.update_pair(ways, (off_mps.real, off_mps.imag), sure, mask=leads)
             ekf.forget_way()
+        return np.asarray(leads)
 
 
 def _velocity_row(by: tuple[FloatArray, ...]) -> BatchRow:
