@@ -76,7 +76,8 @@ class Doubts:
         if 0.0 < jump.off_m <= MAX_JUMP_M and self._is_seen:
             return f"camera and GNSS disagree by {jump.off_m:.2f} m; {BELIEVE_CAMERA}"
         fixes = jump.fault or self._gnss.drift.fault
-        return fixes or self.heading.fault or self._identity.doubt
+        carried = self._gnss.velocity.carry.fault
+        return fixes or carried or self.heading.fault or self._identity.doubt
 
     def find(self, t_s: float) -> Iterator[Finding]:
         """Find what is wrong with the sensors, although there is a pose without them."""

@@ -128,6 +128,7 @@ class Gnss(Correction[GnssFix]):
         """Judge fixes anew: a person has decided, or says where the robot is."""
         self.jump.forget()
         self.drift.restart()
+        self.velocity.carry.forget()
         self._position_gate.rejected_in_a_row = 0
 
     def shift(self, by_m: tuple[float, float]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from agribot.autonomy.estimate.carry_watch import CarryWatch
 from agribot.autonomy.estimate.correction import Measurements
 from agribot.autonomy.estimate.ekf import SLIP, WAY_X, WAY_Y, WHEEL_SCALE, YAW, Row
 from agribot.autonomy.estimate.gate import Gate
@@ -61,6 +62,7 @@ class GnssVelocity:
         self._gate = Gate(pose.config.gate_sigma, self._spin_after, "velocity outlier")
         self._spin_watch = SpinWatch(FLOATS, self._spin_after)
         self._spun_t_s, self._spun_mps = -math.inf, (0.0, 0.0)
+        self.carry = CarryWatch()
         self._told: Told | None = None
         self._lost_t_s = -math.inf
 
@@ -158,6 +160,8 @@ class GnssVelocity:
             self._lost_t_s = seen.t_s
         is_lost = seen.t_s - self._lost_t_s <= LOST_S
         driven, std_mps = (then.wheel_mps, rate_radps), math.sqrt(variance)
+        if self.noise.is_steady:
+            self.carry.add(seen.t_s, step_s, shown_mps, driven, std_mps)
         if not ((is_vague or is_lost) and can_be_of_wheels(shown_mps, driven, std_mps)):
             return None
         self._pose.ekf.doubt_way((LOST_MPS * step_s) ** 2)

@@ -1,0 +1,73 @@
+"""Whether somebody carries the robot, or pushes it aside, while its wheels know nothing of it.
+
+The velocity of the receiver shows it at once, before the fixes have left the pose far enough to be
+rejected, and also where they are vague. What wheels that slip can do is no sign of it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from agribot.autonomy.estimate.lost_way import MAX_STD_MPS
+from agribot.autonomy.estimate.spin_watch import CORNER_M, SLIDE_MPS
+from agribot.core.arithmetic import clamp
+
+# A clod that gives way throws the robot aside by some centimetres.
+CARRIED_M, MEMORY_S = 0.12, 2.0
+
+
+class CarryWatch:
+    """Call `add` with every velocity; `fault` says how far it went, until a person has looked."""
+
+    def __init__(self) -> None:
+        self._moved: deque[tuple[float, float, float]] = deque()
+        self._carried_m = (0.0, 0.0)
+
+    def add(
+        self,
+        t_s: float,
+        step_s: float,
+        shown_mps: tuple[float, float],
+        driven: tuple[float, float],
+        std_mps: float,
+    ) -> None:
+        """Take how the robot's middle moved ahead and aside in the last step, with its 1 sigma.
+
+        `driven` is what wheels and gyro say of it: m/s and rad/s.
+        """
+        (ahead_mps, aside_mps), (driven_mps, rate_radps) = shown_mps, driven
+        margin_mps = 3.0 * std_mps
+        slide_mps = SLIDE_MPS + CORNER_M * abs(rate_radps) + margin_mps
+        slow_mps, fast_mps = sorted((0.0, driven_mps))
+        beyond_mps = (
+            ahead_mps - clamp(ahead_mps, slow_mps - margin_mps, fast_mps + margin_mps),
+            aside_mps - clamp(aside_mps, -slide_mps, slide_mps),
+        )
+        if std_mps > MAX_STD_MPS:  # it tells nothing
+            return
+        self._moved.append((t_s, beyond_mps[0] * step_s, beyond_mps[1] * step_s))
+        while t_s - self._moved[0][0] > MEMORY_S:
+            self._moved.popleft()
+        ahead_m = sum(step[1] for step in self._moved)
+        aside_m = sum(step[2] for step in self._moved)
+        if max(abs(ahead_m), abs(aside_m)) > CARRIED_M:
+            self._carried_m = (ahead_m, aside_m)
+
+    def forget(self) -> None:
+        """Take the robot to stand where it is: a person has decided."""
+        self._moved.clear()
+        self._carried_m = (0.0, 0.0)
+
+    @property
+    def fault(self) -> str:
+        ahead_m, aside_m = self._carried_m
+        if not (ahead_m or aside_m):
+            return ""
+        if abs(aside_m) > abs(ahead_m):
+            where = f"{abs(aside_m):.2f} m to its {'left' if aside_m > 0.0 else 'right'}"
+        else:
+            where = f"{abs(ahead_m):.2f} m {'ahead' if ahead_m > 0.0 else 'back'}"
+        return (
+            f"the robot moved at least {where} though its wheels did not: it was carried or "
+            "pushed; look where it stands, then resume"
+        )
