@@ -14,7 +14,7 @@ from agribot.autonomy.estimate.history import Epoch, Motion
 from agribot.autonomy.estimate.lost_way import (
     LOST_MPS,
     LOST_S,
-    Told,
+    ToldWay,
     are_fixes_vague,
     can_be_of_wheels,
     have_lost_way,
@@ -63,7 +63,7 @@ class GnssVelocity:
         self._spin_watch = SpinWatch(FLOATS, self._spin_after)
         self._spun_t_s, self._spun_mps = -math.inf, (0.0, 0.0)
         self.carry = CarryWatch()
-        self._told: Told | None = None
+        self._told: ToldWay | None = None
         self._lost_t_s = -math.inf
 
     def spin_fault(self, t_s: float) -> str:
@@ -145,7 +145,7 @@ class GnssVelocity:
         last, then, lever_m = self._told, seen.then, seen.lever_m
         arm_m = complex(*Pose2(0.0, 0.0, seen.yaw_rad).rotate(*lever_m))
         velocity_mps = complex(*seen.velocity_mps)
-        told = self._told = Told(seen.t_s, velocity_mps, complex(then.x_m, then.y_m) + arm_m)
+        told = self._told = ToldWay(seen.t_s, velocity_mps, complex(then.x_m, then.y_m) + arm_m)
         step_s = math.inf if last is None else told.t_s - last.t_s
         if last is None or step_s > MAX_GAP_S:
             return None

@@ -26,7 +26,7 @@ MAX_STD_MPS = 0.15
 TURNING_RADPS = 0.1
 
 
-class Told(NamedTuple):
+class ToldWay(NamedTuple):
     """A velocity, and where wheels and gyro had led the antenna until then, East + i North."""
 
     t_s: float

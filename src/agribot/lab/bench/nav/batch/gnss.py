@@ -144,7 +144,7 @@ class BatchGnss:
         self._last_t_s = -math.inf
         self._receiver_m = np.zeros((2, count))
         self._lost_t_s = np.full(count, -math.inf)
-        self._told: tuple[float, ComplexArray, ComplexArray] | None = None  # as lost_way.Told
+        self._told: tuple[float, ComplexArray, ComplexArray] | None = None  # as lost_way.ToldWay
 
     def update(self, fix: BatchFix) -> None:
         now, then = self._history.newest, self._history.at(fix.t_s)
