@@ -14,6 +14,7 @@ from agribot.autonomy.estimate.history import Epoch, Motion
 from agribot.autonomy.estimate.lost_way import (
     LOST_MPS,
     LOST_S,
+    STILL_SIGMA2,
     ToldWay,
     are_fixes_vague,
     can_be_of_wheels,
@@ -158,7 +159,9 @@ class GnssVelocity:
         variance = velocity_variance(FLOATS, seen.std_mps, self.noise.std_mps, 0.0, step_s)
         if have_lost_way(off_ahead_mps, measured.variance, self.noise.is_steady):
             self._lost_t_s = seen.t_s
-        is_lost = seen.t_s - self._lost_t_s <= LOST_S
+        is_lost = (
+            seen.t_s - self._lost_t_s <= LOST_S and abs(off_mps) ** 2 > STILL_SIGMA2 * variance
+        )
         driven, std_mps = (then.wheel_mps, rate_radps), math.sqrt(variance)
         if self.noise.is_steady:
             self.carry.add(seen.t_s, step_s, shown_mps, driven, std_mps)

@@ -17,9 +17,10 @@ from agribot.core.arithmetic import Condition, Number
 # 1 sigma of what wheels may be off by where they have lost their way: so much that nothing else is
 # learnt from it. A clod pushes for seconds, which a heading must not be blamed for.
 LOST_MPS = 10.0
-# Wheels that are off by three sigmas of a velocity have lost it, and are not believed for a while:
-# what they lose ahead is soon learnt, and then they still slide aside.
-LOST_SIGMA2, LOST_S = 9.0, 2.0
+# Wheels that are off by three sigmas of a velocity have lost it, and for a while they are believed
+# only where they agree with it: what they lose ahead is soon learnt, and then they still slide
+# aside.
+LOST_SIGMA2, LOST_S, STILL_SIGMA2 = 9.0, 2.0, 4.0
 # Velocities of a larger 1 sigma lead nowhere that wheels do not, even where these slip.
 MAX_STD_MPS = 0.15
 # Soft ground takes a third of its way and more from a robot that turns so fast.

@@ -39,6 +39,7 @@ from agribot.autonomy.estimate.gnss_noise import (
 from agribot.autonomy.estimate.lost_way import (
     LOST_MPS,
     LOST_S,
+    STILL_SIGMA2,
     are_fixes_vague,
     can_be_of_wheels,
     have_lost_way,
@@ -316,7 +317,8 @@ class BatchGnss:
         is_vague = are_fixes_vague(
             rate_radps, is_corrected=self._is_corrected, is_float=fix.is_float
         )
-        leads = is_vague | (fix.t_s - self._lost_t_s <= LOST_S)
+        is_off = off_mps.real**2 + off_mps.imag**2 > STILL_SIGMA2 * sure
+        leads = is_vague | ((fix.t_s - self._lost_t_s <= LOST_S) & is_off)
         leads &= can_be_of_wheels(shown_mps, (then.wheel_mps, rate_radps), np.sqrt(sure))
         if leads.any():
             ekf, (east, north) = self._ekf, rows
