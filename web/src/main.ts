@@ -26,7 +26,7 @@ const RETRY_MS = 1500
 
 /** Asks until the robot answers who it is; what keeps it from that is said in the middle of the page. */
 async function openSession(main: HTMLElement, logIn: () => Promise<void>): Promise<SessionInfo> {
-  const problem = el('p', { class: 'boot', role: 'status' })
+  const problem = el('p', { class: 'boot', role: 'status' }, 'Waiting for the first answer of the robot…')
   main.append(problem)
   for (;;) {
     try {
