@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from agribot.autonomy.estimate.lost_way import can_be_of_wheels, have_lost_way
+from agribot.autonomy.estimate.models import velocity_variance
+from agribot.core.arithmetic import FLOATS
+from agribot.core.messages import GnssFix, GnssQuality
 
 STD_MPS = 0.03
 
@@ -40,8 +45,13 @@ def test_a_robot_that_moves_otherwise_is_carried(
     assert not can_be_of_wheels(shown_mps, driven, STD_MPS)
 
 
-def test_velocities_that_scatter_tell_nothing_of_it() -> None:
-    assert not can_be_of_wheels((0.4, 0.0), (0.4, 0.0), 0.3)
+def test_velocities_that_scatter_or_of_which_nothing_is_stated_tell_nothing_of_it() -> None:
+    fix = GnssFix(
+        t_s=0.0, lat_deg=0.0, lon_deg=0.0, alt_m=0.0, pos_std_m=1.0, quality=GnssQuality.SINGLE
+    )
+    for stated_mps in (0.3, fix.velocity_std_mps):
+        std_mps = math.sqrt(velocity_variance(FLOATS, stated_mps, 0.0, 0.0, 0.1))
+        assert not can_be_of_wheels((0.4, 0.0), (0.4, 0.0), std_mps)
 
 
 def test_wheels_have_lost_their_way_that_are_off_for_long_by_more_than_noise() -> None:

@@ -21,8 +21,9 @@ LOST_MPS = 10.0
 # only where they agree with it: what they lose ahead is soon learnt, and then they still slide
 # aside.
 LOST_SIGMA2, LOST_S, STILL_SIGMA2 = 9.0, 2.0, 4.0
-# Velocities of a larger 1 sigma lead nowhere that wheels do not, even where these slip.
-MAX_STD_MPS = 0.15
+# Velocities of a larger 1 sigma lead nowhere that wheels do not, even where these slip. Nor do
+# those of receivers that state none (0.1 m/s, times models.VELOCITY_FACTOR): many smooth them.
+MAX_STD_MPS = 0.13
 # Soft ground takes a third of its way and more from a robot that turns so fast.
 TURNING_RADPS = 0.1
 
