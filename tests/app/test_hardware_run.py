@@ -163,7 +163,9 @@ def test_a_run_that_ends_stops_the_robot_though_a_hand_drives_on(
         try:
             until(run, lambda r: r.command.drive.v_mps > 0.1)
             run.finish("interrupted")
-            assert bench.board.commands[-1].speed_countps == (0, 0, 0, 0)
+            wait_for(
+                lambda: bench.board.commands[-1].speed_countps == (0, 0, 0, 0), "wheels that stand"
+            )
             assert run.inbox.takes_hands, "who keeps the page open may drive again"
         finally:
             ended.set()

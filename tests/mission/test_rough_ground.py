@@ -25,7 +25,7 @@ def test_a_clod_that_holds_a_wheel_in_a_turn_stops_no_mission(
 
 
 def test_a_robot_that_is_stuck_in_a_turn_backs_out_and_turns_on(tmp_path: Path) -> None:
-    with simulate(load("farm", [*HARD, "seed=114", "duration_s=90"]), tmp_path) as run:
+    with simulate(load("farm", [*HARD, "seed=305", "duration_s=100"]), tmp_path) as run:
         legs: list[str] = []
         for record in run.ticks():
             assert not record.status.stopped

@@ -125,9 +125,9 @@ def test_the_compass_is_measured_taken_over_and_taken_back(page: Page, home: Pat
 
 
 def test_stop_ends_it_at_once(page: Page) -> None:
-    drive(page, "Motors", f"{STATE}.signals.at(-1)[3] > 0.2")
+    drive(page, "Motors", f"{STATE}.signals.at(-1)?.[3] > 0.2")
     page.locator("#stop").click()
-    until(page, f"{STATE}.signals.at(-1)[3] === 0 && {IS_STILL}")
+    until(page, f"{STATE}.signals.at(-1)?.[3] === 0 && {IS_STILL}")
     expect(page.locator(".calibration")).to_contain_text("not finished: ended by 'stop'")
     page.get_by_role("button", name="Release stop").click()
     until(page, f"!{STATE}.stop")
@@ -135,9 +135,9 @@ def test_stop_ends_it_at_once(page: Page) -> None:
 
 
 def test_cancel_brings_the_robot_to_rest_and_changes_nothing(page: Page, home: Path) -> None:
-    drive(page, "Wheels and turning", f"{STATE}.signals.at(-1)[3] > 0.3")
+    drive(page, "Wheels and turning", f"{STATE}.signals.at(-1)?.[3] > 0.3")
     page.get_by_role("button", name="Cancel").click()
-    until(page, f"{PHASE} === 'failed' && {STATE}.signals.at(-1)[3] === 0 && {IS_STILL}")
+    until(page, f"{PHASE} === 'failed' && {STATE}.signals.at(-1)?.[3] === 0 && {IS_STILL}")
     expect(page.locator(".calibration")).to_contain_text("cancelled by")
     assert not (home / "robots").exists() or not list((home / "robots").glob("*.toml"))
 
@@ -146,7 +146,7 @@ def test_cancel_brings_the_robot_to_rest_and_changes_nothing(page: Page, home: P
 def test_without_its_operator_the_robot_does_not_go_on(
     page: Page, robot: Robot, browser: Browser, how: str
 ) -> None:
-    drive(page, "Wheels and turning", f"{STATE}.signals.at(-1)[3] > 0.3")
+    drive(page, "Wheels and turning", f"{STATE}.signals.at(-1)?.[3] > 0.3")
     context = new_context(browser, locale="en")
     other = opened(context.new_page(), robot)
     if how == "the operator is gone":
@@ -154,7 +154,7 @@ def test_without_its_operator_the_robot_does_not_go_on(
     else:
         other.get_by_role("button", name="Operator").click()
         other.get_by_role("dialog").get_by_role("button", name="Take over").click()
-    until(other, f"{PHASE} === 'failed' && {STATE}.signals.at(-1)[3] === 0 && {IS_STILL}")
+    until(other, f"{PHASE} === 'failed' && {STATE}.signals.at(-1)?.[3] === 0 && {IS_STILL}")
     expect(other.locator(".calibration")).to_contain_text(
         re.compile(r"(took the robot|is not heard any more)\.")
     )

@@ -168,10 +168,10 @@ def test_a_changed_speed_slows_the_mission(page: Page) -> None:
     speed = page.get_by_label("Speed", exact=True)
     speed.fill("0.2")
     speed.press("Enter")
-    until(page, f"{STATE}.signals.at(-1)[3] > 0 && {STATE}.signals.at(-1)[3] <= 0.21")
+    until(page, f"{STATE}.signals.at(-1)?.[3] > 0 && {STATE}.signals.at(-1)?.[3] <= 0.21")
     speed.fill("0.4")
     speed.press("Enter")
-    until(page, f"{STATE}.signals.at(-1)[3] > 0.3")
+    until(page, f"{STATE}.signals.at(-1)?.[3] > 0.3")
 
 
 def test_plants_are_mapped_as_the_robot_passes_them(page: Page) -> None:
