@@ -11,6 +11,7 @@ from agribot.autonomy.estimate.lost_way import can_be_of_wheels, have_lost_way
 from agribot.autonomy.estimate.models import velocity_variance
 from agribot.core.arithmetic import FLOATS
 from agribot.core.messages import GnssFix, GnssQuality
+from agribot.lab.bench.nav.batch.arrays import ARRAYS
 
 STD_MPS = 0.03
 
@@ -27,7 +28,7 @@ STD_MPS = 0.03
 def test_wheels_that_lose_some_of_their_way_move_a_robot_so(
     shown_mps: tuple[float, float], driven: tuple[float, float]
 ) -> None:
-    assert can_be_of_wheels(shown_mps, driven, STD_MPS)
+    assert can_be_of_wheels(FLOATS, shown_mps, driven, STD_MPS)
 
 
 @pytest.mark.parametrize(
@@ -42,7 +43,7 @@ def test_wheels_that_lose_some_of_their_way_move_a_robot_so(
 def test_a_robot_that_moves_otherwise_is_carried(
     shown_mps: tuple[float, float], driven: tuple[float, float]
 ) -> None:
-    assert not can_be_of_wheels(shown_mps, driven, STD_MPS)
+    assert not can_be_of_wheels(FLOATS, shown_mps, driven, STD_MPS)
 
 
 def test_velocities_that_scatter_or_of_which_nothing_is_stated_tell_nothing_of_it() -> None:
@@ -51,7 +52,7 @@ def test_velocities_that_scatter_or_of_which_nothing_is_stated_tell_nothing_of_i
     )
     for stated_mps in (0.3, fix.velocity_std_mps):
         std_mps = math.sqrt(velocity_variance(FLOATS, stated_mps, 0.0, 0.0, 0.1))
-        assert not can_be_of_wheels((0.4, 0.0), (0.4, 0.0), std_mps)
+        assert not can_be_of_wheels(FLOATS, (0.4, 0.0), (0.4, 0.0), std_mps)
 
 
 def test_wheels_have_lost_their_way_that_are_off_for_long_by_more_than_noise() -> None:
@@ -62,9 +63,11 @@ def test_wheels_have_lost_their_way_that_are_off_for_long_by_more_than_noise() -
 
 def test_one_robot_and_many_are_judged_alike() -> None:
     draws = np.random.default_rng(0).uniform(-0.8, 0.8, (4, 300))
-    many = can_be_of_wheels((draws[0], draws[1]), (draws[2], draws[3]), np.full(300, STD_MPS))
+    many = can_be_of_wheels(
+        ARRAYS, (draws[0], draws[1]), (draws[2], draws[3]), np.full(300, STD_MPS)
+    )
     alone = [
-        can_be_of_wheels((ahead, aside), (driven, rate), STD_MPS)
+        can_be_of_wheels(FLOATS, (ahead, aside), (driven, rate), STD_MPS)
         for ahead, aside, driven, rate in draws.T.tolist()
     ]
     assert np.asarray(many).tolist() == alone

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from collections import deque
 
-from agribot.autonomy.estimate.lost_way import MAX_STD_MPS
-from agribot.autonomy.estimate.spin_watch import CORNER_M, SLIDE_MPS
-from agribot.core.arithmetic import clamp
+from agribot.autonomy.estimate.lost_way import MAX_STD_MPS, find_beyond_wheels
+from agribot.core.arithmetic import FLOATS
 
 # A clod that gives way throws the robot aside by some centimetres.
 CARRIED_M, MEMORY_S = 0.12, 2.0
@@ -35,17 +34,10 @@ class CarryWatch:
 
         `driven` is what wheels and gyro say of it: m/s and rad/s.
         """
-        (ahead_mps, aside_mps), (driven_mps, rate_radps) = shown_mps, driven
-        margin_mps = 3.0 * std_mps
-        slide_mps = SLIDE_MPS + CORNER_M * abs(rate_radps) + margin_mps
-        slow_mps, fast_mps = sorted((0.0, driven_mps))
-        beyond_mps = (
-            ahead_mps - clamp(ahead_mps, slow_mps - margin_mps, fast_mps + margin_mps),
-            aside_mps - clamp(aside_mps, -slide_mps, slide_mps),
-        )
         if std_mps > MAX_STD_MPS:  # it tells nothing
             return
-        self._moved.append((t_s, beyond_mps[0] * step_s, beyond_mps[1] * step_s))
+        ahead_mps, aside_mps = find_beyond_wheels(FLOATS, shown_mps, driven, std_mps)
+        self._moved.append((t_s, ahead_mps * step_s, aside_mps * step_s))
         while t_s - self._moved[0][0] > MEMORY_S:
             self._moved.popleft()
         ahead_m = sum(step[1] for step in self._moved)

@@ -38,9 +38,10 @@ from agribot.autonomy.estimate.history import Epoch, Motion
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.sensor_ranges import MAX_ALT_M, MAX_POS_STD_M
+from agribot.autonomy.estimate.spin_watch import ahead_and_aside
 from agribot.autonomy.estimate.velocity_way import VelocityMark
 from agribot.core.arithmetic import FLOATS, clamp
-from agribot.core.geo import MapFrame, is_nowhere, rotation_from_rpy
+from agribot.core.geo import MapFrame, is_place, rotation_from_rpy
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch, Vec3
 from agribot.core.pose import Pose2
 
@@ -140,8 +141,7 @@ class Gnss(Correction[GnssFix]):
 
     def is_usable(self, sample: GnssFix) -> bool:
         is_told = sample.quality is not GnssQuality.NONE and abs(sample.pos_std_m) <= MAX_POS_STD_M
-        is_told = is_told and not is_nowhere(sample.lat_deg, sample.lon_deg)
-        return is_told and abs(sample.lat_deg) <= 90.0 and abs(sample.lon_deg) <= 180.0
+        return is_told and is_place(sample.lat_deg, sample.lon_deg)
 
     def objection(self, sample: GnssFix) -> str:
         self.pose.is_receiver_frozen = self.repeats.is_repeat(sample, self._driven_m)
@@ -345,7 +345,8 @@ class Gnss(Correction[GnssFix]):
         off_m2 = abs(complex(*measured.residuals) + parted_m) ** 2
         least_rad = max(VOUCHED_TURN_RAD, VOUCHED_TURN_RADPS * (self.last_t_s - sure.mark.t_s))
         has_turned = self._turned_rad - sure.turned_rad >= least_rad
-        aside_m = _along(parted_m, self.pose.ekf.x[YAW] + math.pi / 2.0)
+        apart_m = (parted_m.real, parted_m.imag)
+        _, aside_m = ahead_and_aside(FLOATS, apart_m, self.pose.ekf.x[YAW])
         is_ahead = aside_m * aside_m <= VOUCHED_SIGMA2 * variance_m2
         can_be_ahead = is_ahead and abs(parted_m) <= self._driven_m - sure.driven_m
         return (has_turned or can_be_ahead) and off_m2 <= VOUCHED_SIGMA2 * variance_m2
@@ -375,10 +376,6 @@ class Gnss(Correction[GnssFix]):
 
 def _sum(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
     return a[0] + b[0], a[1] + b[1]
-
-
-def _along(vector_m: complex, yaw_rad: float) -> float:
-    return (vector_m * cmath.rect(1.0, -yaw_rad)).real
 
 
 def _pair(residuals: tuple[float, ...]) -> tuple[float, float]:

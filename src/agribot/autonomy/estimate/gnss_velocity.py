@@ -154,18 +154,18 @@ class GnssVelocity:
         off_mps = mean_mps - (told.led_m - last.led_m) / step_s
         off_ahead_mps, _ = ahead_and_aside(FLOATS, (off_mps.real, off_mps.imag), seen.yaw_rad)
         ahead_mps, aside_mps = ahead_and_aside(FLOATS, (mean_mps.real, mean_mps.imag), seen.yaw_rad)
-        rate_radps = then.yaw_rate_radps
+        rate_radps, is_steady = then.yaw_rate_radps, self.noise.is_steady
         shown_mps = (ahead_mps + rate_radps * lever_m[1], aside_mps - rate_radps * lever_m[0])
         variance = velocity_variance(FLOATS, seen.std_mps, self.noise.std_mps, 0.0, step_s)
-        if have_lost_way(off_ahead_mps, measured.variance, self.noise.is_steady):
+        if have_lost_way(off_ahead_mps, measured.variance, is_steady):
             self._lost_t_s = seen.t_s
         is_lost = (
             seen.t_s - self._lost_t_s <= LOST_S and abs(off_mps) ** 2 > STILL_SIGMA2 * variance
         )
         driven, std_mps = (then.wheel_mps, rate_radps), math.sqrt(variance)
-        if self.noise.is_steady:
+        if is_steady:
             self.carry.add(seen.t_s, step_s, shown_mps, driven, std_mps)
-        if not ((is_vague or is_lost) and can_be_of_wheels(shown_mps, driven, std_mps)):
+        if not ((is_vague or is_lost) and can_be_of_wheels(FLOATS, shown_mps, driven, std_mps)):
             return None
         self._pose.ekf.doubt_way((LOST_MPS * step_s) ** 2)
         east, north = measured.rows

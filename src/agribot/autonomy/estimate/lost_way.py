@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from agribot.autonomy.estimate.spin_watch import CORNER_M, SLIDE_MPS
-from agribot.core.arithmetic import Condition, Number
+from agribot.core.arithmetic import Arithmetic, Condition, Number
 
 # 1 sigma of what wheels may be off by where they have lost their way: so much that nothing else is
 # learnt from it. A clod pushes for seconds, which a heading must not be blamed for.
@@ -56,18 +56,37 @@ def are_fixes_vague(rate_radps: Number, *, is_corrected: bool, is_float: Conditi
     return is_float if is_corrected else is_turning
 
 
-def can_be_of_wheels(
-    shown_mps: tuple[Number, Number], driven: tuple[Number, Number], std_mps: Number
-) -> Condition:
-    """Tell whether velocities are sure that wheels move the robot, however much way they lose.
+def find_beyond_wheels(
+    m: Arithmetic[Number],
+    shown_mps: tuple[Number, Number],
+    driven: tuple[Number, Number],
+    std_mps: Number,
+) -> tuple[Number, Number]:
+    """Find what wheels cannot have moved the robot by, however much way they lose: m/s.
 
-    Nobody carries it then. `shown_mps` is how its middle moves ahead and aside, with 1 sigma
-    `std_mps`, `driven` what wheels and gyro say: m/s and rad/s.
+    `shown_mps` is how its middle moves ahead and aside, with 1 sigma `std_mps`, `driven` what
+    wheels and gyro say: m/s and rad/s. 0 is what they can: no faster than they turn, not the other
+    way, and aside as far as soft ground lets a robot slide.
     """
     (ahead_mps, aside_mps), (driven_mps, rate_radps) = shown_mps, driven
     margin_mps = 3.0 * std_mps
     slide_mps = SLIDE_MPS + CORNER_M * abs(rate_radps) + margin_mps
-    is_that_way: Condition = ahead_mps * driven_mps >= -margin_mps * abs(driven_mps)
-    is_slower: Condition = abs(ahead_mps) <= abs(driven_mps) + margin_mps
+    back_mps, fast_mps = m.least(driven_mps, 0.0) - margin_mps, m.most(driven_mps, 0.0) + margin_mps
+    return (
+        ahead_mps - m.least(m.most(ahead_mps, back_mps), fast_mps),
+        aside_mps - m.least(m.most(aside_mps, -slide_mps), slide_mps),
+    )
+
+
+def can_be_of_wheels(
+    m: Arithmetic[Number],
+    shown_mps: tuple[Number, Number],
+    driven: tuple[Number, Number],
+    std_mps: Number,
+) -> Condition:
+    """Tell whether velocities are sure that wheels move the robot: nobody carries it."""
+    ahead_mps, aside_mps = find_beyond_wheels(m, shown_mps, driven, std_mps)
     is_sure: Condition = std_mps <= MAX_STD_MPS
-    return is_sure & is_that_way & is_slower & (abs(aside_mps) <= slide_mps)
+    is_ahead: Condition = ahead_mps == 0.0
+    is_aside: Condition = aside_mps == 0.0
+    return is_sure & is_ahead & is_aside

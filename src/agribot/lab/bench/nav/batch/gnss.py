@@ -319,7 +319,7 @@ class BatchGnss:
         )
         is_off = off_mps.real**2 + off_mps.imag**2 > STILL_SIGMA2 * sure
         leads = is_vague | ((fix.t_s - self._lost_t_s <= LOST_S) & is_off)
-        leads &= can_be_of_wheels(shown_mps, (then.wheel_mps, rate_radps), np.sqrt(sure))
+        leads &= can_be_of_wheels(ARRAYS, shown_mps, (then.wheel_mps, rate_radps), np.sqrt(sure))
         if leads.any():
             ekf, (east, north) = self._ekf, rows
             ekf.doubt_way(np.where(leads, (LOST_MPS * step_s) ** 2, 0.0))
