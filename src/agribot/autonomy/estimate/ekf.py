@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Generic, Protocol
 
 import msgspec
 import numpy as np
 
 from agribot.autonomy.estimate.models import motion, pair_distance2, walk_across
 from agribot.autonomy.estimate.slope import SLIDE_STD_RATIO
-from agribot.core.arithmetic import FLOATS
+from agribot.core.arithmetic import FLOATS, Number
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray
 from agribot.core.pose import Pose2
@@ -45,7 +46,53 @@ class MotionNoise(msgspec.Struct, frozen=True, kw_only=True):
 TURN_FLOOR_RAD = 1e-6
 
 
-class Ekf:
+class Values(Protocol[Number]):
+    """The states in their order: a list of one robot's, or an array (STATES, N) of many."""
+
+    def __getitem__(self, state: int, /) -> Number: ...
+
+    def __setitem__(self, state: int, value: Number | float, /) -> None: ...
+
+
+class FilterStates(Generic[Number]):
+    """States `x` and their covariance `cov`, (STATES, STATES) of one robot or (.., N) of many."""
+
+    x: Values[Number]
+    cov: FloatArray
+
+    def relax(self, changes: Iterable[tuple[int, Number | float, Number | float]]) -> None:
+        """Age states: each (state, factor, variance) is multiplied by the factor, then grows."""
+        for state, factor, variance in changes:
+            self.x[state] *= factor
+            self.cov[state] *= factor
+            self.cov[:, state] *= factor
+            self.inflate(state, variance)
+
+    def inflate(self, state: int, variance: Number | float) -> None:
+        self.cov[state, state] += variance
+
+    def reset(self, state: int, value: Number | float, variance: Number | float) -> None:
+        """Forget a state and its correlations."""
+        self.x[state] = value
+        self.cov[state] = 0.0
+        self.cov[:, state] = 0.0
+        self.cov[state, state] = variance
+
+    def doubt_way(self, variance_m2: Number | float) -> None:
+        """Doubt the way that was last told: what it is off by, the position is off by, too."""
+        for place, way in ((X, WAY_X), (Y, WAY_Y)):
+            self.inflate(place, variance_m2)
+            self.inflate(way, variance_m2)
+            self.cov[place, way] += variance_m2
+            self.cov[way, place] += variance_m2
+
+    def forget_way(self) -> None:
+        """Begin another way, which is believed."""
+        for way in (WAY_X, WAY_Y):
+            self.reset(way, 0.0, 0.0)
+
+
+class Ekf(FilterStates[float]):
     """The filter of the pose and of what sensors get wrong.
 
     States: x_map_m, y_map_m, yaw_map_rad, gyro bias (rad/s), wheel scale (share of the wheel
@@ -61,7 +108,7 @@ class Ekf:
     """
 
     def __init__(self, std: Sequence[float], row_yaw_rad: float) -> None:
-        self.x = [0.0] * STATES
+        self.x: list[float] = [0.0] * STATES
         """States beyond those of `std` are known to be 0."""
         self.cov = np.zeros((STATES, STATES))
         self.cov[range(len(std)), range(len(std))] = np.square(np.asarray(std, dtype=np.float64))
@@ -127,37 +174,6 @@ class Ekf:
         np.matmul(self._top_middle, self._a.T, out=self._fpa)
         self._corner += self._fpa
         self._bottom_left[:] = self._top_right.T
-
-    def relax(self, changes: Iterable[tuple[int, float, float]]) -> None:
-        """Age states: each (state, factor, variance) is multiplied by the factor, then grows."""
-        for state, factor, variance in changes:
-            self.x[state] *= factor
-            self.cov[state] *= factor
-            self.cov[:, state] *= factor
-            self.inflate(state, variance)
-
-    def inflate(self, state: int, variance: float) -> None:
-        self.cov[state, state] += variance
-
-    def doubt_way(self, variance_m2: float) -> None:
-        """Doubt the way that was last told: what it is off by, the position is off by, too."""
-        for place, way in ((X, WAY_X), (Y, WAY_Y)):
-            self.inflate(place, variance_m2)
-            self.inflate(way, variance_m2)
-            self.cov[place, way] += variance_m2
-            self.cov[way, place] += variance_m2
-
-    def forget_way(self) -> None:
-        """Begin another way, which is believed."""
-        for way in (WAY_X, WAY_Y):
-            self.reset(way, 0.0, 0.0)
-
-    def reset(self, state: int, value: float, variance: float) -> None:
-        """Forget a state and its correlations."""
-        self.x[state] = value
-        self.cov[state] = 0.0
-        self.cov[:, state] = 0.0
-        self.cov[state, state] = variance
 
     def project(self, row: Row) -> tuple[FloatArray, float]:
         """P H^T (STATES,) and H P H^T."""

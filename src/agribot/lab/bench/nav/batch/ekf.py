@@ -13,10 +13,9 @@ from agribot.autonomy.estimate.ekf import (
     GYRO_SCALE,
     SLIP,
     STATES,
-    WAY_X,
-    WAY_Y,
     WHEEL_SCALE,
     YAW,
+    FilterStates,
     MotionNoise,
     X,
     Y,
@@ -30,11 +29,11 @@ Mask = npt.NDArray[np.bool_]
 BatchRow = tuple[tuple[int, float | FloatArray], ...]
 
 
-class BatchEkf:
+class BatchEkf(FilterStates[FloatArray]):
     """States `x` (STATES, N) and covariance `cov` (STATES, STATES, N) of N robots."""
 
     def __init__(self, count: int, std: Sequence[float], row_yaw_rad: float) -> None:
-        self.x = np.zeros((STATES, count))
+        self.x: FloatArray = np.zeros((STATES, count))
         self.cov = np.zeros((STATES, STATES, count))
         for state, value in enumerate(std):
             self.cov[state, state] = value**2
@@ -84,33 +83,6 @@ class BatchEkf:
         cov[Y, X] += xy_m2
         self.inflate(YAW, noise.yaw_rad2_per_s * dt_s)
         return dx_m, dy_m, turned_rad
-
-    def relax(self, changes: Sequence[tuple[int, float | FloatArray, float | FloatArray]]) -> None:
-        for state, factor, variance in changes:
-            self.x[state] *= factor
-            self.cov[state] *= factor
-            self.cov[:, state] *= factor
-            self.inflate(state, variance)
-
-    def inflate(self, state: int, variance: float | FloatArray) -> None:
-        self.cov[state, state] += variance
-
-    def doubt_way(self, variance_m2: FloatArray) -> None:
-        for place, way in ((X, WAY_X), (Y, WAY_Y)):
-            self.inflate(place, variance_m2)
-            self.inflate(way, variance_m2)
-            self.cov[place, way] += variance_m2
-            self.cov[way, place] += variance_m2
-
-    def forget_way(self) -> None:
-        for way in (WAY_X, WAY_Y):
-            self.reset(way, 0.0, 0.0)
-
-    def reset(self, state: int, value: float | FloatArray, variance: float | FloatArray) -> None:
-        self.x[state] = value
-        self.cov[state] = 0.0
-        self.cov[:, state] = 0.0
-        self.cov[state, state] = variance
 
     def project(self, row: BatchRow) -> tuple[FloatArray, FloatArray]:
         """P H^T (STATES, N) and H P H^T (N,)."""
