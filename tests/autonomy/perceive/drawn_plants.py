@@ -8,11 +8,11 @@ import numpy.typing as npt
 
 from agribot.autonomy.perceive.ground import ground_to_pixels
 from agribot.autonomy.perceive.segmenter import ClassMap
-from agribot.autonomy.perceive.stems import CELL_PX, PlantMaps
+from agribot.autonomy.perceive.stems import CELL_PX, SQUARE_PX, PlantMaps
 from agribot.core.messages import FloatArray, PlantClass
 from tests.autonomy.perceive.drawn_field import BODY_FROM_CAMERA, CAMERA, MAP_SHAPE, Disc, draw
 
-PEAK_SIGMA_PX = 1.2 * CELL_PX
+PEAK_SIGMA_PX = 4.8
 CELLS = (MAP_SHAPE[0] // CELL_PX, MAP_SHAPE[1] // CELL_PX)
 
 
@@ -50,15 +50,23 @@ def make_maps(
     centre_px = np.stack([columns, rows]) * CELL_PX + 1.5
     in_cells = number.reshape(CELLS[0], CELL_PX, CELLS[1], CELL_PX).max(axis=(1, 3))
     way_px = np.zeros((2, *CELLS), dtype=np.float32)
-    heat = np.zeros((2, *CELLS))
     own_cells = np.abs(stems_px[:, :, None, None] - centre_px).max(axis=1) <= CELL_PX / 2
     for index, stem_px in enumerate(stems_px):
         to_stem_px = stem_px[:, None, None] - centre_px
         is_its = (in_cells == index) & ~own_cells.any(axis=0) | own_cells[index]
         way_px = np.where(is_its, to_stem_px, way_px).astype(np.float32)
-    for own_cell, kind in zip(own_cells, kinds, strict=True):
-        for row, column in np.argwhere(own_cell):
-            gap_px = np.hypot(rows - row, columns - column) * CELL_PX
+    heat = draw_heat(stems_px, kinds, score)
+    return PlantMaps(stem_score=np.rint(255.0 * heat).astype(np.uint8), way_px=way_px)
+
+
+def draw_heat(stems_px: FloatArray, kinds: list[PlantClass], score: float) -> FloatArray:
+    """Draw a peak of this score about each stem (N, 2), of its class."""
+    heat = np.zeros((2, MAP_SHAPE[0] // SQUARE_PX, MAP_SHAPE[1] // SQUARE_PX))
+    rows, columns = np.indices(heat.shape[1:])
+    own = np.floor((stems_px + 0.5) / SQUARE_PX)
+    for (column, row), kind in zip(own.tolist(), kinds, strict=True):
+        if 0 <= row < heat.shape[1] and 0 <= column < heat.shape[2]:
+            gap_px = np.hypot(rows - row, columns - column) * SQUARE_PX
             peak = score * np.exp(-((gap_px / PEAK_SIGMA_PX) ** 2) / 2.0)
             heat[kind] = np.maximum(heat[kind], peak)
-    return PlantMaps(stem_score=np.rint(255.0 * heat).astype(np.uint8), way_px=way_px)
+    return heat

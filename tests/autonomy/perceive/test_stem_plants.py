@@ -109,7 +109,7 @@ def test_a_plant_cut_by_the_edge_is_reported_where_its_stem_is_in_the_picture() 
     assert_found(draw_plants(cut), cut)
 
 
-def test_a_stem_that_lies_outside_its_edge_cell_is_not_reported() -> None:
+def test_a_stem_that_lies_outside_its_edge_square_is_not_reported() -> None:
     plant = (float(GROUND.x_body_m[-2, 256]), 0.0, 0.05, WEED)
     class_map = draw_plants(plant)
     assert len(find_plants(class_map)) == 1
@@ -145,26 +145,44 @@ def test_a_plant_above_the_horizon_is_not_on_the_ground() -> None:
     level = transform((0.0, 0.0, 0.5), (0.0, 0.2, 0.0)) @ LINK_FROM_OPTICAL
     ground = GroundLookup(CAMERA, level, (96, 128), 2.5)
     maps = PlantMaps(
-        stem_score=np.zeros((2, 24, 32), np.uint8), way_px=np.zeros((2, 24, 32), np.float32)
+        stem_score=np.zeros((2, 48, 64), np.uint8), way_px=np.zeros((2, 24, 32), np.float32)
     )
-    maps.stem_score[0, [2, 22], 15] = 250
+    maps.stem_score[0, [4, 44], 30] = 250
     weeds = np.full((96, 128), WEED, dtype=np.uint8)
     class_map = ClassMap(class_id=weeds, confidence=weeds + 250, scale_px=(5.0, 5.0), plants=maps)
     (plant,) = find_stem_plants(class_map, ground, CONFIG)
     assert plant.x_body_m == pytest.approx(float(ground.x_body_m[89:91, 61:63].mean()), abs=0.01)
 
 
-def test_two_stems_too_close_for_their_plant_are_one_plant_at_the_surer_stem() -> None:
+@pytest.mark.parametrize(("aside_m", "ratio"), [(0.02, 0.95), (0.045, 0.4)])
+def test_two_stems_too_close_for_their_plant_are_one_plant_at_the_surer_stem(
+    aside_m: float, ratio: float
+) -> None:
+    """The less sure one of them is, the farther from the other it is still the same plant's."""
     plant = (0.9, 0.0, 0.07, CROP)
-    class_map = draw_plants(plant, (0.9, 0.03, 0.069, CROP))
-    maps, (area_m2,) = plants_in(class_map), (p.area_m2 for p in find_plants(draw_plants(plant)))
-    row, column = np.rint((find_stems_px((0.9, 0.03, 0.0, CROP))[0] - 1.5) / 4).astype(int)[::-1]
-    maps.stem_score[1, row, column] = 215  # drawn: 230
-    number = number_pixels(plant)
-    class_map.class_id[number < 0] = SOIL
+    (area_m2,) = (p.area_m2 for p in find_plants(draw_plants(plant)))
+    other = (0.9, aside_m, 0.069, CROP)
+    class_map = draw_plants(plant, other)
+    lower_score(class_map, plant, other, ratio)
+    class_map.class_id[number_pixels(plant) < 0] = SOIL
     (found,) = find_plants(class_map)
     assert off_m(found, plant) < 0.003
     assert found.area_m2 == pytest.approx(area_m2, rel=0.05)
+
+
+def lower_score(class_map: ClassMap, surer: Disc, disc: Disc, ratio: float) -> None:
+    """Let the squares that are nearer to the stem of one crop than to the other's score less."""
+    scores = plants_in(class_map).stem_score
+    rows, columns = np.indices(scores.shape[1:])
+    other_px, own_px = (
+        np.hypot(2 * columns + 0.5 - u, 2 * rows + 0.5 - v) for u, v in find_stems_px(surer, disc)
+    )
+    scores[1] = np.where(own_px < other_px, np.rint(ratio * scores[1]), scores[1])
+
+
+def test_plants_as_near_as_carrots_are_each_a_plant_if_both_are_sure() -> None:
+    row = tuple((0.9, 0.05 * index, 0.05, CROP) for index in range(4))
+    assert_found(draw_plants(*row), *row)
 
 
 def test_stems_of_two_classes_are_two_plants_however_close() -> None:

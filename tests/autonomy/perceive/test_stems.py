@@ -25,8 +25,8 @@ ROWS, COLUMNS = 24, 32
 
 
 def make_maps(*scores: tuple[int, int, int, int], way_px: float = 0.0) -> PlantMaps:
-    """Make maps with scores (kind, row, column, score), and one way everywhere."""
-    stem_score = np.zeros((2, ROWS, COLUMNS), dtype=np.uint8)
+    """Make maps with scores (kind, row, column, score) of squares, and one way everywhere."""
+    stem_score = np.zeros((2, 2 * ROWS, 2 * COLUMNS), dtype=np.uint8)
     for kind, row, column, score in scores:
         stem_score[kind, row, column] = score
     way = np.full((2, ROWS, COLUMNS), way_px, dtype=np.float32)
@@ -35,12 +35,12 @@ def make_maps(*scores: tuple[int, int, int, int], way_px: float = 0.0) -> PlantM
 
 def test_maps_without_a_score_hold_no_stem_and_no_owner() -> None:
     stems = find_stems(make_maps(), 0.0)
-    assert stems.uv_px.shape == stems.kind_scores.shape == stems.cells.shape == (0, 2)
+    assert stems.uv_px.shape == stems.kind_scores.shape == stems.squares.shape == (0, 2)
     owners = find_owners(make_maps(), stems, np.ones((4 * ROWS, 4 * COLUMNS), dtype=bool))
     assert (owners == -1).all()
 
 
-def test_every_drawn_stem_is_found_within_its_cell_with_the_score_of_its_class() -> None:
+def test_every_drawn_stem_is_found_within_its_square_with_the_score_of_its_class() -> None:
     plants = draw_plants(*FIELD, score=0.8).plants
     assert plants is not None
     stems = find_stems(plants, 0.2)
@@ -53,39 +53,39 @@ def test_every_drawn_stem_is_found_within_its_cell_with_the_score_of_its_class()
         assert (crop > weed) == (plant == CROP)
 
 
-def test_stems_come_with_their_cells_and_the_surest_first() -> None:
+def test_stems_come_with_their_squares_and_the_surest_first() -> None:
     stems = find_stems(make_maps((0, 3, 5, 90), (1, 10, 20, 200), way_px=1.0), 0.2)
-    assert stems.cells.tolist() == [[10, 20], [3, 5]]
-    assert stems.uv_px.tolist() == [[82.5, 42.5], [22.5, 14.5]]
+    assert stems.squares.tolist() == [[10, 20], [3, 5]]
+    assert stems.uv_px.tolist() == [[42.5, 22.5], [10.5, 6.5]]
     assert stems.kind_scores == pytest.approx(np.array([[0, 200], [90, 0]]) / 255)
 
 
 def test_a_stem_below_the_least_score_is_none() -> None:
     maps = make_maps((0, 3, 5, 50), (1, 10, 20, 52))
-    assert find_stems(maps, 0.2).cells.tolist() == [[10, 20]]
+    assert find_stems(maps, 0.2).squares.tolist() == [[10, 20]]
 
 
-def test_a_way_to_elsewhere_does_not_move_a_stem_out_of_its_cell() -> None:
+def test_a_way_to_elsewhere_does_not_move_a_stem_out_of_its_square() -> None:
     far = find_stems(make_maps((0, 3, 5, 255), way_px=20.0), 0.2)
-    assert far.uv_px.tolist() == [[21.5, 13.5]]
+    assert far.uv_px.tolist() == [[10.5, 6.5]]
 
 
-def test_a_peak_of_equal_cells_is_one_stem() -> None:
+def test_a_peak_of_equal_squares_is_one_stem() -> None:
     block = [(1, row, column, 255) for row in (4, 5) for column in (6, 7, 8)]
     assert len(find_stems(make_maps(*block), 0.2).uv_px) == 1
 
 
 def test_a_peak_nearer_than_the_least_gap_to_a_surer_one_is_no_stem() -> None:
-    maps = make_maps((0, 5, 5, 200), (1, 5, 7, 100), (1, 5, 12, 90))
+    maps = make_maps((0, 5, 5, 200), (1, 5, 10, 100), (1, 5, 16, 90))
     assert len(find_stems(maps, 0.2).uv_px) == 3
-    maps.way_px[0, 5, 5], maps.way_px[0, 5, 7] = 2.0, -2.0  # 4 px apart now
-    assert find_stems(maps, 0.2).cells.tolist() == [[5, 5], [5, 12]]
+    maps.way_px[0, 2, 2], maps.way_px[0, 2, 5] = 2.0, -3.0  # 7 px apart now
+    assert find_stems(maps, 0.2).squares.tolist() == [[5, 5], [5, 16]]
 
 
 def test_a_peak_that_lost_to_a_surer_one_removes_no_third() -> None:
-    maps = make_maps((0, 5, 5, 200), (0, 5, 7, 150), (0, 5, 9, 100))
-    maps.way_px[0, 5, [5, 7, 9]] = 4.0, 0.0, -4.0  # at 25.5, 29.5 and 33.5 px
-    assert find_stems(maps, 0.2).cells.tolist() == [[5, 5], [5, 9]]
+    maps = make_maps((0, 5, 5, 200), (0, 5, 9, 150), (0, 5, 13, 100))
+    maps.way_px[0, 2, [2, 4, 6]] = 1.0, 0.0, -1.0  # at 10.5, 17.5 and 24.5 px
+    assert find_stems(maps, 0.2).squares.tolist() == [[5, 5], [5, 13]]
 
 
 def test_each_pixel_of_vegetation_belongs_to_the_plant_that_it_shows() -> None:
@@ -117,7 +117,7 @@ def test_small_errors_of_the_ways_move_no_pixel_to_another_plant() -> None:
 
 @pytest.mark.parametrize(("way_px", "is_owned"), [(0.0, False), (-24.0, True), (-60.0, False)])
 def test_vegetation_that_points_past_every_stem_has_no_owner(way_px: float, is_owned: bool) -> None:
-    maps = make_maps((0, 5, 5, 255))
+    maps = make_maps((0, 10, 10, 255))
     maps.way_px[0, 5, 11] = way_px  # 24 px to the right of the stem
     is_plant = np.zeros((4 * ROWS, 4 * COLUMNS), dtype=bool)
     is_plant[21, 46] = True
@@ -128,7 +128,7 @@ def test_vegetation_that_points_past_every_stem_has_no_owner(way_px: float, is_o
 H, W = 16, 24
 CLASS_ID = np.full((H, W), SOIL, dtype=np.uint8)
 CONFIDENCE = np.full((H, W), 255, dtype=np.uint8)
-STEM_SCORE = np.arange(2 * 4 * 6, dtype=np.uint8).reshape(2, 4, 6)
+STEM_SCORE = np.arange(2 * 8 * 12, dtype=np.uint8).reshape(2, 8, 12)
 WAY_PX = np.linspace(-9.0, 9.0, 2 * 4 * 6, dtype=np.float32).reshape(2, 4, 6)
 
 
@@ -180,6 +180,7 @@ def test_a_network_of_classes_alone_tells_no_plants(tmp_path: Path) -> None:
         pytest.param({"stem_score": STEM_SCORE}, id="no ways"),
         pytest.param({"way_px": WAY_PX}, id="no scores"),
         pytest.param({"stem_score": STEM_SCORE[:, :, 1:], "way_px": WAY_PX}, id="narrow scores"),
+        pytest.param({"stem_score": STEM_SCORE[:, ::2, ::2], "way_px": WAY_PX}, id="few scores"),
         pytest.param({"stem_score": STEM_SCORE, "way_px": WAY_PX[:1]}, id="one way"),
         pytest.param({"stem_score": STEM_SCORE, "way_px": WAY_PX.astype(np.float64)}, id="double"),
         pytest.param({"stem_score": STEM_SCORE / 255, "way_px": WAY_PX}, id="scores of 0 to 1"),

@@ -16,9 +16,9 @@ from agribot.lab.dataset.records import Recipe, claim
 from agribot.lab.labelled_plants import LabelledPlants, read_plants
 from agribot.lab.plant_scores import PlantSegments
 from agribot.lab.train.plant_judge import PicturePlantJudge, PicturePlantScores
-from agribot.lab.train.plant_targets import HEAT, WAY, WAY_UNIT_PX
+from agribot.lab.train.plant_targets import WAY, WAY_UNIT_PX
 from agribot.lab.train.plant_truth import PlantTruth
-from tests.lab.train.whole_pictures import tell_targets
+from tests.lab.train.whole_pictures import join_target_heat, tell_targets
 
 WEED, CROP, SOIL = PlantClass.WEED, PlantClass.CROP, PlantClass.SOIL
 SHAPE = (96, 128)
@@ -42,7 +42,8 @@ def draw(*discs: tuple[float, float, float, PlantClass]) -> tuple[np.ndarray, Pl
 def see(label: np.ndarray, plants: PlantTruth, doubt: float = 0.0) -> SeenPicture:
     """What a perfect network says; `doubt` is the other class's score over that of the stem."""
     target = tell_targets(label, plants)
-    heat = np.maximum(target[HEAT], doubt * target[HEAT][::-1])
+    stems = join_target_heat(target)
+    heat = np.maximum(stems, doubt * stems[::-1])
     maps = PlantMaps(stem_score=(255.0 * heat).astype(np.uint8), way_px=target[WAY] * WAY_UNIT_PX)
     sure = np.full(SHAPE, 255, np.uint8)
     class_map = ClassMap(class_id=label, confidence=sure, scale_px=(1.0, 1.0), plants=maps)

@@ -12,6 +12,7 @@ from agribot.lab.train.augment import choose_windows
 from agribot.lab.train.losses import IGNORED
 from agribot.lab.train.picture_stack import PictureStack
 from agribot.lab.train.plant_loss import plant_loss
+from agribot.lab.train.plant_network import BRANCH_MAPS
 from agribot.lab.train.plant_targets import (
     HEAT,
     HEAT_WEIGHT,
@@ -26,7 +27,7 @@ from agribot.lab.train.plant_targets import (
 from agribot.lab.train.plant_truth import LEAST_PX, DrawnView, PlantTruth
 from agribot.lab.train.simulated import draw_random_field
 from agribot.sim.random_scenes import DENSE
-from tests.lab.train.whole_pictures import stack_up, tell_targets
+from tests.lab.train.whole_pictures import join_target_heat, stack_up, tell_targets
 
 SHAPE = (96, 128)
 
@@ -55,12 +56,12 @@ def follow_ways(targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return points.transpose(1, 2, 0), targets[WAY_WEIGHT][0] > 0.0
 
 
-def test_heat_is_one_at_the_cell_of_a_stem_of_its_class_and_nowhere_else() -> None:
+def test_heat_is_one_at_the_square_of_a_stem_of_its_class_and_nowhere_else() -> None:
     discs = ((30.0, 40.0, 12.0, PlantClass.CROP), (90.0, 20.0, 5.0, PlantClass.WEED))
     targets = tell_targets(*draw_discs(*discs))
-    weed, crop = targets[HEAT]
-    assert list_peaks(crop) == {(10, 7)} and list_peaks(weed) == {(5, 22)}
-    assert crop[10, 8] > crop[10, 9] > 0.0
+    weed, crop = join_target_heat(targets)
+    assert list_peaks(crop) == {(20, 15)} and list_peaks(weed) == {(10, 45)}
+    assert crop[20, 16] > crop[20, 17] > 0.0
 
 
 def test_every_cell_of_a_plant_says_the_way_to_its_stem() -> None:
@@ -79,7 +80,7 @@ def test_a_stem_behind_another_plants_leaf_still_has_its_peak_and_its_place() ->
     assert plants.number[40, 30] == 2
     targets = tell_targets(label, plants)
     points, _ = follow_ways(targets)
-    assert list_peaks(targets[HEAT][0]) == {(10, 7)}
+    assert list_peaks(join_target_heat(targets)[0]) == {(20, 15)}
     np.testing.assert_allclose(points[10, 7], (30.0, 40.0), atol=1e-4)
 
 
@@ -88,7 +89,7 @@ def test_a_plant_of_which_little_is_seen_and_a_stem_out_of_the_picture_have_no_p
     label, plants = draw_discs(*discs)
     assert 0 < (plants.number == 1).sum() < LEAST_PX < (plants.number == 2).sum()
     targets = tell_targets(label, plants)
-    assert not list_peaks(targets[HEAT])
+    assert not (targets[HEAT] == 1.0).any()
     points, counts = follow_ways(targets)
     assert counts.any()
     np.testing.assert_allclose(points[counts], (-5.0, 60.0) * np.ones((counts.sum(), 2)), atol=1e-4)
@@ -179,7 +180,7 @@ def test_the_loss_is_least_for_the_maps_of_the_truth() -> None:
 def test_a_picture_without_plants_has_a_loss_that_learns() -> None:
     label, plants = draw_discs()
     target = torch.from_numpy(tell_targets(label, plants))[None]
-    maps = torch.zeros((1, 4, *target.shape[2:]), requires_grad=True)
+    maps = torch.zeros((1, BRANCH_MAPS, *target.shape[2:]), requires_grad=True)
     loss = plant_loss(maps, target)
     loss.backward()  # type: ignore[no-untyped-call]
     assert maps.grad is not None and torch.isfinite(maps.grad).all()

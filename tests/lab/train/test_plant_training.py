@@ -26,8 +26,10 @@ from agribot.lab.train.plant_targets import (
     HEAT_WEIGHT,
     LABEL,
     MAPS,
+    WAY,
     WAY_UNIT_PX,
     WAY_WEIGHT,
+    join_heat,
     join_labels,
 )
 from agribot.lab.train.resizing import resize_network
@@ -106,11 +108,11 @@ def test_the_file_answers_with_the_stems_and_ways_of_the_network(tmp_path: Path)
     found = segmenter.segment(image_rgb).plants
     with torch.inference_mode():
         _, maps = network(centred_rgb(torch.from_numpy(image_rgb).permute(2, 0, 1)[None]))
-    assert found is not None and found.stem_score.shape == (2, 24, 32)
+    assert found is not None and found.stem_score.shape == (2, 48, 64)
     np.testing.assert_allclose(
-        found.stem_score / 255.0, maps[0, :2].sigmoid().numpy(), atol=2.1 / 255.0
+        found.stem_score / 255.0, join_heat(maps)[0].sigmoid().numpy(), atol=2.1 / 255.0
     )
-    np.testing.assert_allclose(found.way_px, WAY_UNIT_PX * maps[0, 2:].numpy(), atol=0.3)
+    np.testing.assert_allclose(found.way_px, WAY_UNIT_PX * maps[0, WAY].numpy(), atol=0.3)
 
 
 def test_a_file_with_plants_can_be_resized_and_begun_with(tmp_path: Path) -> None:

@@ -17,12 +17,12 @@ from agribot.lab.train.fit import LOG, Trainer, TrainingPlan
 from agribot.lab.train.judged_figures import MIOU, STEM_F1
 from agribot.lab.train.network import CropWeedNet
 from agribot.lab.train.plant_network import PlantNet
-from agribot.lab.train.plant_targets import HEAT, WAY, WAY_UNIT_PX
+from agribot.lab.train.plant_targets import WAY, WAY_UNIT_PX
 from agribot.lab.train.plant_truth import DrawnView, PlantTruth
 from agribot.lab.train.standing import BestSoFar, Judgement
 from agribot.lab.train.validation import HeldOutPictures, count_stems
 from tests.lab.train.drawn_images import SHAPE, batch_of_four, drawn_image
-from tests.lab.train.whole_pictures import tell_targets
+from tests.lab.train.whole_pictures import join_target_heat, tell_targets
 
 PLAN = TrainingPlan(
     steps=8, batch_size=4, crop_px=64, bf16=False, checkpoint_every=1, judge_every=2
@@ -119,7 +119,8 @@ def answer_truly(view: DrawnView, moved_px: tuple[float, float] = (0.0, 0.0)) ->
     plants = PlantTruth(view.plants.number, view.plants.stem_px + moved_px, view.plants.kind)
     target = tell_targets(view.label, plants)
     return PlantMaps(
-        stem_score=(255.0 * target[HEAT]).astype(np.uint8), way_px=target[WAY] * WAY_UNIT_PX
+        stem_score=(255.0 * join_target_heat(target)).astype(np.uint8),
+        way_px=target[WAY] * WAY_UNIT_PX,
     )
 
 

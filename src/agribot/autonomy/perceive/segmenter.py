@@ -11,12 +11,12 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from agribot.autonomy.perceive.stems import CELL_PX, PlantMaps
+from agribot.autonomy.perceive.stems import CELL_PX, SQUARE_PX, PlantMaps
 from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray
 
 PIXEL_OUTPUTS = ("class_id", "confidence")
-PLANT_OUTPUTS = ("stem_score", "way_px")  # both or none
+PLANT_OUTPUTS = {"stem_score": SQUARE_PX, "way_px": CELL_PX}  # with px per value; both or none
 CPU = "CPUExecutionProvider"
 # The winner of three classes has at least a third of the probability, 85 of 255; less is NaN.
 LEAST_CONFIDENCE = 80
@@ -100,7 +100,7 @@ class Segmenter:
         self.finds_plants = not outputs.keys().isdisjoint(PLANT_OUTPUTS)
         if self.finds_plants and not _tells_plants(outputs, self.map_shape):
             raise _misfit(path)
-        self._output_names = PIXEL_OUTPUTS + PLANT_OUTPUTS * self.finds_plants
+        self._output_names = PIXEL_OUTPUTS + tuple(PLANT_OUTPUTS) * self.finds_plants
 
     def segment(self, image_rgb: ByteArray) -> ClassMap:
         """Classify an image of (height, width, 3), of any size."""
@@ -129,17 +129,20 @@ class Segmenter:
 def _tells_plants(outputs: Mapping[str, Any], map_shape: tuple[int, int]) -> bool:
     """Whether the outputs of an ONNX session hold both plant maps, of whole cells."""
     height, width = map_shape
-    shape = [2, height // CELL_PX, width // CELL_PX]
     found = [(outputs[name].type, outputs[name].shape) for name in PLANT_OUTPUTS if name in outputs]
     is_whole = height % CELL_PX == 0 and width % CELL_PX == 0
-    return is_whole and found == [("tensor(uint8)", shape), ("tensor(float)", shape)]
+    return is_whole and found == [
+        ("tensor(uint8)", [2, height // SQUARE_PX, width // SQUARE_PX]),
+        ("tensor(float)", [2, height // CELL_PX, width // CELL_PX]),
+    ]
 
 
 def _misfit(path: Path) -> PerceptionError:
     return PerceptionError(
         f"{path} is no crop/weed network: it needs one uint8 image input and the outputs class_id "
         "and confidence of one fixed size (h, w); one that finds plants has also stem_score uint8 "
-        f"and way_px float32 of (2, h / {CELL_PX}, w / {CELL_PX}); export it with agribot train"
+        f"of (2, h / {SQUARE_PX}, w / {SQUARE_PX}) and way_px float32 of (2, h / {CELL_PX}, "
+        f"w / {CELL_PX}); export it with agribot train"
     )
 
 

@@ -17,9 +17,10 @@ from agribot.core.config import PerceptionConfig
 from agribot.core.errors import PerceptionError
 from agribot.core.messages import FloatArray, GroundPlant, PlantClass
 
-LEAST_SCORE = 0.2
-# Two stems of one class so near, in radii of the bigger plant, are one plant found twice.
-DOUBLE_RATIO = 0.6
+LEAST_SCORE = 0.25
+# Two stems of one class so near, in radii of a plant with the leaves of both, are one plant found
+# twice: the first if they are equally sure, up to the sum of both the less sure one of them is.
+DOUBLE_RATIO, DOUBT_RATIO = 0.35, 0.7
 STEM_STD_M = 0.006
 # The body nods and rolls over the ground; a ray that is tilted meets the ground elsewhere.
 TILT_STD_RAD = math.radians(0.5)
@@ -135,9 +136,11 @@ def _join_doubles(found: _Candidates) -> _Candidates:
     The surer one stays, with the leaves of both.
     """
     is_crop = found.kind_scores.argmax(axis=1) == PlantClass.CROP
-    radii_m = np.sqrt(found.areas_m2 / math.pi)
+    radii_m = np.sqrt((found.areas_m2[:, None] + found.areas_m2[None]) / math.pi)
     gaps_m = np.hypot(*(found.places_m[:, None] - found.places_m[None]).transpose(2, 0, 1))
-    is_near = gaps_m < DOUBLE_RATIO * np.maximum(radii_m[:, None], radii_m[None])
+    score = found.kind_scores.max(axis=1)
+    doubt = 1.0 - score[:, None] / score[None]  # of each, in the columns' stems; those are surer
+    is_near = gaps_m < (DOUBLE_RATIO + DOUBT_RATIO * doubt) * radii_m
     is_near &= is_crop[:, None] == is_crop[None]
     areas_m2 = found.areas_m2.copy()
     is_kept = np.ones(len(areas_m2), dtype=bool)

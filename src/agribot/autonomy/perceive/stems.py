@@ -3,8 +3,9 @@
 Stems are peaks of a score, after Zhou et al. 2019, Objects as points. Vegetation points the way to
 its own stem, after Neven et al. 2019, Instance segmentation by jointly optimizing spatial
 embeddings: plants whose leaves touch come apart. Places are pixels of the class map, u right and v
-down from the centre of the top left pixel; the cell in row r and column c has its centre at
-u = 4 c + 1.5, v = 4 r + 1.5.
+down from the centre of the top left pixel. Ways are told by cells of 4 px, scores by squares of
+2 px, so that stems of 5 px from each other are told apart; the cell in row r and column c has its
+centre at u = 4 c + 1.5, v = 4 r + 1.5.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ import numpy.typing as npt
 
 from agribot.core.messages import ByteArray, FloatArray
 
-CELL_PX = 4
-# Two stems nearer than this are one to the network, which does not see finer than its cells.
-LEAST_GAP_PX = 5.0
-# From the centre of a stem's own cell; a longer way there points to another stem.
-OWN_CELL_PX = 1.5 * CELL_PX
+CELL_PX, SQUARE_PX = 4, 2
+# Two stems nearer than this are one plant found twice.
+LEAST_GAP_PX = 8.0
+# Where the cell of a stem points to; what is farther off is another stem.
+OWN_STEM_PX = 3.0
 # How far from a stem vegetation may point and still be its: ways err in proportion to themselves.
 REACH_PX = 10.0
 REACH_RATIO = 0.3
@@ -33,12 +34,12 @@ Value = TypeVar("Value", np.bool_, np.float32)
 
 
 class PlantMaps(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """What a plant network says about stems, in cells of `CELL_PX` pixels of the class map.
+    """What a plant network says about stems, of a class map of (h, w) pixels.
 
-    `stem_score` (2, h/4, w/4), 255 = certain, says how surely a stem stands in the cell: first of
-    a weed, then of a crop plant, in the order of `PlantClass`. `way_px` (2, h/4, w/4) is the way,
-    right and down, from the centre of a cell of vegetation to the stem of its plant, which may be
-    outside the picture.
+    `stem_score` (2, h/2, w/2), 255 = certain, says how surely a stem stands in each square of
+    `SQUARE_PX` pixels: first of a weed, then of a crop plant, in the order of `PlantClass`.
+    `way_px` (2, h/4, w/4) is the way, right and down, from the centre of a cell of `CELL_PX` pixels
+    of vegetation to the stem of its plant, which may be outside the picture.
     """
 
     stem_score: ByteArray
@@ -49,30 +50,28 @@ class Stems(NamedTuple):
     """Stems of one picture, the surest first.
 
     `uv_px` (N, 2) are their places, `kind_scores` (N, 2) the scores as weed and as crop plant, 0
-    to 1, and `cells` (N, 2) the rows and columns of their cells.
+    to 1, and `squares` (N, 2) the rows and columns of their squares.
     """
 
     uv_px: FloatArray
     kind_scores: FloatArray
-    cells: Indices
+    squares: Indices
 
 
 def find_stems(maps: PlantMaps, least_score: float) -> Stems:
     """Find the stems that score at least `least_score`, 0 to 1, as a weed or as a crop plant.
 
-    The way at a stem's own cell gives its place within the cell.
+    The way at a stem's own cell gives its place, where that is about the square.
     """
     score = maps.stem_score.max(axis=0)
     rows, columns = np.nonzero(_find_peaks(score) & (score >= max(1.0, 255.0 * least_score)))
     surest_first = np.argsort(-score[rows, columns].astype(np.int64), kind="stable")
-    cells = np.column_stack([rows, columns])[surest_first]
-    rows, columns = cells.T
-    way_px: FloatArray = maps.way_px[:, rows, columns].T.astype(np.float64)
-    is_near = np.hypot(way_px[:, 0], way_px[:, 1]) <= OWN_CELL_PX
-    uv_px = find_centres(cells) + np.where(is_near[:, None], way_px, 0.0)
+    squares = np.column_stack([rows, columns])[surest_first]
+    uv_px = _place(squares, maps)
     kept = _find_apart(uv_px)
+    rows, columns = squares.T
     kind_scores = maps.stem_score[:, rows, columns].T.astype(np.float64) / 255.0
-    return Stems(uv_px[kept], kind_scores[kept], cells[kept])
+    return Stems(uv_px[kept], kind_scores[kept], squares[kept])
 
 
 def share_kinds(kind_scores: FloatArray) -> FloatArray:
@@ -121,9 +120,24 @@ def sum_cells(values: npt.NDArray[Value]) -> npt.NDArray[Value]:
     return cells
 
 
-def find_centres(cells: Indices) -> FloatArray:
+def pool_squares(scores: ByteArray) -> ByteArray:
+    """Return the highest score of the squares (h/2, w/2) of each cell, (h/4, w/4)."""
+    rows = np.maximum(scores[::2], scores[1::2])
+    return np.maximum(rows[:, ::2], rows[:, 1::2])
+
+
+def find_centres(cells: Indices, size_px: int = CELL_PX) -> FloatArray:
     """Return the centres (N, 2), u and v in pixels, of cells (N, 2), rows and columns."""
-    return cells[:, ::-1].astype(np.float64) * CELL_PX + (CELL_PX - 1) / 2.0
+    return cells[:, ::-1].astype(np.float64) * size_px + (size_px - 1) / 2.0
+
+
+def _place(squares: Indices, maps: PlantMaps) -> FloatArray:
+    """Return the places (N, 2) of stems in squares (N, 2)."""
+    centres_px = find_centres(squares, SQUARE_PX)
+    cells = squares * SQUARE_PX // CELL_PX
+    told_px = find_centres(cells) + maps.way_px[:, cells[:, 0], cells[:, 1]].T
+    is_near = np.hypot(*(told_px - centres_px).T) <= OWN_STEM_PX
+    return np.where(is_near[:, None], told_px, centres_px)
 
 
 def _find_peaks(score: ByteArray) -> Mask:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.autonomy.perceive.crop_cover import CELL_M
-from agribot.autonomy.perceive.stems import CELL_PX, PlantMaps
+from agribot.autonomy.perceive.stems import CELL_PX, PlantMaps, pool_squares
 from agribot.core.messages import PlantClass, WeedScores
 
 # Nearer than this to the camera, a stem is told apart from its neighbours, and leaves hide less.
@@ -37,7 +37,7 @@ class ScoreGrid:
     def score(self, maps: PlantMaps) -> WeedScores:
         """Score each cell by the surest stem of a weed that the network sees in it."""
         scores = np.zeros(self._rows * self._columns, dtype=np.uint8)
-        seen = maps.stem_score[PlantClass.WEED][self._is_near]
+        seen = pool_squares(maps.stem_score[PlantClass.WEED])[self._is_near]
         np.maximum.at(scores, self._cell, np.maximum(seen, 1))
         return WeedScores(
             x_body_m=self._corner_m[0],

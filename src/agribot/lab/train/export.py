@@ -19,7 +19,7 @@ from agribot.core.messages import PlantClass
 from agribot.lab.train.evaluate import CLASS_NAMES
 from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.plant_network import PlantNet
-from agribot.lab.train.plant_targets import WAY_UNIT_PX
+from agribot.lab.train.plant_targets import WAY, WAY_UNIT_PX, join_heat
 from agribot.lab.train.precision import store_as_fp16
 from agribot.lab.train.resizing import name_output_sizes
 
@@ -87,16 +87,15 @@ class DeployedNet(nn.Module):
 class DeployedPlantNet(DeployedNet):
     """As `DeployedNet`, of a network that finds plants, with two more outputs.
 
-    Stem scores of weeds and crops (2, h / CELL_PX, w / CELL_PX) uint8, 255 = certain, and the way
-    from each cell to the stem of its plant (2, h / CELL_PX, w / CELL_PX) float32, right and down,
-    px.
+    Stem scores of weeds and crops (2, h / SQUARE_PX, w / SQUARE_PX) uint8, 255 = certain, and the
+    way from each cell to the stem of its plant (2, h / CELL_PX, w / CELL_PX) float32, right and
+    down, px.
     """
 
     def forward(self, image_rgb: Tensor) -> tuple[Tensor, ...]:
         logits, maps = self.network(self.resize(image_rgb))
-        heat, ways = torch.split(maps[0], 2)
-        score = (255.0 * heat.sigmoid()).round().to(torch.uint8)
-        return (*self.classify(self.enlarge(logits)), score, ways * WAY_UNIT_PX)
+        score = (255.0 * join_heat(maps)[0].sigmoid()).round().to(torch.uint8)
+        return (*self.classify(self.enlarge(logits)), score, maps[0, WAY] * WAY_UNIT_PX)
 
     def logits(self, image_rgb: Tensor) -> Tensor:
         return self.enlarge(self.network(self.resize(image_rgb))[0])
@@ -131,7 +130,7 @@ def export_onnx(
     """
     finds_plants = isinstance(network, PlantNet)
     deployed = make_deployed(network, height_px, width_px, features, temperature).eval()
-    outputs = PIXEL_OUTPUTS + PLANT_OUTPUTS if finds_plants else PIXEL_OUTPUTS
+    outputs = PIXEL_OUTPUTS + tuple(PLANT_OUTPUTS) * finds_plants
     example = torch.zeros((1, 480, 640, 3), dtype=torch.uint8)
     with warnings.catch_warnings():
         warnings.simplefilter(

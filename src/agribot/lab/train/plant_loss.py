@@ -1,4 +1,4 @@
-"""The loss of stems and ways against `plant_targets`; maps are (N, 4, rows, columns)."""
+"""The loss of stems and ways against `plant_targets`; maps are (N, 10, rows, columns)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,14 @@ from collections.abc import Callable
 from torch import Tensor
 from torch.nn import functional
 
-from agribot.lab.train.plant_targets import HEAT, HEAT_WEIGHT, WAY, WAY_WEIGHT, join_labels
+from agribot.lab.train.plant_targets import (
+    HEAT,
+    HEAT_WEIGHT,
+    SQUARES,
+    WAY,
+    WAY_WEIGHT,
+    join_labels,
+)
 
 # Source: Zhou et al. 2019 (CenterNet), equation 1.
 SURE_POWER, NEAR_POWER = 2.0, 4.0
@@ -32,15 +39,16 @@ def joint_loss(
 def plant_loss(maps: Tensor, target: Tensor) -> Tensor:
     """Add the focal loss of the heat, for each stem, and the mean error of the ways.
 
-    `maps` are the logits of the heat of weeds and crops, and the ways, right and down; `target`
-    (N, MAPS, rows, columns).
+    `maps` are the logits of the heat of weeds and crops in each square, and the ways, right and
+    down; `target` (N, MAPS, rows, columns). A square without a stem counts as its share of a cell,
+    so that scores mean the same however fine the squares are.
     """
     heat, truth = maps[:, HEAT], target[:, HEAT]
     sure = heat.sigmoid()
     is_stem = truth == 1.0
     hit = (1.0 - sure) ** SURE_POWER * functional.logsigmoid(heat)
     clear = (1.0 - truth) ** NEAR_POWER * sure**SURE_POWER * functional.logsigmoid(-heat)
-    focal = -(hit.where(is_stem, clear) * target[:, HEAT_WEIGHT]).sum()
+    focal = -(hit.where(is_stem, clear / SQUARES**2) * target[:, HEAT_WEIGHT]).sum()
     stems = (is_stem * target[:, HEAT_WEIGHT]).sum().clamp(min=1.0)
     weight = target[:, WAY_WEIGHT]
     error = (maps[:, WAY] - target[:, WAY]).abs().sum(dim=1, keepdim=True)

@@ -13,13 +13,14 @@ from agribot.lab.train.network import (
     PlainBlock,
     make_conv,
 )
+from agribot.lab.train.plant_targets import HEAT, WAY
 
-# Of the branch, at strides of 4, 8, 16 and 32.
-WIDTHS = (32, 48, 80, 128)
+# Of the branch, at strides of 4, 8, 16 and 32, and its residual blocks from the second on.
+WIDTHS, BLOCKS = (32, 48, 80, 128), (1, 2, 2)
 # Of the classes: the encoder at strides of 2 to 32, with what a stage has of blocks, and back up.
 CLASS_WIDTHS, CLASS_BLOCKS, CLASS_DECODER = (16, 24, 48, 80, 128), (1, 1, 2, 2), (16, 24, 32, 48)
 ENCODED_WIDTH, MERGED_WIDTH = CLASS_WIDTHS[1], CLASS_DECODER[1]  # their features at stride 4
-BRANCH_MAPS = 4  # heat of weeds and of crops, way right and down
+BRANCH_MAPS = WAY.stop  # heat of weeds and of crops in each square, way right and down
 # Before training nearly every cell holds no stem.
 HEAT_BIAS = -3.0
 
@@ -34,13 +35,13 @@ class PlantBranch(nn.Module):
         super().__init__()
         self.enter = make_conv(channels, WIDTHS[0], kernel=1)
         self.encoder = nn.ModuleList(
-            EncoderStage(WIDTHS[i], WIDTHS[i + 1], blocks=1) for i in range(len(WIDTHS) - 1)
+            EncoderStage(WIDTHS[i], WIDTHS[i + 1], BLOCKS[i]) for i in range(len(BLOCKS))
         )
         self.decoder = Decoder(WIDTHS, WIDTHS[:-1], PlainBlock, BRANCH_MAPS)
         bias = self.decoder.head.bias
         assert bias is not None
         with torch.no_grad():
-            bias[:2] = HEAT_BIAS
+            bias[HEAT] = HEAT_BIAS
 
     def forward(self, x: Tensor) -> Tensor:
         features = [functional.relu(self.enter(x), inplace=True)]
@@ -51,7 +52,7 @@ class PlantBranch(nn.Module):
 
 
 class PlantNet(nn.Module):
-    """Image to class logits, and to heat and ways of the stems at a quarter of the resolution.
+    """Image to class logits, and to heat and ways of the stems, cell by cell as in targets.
 
     Input as of `CropWeedNet`, (N, 3, H, W). Output its logits (N, 3, H / 2, W / 2) and
     (N, BRANCH_MAPS, H / 4, W / 4).

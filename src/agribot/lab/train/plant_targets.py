@@ -15,24 +15,25 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from agribot.autonomy.perceive.stems import CELL_PX, find_centres
+from agribot.autonomy.perceive.stems import CELL_PX, SQUARE_PX, find_centres
 from agribot.lab.train.augment import choose_windows, recolour
 from agribot.lab.train.losses import IGNORED
 from agribot.lab.train.picture_stack import NO_PLANT, PictureStack
 from agribot.lab.train.plant_truth import LEAST_PX
 from agribot.lab.train.sensors import change_sensors, compress_some
 
-# The maps of a target, (MAPS, H / CELL_PX, W / CELL_PX): heat of weeds and of crops, the way to the
-# stem in units of WAY_UNIT_PX, right and down, how much the way counts, and the heat; then the
-# classes of the cell's own pixels, row by row.
-MAPS = 6 + CELL_PX**2
-HEAT, WAY, WAY_WEIGHT, HEAT_WEIGHT = slice(0, 2), slice(2, 4), slice(4, 5), slice(5, 6)
-LABEL = slice(6, MAPS)
+SQUARES = CELL_PX // SQUARE_PX  # along the side of a cell
+# The maps of a target, (MAPS, H / CELL_PX, W / CELL_PX): heat of weeds and of crops in the squares
+# of the cell, row by row, the way to the stem in units of WAY_UNIT_PX, right and down, how much the
+# way counts, and the heat; then the classes of the cell's own pixels, row by row.
+HEAT, WAY, WAY_WEIGHT, HEAT_WEIGHT = slice(0, 8), slice(8, 10), slice(10, 11), slice(11, 12)
+MAPS = HEAT_WEIGHT.stop + CELL_PX**2
+LABEL = slice(HEAT_WEIGHT.stop, MAPS)
 WAY_UNIT_PX = 32.0
-# Width of a peak of heat: of the radius of what is seen of the plant, and its limits in cells.
-SIGMA_RATIO, SIGMA_CELLS = 0.3, (0.7, 2.0)
+# Width of a peak of heat: of the radius of what is seen of the plant, and its limits in squares.
+SIGMA_RATIO, SIGMA_SQUARES = 0.3, (1.1, 4.0)
 
-PEAK_REACH_CELLS = int(np.ceil(3.0 * SIGMA_CELLS[1]))
+PEAK_REACH_SQUARES = int(np.ceil(3.0 * SIGMA_SQUARES[1]))
 
 
 def augment_views(
@@ -71,8 +72,7 @@ def make_targets(label: Tensor, number: Tensor, stems_px: Tensor, kinds: Tensor)
     stems = _list_stems(stems_px, is_seen[:, 1:] & (kinds != NO_PLANT), shape)
     _give_cells(owner, stems)
     targets = torch.zeros((count, MAPS, *shape), device=label.device)
-    radius_cells = torch.sqrt(seen_px[stems.picture, stems.plant + 1] / torch.pi) / CELL_PX
-    _add_peaks(targets, stems, kinds[stems.picture, stems.plant], radius_cells)
+    targets[:, HEAT] = _draw_heat(stems_px, stems, kinds, seen_px, shape)
     targets[:, WAY] = _find_ways(owner, stems_px)
     cells = _count_numbers(owner, most).clamp(min=1).to(torch.float32)
     weight = cells.rsqrt()
@@ -92,6 +92,11 @@ def tell_classes_alone(label: Tensor) -> Tensor:
     classes = functional.pixel_unshuffle(label[:, None].to(torch.float32), CELL_PX)
     nothing = torch.zeros((len(label), MAPS - CELL_PX**2, *classes.shape[2:]))
     return torch.cat([nothing, classes], dim=1)
+
+
+def join_heat(maps: Tensor) -> Tensor:
+    """Join the heat in maps (N, ..., rows, columns) to (N, 2, H / SQUARE_PX, W / SQUARE_PX)."""
+    return functional.pixel_shuffle(maps[:, HEAT], SQUARES)
 
 
 def join_labels(targets: Tensor) -> Tensor:
@@ -155,22 +160,27 @@ def _give_cells(owner: Tensor, stems: _Stems) -> None:
     owner.copy_(torch.where(own > 0, own, owner))
 
 
-def _add_peaks(targets: Tensor, stems: _Stems, kinds: Tensor, radius_cells: Tensor) -> None:
-    """Raise the heat of targets (N, MAPS, rows, columns) to Gaussians about the stems, 1 there."""
-    _, maps, rows, columns = targets.shape
-    low, high = SIGMA_CELLS
-    sigma = (SIGMA_RATIO * radius_cells).clamp(low, high)[:, None, None]
-    around = torch.arange(-PEAK_REACH_CELLS, PEAK_REACH_CELLS + 1, device=targets.device)
+def _draw_heat(
+    stems_px: Tensor, stems: _Stems, kinds: Tensor, seen_px: Tensor, shape: Sequence[int]
+) -> Tensor:
+    """Draw Gaussians about the stems, 1 in their squares: cell by cell, (N, 8, rows, columns)."""
+    rows, columns = (SQUARES * cells for cells in shape)
+    heat = torch.zeros((len(kinds), 2, rows, columns), device=kinds.device)
+    radius_px = torch.sqrt(seen_px[stems.picture, stems.plant + 1] / torch.pi)
+    sigma = (SIGMA_RATIO * radius_px / SQUARE_PX).clamp(*SIGMA_SQUARES)[:, None, None]
+    around = torch.arange(-PEAK_REACH_SQUARES, PEAK_REACH_SQUARES + 1, device=heat.device)
     gap2 = around[:, None] ** 2 + around[None, :] ** 2
     peak = torch.exp(-gap2 / (2.0 * sigma**2))
-    row = stems.row[:, None, None] + around[None, :, None]
-    column = stems.column[:, None, None] + around[None, None, :]
+    square = torch.floor((stems_px[stems.picture, stems.plant] + 0.5) / SQUARE_PX).to(torch.int64)
+    row = square[:, 1, None, None] + around[None, :, None]
+    column = square[:, 0, None, None] + around[None, None, :]
     reach = torch.ceil(3.0 * sigma)
     near = (around.abs()[None, :, None] <= reach) & (around.abs()[None, None, :] <= reach)
     inside = near & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    plane = (stems.picture * maps + kinds)[:, None, None]
+    plane = (stems.picture * 2 + kinds[stems.picture, stems.plant])[:, None, None]
     place = (plane * rows + row) * columns + column
-    targets.view(-1).scatter_reduce_(0, place[inside], peak[inside].to(targets.dtype), "amax")
+    heat.view(-1).scatter_reduce_(0, place[inside], peak[inside].to(heat.dtype), "amax")
+    return functional.pixel_unshuffle(heat, SQUARES)
 
 
 def _find_ways(owner: Tensor, stems_px: Tensor) -> Tensor:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agribot.autonomy.perceive.segmenter import PLANT_OUTPUTS
-from agribot.autonomy.perceive.stems import CELL_PX
 from agribot.core.errors import PerceptionError
 
 if TYPE_CHECKING:
@@ -45,5 +44,5 @@ def name_output_sizes(model: onnx.ModelProto, height_px: int, width_px: int) -> 
     """Write the sizes of all outputs of a network whose input is resized to these."""
     for output in model.graph.output:
         *_, rows, columns = output.type.tensor_type.shape.dim
-        step_px = CELL_PX if output.name in PLANT_OUTPUTS else 1
+        step_px = PLANT_OUTPUTS.get(output.name, 1)
         rows.dim_value, columns.dim_value = height_px // step_px, width_px // step_px
