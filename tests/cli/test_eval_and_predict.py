@@ -41,7 +41,7 @@ def test_eval_reports_one_pooled_confusion_matrix(
     assert set(result) == EVAL_KEYS
     assert (result["dataset"], result["model"], result["images"]) == ("cwfid", "agribot-plants", 3)
     assert (result["height_px"], result["width_px"]) == (480, 640)
-    assert result["params"] == 1_815_767
+    assert result["params"] == 2_226_909
     assert result["fps_cpu"] > 0.0
     counts = np.zeros((3, 3), int)
     segmenter = Segmenter("agribot-plants")
