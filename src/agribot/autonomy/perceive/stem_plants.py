@@ -18,8 +18,8 @@ from agribot.core.errors import PerceptionError
 from agribot.core.messages import FloatArray, GroundPlant, PlantClass
 
 LEAST_SCORE = 0.25
-# Two stems of one class so near, in radii of a plant with the leaves of both, are one plant found
-# twice: the first if they are equally sure, up to the sum of both the less sure one of them is.
+# Two stems of one class nearer than the first, in radii of a plant with the leaves of both, are one
+# plant found twice; the second is added by the share that the one is less sure than the other.
 DOUBLE_RATIO, DOUBT_RATIO = 0.35, 0.7
 STEM_STD_M = 0.006
 # The body nods and rolls over the ground; a ray that is tilted meets the ground elsewhere.

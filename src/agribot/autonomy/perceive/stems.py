@@ -4,8 +4,7 @@ Stems are peaks of a score, after Zhou et al. 2019, Objects as points. Vegetatio
 its own stem, after Neven et al. 2019, Instance segmentation by jointly optimizing spatial
 embeddings: plants whose leaves touch come apart. Places are pixels of the class map, u right and v
 down from the centre of the top left pixel. Ways are told by cells of 4 px, scores by squares of
-2 px, so that stems of 5 px from each other are told apart; the cell in row r and column c has its
-centre at u = 4 c + 1.5, v = 4 r + 1.5.
+2 px; the cell in row r and column c has its centre at u = 4 c + 1.5, v = 4 r + 1.5.
 """
 
 from __future__ import annotations
