@@ -17,6 +17,7 @@ from agribot.core.messages import ByteArray
 
 PIXEL_OUTPUTS = ("class_id", "confidence")
 PLANT_OUTPUTS = {"stem_score": SQUARE_PX, "way_px": CELL_PX}  # with px per value; both or none
+PLANT_TYPES = ("tensor(uint8)", "tensor(float)")  # of theirs
 CPU = "CPUExecutionProvider"
 # The winner of three classes has at least a third of the probability, 85 of 255; less is NaN.
 LEAST_CONFIDENCE = 80
@@ -131,10 +132,8 @@ def _tells_plants(outputs: Mapping[str, Any], map_shape: tuple[int, int]) -> boo
     height, width = map_shape
     found = [(outputs[name].type, outputs[name].shape) for name in PLANT_OUTPUTS if name in outputs]
     is_whole = height % CELL_PX == 0 and width % CELL_PX == 0
-    return is_whole and found == [
-        ("tensor(uint8)", [2, height // SQUARE_PX, width // SQUARE_PX]),
-        ("tensor(float)", [2, height // CELL_PX, width // CELL_PX]),
-    ]
+    shapes = [[2, height // px, width // px] for px in PLANT_OUTPUTS.values()]
+    return is_whole and found == list(zip(PLANT_TYPES, shapes, strict=True))
 
 
 def _misfit(path: Path) -> PerceptionError:

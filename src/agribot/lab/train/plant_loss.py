@@ -1,4 +1,4 @@
-"""The loss of stems and ways against `plant_targets`; maps are (N, 10, rows, columns)."""
+"""The loss of stems and ways against `plant_targets`; maps are (N, WAY.stop, rows, columns)."""
 
 from __future__ import annotations
 

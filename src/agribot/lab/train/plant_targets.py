@@ -26,9 +26,12 @@ SQUARES = CELL_PX // SQUARE_PX  # along the side of a cell
 # The maps of a target, (MAPS, H / CELL_PX, W / CELL_PX): heat of weeds and of crops in the squares
 # of the cell, row by row, the way to the stem in units of WAY_UNIT_PX, right and down, how much the
 # way counts, and the heat; then the classes of the cell's own pixels, row by row.
-HEAT, WAY, WAY_WEIGHT, HEAT_WEIGHT = slice(0, 8), slice(8, 10), slice(10, 11), slice(11, 12)
-MAPS = HEAT_WEIGHT.stop + CELL_PX**2
-LABEL = slice(HEAT_WEIGHT.stop, MAPS)
+HEAT = slice(0, 2 * SQUARES**2)
+WAY = slice(HEAT.stop, HEAT.stop + 2)
+WAY_WEIGHT = slice(WAY.stop, WAY.stop + 1)
+HEAT_WEIGHT = slice(WAY_WEIGHT.stop, WAY_WEIGHT.stop + 1)
+LABEL = slice(HEAT_WEIGHT.stop, HEAT_WEIGHT.stop + CELL_PX**2)
+MAPS = LABEL.stop
 WAY_UNIT_PX = 32.0
 # Width of a peak of heat: of the radius of what is seen of the plant, and its limits in squares.
 SIGMA_RATIO, SIGMA_SQUARES = 0.3, (1.1, 4.0)
@@ -163,7 +166,7 @@ def _give_cells(owner: Tensor, stems: _Stems) -> None:
 def _draw_heat(
     stems_px: Tensor, stems: _Stems, kinds: Tensor, seen_px: Tensor, shape: Sequence[int]
 ) -> Tensor:
-    """Draw Gaussians about the stems, 1 in their squares: cell by cell, (N, 8, rows, columns)."""
+    """Draw Gaussians about the stems, 1 in their squares: cell by cell, as in `HEAT`."""
     rows, columns = (SQUARES * cells for cells in shape)
     heat = torch.zeros((len(kinds), 2, rows, columns), device=kinds.device)
     radius_px = torch.sqrt(seen_px[stems.picture, stems.plant + 1] / torch.pi)
