@@ -7,7 +7,7 @@ import sys
 
 from agribot.autonomy.control.stalled_turn import PIECE_RAD, STALLED_RATIO, STALLED_S
 from agribot.autonomy.control.wheel_watch import HELD_LASTING_S
-from agribot.autonomy.plan.freeing import BACK_M, SAME_PLACE_M
+from agribot.autonomy.plan.freeing import SAME_PLACE_M, TRIES
 from agribot.autonomy.plan.requests import TABLE, Column, Do, Ignore, Reaction, Refuse
 from agribot.autonomy.plan.row_recovery import LADDER
 from agribot.core.messages import OperatorAction
@@ -88,11 +88,14 @@ STUCK = f"""
 
 Clods hold a wheel for a second or two, and the robot climbs over them. Where its wheels turn for
 {HELD_LASTING_S:g} s and it does not get on, or not around, the gate holds it; after a second at
-rest the mission backs out on the bend on which it came, tool off, by {BACK_M[0]:g} m, and tries
-again with a run-up ([`freeing.py`](../src/agribot/autonomy/plan/freeing.py)); at the same place,
-within {SAME_PLACE_M:g} m, it does so up to `mission.free_tries` times, from {BACK_M[1]:g} and
-{BACK_M[2]:g} m. Held on its way back, it tries forwards. Only ground on which it has just come is
-driven, so that a robot that has only just set off does not try, nor one on an errand or backwards.
+rest the mission backs out on the bend on which it came, tool off, by {TRIES[0].back_m:g} m, and
+tries again with a run-up ([`freeing.py`](../src/agribot/autonomy/plan/freeing.py)); at the same
+place, within {SAME_PLACE_M:g} m, it does so up to `mission.free_tries` times: twice from
+{TRIES[1].back_m:g} m and then from {TRIES[3].back_m:g} m, driving {100.0 * TRIES[1].left_m:g} cm to
+the left and to the right of its path by turns until it is {SAME_PLACE_M:g} m on, so that other
+parts of its wheels meet the clods. In its rows it then counts on so much less room to the crop.
+Held on its way back, it tries forwards. It backs out only over ground on which it has just come, so
+that a robot that has only just set off does not try, nor one on an errand or backwards.
 What is left the [gate](safety.md#protective-stops) stops, for a person to look. How far that leads
 on the roughest ground is [measured](simulator.md#how-far-the-robot-gets-on-hard).
 """

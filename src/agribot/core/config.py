@@ -80,7 +80,7 @@ class MissionConfig(Config, frozen=True):
     waits_for_goals: bool = False  # begins when it is resumed, visits what it is sent to, and stays
     stall_timeout_s: Positive = 60.0  # without headway for so long, the mission fails
     # Stuck, it backs out as it came and tries again, so often at one place before it stops.
-    free_tries: Annotated[int, msgspec.Meta(ge=0, le=10)] = 3
+    free_tries: Annotated[int, msgspec.Meta(ge=0, le=10)] = 5
     # Known across the row so well (1 sigma) the robot drives at full speed, so badly not at all.
     full_speed_std_m: Positive = 0.08
     max_row_std_m: Positive = 0.25  # known across the row so badly, the robot does not drive

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -18,8 +19,17 @@ from agribot.core.geo import wrap_rad
 from agribot.core.messages import Estimate, Path
 from agribot.core.pose import Pose2
 
-# A longer run-up with every try.
-BACK_M = (0.3, 0.5, 0.8)
+
+class Try(NamedTuple):
+    """How far to back out for it, and how far to the left of its path to drive then."""
+
+    back_m: float
+    left_m: float
+
+
+# Where a run-up was not enough, other parts of the wheels meet the clods. None goes farther aside
+# than a robot may be that knows where it is: crop stands beside its wheels.
+TRIES = (Try(0.3, 0.0), Try(0.5, 0.06), Try(0.5, -0.06), Try(0.8, 0.06), Try(0.8, -0.06))
 LEAST_BACK_M = 0.1  # less is no run-up
 SAME_PLACE_M = 1.5  # tries nearer to each other are at the same place
 STEP_M, TRAIL_M = 0.05, 1.2
@@ -99,4 +109,13 @@ class Freeing:
         if self._place is None:
             self._place = (estimate.x_map_m, estimate.y_map_m)
         self._tries += 1
-        return BACK_M[min(self._tries, len(BACK_M)) - 1]
+        return self._try.back_m
+
+    @property
+    def left_m(self) -> float:
+        """How far to the left of its path the robot drives here; 0 where nothing has held it."""
+        return self._try.left_m if self._tries else 0.0
+
+    @property
+    def _try(self) -> Try:
+        return TRIES[min(self._tries, len(TRIES)) - 1]

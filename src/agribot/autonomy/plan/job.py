@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterable
 from typing import Literal
 
-import msgspec
-
 from agribot.autonomy.plan.covered import CoveredRows, cover_row
 from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.route import Route
@@ -144,12 +142,7 @@ class MissionJob:
         if not nudged_m:
             return estimate
         line = next(each for each in self.task.rows if each.index == row)
-        left_x, left_y = Pose2(0.0, 0.0, chord_yaw_rad(line)).left
-        return msgspec.structs.replace(
-            estimate,
-            x_map_m=estimate.x_map_m - nudged_m * left_x,
-            y_map_m=estimate.y_map_m - nudged_m * left_y,
-        )
+        return estimate.relate_to_aside(chord_yaw_rad(line), nudged_m)
 
     @property
     def nudged_here_m(self) -> float:

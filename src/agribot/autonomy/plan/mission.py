@@ -323,12 +323,14 @@ class Mission:
     def relate_to_path(self, estimate: Estimate) -> Estimate:
         """Return the pose in a map whose rows lie where the robot is to drive them.
 
-        They may stand beside their map, and a person may have moved the one under the robot.
+        They may stand beside their map, and a person may have moved the one under the robot. One
+        that was stuck tries again a little beside its path.
         """
         on_rows = estimate.relate_to_rows()
         if self._job is None or find_away(self._state):
             return on_rows
-        return self._job.relate_to_nudged(on_rows)
+        on_path = self._job.relate_to_nudged(on_rows)
+        return on_path.relate_to_aside(self._job.route.yaw_map_rad, self._freeing.left_m)
 
     def _resume(self) -> str:
         state = self._state
@@ -617,7 +619,7 @@ class Mission:
         rows = self._task.rows if has_crop else ()
         clearance_m = self._task.clearance_m
         if isinstance(state, Driving):
-            clearance_m -= state.job.nudged_here_m
+            clearance_m -= state.job.nudged_here_m + abs(self._freeing.left_m)
         astray = self._watch.check_crop(route, estimate, rows, clearance_m)
         return reason or astray
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import msgspec
@@ -75,7 +76,15 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
 
     def relate_to_rows(self) -> Estimate:
         """Return the pose in a map whose rows lie where those of the field stand."""
-        east_m, north_m = self.rows_off_m
+        return self._relate_to_moved(*self.rows_off_m)
+
+    def relate_to_aside(self, yaw_map_rad: float, left_m: float) -> Estimate:
+        """Return the pose in a map in which a line in this direction lies so far to its left."""
+        return self._relate_to_moved(
+            -math.sin(yaw_map_rad) * left_m, math.cos(yaw_map_rad) * left_m
+        )
+
+    def _relate_to_moved(self, east_m: float, north_m: float) -> Estimate:
         if not east_m and not north_m:
             return self
         return msgspec.structs.replace(
