@@ -85,7 +85,8 @@ def _add_photographs(group: argparse._ArgumentGroup) -> None:
         "--scores-from",
         type=Path,
         metavar="CARD.json",
-        help="without --fold: card of the same recipe with a fold held out, to state its scores",
+        help="without --fold: card of the same recipe with a fold held out, to state its scores "
+        "and take over how sure it is",
     )
 
 
@@ -125,7 +126,7 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
     onnx_path = args.out / f"{args.name}.onnx"
     features = find_architecture(args.model).features
     calibration = _calibrate(network, features, source)
-    kept_temperature = keep_temperature(args)
+    kept_temperatures = keep_temperatures(args)
     height_px, width_px = source.input_size_px
     is_small = args.precision == "int8"
     plain_path = args.out / f"{args.name}-fp32.onnx" if is_small else onnx_path
@@ -136,7 +137,7 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
         width_px,
         antialias=source.antialias,
         features=features,
-        temperature=calibration.temperature if calibration else kept_temperature or 1.0,
+        temperatures=_choose_temperatures(calibration, kept_temperatures, held_out),
     )
     if is_small:
         quantise_to_int8(plain_path, onnx_path, sample_pictures(source.pictures))
@@ -144,7 +145,7 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
         _evaluate(args, trainer, onnx_path, source),
         held_out=held_out,
         calibration=calibration,
-        kept_temperature=kept_temperature,
+        kept_temperatures=kept_temperatures,
     )
     card.write(onnx_path)
     write_curves(args.out / LOG, args.out / "training.png")
@@ -246,6 +247,7 @@ def _make_plan(args: argparse.Namespace, source: Any, group: Any) -> Any:
 
 
 def _calibrate(network: Any, features: Any, source: Any) -> Any:
+    """Find temperatures on the images set aside; where they are those of the test, by turns."""
     if source.aside is None:
         return None
     import itertools
@@ -255,15 +257,24 @@ def _calibrate(network: Any, features: Any, source: Any) -> Any:
 
     height_px, width_px = source.input_size_px
     deployed = make_deployed(network, height_px, width_px, features).eval()
-    tests = itertools.chain.from_iterable(pairs() for pairs in source.tests.values())
+    others = [] if source.has_tests_aside else source.tests.values()
+    tests = itertools.chain.from_iterable(pairs() for pairs in others)
     return calibrate(deployed.logits, source.aside(), tests)
 
 
-def keep_temperature(args: argparse.Namespace) -> float | None:
-    """Return that of the weights whose classes are kept; None for a network that learns its own."""
-    from agribot.lab.train.start import read_temperature
+def keep_temperatures(args: argparse.Namespace) -> Any:
+    """Return those of weights whose classes are kept; None for a network that learns its own."""
+    from agribot.lab.train.start import read_temperatures
 
-    return read_temperature(args.start) if args.keep_classes else None
+    return read_temperatures(args.start) if args.keep_classes else None
+
+
+def _choose_temperatures(calibration: Any, kept: Any, held_out: Any) -> Any:
+    """Take the network's own, those of its start, or those of a training that held images out."""
+    from agribot.lab.train.calibration import AS_TRAINED
+
+    found = calibration or (held_out.calibration if held_out else None)
+    return found.temperatures if found else kept or AS_TRAINED
 
 
 def _evaluate(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: Any) -> Any:

@@ -57,8 +57,9 @@ def add_recipe_options(group: argparse._ArgumentGroup) -> None:
         type=int,
         default=None,
         metavar="N",
-        help="pictures set aside, from which alone the curve of the training comes and the step "
-        "whose weights are kept (default: 24 drawn images, no photograph)",
+        help="pictures set aside, from which alone the curve of the training comes, the step whose "
+        "weights are kept and, of photographs, how sure the network is (default: 24 drawn images, "
+        "no photograph)",
     )
     group.add_argument(
         "--keep-classes",

@@ -10,12 +10,13 @@ import torch
 from torch import Tensor, nn
 
 from agribot.autonomy.perceive.segmenter import Segmenter, model_path
-from agribot.cli.train import keep_temperature, run
+from agribot.cli.train import keep_temperatures, run
 from agribot.cli.train_options import check_recipe_options
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray
 from agribot.lab.bench import plant_scenes
 from agribot.lab.bench.plant_scenes import SCENES
+from agribot.lab.train.calibration import AS_TRAINED, Temperatures
 from agribot.lab.train.card import ModelCard
 from agribot.lab.train.export import export_onnx
 from agribot.lab.train.features import centred_rgb
@@ -33,13 +34,14 @@ from agribot.lab.train.plant_targets import (
     join_labels,
 )
 from agribot.lab.train.resizing import resize_network
-from agribot.lab.train.start import read_temperature, start_from
+from agribot.lab.train.start import read_temperatures, start_from
 from tests.lab.train.changed_norms import change_norms
 from tests.lab.train.command_line import parsed
 from tests.lab.train.drawn_images import drawn_image
 from tests.lab.train.photo_folder import photo_folder
 
 PLANTS = ("--model", "agribot-plants")
+MILD = Temperatures(weed=1.7, crop=1.5, soil=1.2)
 
 
 def draw_batch(rng: np.random.Generator) -> tuple[Tensor, Tensor]:
@@ -56,7 +58,7 @@ def draw_image() -> ByteArray:
 @pytest.fixture(scope="module")
 def start_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("start") / "start.onnx"
-    export_onnx(change_norms(PlantNet()), path, 96, 128, temperature=1.7)
+    export_onnx(change_norms(PlantNet()), path, 96, 128, temperatures=MILD)
     return path
 
 
@@ -85,9 +87,9 @@ def test_stems_alone_learn_where_the_classes_are_to_be_kept(
 ) -> None:
     network, changed = learn(tmp_path, start_file, keeps_classes=True)
     assert changed == {"plants"}
-    temperature = read_temperature(start_file)
-    assert temperature == pytest.approx(1.7)
-    export_onnx(network, tmp_path / "plants.onnx", 96, 128, temperature=temperature)
+    temperatures = read_temperatures(start_file)
+    assert temperatures == MILD
+    export_onnx(network, tmp_path / "plants.onnx", 96, 128, temperatures=temperatures)
     one = Segmenter(start_file).segment(draw_image())
     other = Segmenter(tmp_path / "plants.onnx").segment(draw_image())
     # Its weights are stored in 16 bits: probabilities move a little, and ties may fall otherwise.
@@ -183,7 +185,8 @@ def test_photographs_teach_classes_and_drawn_fields_keep_the_stems(tmp_path: Pat
 def test_classes_that_are_kept_keep_their_temperature(tmp_path: Path) -> None:
     args = parsed(*PLANTS, "--keep-classes", "--start", "agribot-plants", "--out", str(tmp_path))
     check_recipe_options(args)
-    assert keep_temperature(args) == read_temperature(model_path("agribot-plants")) != 1.0
+    kept = keep_temperatures(args)
+    assert kept == read_temperatures(model_path("agribot-plants")) != AS_TRAINED
     assert "--keep-classes" in args.recipe_words and args.asked["keeps_classes"]
 
 
@@ -205,8 +208,8 @@ def test_one_command_draws_fields_and_makes_weights_that_find_plants(
     }  # fmt: skip
     assert card.plants.keys() == {*judged, "all"}
     assert card.plants["all"].crops_truth > 50 and card.plants["beet-25-25"].crops_truth > 0
-    assert card.kept_temperature is None and card.calibration is not None
-    assert read_temperature(weights) == pytest.approx(card.calibration.temperature, rel=1e-4)
+    assert card.kept_temperatures is None and card.calibration is not None
+    assert read_temperatures(weights) == card.calibration.temperatures
     told = weights.with_suffix(".md").read_text(encoding="utf-8")
     assert "| beet-25-25 |" in told and "over the pixels taken for plants" in told
     assert "--validate 2" in card.command and card.train_images == 5

@@ -29,7 +29,7 @@ def test_one_command_goes_from_nothing_to_weights_with_a_card(
     assert (card.plan.steps, card.train_images) == (2, 2)
     assert set(card.test) == {"random-fields", "farm", "row-crops", "turns"}
     assert card.calibration is not None and card.calibration.images == 2
-    assert card.calibration.temperature > 0.0
+    assert card.calibration.temperatures.weed > 0.0
     assert np.array(card.test["farm"].confusion).sum() > 100_000
     image_rgb = np.zeros((480, 640, 3), dtype=np.uint8)
     assert Segmenter(weights).segment(image_rgb).class_id.shape == (480, 640)

@@ -16,7 +16,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import PlantClass
 from agribot.lab.plant_scores import PlantScores
 from agribot.lab.plant_table import format_table
-from agribot.lab.train.calibration import Calibration
+from agribot.lab.train.calibration import Calibration, Temperatures
 from agribot.lab.train.efficientnet import PACKAGE, VERSION
 from agribot.lab.train.evaluate import CLASS_NAMES, Scores
 from agribot.lab.train.fit import TrainingPlan
@@ -37,6 +37,7 @@ class HeldOut(msgspec.Struct, frozen=True, kw_only=True):
     input_height_px: int
     input_width_px: int
     test: dict[str, Scores]
+    calibration: Calibration | None = None
 
 
 class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
@@ -57,7 +58,7 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     training_device: str = ""  # the GPU, if it was trained on one
     test: dict[str, Scores]
     plants: dict[str, PlantScores] = {}  # of single plants, by scene of `agribot bench plants`
-    kept_temperature: float | None = None  # with the classes of the weights it began with
+    kept_temperatures: Temperatures | None = None  # with the classes of weights it began with
     limits: str = SIM_LIMITS
     chosen_blind: bool = True  # no setting, such as the input size, was chosen by the test sets
     precision: str = "fp32"  # of the numbers in the file
@@ -115,21 +116,20 @@ Limits: {self.limits}
         return f"\n- Changed since: {self.changed_since}" if self.changed_since else ""
 
     def _sureness(self) -> str:
-        found = self.calibration
-        if self.kept_temperature is not None:
+        if self.kept_temperatures is not None:
             return (
-                f"softmax of the logits over the temperature {self.kept_temperature:g} of the "
+                f"softmax of the logits over {_name_temperatures(self.kept_temperatures)} of the "
                 "weights it began with, whose classes it keeps"
             )
-        if found is None:
-            return "softmax of the logits, no temperature"
-        plants = found.plant_error_after
-        return (
-            f"softmax of the logits over the temperature {found.temperature:g}, found on "
-            f"{found.images} images set aside; expected calibration error on the test images "
-            f"{found.error_before:.4f} without it, {found.error_after:.4f} with it"
-            + ("" if plants is None else f", {plants:.4f} over the pixels taken for plants")
-        )
+        if self.calibration is not None:
+            return f"softmax of the logits over {_describe_calibration(self.calibration)}"
+        found = self.held_out.calibration if self.held_out else None
+        if found is not None:
+            return (
+                f"softmax of the logits over {_describe_calibration(found)}; temperatures and "
+                "errors are those of the training that held images out"
+            )
+        return "softmax of the logits, no temperature: no image was set aside to find one"
 
     def _origin(self) -> str:
         """Describe where the scores come from."""
@@ -149,6 +149,33 @@ Limits: {self.limits}
             f"{other.steps} steps, judged at {other.input_width_px} x {other.input_height_px} on "
             f"images that it never saw; they come {pooled}. That training: `{other.command}`"
         )
+
+
+def _name_temperatures(values: Temperatures) -> str:
+    if values.weed == values.crop == values.soil:
+        return f"the temperature {values.soil:g}"
+    return (
+        f"the temperatures {values.weed:g} of pixels taken for weed, {values.crop:g} of crop and "
+        f"{values.soil:g} of soil"
+    )
+
+
+def _describe_calibration(found: Calibration) -> str:
+    where = "these, each judged with what the others tell" if found.is_by_turns else "test images"
+    text = f"{_name_temperatures(found.temperatures)}, found on {found.images} images set aside"
+    if found.error_after is None:
+        return f"{text}; what they bring was not measured: a second image would tell"
+    before, after = found.plant_error_before, found.plant_error_after
+    if after is None:
+        plants = ""
+    elif before is None:
+        plants = f", {after:.4f} over the pixels taken for plants"
+    else:
+        plants = f", {before:.4f} and {after:.4f} over the pixels taken for plants"
+    return (
+        f"{text}; expected calibration error on {where} {found.error_before:.4f} without, "
+        f"{found.error_after:.4f} with{plants}"
+    )
 
 
 def _format_scores(name: str, scores: Scores) -> str:
@@ -221,4 +248,5 @@ def read_held_out(path: Path, plan: TrainingPlan) -> HeldOut:
         input_height_px=card.input_height_px,
         input_width_px=card.input_width_px,
         test=card.test,
+        calibration=card.calibration,
     )

@@ -10,12 +10,14 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from agribot.autonomy.perceive.segmenter import PIXEL_OUTPUTS, PLANT_OUTPUTS
 from agribot.core.messages import PlantClass
+from agribot.lab.train.calibration import AS_TRAINED, Temperatures
 from agribot.lab.train.evaluate import CLASS_NAMES
 from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.plant_network import PlantNet
@@ -26,6 +28,7 @@ from agribot.lab.train.resizing import name_output_sizes
 # Of the network, not of the camera: the graph resizes whatever comes in.
 INPUT_HEIGHT_PX, INPUT_WIDTH_PX = 480, 640
 OPSET = 18
+TEMPERATURES = "temperatures"  # of weed, crop and soil, in the metadata of a file
 
 Features = Callable[[Tensor], Tensor]
 
@@ -33,7 +36,7 @@ Features = Callable[[Tensor], Tensor]
 class DeployedNet(nn.Module):
     """(1, H, W, 3) uint8 to class (h, w) uint8 and confidence (h, w) uint8, 255 = certain.
 
-    `temperature` divides the logits of the confidence; see `agribot.lab.train.calibration`.
+    `temperatures` divide the logits of the confidence; see `agribot.lab.train.calibration`.
     """
 
     def __init__(
@@ -42,13 +45,13 @@ class DeployedNet(nn.Module):
         height_px: int,
         width_px: int,
         features: Features = centred_rgb,
-        temperature: float = 1.0,
+        temperatures: Temperatures = AS_TRAINED,
     ) -> None:
         super().__init__()
         self.network = network
         self.features = features
         self.size_px = (height_px, width_px)
-        self.temperature = temperature
+        self.temperatures = temperatures
 
     def resize(self, image_rgb: Tensor) -> Tensor:
         """(1, H, W, 3) uint8 to the input of the network."""
@@ -77,11 +80,20 @@ class DeployedNet(nn.Module):
         weed, crop, soil = torch.split(logits[0], 1)
         plant = torch.maximum(weed, crop)
         best = torch.maximum(plant, soil)
-        shares = [((logit - best) / self.temperature).exp() for logit in (weed, crop, soil)]
+        is_soil, is_crop = soil > plant, crop > weed
+        divisor = self._choose_divisor(is_soil, is_crop)
+        shares = [((logit - best) / divisor).exp() for logit in (weed, crop, soil)]
         confidence = 255.0 / (shares[0] + shares[1] + shares[2])
-        plant_id = (crop > weed).to(torch.uint8) * int(PlantClass.CROP)  # else 0, a weed
-        class_id = plant_id.masked_fill(soil > plant, int(PlantClass.SOIL))
+        plant_id = is_crop.to(torch.uint8) * int(PlantClass.CROP)  # else 0, a weed
+        class_id = plant_id.masked_fill(is_soil, int(PlantClass.SOIL))
         return class_id[0], confidence[0].round().to(torch.uint8)
+
+    def _choose_divisor(self, is_soil: Tensor, is_crop: Tensor) -> Tensor | float:
+        """Choose the temperature of each pixel; a number, which costs nothing, where it can be."""
+        weed, crop, soil = msgspec.structs.astuple(self.temperatures)
+        if weed == crop == soil:
+            return float(soil)
+        return torch.where(is_soil, soil, torch.where(is_crop, crop, weed))
 
 
 class DeployedPlantNet(DeployedNet):
@@ -106,11 +118,11 @@ def make_deployed(
     height_px: int,
     width_px: int,
     features: Features = centred_rgb,
-    temperature: float = 1.0,
+    temperatures: Temperatures = AS_TRAINED,
 ) -> DeployedNet:
     """Make the graph that is deployed of a network, with stems if it finds them."""
     kind = DeployedPlantNet if isinstance(network, PlantNet) else DeployedNet
-    return kind(network, height_px, width_px, features, temperature)
+    return kind(network, height_px, width_px, features, temperatures)
 
 
 def export_onnx(
@@ -120,7 +132,7 @@ def export_onnx(
     width_px: int = INPUT_WIDTH_PX,
     antialias: bool = False,
     features: Features = centred_rgb,
-    temperature: float = 1.0,
+    temperatures: Temperatures = AS_TRAINED,
 ) -> None:
     """Write the deployable graph; batch norms are folded into the convolutions by the exporter.
 
@@ -129,7 +141,7 @@ def export_onnx(
     are much larger than the network's input.
     """
     finds_plants = isinstance(network, PlantNet)
-    deployed = make_deployed(network, height_px, width_px, features, temperature).eval()
+    deployed = make_deployed(network, height_px, width_px, features, temperatures).eval()
     outputs = PIXEL_OUTPUTS + tuple(PLANT_OUTPUTS) * finds_plants
     example = torch.zeros((1, 480, 640, 3), dtype=torch.uint8)
     with warnings.catch_warnings():
@@ -146,13 +158,15 @@ def export_onnx(
             dynamic_axes={"image_rgb": {1: "height_px", 2: "width_px"}},
             dynamo=False,
         )
-    _describe(path, (height_px, width_px), antialias, temperature)
+    _describe(path, (height_px, width_px), antialias, temperatures)
     if finds_plants:  # the largest file of the package
         store_as_fp16(path)
 
 
-def _describe(path: Path, size_px: tuple[int, int], antialias: bool, temperature: float) -> None:
-    """Write the output size, which the exporter leaves open, the classes and the temperature."""
+def _describe(
+    path: Path, size_px: tuple[int, int], antialias: bool, temperatures: Temperatures
+) -> None:
+    """Write the output size, which the exporter leaves open, the classes and the temperatures."""
     import onnx
 
     model = onnx.load(str(path))
@@ -160,7 +174,10 @@ def _describe(path: Path, size_px: tuple[int, int], antialias: bool, temperature
     if antialias:  # the exporter knows the operator but not this attribute of it
         resize = next(node for node in model.graph.node if node.op_type == "Resize")
         resize.attribute.append(onnx.helper.make_attribute("antialias", 1))
-    about = {"classes": ",".join(CLASS_NAMES), "temperature": f"{temperature:g}"}
+    about = {
+        "classes": ",".join(CLASS_NAMES),
+        TEMPERATURES: ",".join(f"{value:g}" for value in msgspec.structs.astuple(temperatures)),
+    }
     onnx.helper.set_model_props(model, about)
     onnx.checker.check_model(model)
     onnx.save(model, str(path))

@@ -62,7 +62,7 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
     """
     height_px, width_px = read_size(args.size, STRIDE_PX)
     read, held, problems = _read_photographs(args, progress)
-    read, judge = _set_aside(read, args.validate or 0, (height_px, width_px), args.model)
+    read, aside = _set_aside(read, args.validate or 0, (height_px, width_px))
     options = _format_options(args)
     recipe = TrainingPlan(
         steps=1,
@@ -75,7 +75,9 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
         f"labels {read.digest}",
     )
     return TrainingSource(
-        judge=judge,
+        aside=aside.__iter__ if aside else _shrink_held(held, (height_px, width_px)),
+        has_tests_aside=not aside,
+        judge=_make_judge(aside, (height_px, width_px), args.model),
         batches=_make_photo_batches(args, read, recipe, progress),
         pictures=_read_sample(args, read.files),
         recipe=recipe,
@@ -122,8 +124,9 @@ def _read_photographs(
         progress(f"left out: {text}")
 
     def note(text: str) -> None:
-        problems.append(text)
-        progress(f"left out: {text}")
+        if text not in problems:  # those held out are read more than once
+            problems.append(text)
+            progress(f"left out: {text}")
 
     good: list[Pair] = []
     widths_px: list[int] = []
@@ -148,9 +151,9 @@ def _read_photographs(
 
 
 def _set_aside(
-    read: _Photographs, count: int, size_px: tuple[int, int], model: str
-) -> tuple[_Photographs, Judge | None]:
-    """Keep photographs, evenly over the set, from the training, to judge it as it goes.
+    read: _Photographs, count: int, size_px: tuple[int, int]
+) -> tuple[_Photographs, list[LabelledImage]]:
+    """Keep photographs, evenly over the set, from the training, to judge and calibrate with them.
 
     Raises: ConfigError: none would be left to train on.
     """
@@ -160,14 +163,28 @@ def _set_aside(
             f"--validate {count}: the set has {total} pictures; leave some of them to train on"
         )
     if not count:
-        return read, None
+        return read, []
     aside = {(2 * k + 1) * total // (2 * count) for k in range(count)}
     rest = [index for index in range(total) if index not in aside]
     shrunk = [shrink_pair(*read.files[index], size_px) for index in sorted(aside)]
     files = PairFiles([read.files.pairs[index] for index in rest])
-    judge = HeldOutPictures(shrunk, size_px, find_architecture(model).features)
     widths_px = [read.widths_px[index] for index in rest]
-    return read._replace(files=files, widths_px=widths_px), judge
+    return read._replace(files=files, widths_px=widths_px), shrunk
+
+
+def _shrink_held(
+    held: Callable[[], Iterable[LabelledImage]] | None, size_px: tuple[int, int]
+) -> Callable[[], Iterable[LabelledImage]] | None:
+    """Bring the pictures of the fold to the size of the network, as the deployed file does."""
+    if held is None:
+        return None
+    return lambda: (shrink_pair(*pair, size_px) for pair in held())
+
+
+def _make_judge(aside: list[LabelledImage], size_px: tuple[int, int], model: str) -> Judge | None:
+    if not aside:
+        return None
+    return HeldOutPictures(aside, size_px, find_architecture(model).features)
 
 
 def _read_sample(args: argparse.Namespace, files: PairFiles) -> list[ByteArray]:

@@ -71,7 +71,8 @@ class WantedSet(NamedTuple):
 class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
     """The data; `tests` are sets without any training image, `problems` unreadable files.
 
-    `aside` are images for nothing but the temperature of the confidence; None: leave it as it is.
+    `aside` are images that teach nothing and tell the temperatures of the confidence; None: leave
+    it as it is. Where no others are left for that, `has_tests_aside`: they are those of `tests`.
     `judge` looks at pictures that are for nothing but the curve of the training and its best step.
     """
 
@@ -79,6 +80,7 @@ class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
     recipe: TrainingPlan
     tests: dict[str, Callable[[], Iterable[LabelledImage]]]
     aside: Callable[[], Iterable[LabelledImage]] | None = None
+    has_tests_aside: bool = False
     judge: Judge | None = None
     pictures: Sequence[ByteArray]  # some that were trained on, to calibrate 8-bit numbers
     train_images: int
