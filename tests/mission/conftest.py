@@ -1,7 +1,7 @@
 """Whole missions are dear: each kind runs once and many tests look at it.
 
 Pictures are the dearest part of them, a tenth of a CPU second each. So `make test` drives with
-three of ten that a profile has, which is harder, and `make nightly` with all.
+two of ten that a profile has, which is harder, and `make nightly` with all.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from agribot.record.report import Report
 
 FarmRun = Callable[[int, float], tuple[Path, Report]]
 ShortRun = Callable[..., tuple[Path, Report]]
-FEW_HZ, ALL_HZ = 3.0, 10.0  # pictures a second
+FEW_HZ, ALL_HZ = 2.0, 10.0  # pictures a second
 
 
 def see_at(pictures_hz: float) -> str:
