@@ -22,8 +22,8 @@ from agribot.gis.plan_file import read_plan
 from agribot.record.replay import read_truth
 
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)  # of the farm profile
-OUTLINE = ((-1.5, -1.5), (4.5, -1.5), (5.0, 4.5), (-1.5, 4.0))
-HOLE = ((1.4, 1.2), (2.0, 1.2), (2.0, 1.8), (1.4, 1.7))
+OUTLINE = ((-1.5, -1.5), (3.9, -1.5), (4.3, 3.4), (-1.5, 3.0))
+HOLE = ((1.2, 0.8), (1.7, 0.8), (1.7, 1.3), (1.2, 1.2))
 ROOMY = (((-2.0, -2.4), (2.9, -2.4), (2.9, 2.4), (-2.0, 2.4)),)
 EMPTY = ["perception.enabled=false", 'world="empty"', "field.start_map_m=[0,0]",
          'sim.sensors="rtk"']  # fmt: skip
