@@ -17,12 +17,15 @@ from agribot.lab.train.photo_source import make_photo_source
 from tests.lab.train.command_line import parsed
 from tests.lab.train.photo_folder import photo_folder, spoil
 
+FEW_PIXELS = ("--crop-px", "64", "--batch-size", "2")
+
 
 @pytest.mark.slow
 def test_one_command_goes_from_nothing_to_weights_with_a_card(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ("--images", "2", "--test-images", "1", "--steps", "2", "--out", str(tmp_path))
+    few = ("--images", "2", "--test-images", "1", "--validate", "2", "--steps", "2", *FEW_PIXELS)
+    words = (*few, "--out", str(tmp_path))
     assert run(parsed(*words)) == 0
     weights = tmp_path / "agribot-sim.onnx"
     card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
@@ -60,7 +63,8 @@ def test_photographs_of_a_folder_are_trained_on_and_judged_on_the_fold_held_out(
     folder = photo_folder(tmp_path / "photos", 6)
     words: tuple[str, ...] = ("--data", "cwfid", "--data-dir", str(folder), "--folds", "3")
     words += ("--fold", "1")
-    words += ("--size", "128x96", "--steps", "2", "--out", str(tmp_path / "out"))
+    words += ("--size", "128x96", "--train-width", "96", "--steps", "2", *FEW_PIXELS)
+    words += ("--out", str(tmp_path / "out"))
     assert run(parsed(*words)) == 0
     weights = tmp_path / "out" / "agribot-s.onnx"
     card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
@@ -122,7 +126,7 @@ def test_a_training_does_not_go_on_with_photographs_that_it_did_not_begin_with(
 
 def test_photographs_set_aside_draw_the_curve_and_teach_nothing(tmp_path: Path) -> None:
     folder = photo_folder(tmp_path / "photos", 4)
-    words = ("--data", "cwfid", "--data-dir", str(folder), "--size", "64x64", "--crop-px", "64")
+    words = ("--data", "cwfid", "--data-dir", str(folder), "--size", "64x64", *FEW_PIXELS)
     few = ("--start", "random", "--train-width", "96", "--steps", "2", "--validate", "1")
     assert run(parsed(*words, *few, "--out", str(tmp_path / "out"))) == 0
     card = msgspec.json.decode((tmp_path / "out/agribot-s.json").read_bytes(), type=ModelCard)
@@ -183,7 +187,8 @@ def test_broken_pairs_do_not_stop_a_training_but_its_status_tells(
     folder = photo_folder(tmp_path / "photos", 7)
     broken = spoil(folder)
     words = ("--data", "cwfid", "--data-dir", str(folder), "--model", "original-bonnet")
-    assert run(parsed(*words, "--steps", "1", "--size", "64x64", "--out", str(tmp_path / "o"))) == 1
+    few = ("--steps", "1", "--size", "64x64", "--train-width", "96", *FEW_PIXELS)
+    assert run(parsed(*words, *few, "--out", str(tmp_path / "o"))) == 1
     said = capsys.readouterr().err
     assert all(f"{name}:" in said for name in broken)
 
@@ -220,7 +225,8 @@ def test_two_trainings_of_one_seed_are_identical(tmp_path: Path) -> None:
     for name in ("one", "two"):
         words = ("--data", "folder", "--data-dir", str(folder), "--model", "agribot-sim")
         out = tmp_path / name
-        assert run(parsed(*words, "--steps", "2", "--size", "64x64", "--out", str(out))) == 0
+        few = ("--steps", "2", "--size", "64x64", "--train-width", "96", *FEW_PIXELS)
+        assert run(parsed(*words, *few, "--out", str(out))) == 0
         sizes.append((out / "agribot-sim.onnx").read_bytes())
     assert sizes[0] == sizes[1]
 
@@ -229,7 +235,8 @@ def test_two_trainings_of_one_seed_are_identical(tmp_path: Path) -> None:
 def test_with_8_bits_the_small_file_is_judged_and_the_plain_one_kept(tmp_path: Path) -> None:
     folder, out = photo_folder(tmp_path / "photos", 4), tmp_path / "out"
     words = ("--data", "folder", "--data-dir", str(folder), "--model", "agribot-m", "--steps", "2")
-    assert run(parsed(*words, "--size", "64x64", "--precision", "int8", "--out", str(out))) == 0
+    few = ("--size", "64x64", "--train-width", "96", *FEW_PIXELS)
+    assert run(parsed(*words, *few, "--precision", "int8", "--out", str(out))) == 0
     small, plain = out / "agribot-m.onnx", out / "agribot-m-fp32.onnx"
     card = msgspec.json.decode(small.with_suffix(".json").read_bytes(), type=ModelCard)
     assert (card.precision, card.file_bytes) == ("int8", small.stat().st_size)
@@ -244,7 +251,8 @@ def test_with_8_bits_the_small_file_is_judged_and_the_plain_one_kept(tmp_path: P
 def test_a_network_begins_with_random_weights_where_it_is_told_to(tmp_path: Path) -> None:
     folder, out = photo_folder(tmp_path / "photos", 3), tmp_path / "out"
     words = ("--data", "folder", "--data-dir", str(folder), "--model", "agribot-m", "--steps", "1")
-    assert run(parsed(*words, "--size", "64x64", "--start", "random", "--out", str(out))) == 0
+    few = ("--size", "64x64", "--train-width", "96", *FEW_PIXELS)
+    assert run(parsed(*words, *few, "--start", "random", "--out", str(out))) == 0
     card = msgspec.json.decode((out / "agribot-m.json").read_bytes(), type=ModelCard)
     assert card.plan.start == ""
     assert "--start random" in card.command
