@@ -29,7 +29,8 @@ def assign(tmp_path: Path, *settings: str) -> Assignment:
     plan = tmp_path / "plan.geojson"
     plan.write_text(make_plan(0.05), encoding="utf-8")
     (job,) = list_jobs(0.05, plan, [1], speed_mps=0.8)
-    job = msgspec.structs.replace(job, fixed=(*job.fixed, *settings))
+    brisk = "mission.turn_speed_mps=0.5"
+    job = msgspec.structs.replace(job, fixed=(*job.fixed, brisk, *settings))
     return Assignment(job=job, out_dir=tmp_path / "mission")
 
 
