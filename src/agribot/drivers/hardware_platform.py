@@ -93,18 +93,19 @@ class HardwarePlatform:
         self._reader.close()
 
     def _await_board(self) -> None:
-        """Wait for the first report, for a while."""
-        until_s = self._now_s() + FIRST_REPORT_S
-        while not self._link.has_spoken:
+        """Wait for the first report, for a while: so many polls, however slow the machine is."""
+        for _ in range(round(FIRST_REPORT_S / POLL_S)):
+            if self._link.has_spoken:
+                return
             if self._link.board.trouble:
                 raise PlatformError(f"{self._name}: {self._link.board.trouble}")
-            if self._now_s() > until_s:
-                raise PlatformError(
-                    f"{self._name}: says nothing that can be read for {FIRST_REPORT_S:g} s; check "
-                    "its power, and board= and baud= of --source base"
-                )
             self._writer.send(self._link.board.poll())
             time.sleep(POLL_S)
+        if not self._link.has_spoken:
+            raise PlatformError(
+                f"{self._name}: says nothing that can be read for {FIRST_REPORT_S:g} s; check its "
+                "power, and board= and baud= of --source base"
+            )
 
     def _wait_for_tick(self) -> float:
         now_s = self._now_s()
