@@ -15,6 +15,9 @@ from tests.autonomy.weeds.weed_field import add_sightings, make_estimate
 BOOM = SprayerSpec(
     x_body_m=-0.3, section_count=8, section_spacing_m=0.1, section_width_m=0.1, latency_s=0.1
 )
+FINE = SprayerSpec(
+    x_body_m=-0.35, section_count=27, section_spacing_m=0.04, section_width_m=0.04, latency_s=0.05
+)
 TICK_S = 0.02
 JET_M = 0.03  # length of the spray's footprint along the way
 

@@ -1,12 +1,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from agribot.autonomy.implements.treatment import Treatment
 from agribot.core.config import TreatmentConfig
-from tests.autonomy.implements.spray_ground import BOOM, Field, drive_over, figure, make_map
+from agribot.sim.flora.crown import HEART_M
+from tests.autonomy.implements.spray_ground import (
+    BOOM,
+    FINE,
+    Field,
+    drive_over,
+    figure,
+    make_map,
+)
 
 
 def test_a_weed_inside_the_guard_ring_of_a_crop_is_left_alone() -> None:
@@ -39,6 +48,30 @@ def test_crops_stay_dry_and_separate_weeds_beside_them_get_wet() -> None:
     }
     assert len(separate) >= 20
     assert separate <= set(truth.hit)
+
+
+def put_beside(
+    places: Sequence[tuple[float, float]], off_m: float, ways_rad: Sequence[float]
+) -> list[tuple[float, float]]:
+    return [
+        (x + off_m * math.cos(way), y + off_m * math.sin(way))
+        for (x, y), way in zip(places, ways_rad, strict=True)
+    ]
+
+
+def test_the_heart_of_a_crop_stays_dry_that_all_looks_and_the_way_to_the_tool_have_moved() -> None:
+    """By twice 20 and 12 mm: what all looks are off by no number of them shows."""
+    mapped = [(1.0 + 0.4 * i, 0.0) for i in range(24)]
+    # Each stands towards a weed that is apart from it, before or behind it, left or right.
+    ways_rad = [math.pi / 2.0 * i + math.radians(30.0 + 5.0 * (i // 4)) for i in range(24)]
+    off_m = 2.0 * math.hypot(0.020, 0.012)
+    weeds = put_beside(mapped, 0.145, ways_rad)
+    plants = {f"crop{i}": at for i, at in enumerate(put_beside(mapped, off_m, ways_rad))}
+    truth = Field(sprayer=FINE, latency_s=FINE.latency_s, plants=plants)
+    treatment = Treatment(TreatmentConfig(margin_m=0.08), FINE)
+    drive_over(treatment, make_map(weeds, mapped), truth, way_m=12.0)
+    assert figure(treatment, "weeds treated") == len(weeds)
+    assert min(truth.closest_m.values()) > HEART_M
 
 
 def test_without_the_crop_in_the_map_the_same_spray_would_wet_it() -> None:

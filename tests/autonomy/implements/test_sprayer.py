@@ -10,12 +10,16 @@ from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import TreatmentConfig, WeedConfig
 from agribot.core.implement.sprayer import SprayerSpec
-from tests.autonomy.implements.spray_ground import BOOM, TICK_S, Field, drive_over, figure, make_map
-from tests.autonomy.weeds.weed_field import add_sightings, make_estimate
-
-FINE = SprayerSpec(
-    x_body_m=-0.35, section_count=27, section_spacing_m=0.04, section_width_m=0.04, latency_s=0.05
+from tests.autonomy.implements.spray_ground import (
+    BOOM,
+    FINE,
+    TICK_S,
+    Field,
+    drive_over,
+    figure,
+    make_map,
 )
+from tests.autonomy.weeds.weed_field import add_sightings, make_estimate
 
 
 def test_every_weed_under_the_boom_is_hit_and_marked() -> None:
