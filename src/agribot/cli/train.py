@@ -264,7 +264,7 @@ def _calibrate(network: Any, features: Any, source: Any) -> Any:
 
 def keep_temperatures(args: argparse.Namespace) -> Any:
     """Return those of weights whose classes are kept; None for a network that learns its own."""
-    from agribot.lab.train.start import read_temperatures
+    from agribot.lab.train.export import read_temperatures
 
     return read_temperatures(args.start) if args.keep_classes else None
 

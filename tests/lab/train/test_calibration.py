@@ -20,9 +20,8 @@ from agribot.lab.train.calibration import (
     fit_temperatures,
 )
 from agribot.lab.train.data import LabelledImage
-from agribot.lab.train.export import DeployedNet, export_onnx
+from agribot.lab.train.export import DeployedNet, export_onnx, read_temperatures
 from agribot.lab.train.network import CropWeedNet
-from agribot.lab.train.start import read_temperatures
 from tests.lab.train.drawn_images import drawn_image
 
 BOASTFUL = 2.5

@@ -10,7 +10,7 @@ import pytest
 from agribot.cli.train import run
 from agribot.lab.train.calibration import AS_TRAINED
 from agribot.lab.train.card import ModelCard
-from agribot.lab.train.start import read_temperatures
+from agribot.lab.train.export import read_temperatures
 from tests.lab.train.command_line import parsed
 from tests.lab.train.photo_folder import photo_folder
 

@@ -18,7 +18,7 @@ from agribot.lab.bench import plant_scenes
 from agribot.lab.bench.plant_scenes import SCENES
 from agribot.lab.train.calibration import AS_TRAINED, Temperatures
 from agribot.lab.train.card import ModelCard
-from agribot.lab.train.export import export_onnx
+from agribot.lab.train.export import export_onnx, read_temperatures
 from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.fit import Trainer, TrainingPlan
 from agribot.lab.train.photo_source import make_photo_source
@@ -34,7 +34,7 @@ from agribot.lab.train.plant_targets import (
     join_labels,
 )
 from agribot.lab.train.resizing import resize_network
-from agribot.lab.train.start import read_temperatures, start_from
+from agribot.lab.train.start import start_from
 from tests.lab.train.changed_norms import change_norms
 from tests.lab.train.command_line import parsed
 from tests.lab.train.drawn_images import drawn_image

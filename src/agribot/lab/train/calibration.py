@@ -84,7 +84,7 @@ def calibrate(
         return None
     found = fit_temperatures(_join(found_on))
     judged = _join(others or found_on)
-    after = found.divide(_join(others).logits) if others else _divide_by_turns(found_on)
+    after = found.divide(judged.logits) if others else _divide_by_turns(found_on)
     is_plant = judged.logits.argmax(dim=1) != PlantClass.SOIL
     return Calibration(
         temperatures=found,

@@ -75,8 +75,8 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
         f"labels {read.digest}",
     )
     return TrainingSource(
-        aside=aside.__iter__ if aside else _shrink_held(held, (height_px, width_px)),
-        has_tests_aside=not aside,
+        aside=(lambda: aside) if aside else _shrink_held(held, (height_px, width_px)),
+        has_tests_aside=held is not None and not aside,
         judge=_make_judge(aside, (height_px, width_px), args.model),
         batches=_make_photo_batches(args, read, recipe, progress),
         pictures=_read_sample(args, read.files),

@@ -11,8 +11,6 @@ from torch import Tensor, nn
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.errors import ConfigError
 from agribot.lab.train.architectures import ARCHITECTURES, find_architecture
-from agribot.lab.train.calibration import Temperatures
-from agribot.lab.train.export import TEMPERATURES
 from agribot.lab.train.precision import HALF
 
 IMAGENET, RANDOM = "imagenet", "random"
@@ -64,16 +62,6 @@ def set_convolutions(network: nn.Module, weights: list[tuple[Tensor, Tensor]], x
                 layer.bias.copy_(bias)
             biases[layer] = bias
         _unfold(network, biases, x)
-
-
-def read_temperatures(path: Path) -> Temperatures:
-    """Read by what a file divides the logits of its confidence; 1 where it does not say."""
-    import onnx
-
-    about = {entry.key: entry.value for entry in onnx.load(str(path)).metadata_props}
-    one = about.get("temperature", "1")  # for all three, in a file of before
-    weed, crop, soil = map(float, about.get(TEMPERATURES, f"{one},{one},{one}").split(","))
-    return Temperatures(weed=weed, crop=crop, soil=soil)
 
 
 def _list_convolutions(network: nn.Module) -> list[nn.Conv2d]:
