@@ -184,8 +184,9 @@ def test_optical_frame_of_the_urdf_is_that_of_the_spec(robot: RobotSpec) -> None
 def test_the_hoe_is_the_same_robot_with_blades_instead_of_the_boom(robot: RobotSpec) -> None:
     hoe = load_robot("agribot-hoe")
     assert isinstance(hoe.implement, HoeSpec)
-    assert hoe.implement.width_m == pytest.approx(0.9)
-    assert hoe.implement.section_y_body_m()[4] == pytest.approx(0.0)
+    assert hoe.implement.width_m == pytest.approx(1.1)  # nothing is left between rows 1 m apart
+    assert hoe.implement.section_width_m == hoe.implement.section_spacing_m
+    assert sum(hoe.implement.section_y_body_m()) == pytest.approx(0.0)
     assert (hoe.drive, hoe.camera, hoe.imu) == (robot.drive, robot.camera, robot.imu)
     added = {link.name for link in hoe.links} - {link.name for link in robot.links}
     assert added == {"hoe_link"}

@@ -11,7 +11,7 @@ import pytest
 
 from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.weeds.map import WeedMap
-from agribot.core.config import TreatmentConfig, WeedConfig
+from agribot.core.config import LeafRule, TreatmentConfig, WeedConfig
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum
 from agribot.core.implement.hoe import HoeSpec
@@ -91,12 +91,15 @@ def hoe_along(
     v_mps: float = 0.4,
     way_m: float = 3.2,
     yaw_rate_radps: float = 0.0,
+    pos_std_m: float = 0.01,
 ) -> list[ImplementCommand]:
     x, y, yaw = 0.0, 0.0, 0.0
     commands = []
     for tick in range(round(way_m / v_mps / TICK_S)):
         t_s = 20.0 + tick * TICK_S
-        estimate = make_estimate(t_s, x, y, yaw, v_mps=v_mps, yaw_rate_radps=yaw_rate_radps)
+        estimate = make_estimate(
+            t_s, x, y, yaw, v_mps=v_mps, yaw_rate_radps=yaw_rate_radps, pos_std_m=pos_std_m
+        )
         commands.append(treatment.step(estimate, weed_map, True))
         ground.step(t_s, (x, y, yaw), v_mps, commands[-1])
         x, y = x + v_mps * TICK_S * math.cos(yaw), y + v_mps * TICK_S * math.sin(yaw)
@@ -148,6 +151,74 @@ def test_over_leaves_that_close_to_one_row_no_blade_goes_down_and_beside_them_al
     assert not ground.crops_cut
     downs = np.array([command.sections_on for command in commands]).sum(axis=0)
     assert not downs[3:6].any() and (downs[[0, 1, 7, 8]] > 100).all()
+
+
+def test_what_a_cheap_receiver_is_off_by_lifts_no_blade() -> None:
+    """Plants and blades share it: the robot saw the plants itself."""
+
+    def hoe(pos_std_m: float) -> list[ImplementCommand]:
+        treatment = Treatment(TreatmentConfig(), HOE)
+        weed_map = seen_on_the_way(WEEDS_M, bare, STEMS_M)
+        return hoe_along(treatment, weed_map, Ground(STEMS_M), pos_std_m=pos_std_m)
+
+    assert hoe(1.5) == hoe(0.01)
+
+
+@pytest.mark.parametrize(("leaves", "is_hoed"), [("alone", False), ("mapped", True)])
+def test_under_leaves_of_mapped_crop_the_rule_for_leaves_decides(
+    leaves: LeafRule, is_hoed: bool
+) -> None:
+    """Leaves of a row reach over the ground beside it, and hide a weed there."""
+    stems = [(0.9 + 0.25 * i, 0.0) for i in range(7)]
+    weed_map = seen_on_the_way([], lambda _x, y: abs(y) <= 0.25, stems, points=True)
+    ground = Ground(stems, [(1.5, 0.2)])
+    hoe_along(Treatment(TreatmentConfig(leaves=leaves), HOE), weed_map, ground)
+    assert not ground.crops_cut
+    assert bool(ground.weeds_uprooted) == is_hoed
+
+
+def test_a_blade_keeps_farther_off_a_large_plant_whose_stem_is_thick() -> None:
+    def find_first_hoed_cm(area_m2: float) -> int:
+        weed_map = seen_on_the_way([], bare, [(1.0, 0.0)])
+        for track in weed_map.tracks:
+            track.area_m2 = area_m2
+        ground = Ground([(1.0, 0.0)], [(1.0 + 0.01 * i, 0.0) for i in range(5, 40)])
+        hoe_along(Treatment(TreatmentConfig(), HOE), weed_map, ground)
+        return 5 + min(ground.weeds_uprooted)
+
+    seedling, young, large = (find_first_hoed_cm(area_m2) for area_m2 in (0.002, 0.005, 0.1))
+    assert seedling == young
+    assert 2 <= large - seedling <= 4
+
+
+def test_a_blade_is_back_in_the_soil_a_hand_behind_a_stem() -> None:
+    ground = Ground([(1.0, 0.0)], [(1.0 + 0.01 * i, 0.0) for i in range(5, 40)])
+    weed_map = seen_on_the_way([], bare, [(1.0, 0.0)])
+    hoe_along(Treatment(TreatmentConfig(), HOE), weed_map, ground, v_mps=0.4)
+    first = 5 + min(ground.weeds_uprooted)
+    assert not ground.crops_cut
+    assert 12 <= first <= 25  # cm: 7 of keeping off, and the way during its stroke
+    assert ground.weeds_uprooted == set(range(first - 5, 35))
+
+
+def test_weeds_that_are_left_say_why() -> None:
+    weeds = [(1.0, 0.11), (1.5, 0.3), (2.0, -0.3), (1.5, -0.3)]
+    weed_map = seen_on_the_way(weeds, lambda x, y: x < 1.9 and y > 0.2, [(1.0, 0.0)])
+    treatment = Treatment(TreatmentConfig(), HOE)
+    hoe_along(treatment, weed_map, Ground([(1.0, 0.0)], weeds))
+    told = {(round(weed.x_map_m, 1), round(weed.y_map_m, 1)): weed for weed in weed_map.weeds()}
+    assert told[1.0, 0.1].left == "stem of crop"
+    assert told[1.5, 0.3].left == "leaf of crop"
+    assert told[1.5, -0.3].treated_s is not None and told[1.5, -0.3].left == ""
+
+
+def test_weeds_passed_while_the_tool_is_off_say_so() -> None:
+    weed_map = seen_on_the_way([(1.5, 0.3)], bare)
+    treatment = Treatment(TreatmentConfig(), HOE)
+    for tick in range(200):
+        estimate = make_estimate(20.0 + tick * TICK_S, 1.2 + 0.4 * tick * TICK_S, 0.0, 0.0)
+        assert not treatment.step(estimate, weed_map, False).is_on
+    assert [weed.left for weed in weed_map.weeds()] == ["tool off"]
 
 
 def test_in_a_curve_the_swing_of_the_tool_is_allowed_for() -> None:

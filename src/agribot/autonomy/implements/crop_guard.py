@@ -19,8 +19,12 @@ SURE_SIGMA = 2.0
 def find_keep_off_m(crop: KnownPlant, estimate: Estimate, config: TreatmentConfig) -> float:
     """How far from a crop's place to stay: by 7 cm, or as far as it is unsure, within the guard."""
     unsure_m = SURE_SIGMA * max(find_spread_m(crop.seen_std_m, estimate))
-    most_m = max(config.crop_guard_m, STEM_MARGIN_M)
-    return CROP_STEM_M + clamp(unsure_m, STEM_MARGIN_M, most_m)
+    return min(CROP_STEM_M + max(unsure_m, STEM_MARGIN_M), find_most_keep_off_m(config))
+
+
+def find_most_keep_off_m(config: TreatmentConfig) -> float:
+    """How far from a crop's place to stay where that is not well known."""
+    return CROP_STEM_M + max(config.crop_guard_m, STEM_MARGIN_M)
 
 
 def find_pose_margin_m(estimate: Estimate, config: TreatmentConfig) -> float:

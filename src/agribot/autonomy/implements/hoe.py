@@ -2,16 +2,22 @@
 
 A hoe is not told weed by weed: what a blade passes over at depth is uprooted. So its rule is the
 other way round from a sprayer's: down is the normal state in a row, and a blade comes up for the
-crop. It comes up early enough: until the end of its stroke it counts as in the soil. It stays up
-over ground that no frame has shown, over leaves that are not those of a plant that stands alone in
-the map, and within the guard of every crop, also one that is not confirmed yet.
+crop, early enough to be out of the soil before it. It stays up over ground that no frame has
+shown, as far from every stem of crop as a nozzle, also from one that is not confirmed yet, and over
+leaves of crop but those that `treatment.leaves` allows.
 """
 
 from __future__ import annotations
 
 import math
 
-from agribot.autonomy.implements.crop_guard import CROP_STEM_M
+from agribot.autonomy.implements.beside_rows import NO_ROWS, find_rows_around
+from agribot.autonomy.implements.crop_guard import (
+    CROP_STEM_M,
+    find_keep_off_m,
+    find_most_keep_off_m,
+    find_pose_margin_m,
+)
 from agribot.autonomy.implements.delay import StepMeter
 from agribot.autonomy.implements.leaves import spare_leaves
 from agribot.autonomy.implements.tool_frame import ToolPose, predict_tool
@@ -24,6 +30,9 @@ from agribot.core.messages import Estimate, ImplementCommand, PlantClass
 
 BLADE_M = 0.03  # length of a blade along the way
 HIT_M = BLADE_M / 2.0
+# A large plant has a thick stem: an assumption of how thick, by the radius of its leaves, at most.
+STEM_RATIO, MOST_STEM_M = 0.3, 0.06
+CLEAR_M = 0.02  # a blade counts as in the soil until it is so far above the level ground
 
 
 class Hoe:
@@ -42,8 +51,8 @@ class Hoe:
             )
         self._spec, self._config, self._depth_m = spec, config, depth_m
         self._y_body_m = spec.section_y_body_m()
-        self._up = (False,) * len(self._y_body_m)
-        self._down = self._up
+        self._down = (False,) * len(self._y_body_m)
+        self._why_up = ("tool off",) * len(self._y_body_m)
         self._down_since_s = [math.inf] * len(self._y_body_m)
         self._meter = StepMeter()
         self._weeds_treated = self._lifts = 0
@@ -52,10 +61,11 @@ class Hoe:
     def step(self, estimate: Estimate, plants: PlantMap, *, may_work: bool) -> ImplementCommand:
         step_m = self._meter.advance(estimate)
         self._credit(estimate, plants, step_m)
-        down = self._up
+        self._why_up = ("tool off",) * len(self._y_body_m)
         if may_work:
             self._passed_m2 += step_m * self._spec.section_width_m * self._spec.section_count
-            down = self._choose(estimate, plants, step_m)
+            self._why_up = self._choose(estimate, plants, step_m)
+        down = tuple(not reason for reason in self._why_up)
         self._note(estimate.t_s, down)
         setpoints = {DEPTH: self._depth_m} if any(down) else {}
         return ImplementCommand(sections_on=down, setpoints=setpoints)
@@ -78,54 +88,77 @@ class Hoe:
         self._down = down
 
     def _credit(self, estimate: Estimate, plants: PlantMap, step_m: float) -> None:
-        """Note the weeds that blades at depth pass over."""
+        """Note the weeds that blades pass over: treated by those at depth, left by the others."""
         spec = self._spec
         since_s = estimate.t_s - spec.latency_s - spec.stroke_s
-        deep_y_m = [
-            y_m
-            for y_m, told_s in zip(self._y_body_m, self._down_since_s, strict=True)
-            if told_s <= since_s
-        ]
-        if not deep_y_m:
-            return
+        is_deep = [told_s <= since_s for told_s in self._down_since_s]
         half_m = spec.section_width_m / 2.0
-        self._hoed_m2 += step_m * spec.section_width_m * len(deep_y_m)
+        self._hoed_m2 += step_m * spec.section_width_m * sum(is_deep)
         tool = predict_tool(estimate, spec.x_body_m, 0.0)
-        reach_m = self._y_body_m[0] + half_m
-        for plant in _find_around(plants, tool, reach_m):
+        for plant in _find_around(plants, tool, self._y_body_m[0] + half_m):
             x_m, y_m = _see_from(tool, plant)
             if plant.plant != PlantClass.WEED or abs(x_m) > max(step_m, HIT_M):
                 continue
-            if any(abs(y_m - blade_m) <= half_m for blade_m in deep_y_m):
+            over = [i for i, blade_m in enumerate(self._y_body_m) if abs(y_m - blade_m) <= half_m]
+            if any(is_deep[index] for index in over):
                 self._weeds_treated += plant.treated_s is None and plant.is_confirmed
                 plants.mark_treated(plant.id, estimate.t_s)
+            elif over:
+                plants.note_left(plant.id, self._why_up[over[0]] or "aimed at and not hit")
 
-    def _choose(self, estimate: Estimate, plants: PlantMap, step_m: float) -> tuple[bool, ...]:
-        """Find the blades that may be down until they could be up again, if told next tick."""
-        spec = self._spec
-        ahead_s = spec.latency_s + spec.stroke_s
-        pose_m = min(estimate.pos_std_m, self._config.margin_m)
-        half_x_m = (abs(estimate.v_mps) * ahead_s + step_m + BLADE_M) / 2.0 + pose_m
+    def _choose(self, estimate: Estimate, plants: PlantMap, step_m: float) -> tuple[str, ...]:
+        """Say of each blade why it has to be up, one of REASONS; of those that may be down "".
+
+        A blade may be down if no crop is where it comes by until it is out of the soil, told to
+        rise in the next tick.
+        """
+        spec, config = self._spec, self._config
+        rise_s = self._find_rise_s()
+        half_x_m = (abs(estimate.v_mps) * rise_s + step_m + BLADE_M) / 2.0
         # The tool swings aside in a curve, and on a slope the robot crabs.
-        course_rad = estimate.slip_rad + estimate.yaw_rate_radps * ahead_s
-        aside_m = half_x_m * abs(math.sin(course_rad)) + pose_m
-        half_y_m = spec.section_width_m / 2.0 + aside_m
-        middle = predict_tool(estimate, spec.x_body_m, ahead_s / 2.0)
+        course_rad = estimate.slip_rad + estimate.yaw_rate_radps * (spec.latency_s + rise_s)
+        half_y_m = spec.section_width_m / 2.0 + half_x_m * abs(math.sin(course_rad))
+        middle = predict_tool(estimate, spec.x_body_m, spec.latency_s + rise_s / 2.0)
+        reach_m = half_x_m + self._y_body_m[0] + half_y_m + self._find_most_keep_off_m()
         crops = [
-            (*_see_from(middle, plant), self._guard_m(plant))
-            for plant in _find_around(plants, middle, half_x_m + self._y_body_m[0] + half_y_m)
+            (*_see_from(middle, plant), self._find_keep_off_m(plant, estimate))
+            for plant in _find_around(plants, middle, reach_m)
             if plant.plant == PlantClass.CROP
         ]
-        down = tuple(
-            all(_gap_m(x, y - blade_m, half_x_m, half_y_m) > guard_m for x, y, guard_m in crops)
-            and self._is_seen(plants, middle, blade_m, half_x_m, half_y_m)
+        is_off_stems = tuple(
+            all(_gap_m(x, y - blade_m, half_x_m, half_y_m) > keep_m for x, y, keep_m in crops)
             for blade_m in self._y_body_m
         )
-        return spare_leaves(down, self._y_body_m, middle, half_x_m, half_y_m, plants)
+        pose_m = find_pose_margin_m(estimate, config)
+        box_m = half_x_m + pose_m, half_y_m + pose_m
+        needs_rows = config.leaves == "rows"
+        rows = find_rows_around(middle, plants, config.beside_row_m) if needs_rows else NO_ROWS
+        is_off_leaves = spare_leaves(
+            is_off_stems, self._y_body_m, middle, *box_m, plants, config.leaves, rows
+        )
+        return tuple(
+            "stem of crop" if not off_stems
+            else "leaf of crop" if not off_leaves
+            else "" if self._is_seen(plants, middle, blade_m, *box_m)
+            else "seen too late"
+            for blade_m, off_stems, off_leaves in zip(
+                self._y_body_m, is_off_stems, is_off_leaves, strict=True
+            )
+        )  # fmt: skip
 
-    def _guard_m(self, crop: KnownPlant) -> float:
-        """How far from a crop's place a blade stays, as badly as that place is known."""
-        return CROP_STEM_M + self._config.crop_guard_m + min(crop.std_m, self._config.margin_m)
+    def _find_keep_off_m(self, crop: KnownPlant, estimate: Estimate) -> float:
+        """How far from a crop's place a blade stays: as a nozzle, and by its thicker stem."""
+        stem_m = min(STEM_RATIO * math.sqrt(crop.area_m2 / math.pi), MOST_STEM_M)
+        return find_keep_off_m(crop, estimate, self._config) + max(stem_m - CROP_STEM_M, 0.0)
+
+    def _find_most_keep_off_m(self) -> float:
+        return find_most_keep_off_m(self._config) + MOST_STEM_M - CROP_STEM_M
+
+    def _find_rise_s(self) -> float:
+        """How long a blade takes from its depth out of the soil."""
+        spec = self._spec
+        way_m = self._depth_m + min(CLEAR_M, spec.lift_m)
+        return spec.stroke_s * way_m / (spec.lift_m + spec.depth_m)
 
     @staticmethod
     def _is_seen(
