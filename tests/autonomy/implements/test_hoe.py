@@ -164,17 +164,35 @@ def test_what_a_cheap_receiver_is_off_by_lifts_no_blade() -> None:
     assert hoe(1.5) == hoe(0.01)
 
 
-@pytest.mark.parametrize(("leaves", "is_hoed"), [("alone", False), ("mapped", True)])
-def test_under_leaves_of_mapped_crop_the_rule_for_leaves_decides(
+@pytest.mark.parametrize(("leaves", "is_hoed"), [("alone", False), ("rows", True)])
+def test_leaves_beside_a_row_are_hoed_under_where_the_settings_allow_it(
     leaves: LeafRule, is_hoed: bool
 ) -> None:
-    """Leaves of a row reach over the ground beside it, and hide a weed there."""
-    stems = [(0.9 + 0.25 * i, 0.0) for i in range(7)]
+    stems = [(0.6 + 0.25 * i, 0.0) for i in range(11)]
     weed_map = seen_on_the_way([], lambda _x, y: abs(y) <= 0.25, stems, points=True)
-    ground = Ground(stems, [(1.5, 0.2)])
+    ground = Ground(stems, [(1.6, 0.2)])
     hoe_along(Treatment(TreatmentConfig(leaves=leaves), HOE), weed_map, ground)
     assert not ground.crops_cut
     assert bool(ground.weeds_uprooted) == is_hoed
+
+
+@pytest.mark.parametrize("leaves", ["alone", "mapped", "rows"])
+def test_a_crop_that_the_network_took_for_its_neighbour_is_not_cut(leaves: LeafRule) -> None:
+    """Its leaves point to the neighbour, behind which a gap begins in the row."""
+    mapped = [(0.4 + 0.25 * i, 0.0) for i in range(6)]
+    missed = (mapped[-1][0] + 0.25, 0.0)
+    stems = [*mapped, missed]
+
+    def is_crop(x_m: float, y_m: float) -> bool:
+        return min(math.dist((x_m, y_m), stem) for stem in stems) <= 0.14
+
+    weed_map = seen_on_the_way([], is_crop, mapped, points=True)
+    for track in weed_map.tracks:
+        track.area_m2 = 0.12  # with the leaves of the neighbour
+    ground = Ground(stems, [(missed[0] + 0.35, 0.0)])
+    hoe_along(Treatment(TreatmentConfig(leaves=leaves), HOE), weed_map, ground)
+    assert not ground.crops_cut
+    assert ground.weeds_uprooted  # behind the leaves, in the gap
 
 
 def test_a_blade_keeps_farther_off_a_large_plant_whose_stem_is_thick() -> None:

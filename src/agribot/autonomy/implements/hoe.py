@@ -3,15 +3,15 @@
 A hoe is not told weed by weed: what a blade passes over at depth is uprooted. So its rule is the
 other way round from a sprayer's: down is the normal state in a row, and a blade comes up for the
 crop, early enough to be out of the soil before it. It stays up over ground that no frame has
-shown, as far from every stem of crop as a nozzle, also from one that is not confirmed yet, and over
-leaves of crop but those that `treatment.leaves` allows.
+shown, near every stem of crop, also one that is not confirmed yet, and over leaves of crop but
+those of a plant that stands alone and, where `treatment.leaves` allows it, those beside a row.
 """
 
 from __future__ import annotations
 
 import math
 
-from agribot.autonomy.implements.beside_rows import NO_ROWS, find_rows_around
+from agribot.autonomy.implements.beside_rows import find_rows_around
 from agribot.autonomy.implements.crop_guard import (
     CROP_STEM_M,
     find_keep_off_m,
@@ -21,7 +21,7 @@ from agribot.autonomy.implements.crop_guard import (
 from agribot.autonomy.implements.delay import StepMeter
 from agribot.autonomy.implements.leaves import spare_leaves
 from agribot.autonomy.implements.tool_frame import ToolPose, predict_tool
-from agribot.core.config import TreatmentConfig
+from agribot.core.config import LeafRule, TreatmentConfig
 from agribot.core.errors import ConfigError
 from agribot.core.implement.hoe import DEPTH, HoeSpec
 from agribot.core.implement.kind import ReportLine
@@ -131,11 +131,7 @@ class Hoe:
         )
         pose_m = find_pose_margin_m(estimate, config)
         box_m = half_x_m + pose_m, half_y_m + pose_m
-        needs_rows = config.leaves == "rows"
-        rows = find_rows_around(middle, plants, config.beside_row_m) if needs_rows else NO_ROWS
-        is_off_leaves = spare_leaves(
-            is_off_stems, self._y_body_m, middle, *box_m, plants, config.leaves, rows
-        )
+        is_off_leaves = self._spare_leaves(is_off_stems, middle, box_m, plants)
         return tuple(
             "stem of crop" if not off_stems
             else "leaf of crop" if not off_leaves
@@ -153,6 +149,29 @@ class Hoe:
 
     def _find_most_keep_off_m(self) -> float:
         return find_most_keep_off_m(self._config) + MOST_STEM_M - CROP_STEM_M
+
+    def _spare_leaves(
+        self,
+        is_on: tuple[bool, ...],
+        middle: ToolPose,
+        box_m: tuple[float, float],
+        plants: PlantMap,
+    ) -> tuple[bool, ...]:
+        """Lift the blades over leaves, but where the settings allow that no heart can be hit.
+
+        Under leaves in a row a crop may stand whose leaves a network takes for its neighbour's. A
+        nozzle opens there for a weed that was seen, a blade would work all of it.
+        """
+        leaves, is_beside = self._config.leaves, (False,) * len(is_on)
+        if leaves == "rows":
+            rows = find_rows_around(middle, plants, self._config.beside_row_m)
+            is_beside = tuple(rows.is_beside(blade_m, *box_m) for blade_m in self._y_body_m)
+        in_row = tuple(on and not beside for on, beside in zip(is_on, is_beside, strict=True))
+        rule: LeafRule = "alone" if leaves == "alone" else "never"
+        is_dry = spare_leaves(in_row, self._y_body_m, middle, *box_m, plants, rule)
+        return tuple(
+            on and (beside or dry) for on, beside, dry in zip(is_on, is_beside, is_dry, strict=True)
+        )
 
     def _find_rise_s(self) -> float:
         """How long a blade takes from its depth out of the soil."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from agribot.autonomy.implements.beside_rows import NO_ROWS, REACH_M, RowsAround
 from agribot.autonomy.implements.tool_frame import ToolPose
@@ -51,7 +52,9 @@ def spare_leaves(
         for plant in around
         if plant.is_confirmed
     ]
-    known = [] if leaves == "never" else [crop for crop in crops if ground.is_alone(crop)]
+    known = []
+    if leaves != "never":
+        known = [crop for crop in crops if _is_alone(crop, around) and ground.is_alone(crop)]
     by_stem = leaves in ("mapped", "rows")
     stems = [crop._replace(radius_m=STEM_VOTE_M) for crop in crops] if by_stem else []
     beside = rows if leaves == "rows" else NO_ROWS
@@ -65,6 +68,15 @@ def spare_leaves(
     return tuple(
         works and not is_dry(left_m) for works, left_m in zip(is_on, section_y_m, strict=True)
     )
+
+
+def _is_alone(crop: Disc, around: Sequence[KnownPlant]) -> bool:
+    """Whether no other crop of the map stands where the leaves of this one may reach."""
+    near = (
+        math.hypot(plant.x_map_m - crop.x_map_m, plant.y_map_m - crop.y_map_m) <= crop.radius_m
+        for plant in around
+    )
+    return sum(near) <= 1
 
 
 def _leaf_reach_m(plant: KnownPlant) -> float:
