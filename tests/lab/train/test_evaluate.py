@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agribot.lab.train.evaluate import compute_scores, count_confusion, evaluate, resize_nearest
+from agribot.lab.dataset.pictures import resize_nearest
+from agribot.lab.train.evaluate import compute_scores, count_confusion, evaluate
 
 
 def test_every_pixel_is_counted_by_truth_and_guess() -> None:

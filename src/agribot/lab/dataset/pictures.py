@@ -55,6 +55,16 @@ def read_picture(path: Path, most_px: int = LARGEST_PX) -> ByteArray:
             raise PictureError(f"{path}: cannot be decoded ({_explain(error)})") from error
 
 
+def resize_nearest(class_id: ByteArray, shape: tuple[int, ...]) -> ByteArray:
+    """Resize the class map to (height, width), by the pixel that covers each centre."""
+    rows, columns = (
+        ((np.arange(size) + 0.5) * (source / size)).astype(np.int64)
+        for size, source in zip(shape, class_id.shape, strict=True)
+    )
+    resized: ByteArray = class_id[rows[:, None], columns[None, :]]
+    return resized
+
+
 def open_mask(path: Path) -> Image.Image:
     """Open a mask as stored, upright; the meaning of its values belongs to the data set.
 

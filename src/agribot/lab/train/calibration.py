@@ -18,8 +18,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from agribot.core.messages import ByteArray, PlantClass
+from agribot.lab.dataset.pictures import resize_nearest
 from agribot.lab.train.data import LabelledImage
-from agribot.lab.train.evaluate import resize_nearest
 
 # Class logits (1, 3, h, w) of an image (1, H, W, 3) uint8.
 Logits = Callable[[Tensor], Tensor]

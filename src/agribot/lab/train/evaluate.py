@@ -73,16 +73,6 @@ def evaluate(
     return compute_scores(confusion, images)
 
 
-def resize_nearest(class_id: ByteArray, shape: tuple[int, ...]) -> ByteArray:
-    """Resize the class map to (height, width), by the pixel that covers each centre."""
-    rows, columns = (
-        ((np.arange(size) + 0.5) * (source / size)).astype(np.int64)
-        for size, source in zip(shape, class_id.shape, strict=True)
-    )
-    resized: ByteArray = class_id[rows[:, None], columns[None, :]]
-    return resized
-
-
 def _name_classes(values: npt.NDArray[np.float64]) -> ByClass:
     return {
         name: None if np.isnan(value) else float(value)

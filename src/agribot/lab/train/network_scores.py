@@ -12,6 +12,7 @@ from agribot.autonomy.perceive.boundaries import boundary_counts, boundary_f1
 from agribot.autonomy.perceive.instances import PlantRecall, plant_recall
 from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.core.messages import ByteArray, PlantClass
+from agribot.lab.dataset.pictures import resize_nearest
 from agribot.lab.train.evaluate import (
     CLASS_NAMES,
     ByClass,
@@ -19,7 +20,6 @@ from agribot.lab.train.evaluate import (
     Scores,
     compute_scores,
     count_confusion,
-    resize_nearest,
 )
 
 # Smaller pieces of vegetation are no plants to look for, at the resolution of the labels.

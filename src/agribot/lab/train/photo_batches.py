@@ -17,7 +17,7 @@ from PIL import Image
 from torch import Tensor
 
 from agribot.core.messages import ByteArray, PlantClass
-from agribot.lab.train.evaluate import resize_nearest
+from agribot.lab.dataset.pictures import resize_nearest
 from agribot.lab.train.photo_transforms import relight, warp
 
 # Largest and smallest scale, over the scale at which the network works.

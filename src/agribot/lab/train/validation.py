@@ -12,8 +12,9 @@ from torch import Tensor, nn
 
 from agribot.autonomy.perceive.stems import PlantMaps, find_stems
 from agribot.core.messages import ByteArray
+from agribot.lab.dataset.pictures import resize_nearest
 from agribot.lab.train.data import LabelledImage
-from agribot.lab.train.evaluate import compute_scores, count_confusion, resize_nearest
+from agribot.lab.train.evaluate import compute_scores, count_confusion
 from agribot.lab.train.export import DeployedNet, make_deployed
 from agribot.lab.train.features import centred_rgb
 from agribot.lab.train.judged_figures import MIOU, STEM_F1

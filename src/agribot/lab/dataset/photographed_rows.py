@@ -1,0 +1,200 @@
+"""Photographs of a field become a set that a network learns from, by their rows alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from agribot.autonomy.perceive.segmenter import ClassMap, Segmenter
+from agribot.core.errors import ConfigError
+from agribot.core.messages import ByteArray, PlantClass
+from agribot.core.whole_file import write_at_once
+from agribot.lab.dataset.classes import UNLABELLED
+from agribot.lab.dataset.importing import encode_mask
+from agribot.lab.dataset.layouts import IMAGE_FOLDERS
+from agribot.lab.dataset.photo_rows import (
+    BANDS,
+    DIRECTIONS,
+    ROW_TURNS_RAD,
+    PhotoRow,
+    PhotoRowProfile,
+    RowDirection,
+    choose_band,
+    label_by_row,
+    score_crop,
+    search_row,
+    turn,
+)
+from agribot.lab.dataset.pictures import (
+    SUFFIXES,
+    PictureError,
+    is_text,
+    read_picture,
+    resize_nearest,
+)
+
+# Of pictures that show rows, so many times more gather their crop along those than across them.
+LEAST_DOMINANCE = 2.0
+NEEDED = (
+    "Give pictures from straight above with one row in each, all down the pictures or all across "
+    "them; try another --model, or label some by hand (agribot label)"
+)
+PASSES = 3  # over all pictures: which way the rows run, where each one does, what it shows
+Progress = Callable[[int], None]
+
+
+class RowsOfSet(NamedTuple):
+    """How the rows of a set run: their direction, how wide they are, and how far all lean aside."""
+
+    direction: RowDirection
+    band: int
+    turn_rad: float
+
+
+class PhotoLabelReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What was made of the photographs; shares are of the pixels of those that were labelled."""
+
+    folder: str
+    pictures: int
+    labelled: int
+    without_row: int
+    rows: RowDirection
+    turn_deg: float
+    half_row_ratio: float
+    pixel_ratio: dict[str, float]
+    problems: tuple[str, ...]
+
+
+def is_picture(path: Path) -> bool:
+    """Tell by its name whether a file is a picture that a set may hold."""
+    return path.suffix.lower() in SUFFIXES and is_text(path.name)
+
+
+class PhotographedRows:
+    """A folder of photographs from straight above, in each of which one row of crop runs.
+
+    The rows run down all pictures or across all; `direction` None: as they gather more of the crop.
+    """
+
+    def __init__(
+        self, folder: Path, segmenter: Segmenter, direction: RowDirection | None = None
+    ) -> None:
+        """Find the pictures in the folder, or in that of images in it.
+
+        Raises: ConfigError: no folder, or no picture in it.
+        """
+        if not folder.is_dir():
+            raise ConfigError(f"{folder} is no folder; check the path")
+        inner = (folder / name for name in IMAGE_FOLDERS if (folder / name).is_dir())
+        self._folder = next(inner, folder)
+        self._paths = [path for path in sorted(self._folder.rglob("*")) if is_picture(path)]
+        if not self._paths:
+            raise ConfigError(
+                f"{self._folder} holds neither the recording of a run, run.mcap, nor a picture "
+                f"({', '.join(sorted(SUFFIXES))})"
+            )
+        self._segmenter, self._direction = segmenter, direction
+        self._problems: dict[Path, str] = {}
+
+    def __len__(self) -> int:
+        return len(self._paths)
+
+    def label(self, out: Path, progress: Progress) -> PhotoLabelReport:
+        """Write the pictures with a row to `out`/images and their classes to `out`/masks.
+
+        Pictures that cannot be read are left out, and named in the report.
+        Raises: ConfigError: the folder holds files, or no picture shows a row.
+        """
+        if out.exists() and any(out.iterdir()):
+            raise ConfigError(f"--out {out} is no empty folder; give a new one, or empty it")
+        course = self._find_course(progress)
+        rows, half_ratio = self._find_rows(course, progress)
+        counts = np.zeros(256, dtype=np.int64)
+        for path, image_rgb, classes in self._see(progress, 2):
+            if path in rows:
+                kind, confidence = classes.class_id, classes.confidence
+                upright = turn(kind, course.direction), turn(confidence, course.direction)
+                small = label_by_row(*upright, rows[path], half_ratio)
+                label = resize_nearest(turn(small, course.direction), image_rgb.shape[:2])
+                counts += np.bincount(label.ravel(), minlength=256)
+                self._write(out, path, label)
+        shares = (counts / counts.sum()).tolist()
+        return PhotoLabelReport(
+            folder=str(out),
+            pictures=len(self),
+            labelled=len(rows),
+            without_row=len(self) - len(self._problems) - len(rows),
+            rows=course.direction,
+            turn_deg=math.degrees(course.turn_rad),
+            half_row_ratio=half_ratio,
+            pixel_ratio={
+                **{kind.name.lower(): shares[kind] for kind in PlantClass},
+                "ignore": shares[UNLABELLED],
+            },
+            problems=tuple(self._problems.values()),
+        )
+
+    def _see(self, progress: Progress, pass_: int) -> Iterator[tuple[Path, ByteArray, ClassMap]]:
+        """See each picture that can be read."""
+        for done, path in enumerate(self._paths, pass_ * len(self) + 1):
+            if path not in self._problems:
+                try:
+                    image_rgb = read_picture(path)
+                except PictureError as error:
+                    self._problems[path] = str(error)
+                else:
+                    yield path, image_rgb, self._segmenter.segment(image_rgb)
+            progress(done)
+
+    def _find_course(self, progress: Progress) -> RowsOfSet:
+        ways = [(direction, band) for direction in DIRECTIONS for band in BANDS]
+        found: dict[tuple[RowDirection, int], list[PhotoRow]] = {way: [] for way in ways}
+        for _, _, classes in self._see(progress, 0):
+            score = score_crop(classes)
+            for direction, band in ways:
+                search = search_row(turn(score, direction), band)
+                found[direction, band] += [search.row] if search.is_row else []
+
+        def find_way(direction: RowDirection) -> tuple[RowDirection, int]:
+            return direction, choose_band({band: len(found[direction, band]) for band in BANDS})
+
+        asked = DIRECTIONS if self._direction is None else (self._direction,)
+        direction, band = max(map(find_way, asked), key=lambda way: len(found[way]))
+        other = DIRECTIONS[1 - DIRECTIONS.index(direction)]
+        rows, crossing = found[direction, band], found[other, band]
+        if not rows or len(rows) < LEAST_DOMINANCE * len(crossing):
+            raise ConfigError(
+                f"of {len(self)} pictures, the crop that the network sees gathers along a line "
+                f"{direction} {len(rows)} of them and {other} {len(crossing)}: these show no rows "
+                f"that run alike. {NEEDED}"
+            )
+        return RowsOfSet(direction, band, median(row.turn_rad for row in rows))
+
+    def _find_rows(
+        self, course: RowsOfSet, progress: Progress
+    ) -> tuple[dict[Path, PhotoRow], float]:
+        """Find the row of each picture that shows one, and how far its plants stand from it."""
+        rows: dict[Path, PhotoRow] = {}
+        profile = PhotoRowProfile()
+        for path, _, classes in self._see(progress, 1):
+            score = turn(score_crop(classes), course.direction)
+            search = search_row(score, course.band, course.turn_rad + ROW_TURNS_RAD)
+            if search.is_row:
+                rows[path] = search.row
+                profile.add(score, search.row)
+        if not rows:
+            raise ConfigError(f"no picture shows a single row of crop. {NEEDED}")
+        return rows, profile.find_half_ratio()
+
+    def _write(self, out: Path, path: Path, label: ByteArray) -> None:
+        name = path.relative_to(self._folder).as_posix().replace("/", "-")
+        for folder in ("images", "masks"):
+            (out / folder).mkdir(parents=True, exist_ok=True)
+        write_at_once(out / "masks" / f"{Path(name).stem}.png", encode_mask(label))
+        write_at_once(out / "images" / name, path.read_bytes())
