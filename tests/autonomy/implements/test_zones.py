@@ -64,6 +64,17 @@ def test_blades_stay_up_in_a_zone_without_a_rate() -> None:
     assert ground.weeds_uprooted == {0, 2}
 
 
+def test_blades_stay_up_beside_a_row_in_a_zone_without_a_rate() -> None:
+    stems_m = [(0.4 + 0.25 * i, 0.0) for i in range(14)]
+    weeds_m = [(0.6 + i, 0.3) for i in range(3)]
+    weed_map = seen_on_the_way(weeds_m, bare, stems_m)
+    ground = Ground(stems_m, weeds_m)
+    config = TreatmentConfig(leaves="rows")
+    hoe_along(Treatment(config, HOE, zones(1.0, 0.0, 1.0, 1.0)), weed_map, ground)
+    assert not ground.crops_cut
+    assert ground.weeds_uprooted == {0, 2}
+
+
 def test_outside_of_all_zones_nothing_is_treated() -> None:
     weed_map, truth = make_map([(1.0, 0.03)]), Field(plants={"weed": (1.0, 0.03)})
     elsewhere = zones(200.0)._replace(x_min_m=100.0)

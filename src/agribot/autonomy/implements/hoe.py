@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from agribot.autonomy.implements.beside_rows import find_rows_around
+from agribot.autonomy.implements.beside_rows import NO_ROWS, find_rows_around
 from agribot.autonomy.implements.crop_guard import (
     CROP_STEM_M,
     find_keep_off_m,
@@ -162,16 +162,11 @@ class Hoe:
         Under leaves in a row a crop may stand whose leaves a network takes for its neighbour's. A
         nozzle opens there for a weed that was seen, a blade would work all of it.
         """
-        leaves, is_beside = self._config.leaves, (False,) * len(is_on)
+        leaves, rows = self._config.leaves, NO_ROWS
         if leaves == "rows":
             rows = find_rows_around(middle, plants, self._config.beside_row_m)
-            is_beside = tuple(rows.is_beside(blade_m, *box_m) for blade_m in self._y_body_m)
-        in_row = tuple(on and not beside for on, beside in zip(is_on, is_beside, strict=True))
         rule: LeafRule = "alone" if leaves == "alone" else "never"
-        is_dry = spare_leaves(in_row, self._y_body_m, middle, *box_m, plants, rule)
-        return tuple(
-            on and (beside or dry) for on, beside, dry in zip(is_on, is_beside, is_dry, strict=True)
-        )
+        return spare_leaves(is_on, self._y_body_m, middle, *box_m, plants, rule, rows)
 
     def _find_rise_s(self) -> float:
         """How long a blade takes from its depth out of the soil."""

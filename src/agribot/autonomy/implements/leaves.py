@@ -32,9 +32,9 @@ def spare_leaves(
 
     Boxes reach `half_x_m` along and `half_y_m` across around the middle of a section, `section_y_m`
     to the left of the tool point. By the rule `alone`, leaves of a plant that stands alone in the
-    map do not count: its stem is spared by its place. By `mapped`, those of every plant to whose
-    stem in the map they point do not count either, and by `rows` those beside one of the `rows`
-    around, too, where no heart of a crop can stand; by `never`, all leaves do.
+    map do not count: its stem is spared by its place. By `mapped` and `rows`, those of every plant
+    to whose stem in the map they point do not count either; by `never`, all leaves do. Those beside
+    one of `rows`, where no heart of a crop can stand, never count; by most rules none are given.
     """
     if not any(is_on):
         return is_on
@@ -57,11 +57,10 @@ def spare_leaves(
         known = [crop for crop in crops if _is_alone(crop, around) and ground.is_alone(crop)]
     by_stem = leaves in ("mapped", "rows")
     stems = [crop._replace(radius_m=STEM_VOTE_M) for crop in crops] if by_stem else []
-    beside = rows if leaves == "rows" else NO_ROWS
 
     def is_dry(left_m: float) -> bool:
         place_m = map_from_tool.transform(0.0, left_m)
-        is_beside = beside.is_beside(left_m, half_x_m, half_y_m)
+        is_beside = rows.is_beside(left_m, half_x_m, half_y_m)
         dry = [Disc(*place_m, 2.0 * (half_x_m + half_y_m))] if is_beside else known
         return ground.covers(*place_m, yaw_rad, half_x_m, half_y_m, dry, stems)
 

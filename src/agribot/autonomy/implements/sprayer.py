@@ -163,8 +163,9 @@ class SpotSprayer:
         wanted = [self._choose(weed, crops, estimate, step_m) for weed in targets]
         asked = suspected.union(*(indices for indices, _ in wanted))
         is_asked = tuple(index in asked for index in range(len(self._y_body_m)))
+        free_rows = rows if config.leaves == "rows" else NO_ROWS
         is_allowed = spare_leaves(
-            is_asked, self._y_body_m, tool, *box_m, plants, config.leaves, rows
+            is_asked, self._y_body_m, tool, *box_m, plants, config.leaves, free_rows
         )
         opened = {index for index in suspected if is_allowed[index]}
         for weed, (indices, reason) in zip(targets, wanted, strict=True):
