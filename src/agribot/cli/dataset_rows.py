@@ -71,8 +71,6 @@ def label_by_rows(options: argparse.Namespace) -> int:
 
 
 def _label_drives(options: argparse.Namespace) -> int:
-    import msgspec
-
     from agribot.lab.dataset.recorded_rows import PASSES, RecordedPictures, label_recordings
 
     recordings = [RecordedPictures(path, options.pitch) for path in options.sources]
@@ -85,14 +83,11 @@ def _label_drives(options: argparse.Namespace) -> int:
         f"one before\n  rows reach {report.half_row_m:.2f} m to either side; "
         f"{_format_ratios(report.pixel_ratio)}\n"
     )
-    if options.json:
-        sys.stdout.write(json.dumps(msgspec.to_builtins(report)) + "\n")
+    _print_json(options, report)
     return 0
 
 
 def _label_photographs(options: argparse.Namespace) -> int:
-    import msgspec
-
     from agribot.autonomy.perceive.segmenter import Segmenter
     from agribot.lab.dataset.photographed_rows import PASSES, PhotographedRows
 
@@ -110,9 +105,15 @@ def _label_photographs(options: argparse.Namespace) -> int:
         f"{report.half_row_ratio:.1%} of a picture to either side; "
         f"{_format_ratios(report.pixel_ratio)}\n"
     )
+    _print_json(options, report)
+    return 1 if report.problems else 0
+
+
+def _print_json(options: argparse.Namespace, report: object) -> None:
+    import msgspec
+
     if options.json:
         sys.stdout.write(json.dumps(msgspec.to_builtins(report)) + "\n")
-    return 1 if report.problems else 0
 
 
 def _format_ratios(pixel_ratio: dict[str, float]) -> str:

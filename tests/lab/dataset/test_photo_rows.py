@@ -162,14 +162,16 @@ def test_one_command_labels_photographs_of_a_field_that_training_reads(
     images_rgb = [image_rgb for image_rgb, _ in photographs]
     save(tmp_path / "field", images_rgb if is_down else [np.rot90(one) for one in images_rgb])
     (tmp_path / "field/images/torn.jpg").write_bytes(b"\xff\xd8 no picture")
+    Image.fromarray(images_rgb[0]).save(tmp_path / "field/images/0.webp")  # masks of one name
     out = tmp_path / "photos"
     words = ["dataset", "label-by-rows", str(tmp_path / "field"), "--out", str(out), "--json"]
     assert main(words) == 1  # the torn one is named
     shown = capsys.readouterr()
     report = json.loads(shown.out.splitlines()[-1])
-    assert "torn.jpg" in shown.err and "torn.jpg" in report["problems"][0]
+    assert "torn.jpg" in shown.err and "torn.jpg" in report["problems"][1]
+    assert "0.webp: two files of one name" in report["problems"][0]
     assert report["rows"] == direction
-    assert report["labelled"] + report["without_row"] + 1 == report["pictures"] == 5
+    assert report["labelled"] + report["without_row"] + 2 == report["pictures"] == 6
     labels = {path.stem: np.asarray(Image.open(path)) for path in (out / "masks").iterdir()}
     assert report["labelled"] == len(labels) >= 3
     taught = np.stack(list(labels.values()))

@@ -61,8 +61,8 @@ def find_layout(root: Path, images: str | None = None, masks: str | None = None)
         if image_folder is None or mask_folder is None:
             continue
         name = "" if group == root else group.name
-        pictures, more = _index_files(root, image_folder)
-        labels, others = _index_files(root, mask_folder)
+        pictures, more = index_files(root, image_folder)
+        labels, others = index_files(root, mask_folder)
         left_out += more + others
         items += (
             Item(key=key, group=name, image=pictures.get(key), mask=labels.get(key))
@@ -84,7 +84,11 @@ def _find_first(group: Path, names: Sequence[str]) -> Path | None:
     return next((group / name for name in names if (group / name).is_dir()), None)
 
 
-def _index_files(root: Path, folder: Path) -> tuple[dict[str, str], list[UnusedFile]]:
+def index_files(root: Path, folder: Path) -> tuple[dict[str, str], list[UnusedFile]]:
+    """Index the pictures in a folder by their keys, their names relative to `root`.
+
+    The second list holds those that cannot be used.
+    """
     found: dict[str, str] = {}
     left_out = []
     for path in sorted(folder.rglob("*")):

@@ -134,7 +134,8 @@ def label_by_row(
     `kind` and `confidence` (H, W) are what a network says, as of `ClassMap`.
     """
     is_sure = confidence >= SURE
-    off = np.abs(_place_across(kind.shape, row))
+    rows, columns = np.arange(kind.shape[0])[:, None], np.arange(kind.shape[1])[None, :]
+    off = np.abs(_find_across(rows, columns, kind.shape, row))
     is_plant = kind != PlantClass.SOIL
     label = np.full(kind.shape, UNLABELLED, dtype=np.uint8)
     label[is_sure & ~is_plant] = PlantClass.SOIL
@@ -145,15 +146,10 @@ def label_by_row(
     return label
 
 
-def _place_across(shape: tuple[int, ...], row: PhotoRow) -> FloatArray:
-    """Place pixels (H, W) to the right of a row's line, as shares of the width."""
-    rows, columns = np.indices(shape)
-    return _find_across(rows, columns, shape, row)
-
-
 def _find_across(
     rows: Indices, columns: Indices, shape: tuple[int, ...], row: PhotoRow
 ) -> FloatArray:
+    """Find how far right of a row's line pixels of a picture lie, as shares of its width."""
     down = rows - (shape[0] - 1) / 2.0
     across: FloatArray = (columns + 0.5 - math.tan(row.turn_rad) * down) / shape[1]
     return across - row.across_ratio

@@ -9,15 +9,11 @@ from statistics import median
 from typing import NamedTuple
 
 import msgspec
-import numpy as np
 
 from agribot.autonomy.perceive.segmenter import ClassMap, Segmenter
 from agribot.core.errors import ConfigError
-from agribot.core.messages import ByteArray, PlantClass
-from agribot.core.whole_file import write_at_once
-from agribot.lab.dataset.classes import UNLABELLED
-from agribot.lab.dataset.importing import encode_mask
-from agribot.lab.dataset.layouts import IMAGE_FOLDERS
+from agribot.core.messages import ByteArray
+from agribot.lab.dataset.layouts import IMAGE_FOLDERS, index_files
 from agribot.lab.dataset.photo_rows import (
     BANDS,
     DIRECTIONS,
@@ -34,10 +30,10 @@ from agribot.lab.dataset.photo_rows import (
 from agribot.lab.dataset.pictures import (
     SUFFIXES,
     PictureError,
-    is_text,
     read_picture,
     resize_nearest,
 )
+from agribot.lab.dataset.taught_set import TaughtSet
 
 # Of pictures that show rows, so many times more gather their crop along those than across them.
 LEAST_DOMINANCE = 2.0
@@ -71,11 +67,6 @@ class PhotoLabelReport(msgspec.Struct, frozen=True, kw_only=True):
     problems: tuple[str, ...]
 
 
-def is_picture(path: Path) -> bool:
-    """Tell by its name whether a file is a picture that a set may hold."""
-    return path.suffix.lower() in SUFFIXES and is_text(path.name)
-
-
 class PhotographedRows:
     """A folder of photographs from straight above, in each of which one row of crop runs.
 
@@ -93,13 +84,15 @@ class PhotographedRows:
             raise ConfigError(f"{folder} is no folder; check the path")
         inner = (folder / name for name in IMAGE_FOLDERS if (folder / name).is_dir())
         self._folder = next(inner, folder)
-        self._paths = [path for path in sorted(self._folder.rglob("*")) if is_picture(path)]
+        found, left_out = index_files(folder, self._folder)
+        self._paths = [folder / name for name in found.values()]
         if not self._paths:
             raise ConfigError(
                 f"{self._folder} holds neither the recording of a run, run.mcap, nor a picture "
                 f"({', '.join(sorted(SUFFIXES))})"
             )
         self._segmenter, self._direction = segmenter, direction
+        self._left_out = tuple(f"{folder / file}: {reason}" for reason, file in left_out)
         self._problems: dict[Path, str] = {}
 
     def __len__(self) -> int:
@@ -111,33 +104,27 @@ class PhotographedRows:
         Pictures that cannot be read are left out, and named in the report.
         Raises: ConfigError: the folder holds files, or no picture shows a row.
         """
-        if out.exists() and any(out.iterdir()):
-            raise ConfigError(f"--out {out} is no empty folder; give a new one, or empty it")
+        taught = TaughtSet(out)
         course = self._find_course(progress)
         rows, half_ratio = self._find_rows(course, progress)
-        counts = np.zeros(256, dtype=np.int64)
         for path, image_rgb, classes in self._see(progress, 2):
             if path in rows:
                 kind, confidence = classes.class_id, classes.confidence
                 upright = turn(kind, course.direction), turn(confidence, course.direction)
                 small = label_by_row(*upright, rows[path], half_ratio)
                 label = resize_nearest(turn(small, course.direction), image_rgb.shape[:2])
-                counts += np.bincount(label.ravel(), minlength=256)
-                self._write(out, path, label)
-        shares = (counts / counts.sum()).tolist()
+                name = path.relative_to(self._folder).as_posix().replace("/", "-")
+                taught.add(name, path.read_bytes(), label)
         return PhotoLabelReport(
             folder=str(out),
-            pictures=len(self),
+            pictures=len(self) + len(self._left_out),
             labelled=len(rows),
             without_row=len(self) - len(self._problems) - len(rows),
             rows=course.direction,
             turn_deg=math.degrees(course.turn_rad),
             half_row_ratio=half_ratio,
-            pixel_ratio={
-                **{kind.name.lower(): shares[kind] for kind in PlantClass},
-                "ignore": shares[UNLABELLED],
-            },
-            problems=tuple(self._problems.values()),
+            pixel_ratio=taught.pixel_ratio,
+            problems=(*self._left_out, *self._problems.values()),
         )
 
     def _see(self, progress: Progress, pass_: int) -> Iterator[tuple[Path, ByteArray, ClassMap]]:
@@ -191,10 +178,3 @@ class PhotographedRows:
         if not rows:
             raise ConfigError(f"no picture shows a single row of crop. {NEEDED}")
         return rows, profile.find_half_ratio()
-
-    def _write(self, out: Path, path: Path, label: ByteArray) -> None:
-        name = path.relative_to(self._folder).as_posix().replace("/", "-")
-        for folder in ("images", "masks"):
-            (out / folder).mkdir(parents=True, exist_ok=True)
-        write_at_once(out / "masks" / f"{Path(name).stem}.png", encode_mask(label))
-        write_at_once(out / "images" / name, path.read_bytes())

@@ -18,10 +18,7 @@ from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.core import topics
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, RecordingError
-from agribot.core.messages import ByteArray, PlantClass, RowLine
-from agribot.core.whole_file import write_at_once
-from agribot.lab.dataset.classes import UNLABELLED
-from agribot.lab.dataset.importing import encode_mask
+from agribot.core.messages import ByteArray, RowLine
 from agribot.lab.dataset.row_labels import (
     FAR_M,
     GreenHistogram,
@@ -29,6 +26,7 @@ from agribot.lab.dataset.row_labels import (
     RowProfile,
     measure_green,
 )
+from agribot.lab.dataset.taught_set import TaughtSet
 from agribot.record.mcap_file import read_messages
 from agribot.record.replay import read_config
 from agribot.ros.messages.rosmsg import read_compressed_image
@@ -129,8 +127,7 @@ def label_recordings(
     Raises: ConfigError: the folder holds files, or the rows cannot teach; RecordingError: pictures
     that cannot be read.
     """
-    if out.exists() and any(out.iterdir()):
-        raise ConfigError(f"--out {out} is no empty folder; give a new one, or empty it")
+    taught = TaughtSet(out)
     green, profile = GreenHistogram(), RowProfile()
     counted = _Counter(progress)
     for recording in recordings:
@@ -145,16 +142,14 @@ def label_recordings(
             "no picture shows a row that the robot drives along; label by hand (agribot label)"
         )
     half_row_m = profile.find_half_row_m()
-    counts = np.zeros(256, dtype=np.int64)
     for index, (recording, look) in enumerate(zip(recordings, looks, strict=True)):
         for number, jpeg, pixels in recording.read():
             if number in look.lines:
                 picture = recording.labeller.place(measure_green(pixels), look.lines[number])
                 label = recording.labeller.label(picture, threshold, half_row_m)
-                counts += np.bincount(label.ravel(), minlength=256)
-                _write(out, f"{recording.path.parent.name}-{index}-{number:05d}", jpeg, label)
+                name = f"{recording.path.parent.name}-{index}-{number:05d}.jpg"
+                taught.add(name, jpeg, label)
             counted()
-    shares = (counts / counts.sum()).tolist()
     return RowLabelReport(
         folder=str(out),
         pictures=sum(map(len, recordings)),
@@ -163,10 +158,7 @@ def label_recordings(
         at_standstill=sum(look.at_standstill for look in looks),
         half_row_m=half_row_m,
         green_threshold=threshold,
-        pixel_ratio={
-            **{kind.name.lower(): shares[kind] for kind in PlantClass},
-            "ignore": shares[UNLABELLED],
-        },
+        pixel_ratio=taught.pixel_ratio,
     )
 
 
@@ -197,10 +189,3 @@ def _find_pitch_m(config: RunConfig) -> float | None:
     """Find how far apart the rows of a profile's field are; of a plan nobody knows."""
     field = config.field
     return None if config.plan or field.row_count < 2 else field.row_pitch_m
-
-
-def _write(out: Path, name: str, jpeg: bytes, label: ByteArray) -> None:
-    for folder in ("images", "masks"):
-        (out / folder).mkdir(parents=True, exist_ok=True)
-    write_at_once(out / "masks" / f"{name}.png", encode_mask(label))
-    write_at_once(out / "images" / f"{name}.jpg", jpeg)
