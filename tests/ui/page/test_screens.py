@@ -248,6 +248,7 @@ def test_a_button_of_the_calibrations_stays_the_same_while_nothing_changes(
 ) -> None:
     page = open_page("settings")
     take_control(page)
+    expect(page.locator(".calibration")).to_contain_text("Undo the newest")
     page.evaluate(f"window.__button = {UNDO}")
     with page.expect_response("**/api/v1/calibrations"):
         calibrate_compass(server, "found")  # but what is asked for knows of none any more
