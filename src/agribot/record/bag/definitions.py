@@ -119,13 +119,13 @@ def serialize(store: Typestore, ros_type: str, is_ros2: bool, message: Any) -> b
     return bytes(store.serialize_ros1(message, ros_type))
 
 
-def collect_definitions(defined: Any, ros_type: str) -> dict[str, Any]:
-    """Collect the definition of a type and of all types inside it."""
+def collect_definitions(defined: Any, *ros_types: str) -> dict[str, Any]:
+    """Collect the definitions of types and of all types inside them, of those that are defined."""
     found: dict[str, Any] = {}
-    waiting = [ros_type]
+    waiting = list(ros_types)
     while waiting:
         name = waiting.pop()
-        if name not in found:
+        if name in defined and name not in found:
             found[name] = defined[name]
             waiting += list_inner_types(defined, name)
     return found

@@ -13,7 +13,13 @@ from rosbags.typesys import get_typestore as rosbags_store
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import RecordingError
-from agribot.record.bag.definitions import deserialize, list_inner_types, ros1_store, ros2_store
+from agribot.record.bag.definitions import (
+    collect_definitions,
+    deserialize,
+    list_inner_types,
+    ros1_store,
+    ros2_store,
+)
 
 _IDL_RULE = "=" * 80 + "\n"
 
@@ -109,7 +115,10 @@ class Bag:
         raise RecordingError(f"{self.path} has no topic {name}; it has: {known}")
 
     def store(self) -> Typestore:
-        """Return the types as this recording defines them, else as ROS and agribot do."""
+        """Return the types of the topics as the recording defines them, else as ROS and agribot do.
+
+        Types that no topic has are left out: Python code is written for each that is there.
+        """
         if self._store is None:
             self._store = self._read_definitions()
         return self._store
@@ -146,7 +155,8 @@ class Bag:
         is_ros1 = any(topic.encoding == "ros1" for topic in self.topics)
         store = rosbags_store(Stores.EMPTY)
         defaults = (ros1_store() if is_ros1 else ros2_store()).fielddefs
-        store.register({**defaults, **types})
+        used = (topic.ros_type for topic in self.topics if topic.is_ros)
+        store.register(collect_definitions({**defaults, **types}, *used))
         return store
 
 
