@@ -133,6 +133,15 @@ class Ground(NamedTuple):
     shade_step_m: float
 
 
+def _halve(images: Singles) -> Singles:
+    """Average squares of 2 x 2 px; a mean over these two axes takes five times as long."""
+    halved = images[:, 0::2, 0::2] + images[:, 0::2, 1::2]
+    halved += images[:, 1::2, 0::2]
+    halved += images[:, 1::2, 1::2]
+    halved *= np.float32(0.25)
+    return halved
+
+
 def build_pyramid(images: Singles, levels: int, contrast: float = 1.0) -> TexturePyramid:
     """Pack images (layers, height, width, 3) with up to `levels` halvings.
 
@@ -149,8 +158,7 @@ def build_pyramid(images: Singles, levels: int, contrast: float = 1.0) -> Textur
         start += width * height
         if min(width, height) < 2:
             break
-        halves = level.reshape(layers, height // 2, 2, width // 2, 2, 3)
-        level = halves.mean(axis=(2, 4), dtype=np.float32)
+        level = _halve(level)
         mean = level.mean(axis=(1, 2), keepdims=True)
         level = mean + (level - mean) * np.float32(contrast)
     return TexturePyramid(
