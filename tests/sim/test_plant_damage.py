@@ -18,7 +18,7 @@ from agribot.core.world import Plant, WorldSpec
 from agribot.description.loader import load_robot
 from agribot.sim.field_effects import PlantDamage
 from agribot.sim.flora.crown import RADIUS_RATIO, find_crown_radius_m, make_leaf_places
-from agribot.sim.flora.species import SPECIES, STAGES, build_plant_lods
+from agribot.sim.flora.species import SPECIES, build_plant_lods
 from agribot.sim.ground_surface import GroundSurface
 from agribot.sim.plant_states import PlantStates
 from agribot.sim.platform import SimPlatform
@@ -213,7 +213,7 @@ def test_the_underside_is_the_lowest_point_of_every_shape(rover: RobotSpec) -> N
 @pytest.mark.parametrize("species", SPECIES)
 def test_a_crown_reaches_as_far_as_the_leaves_of_the_mesh(species: str) -> None:
     """95 % of the leaf area lies within 95 % of the radius, in the mean of all plants."""
-    for stage, ratio in zip(STAGES, RADIUS_RATIO[species], strict=True):
+    for stage, ratio in zip(SPECIES[species].stages, RADIUS_RATIO[species], strict=True):
         within = []
         for variant in range(12):
             mesh = build_plant_lods(species, variant, stage)[0]

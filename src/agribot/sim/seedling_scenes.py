@@ -1,10 +1,10 @@
 """Seedlings close from above, as a camera for red and near infrared sees them.
 
 Young carrots, or parsley with its broader leaflets, stand in a row. Of the weeds among them
-chamomile and mayweed look most like them. The camera looks straight down on a stretch of about two
-hand-widths. Its picture shows red as red and blue, and near infrared as green, as that of the
-Crop/Weed Field Image Dataset does: soil is grey there, and leaves are green, because they reflect
-far more of the infrared than of the red.
+chamomile and mayweed look most like their leaves, and knotweed like their seed leaves. The camera
+looks straight down on a stretch of about two hand-widths. Its picture shows red as red and blue,
+and near infrared as green, as that of the Crop/Weed Field Image Dataset does: soil is grey there,
+and leaves are green, because they reflect far more of the infrared than of the red.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from agribot.sim.camera.appearance import Appearance
 from agribot.sim.random_scenes import (
     ALL_WEEDS,
     DATUM,
+    draw_log_uniform,
     make_ground_tile,
     make_post,
     place_plant,
@@ -32,12 +33,14 @@ from agribot.sim.random_scenes import (
 )
 
 HALF_M = 0.3
-LOOKALIKES = ("chamomile", "mayweed")
+LOOKALIKES = ("chamomile", "mayweed", "knotweed")
 OTHER_WEEDS = tuple(name for name in ALL_WEEDS if name not in LOOKALIKES)
 GRASSES = ("millet", "grass")
-CROP_HEIGHT_M = (0.010, 0.032)
-WEED_HEIGHT_M = (0.004, 0.045)
+CROP_HEIGHT_M = (0.005, 0.032)
+WEED_HEIGHT_M = (0.003, 0.045)
+MEDIAN_WEED_M = (0.005, 0.026)
 LABEL_SHARE = 0.15
+FINER = 3.0  # meshes than those of plants that a robot's camera sees
 
 
 def sample_seedlings(rng: np.random.Generator, scale: float = 1.0) -> WorldSpec:
@@ -160,7 +163,7 @@ def _sample_labels(rng: np.random.Generator, scale: float) -> tuple[Obstacle, ..
 
 
 def _sample_row(rng: np.random.Generator, scale: float) -> list[Plant]:
-    height_m, spacing_m = rng.uniform(*CROP_HEIGHT_M), rng.uniform(0.02, 0.07)
+    height_m, spacing_m = draw_log_uniform(rng, *CROP_HEIGHT_M), rng.uniform(0.012, 0.06)
     crop = "parsley" if rng.random() < 0.35 else "carrot"
     plants = []
     for x_m in np.arange(-HALF_M, HALF_M, spacing_m):
@@ -177,7 +180,7 @@ def _sample_weeds(rng: np.random.Generator, scale: float) -> list[Plant]:
         kinds.append(str(rng.choice(GRASSES)))
     kinds += [name for name in LOOKALIKES if rng.random() < 0.45]
     density_per_m2 = math.exp(rng.uniform(math.log(40.0), math.log(500.0)))
-    median_m = rng.uniform(0.008, 0.026)
+    median_m = draw_log_uniform(rng, *MEDIAN_WEED_M)
     plants = []
     for _ in range(int(rng.poisson(density_per_m2 * (2.0 * HALF_M) ** 2))):
         place_m = scale * rng.uniform(-HALF_M, HALF_M, 2)

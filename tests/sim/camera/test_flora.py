@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -14,11 +15,11 @@ from agribot.sim.flora.fronds import (
     grow_mayweed,
     grow_parsley,
 )
+from agribot.sim.flora.habit import SEEDLING_STAGE, STAGES, stem_blade
 from agribot.sim.flora.mesh import Leaves, Mesh
 from agribot.sim.flora.species import (
     LODS,
     SPECIES,
-    STAGES,
     build_plant_lods,
     build_plant_mesh,
     find_nearest_stage,
@@ -50,7 +51,7 @@ def test_there_are_crops_and_weeds() -> None:
 @EVERY_SPECIES
 def test_plants_have_unit_height_and_sound_meshes(species: str) -> None:
     for variant in range(4):
-        for stage in STAGES:
+        for stage in SPECIES[species].stages:
             finest, *coarser = build_plant_lods(species, variant, stage)
             assert finest.height_m == pytest.approx(1.0, abs=1e-5)
             assert all(0.55 < mesh.height_m < 1.4 for mesh in coarser)
@@ -104,6 +105,32 @@ def test_only_a_young_carrot_has_its_two_long_seed_leaves() -> None:
     assert {len(kind.length) for kind in grown} == {len(grown[0].length)}, "fronds and their parts"
 
 
+def test_the_first_leaves_of_a_carrot_are_fans_in_the_ring_of_its_seed_leaves() -> None:
+    """Its lobes start near each other, far from the stem, and point away from it."""
+    for seed in range(10):
+        kinds = grow_carrot(np.random.default_rng(seed), SEEDLING_STAGE)
+        fronds, seed_leaves = kinds[0], kinds[-1]
+        assert 2 <= len(fronds.length) <= 6 and len(seed_leaves.length) == 2
+        lobes = [kind for kind in kinds[2:-1] if kind.profile is not stem_blade]
+        for k in range(len(fronds.length)):
+            feet_m = np.array([kind.base[k] for kind in lobes])
+            assert np.hypot(*feet_m[:, :2].T).min() > 0.25 * np.hypot(*feet_m[:, :2].T).max()
+            aside = [math.cos(kind.yaw_rad[k] - fronds.yaw_rad[k]) for kind in lobes]
+            assert np.mean(aside) > 0.4
+
+
+def test_young_chamomile_and_half_of_the_knotweed_lie_flat_on_the_ground() -> None:
+    def reach(species: str, variant: int) -> float:
+        """Width of a plant over its height, seen from above."""
+        mesh = build_plant_mesh(species, variant, 0, SEEDLING_STAGE)
+        return float(np.ptp(mesh.vertices_m[:, :2], axis=0).max() / mesh.height_m)
+
+    wide = {name: [reach(name, k) for k in range(20)] for name in ("carrot", "chamomile")}
+    assert np.median(wide["chamomile"]) > 1.1 * np.median(wide["carrot"])
+    creeping = [reach("knotweed", k) > 4.5 for k in range(20)]
+    assert 5 <= sum(creeping) <= 15
+
+
 def test_chamomile_covers_less_of_its_outline_than_carrot() -> None:
     def cover(species: str) -> float:
         """Leaf area from near over that of the outlines."""
@@ -150,6 +177,9 @@ def test_height_tells_the_growth_stage() -> None:
     assert find_nearest_stage("sugar_beet", 0.25) == 1.0
     assert find_nearest_stage("sugar_beet", 0.05) == STAGES[0]
     assert find_nearest_stage("maize", 0.25) == STAGES[0]
+    assert find_nearest_stage("carrot", 0.02) == SEEDLING_STAGE
+    assert find_nearest_stage("carrot", 0.05) == STAGES[0]
+    assert find_nearest_stage("maize", 0.02) == STAGES[0], "its seedlings are small plants"
 
 
 def test_noise_tiles_and_has_unit_deviation() -> None:

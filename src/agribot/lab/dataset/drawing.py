@@ -35,6 +35,7 @@ from agribot.sim.camera.appearance import Appearance
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
 from agribot.sim.random_scenes import WIDE, sample_field, sample_look, sample_view
 from agribot.sim.seedling_scenes import (
+    FINER,
     sample_overhead_view,
     sample_red_infrared_look,
     sample_seedlings,
@@ -63,13 +64,14 @@ class Scenes(NamedTuple):
     look: Callable[[np.random.Generator], Appearance]
     view: Callable[[np.random.Generator], tuple[CameraSpec, FloatArray]]
     developed: Developer = _keep_colours
+    finer: float = 1.0
 
 
 SCENES = {
     "standard": Scenes(sample_field, sample_look, sample_view),
     "wide": Scenes(partial(sample_field, variety=WIDE), sample_look, sample_view),
     "seedlings": Scenes(
-        sample_seedlings, sample_red_infrared_look, sample_overhead_view, to_red_infrared
+        sample_seedlings, sample_red_infrared_look, sample_overhead_view, to_red_infrared, FINER
     ),
 }
 
@@ -109,7 +111,8 @@ def draw_field(job: FieldJob, stop: Stop) -> int:
             f"field {job.field} has {len(world.plants)} plants, more than the {MOST_INSTANCES} "
             "that an instance mask can hold"
         )
-    renderer = CameraRenderer(world, appearance=scenes.look(rng), threads=1)
+    look = scenes.look(rng)
+    renderer = CameraRenderer(world, appearance=look, threads=1, finer=scenes.finer)
     for index in job.indices:
         if stop():
             break

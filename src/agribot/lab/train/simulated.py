@@ -26,6 +26,7 @@ from agribot.sim.random_scenes import (
     sample_view,
 )
 from agribot.sim.seedling_scenes import (
+    FINER,
     sample_near_look,
     sample_overhead_view,
     sample_red_infrared_look,
@@ -36,6 +37,7 @@ from agribot.sim.seedling_scenes import (
 VIEWS_PER_SCENE = 2
 WIDTH_PX, HEIGHT_PX = 640, 480
 INFRARED_SHARE, MOST_GROWTH = 0.5, 4.0
+SMOOTH_SHARE = 0.5  # of seedlings, drawn in twice the pixels: as in photographs that were reduced
 ROUGH_VIEWS_PER_SCENE = 3  # relief is dear to light
 TAUGHT_VIEWS_PER_SCENE = 6  # of such scenes, where many are needed
 
@@ -70,11 +72,14 @@ def draw_seedlings(
     scale = 1.0 if is_infrared else draw_log_uniform(rng, 1.0, MOST_GROWTH)
     world = sample_seedlings(rng, scale)
     look = sample_red_infrared_look(rng) if is_infrared else sample_near_look(rng)
-    renderer = CameraRenderer(world, appearance=look, threads=1)
+    renderer = CameraRenderer(world, appearance=look, threads=1, finer=FINER)
     for _ in range(views):
         camera, map_from_camera = sample_overhead_view(rng, scale)
         camera = msgspec.structs.replace(camera, width_px=WIDTH_PX, height_px=HEIGHT_PX)
-        drawn = renderer.render(map_from_camera, camera, noise_seed=int(rng.integers(2**31)))
+        fine = 2 if rng.random() < SMOOTH_SHARE else 1
+        drawn = renderer.render(
+            map_from_camera, camera, noise_seed=int(rng.integers(2**31)), supersample=fine
+        )
         image_rgb = to_red_infrared(drawn.image_rgb, rng) if is_infrared else drawn.image_rgb
         plants = find_plants(drawn, world, camera, map_from_camera)
         yield DrawnView(image_rgb, make_label(drawn), plants)

@@ -83,7 +83,8 @@ class CameraRenderer:
     With a `robot` its visuals and its shadow can be part of the picture; `resolve_mesh` finds
     the file of a mesh name. `variants` is the number of different plants of each species and
     stage, `threads` how many draw at once (all that numba may use by default). `ground` is the
-    one that the wheels press down, by default that of the world.
+    one that the wheels press down, by default that of the world. Meshes become coarser at
+    apparent sizes that are `finer` times smaller than usual.
 
     Raises: DescriptionError: an unknown species, surface or kind of shape, or a broken mesh.
     """
@@ -99,8 +100,10 @@ class CameraRenderer:
         appearance: Appearance | None = None,
         threads: int | None = None,
         ground: GroundSurface | None = None,
+        finer: float = 1.0,
     ) -> None:
         self.world = world
+        self._finer = finer
         self._surface = surface = build_ground_surface(world) if ground is None else ground
         self.appearance = look = appearance or Appearance()
         self._threads = threads or min(int(numba.get_num_threads()), os.cpu_count() or 1)
@@ -180,7 +183,7 @@ class CameraRenderer:
         drawn = targets = self._get_buffers("drawn", view.height, view.width)
         picture = _make_blank(camera)
         with _start_workers(self._threads) as run:
-            self._draw(view, drawn, shade, float(supersample), run)
+            self._draw(view, drawn, shade, supersample / self._finer, run)
             self._cover(view, drawn, shade, run)
             if lens is not None:
                 source = lens.source

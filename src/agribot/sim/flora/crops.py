@@ -3,7 +3,7 @@
 A `_blade` is the width of a leaf along its blade: `b` (...,) from 0 at the base to 1 at the tip.
 
 Habits follow the look of the seedlings and rosettes of the real species; no scan or photograph
-is used.
+is part of them.
 """
 
 from __future__ import annotations

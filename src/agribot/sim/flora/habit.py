@@ -12,6 +12,8 @@ from agribot.core.messages import FloatArray, PlantClass
 from agribot.sim.flora.mesh import Leaves, Profile
 
 GOLDEN_ANGLE_RAD = math.pi * (3.0 - math.sqrt(5.0))
+STAGES = (0.25, 0.6, 1.0)  # growth stages that are modelled; plants take the nearest
+SEEDLING_STAGE = 0.1  # of species whose seedlings have leaves of other shapes
 Colour = tuple[int, int, int]
 
 
@@ -23,6 +25,7 @@ class Species(NamedTuple):
     lateral veins (0: parallel ones, as grasses have), `nominal_size_m` the height of a plant
     of stage 1, `wear` the contrast of the blotches on its leaves. The first kind of leaves is
     what is drawn from afar; of a compound leaf it is an outline that is not drawn from near.
+    `stages` are the growth stages that it has meshes of.
     """
 
     name: str
@@ -37,11 +40,17 @@ class Species(NamedTuple):
     wear: float
     cell: int
     is_compound: bool = False
+    stages: tuple[float, ...] = STAGES
 
 
 def stem_blade(b: FloatArray) -> FloatArray:
     """Return the width of a stem along it, (n, s): 1 everywhere."""
     return np.ones_like(b)
+
+
+def strap_blade(b: FloatArray) -> FloatArray:
+    """Return the width of a strap along it, (n, s): one width nearly to its tip."""
+    return np.clip(np.minimum(0.3 + 2.0 * b, (1.02 - b) / 0.3), 0.0, 1.0)
 
 
 def grow_leaves(

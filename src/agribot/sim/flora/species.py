@@ -13,7 +13,7 @@ from agribot.core.errors import DescriptionError
 from agribot.core.messages import PlantClass
 from agribot.sim.flora import crops, weeds
 from agribot.sim.flora.fronds import grow_carrot, grow_chamomile, grow_mayweed, grow_parsley
-from agribot.sim.flora.habit import Species, stem_blade
+from agribot.sim.flora.habit import SEEDLING_STAGE, STAGES, Species, stem_blade, strap_blade
 from agribot.sim.flora.mesh import (
     Leaves,
     Mesh,
@@ -24,7 +24,7 @@ from agribot.sim.flora.mesh import (
 )
 
 LODS = 5
-STAGES = (0.25, 0.6, 1.0)  # growth stages that are modelled; plants take the nearest
+_FROM_SEEDLINGS = (SEEDLING_STAGE, *STAGES)
 
 # A new species goes to the end: the leaf textures are drawn in this order, and those that the
 # shipped network was trained on must not change.
@@ -44,7 +44,7 @@ _ALL = (
     Species("amaranth", PlantClass.WEED, 0.15, weeds.grow_amaranth, 6, (80, 122, 54),
             (132, 150, 98), (148, 96, 82), 9, 0.12, 6),
     Species("carrot", PlantClass.CROP, 0.20, grow_carrot, 3, (74, 134, 52), (118, 164, 84),
-            (120, 158, 84), 0, 0.10, 7, is_compound=True),
+            (120, 158, 84), 0, 0.10, 7, is_compound=True, stages=_FROM_SEEDLINGS),
     Species("onion", PlantClass.CROP, 0.30, crops.grow_onion, 6, (86, 134, 84), (112, 156, 108),
             (150, 182, 128), 0, 0.06, 8),
     Species("chickweed", PlantClass.WEED, 0.08, weeds.grow_chickweed, 5, (98, 148, 62),
@@ -54,13 +54,13 @@ _ALL = (
     Species("charlock", PlantClass.WEED, 0.15, weeds.grow_charlock, 12, (96, 140, 54),
             (146, 176, 100), (132, 152, 92), 6, 0.13, 11),
     Species("chamomile", PlantClass.WEED, 0.15, grow_chamomile, 3, (90, 140, 62), (122, 164, 88),
-            (124, 158, 88), 0, 0.10, 12, is_compound=True),
+            (124, 158, 88), 0, 0.10, 12, is_compound=True, stages=_FROM_SEEDLINGS),
     Species("parsley", PlantClass.CROP, 0.20, grow_parsley, 3, (72, 134, 66), (118, 166, 92),
             (120, 160, 88), 0, 0.10, 13, is_compound=True),
     Species("millet", PlantClass.WEED, 0.15, weeds.grow_millet, 9, (112, 158, 60),
             (146, 180, 92), (130, 150, 80), 0, 0.08, 14),
     Species("knotweed", PlantClass.WEED, 0.12, weeds.grow_knotweed, 5, (88, 140, 64),
-            (132, 168, 96), (150, 130, 88), 0, 0.10, 15),
+            (132, 168, 96), (150, 130, 88), 0, 0.10, 15, stages=_FROM_SEEDLINGS),
     Species("quickweed", PlantClass.WEED, 0.12, weeds.grow_quickweed, 6, (94, 146, 62),
             (136, 174, 96), (138, 158, 98), 4, 0.12, 16),
     Species("milk_thistle", PlantClass.WEED, 0.15, weeds.grow_milk_thistle, 12, (72, 116, 84),
@@ -98,7 +98,9 @@ def _build_level(kinds: list[Leaves], segments: int, lod: int) -> Mesh:
 
 def _count_side_pieces(kind: Leaves, pieces: int) -> int:
     """Return fewer segments for side leaves, which are small, and one for straight stems."""
-    return 1 if kind.profile is stem_blade else min(pieces, 4)
+    if kind.profile is stem_blade:
+        return 1
+    return 2 * pieces if kind.profile is strap_blade else min(pieces, 4)
 
 
 def _thin_leaves(leaves: Leaves) -> Leaves:
@@ -137,5 +139,6 @@ def build_plant_mesh(species: str, seed_variant: int, lod: int, stage: float) ->
 
 def find_nearest_stage(species: str, size_m: float) -> float:
     """Return the modelled growth stage of a plant of this height."""
-    grown = size_m / find_species(species).nominal_size_m
-    return min(STAGES, key=lambda stage: abs(stage - grown))
+    kind = find_species(species)
+    grown = size_m / kind.nominal_size_m
+    return min(kind.stages, key=lambda stage: abs(stage - grown))

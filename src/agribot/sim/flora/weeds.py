@@ -3,7 +3,7 @@
 A `_blade` is the width of a leaf along its blade: `b` (...,) from 0 at the base to 1 at the tip.
 
 Habits follow the look of the seedlings and rosettes of the real species; no scan or photograph
-is used.
+is part of them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,14 @@ from __future__ import annotations
 import numpy as np
 
 from agribot.core.messages import FloatArray
-from agribot.sim.flora.habit import arrange_spiral, choose_leaf_count, grow_leaves, grow_stalk
+from agribot.sim.flora.habit import (
+    SEEDLING_STAGE,
+    arrange_spiral,
+    choose_leaf_count,
+    grow_leaves,
+    grow_stalk,
+    stem_blade,
+)
 from agribot.sim.flora.mesh import Leaves
 
 
@@ -174,7 +181,12 @@ def grow_millet(rng: np.random.Generator, stage: float) -> list[Leaves]:
 
 
 def grow_knotweed(rng: np.random.Generator, stage: float) -> list[Leaves]:
-    """Grow long narrow leaves, the two seed leaves of a seedling the longest."""
+    """Grow long narrow leaves, the two seed leaves of a seedling the longest.
+
+    Half of the seedlings lie on the ground already, with leaves by turns along their stems.
+    """
+    if stage <= SEEDLING_STAGE and rng.random() < 0.5:
+        return _grow_creeping_stems(rng)
     count = choose_leaf_count(rng, stage, 3, 12)
     place = np.arange(count) / count
     length = 1.0 - 0.5 * place
@@ -184,6 +196,32 @@ def grow_knotweed(rng: np.random.Generator, stage: float) -> list[Leaves]:
                curl=(0.0, 0.5), profile=_knotweed_blade, petiole=0.12, fold=0.2,
                base_z=0.4 * stage * place, tone=0.9 + 0.2 * place),
     ]  # fmt: skip
+
+
+def _grow_creeping_stems(rng: np.random.Generator) -> list[Leaves]:
+    """Grow one to four stems that lie on the ground, with narrow leaves by turns."""
+    branches, nodes = int(rng.integers(1, 5)), int(rng.integers(2, 6))
+    branch, node = (index.ravel() for index in np.mgrid[0:branches, 0:nodes].astype(float))
+    reach = rng.uniform(0, 2 * np.pi) + np.arange(branches) * 2 * np.pi / branches
+    reach = reach + rng.normal(0.0, 0.4, branches)
+    out = (node + rng.uniform(0.6, 1.0, len(node))) / nodes
+    side = np.where(node % 2, 1.0, -1.0) * rng.uniform(0.4, 1.0, len(node))
+    along = reach[branch.astype(int)]
+    length = rng.uniform(0.30, 0.60) * rng.uniform(0.7, 1.2, len(node))
+    pitch_deg = rng.uniform(5, 40, len(node))
+    pitch_deg[0] = pitch_deg.max()  # of half of the leaves, one is as high as any
+    blades = grow_leaves(
+        rng, along + side, length=length, width=rng.uniform(0.16, 0.32) * length,
+        pitch_deg=pitch_deg, curl=(0.0, 0.6), profile=_knotweed_blade,
+        petiole=0.1, fold=0.2, base_z=0.04 + 0.1 * out, tone=0.9 + 0.2 * out,
+    )  # fmt: skip
+    base = blades.base.copy()
+    base[:, 0], base[:, 1] = out * np.cos(along), out * np.sin(along)
+    stems = grow_leaves(
+        rng, reach, length=np.ones(branches), width=np.full(branches, 0.035),
+        pitch_deg=np.full(branches, 6.0), curl=(0.0, 0.0), profile=stem_blade, fold=0.1,
+    )  # fmt: skip
+    return [blades._replace(base=base), stems._replace(twist_rad=0.0 * reach)]
 
 
 def grow_quickweed(rng: np.random.Generator, stage: float) -> list[Leaves]:
