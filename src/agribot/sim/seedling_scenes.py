@@ -76,7 +76,7 @@ def sample_red_infrared_look(rng: np.random.Generator) -> Appearance:
         sample_look(rng),
         soil_tint=(0.66 * soil, 0.85 * soil * rng.uniform(0.95, 1.1), 0.85 * soil),
         soil_contrast=rng.uniform(1.0, 2.6),
-        soil_scale=math.exp(rng.uniform(math.log(0.1), math.log(0.8))),
+        soil_scale=draw_log_uniform(rng, 0.1, 0.8),
         leaf_gain=(leaf_red, leaf_infrared, 1.0),
         white_balance=(1.0, 1.0, 1.0),
     )
@@ -87,7 +87,7 @@ def sample_near_look(rng: np.random.Generator) -> Appearance:
     return msgspec.structs.replace(
         sample_look(rng),
         soil_contrast=rng.uniform(1.0, 2.6),
-        soil_scale=math.exp(rng.uniform(math.log(0.1), math.log(0.8))),
+        soil_scale=draw_log_uniform(rng, 0.1, 0.8),
     )
 
 
@@ -179,7 +179,7 @@ def _sample_weeds(rng: np.random.Generator, scale: float) -> list[Plant]:
     if rng.random() < 0.5:
         kinds.append(str(rng.choice(GRASSES)))
     kinds += [name for name in LOOKALIKES if rng.random() < 0.45]
-    density_per_m2 = math.exp(rng.uniform(math.log(40.0), math.log(500.0)))
+    density_per_m2 = draw_log_uniform(rng, 40.0, 500.0)
     median_m = draw_log_uniform(rng, *MEDIAN_WEED_M)
     plants = []
     for _ in range(int(rng.poisson(density_per_m2 * (2.0 * HALF_M) ** 2))):

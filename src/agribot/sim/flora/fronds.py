@@ -184,8 +184,11 @@ def _stretch_outline(fronds: Leaves, ratio: float) -> Leaves:
 def _grow_compound(rng: np.random.Generator, fronds: Leaves, shape: _Frond) -> list[Leaves]:
     ribs = fronds._replace(width=shape.rib_width * fronds.length, petiole=0.0, profile=stem_blade)
     tips = shape.lobe * shape.leaflet * fronds.length
-    outline = fronds if shape.outline == 1.0 else _stretch_outline(fronds, shape.outline)
-    kinds = [outline, ribs, *_grow_lobes(rng, ribs, shape, 0.94, tips)]
+    kinds = [
+        _stretch_outline(fronds, shape.outline),
+        ribs,
+        *_grow_lobes(rng, ribs, shape, 0.94, tips),
+    ]
     for along in np.linspace(*shape.within, shape.pairs):
         for side in (-1.0, 1.0):
             place = float(along + 0.5 * side * shape.stagger + rng.normal(0.0, 0.015))
