@@ -155,7 +155,8 @@ def test_rviz_shows_the_farm(ros1: Ros1, tmp_path: Path) -> None:
         "Xvfb", f":{number}", "-screen", "0", "1280x900x24", "-fbdir", str(tmp_path)
     )
     wait_for(screen.exists, "the screen")
-    options = f"--out {tmp_path / 'run'} --speed 2 --set record.enabled=false"
+    # At this speed the mission lasts longer than all that is waited for below.
+    options = f"--out {tmp_path / 'run'} --speed 0.4 --set record.enabled=false"
     options += " --set perception.camera_rate_hz=2"
     launched = ros1.start(
         "roslaunch", "agribot_description", "agribot.launch", f"options:={options}"
