@@ -1,5 +1,7 @@
 import type { Vec2 } from './wire.ts'
 
+const JOINED_WITHIN_M = 1
+
 /** The points the server numbered; a gap (points this client never got) starts a new piece. */
 export class Trajectory {
   pieces: Vec2[][] = []
@@ -22,4 +24,11 @@ export class Trajectory {
   get length(): number {
     return this.pieces.reduce((sum, piece) => sum + piece.length, 0)
   }
+}
+
+/** The end of the track as far as the robot, unless it is farther on: a slow line brings states before the track. */
+export function joinRobot(tail: Vec2[], robot: Vec2): Vec2[] {
+  const last = tail[tail.length - 1]
+  if (!last || Math.hypot(robot[0] - last[0], robot[1] - last[1]) > JOINED_WITHIN_M) return tail
+  return [...tail, robot]
 }

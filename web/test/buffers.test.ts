@@ -1,7 +1,7 @@
 import assert from 'node:assert/strict'
 import { test } from 'node:test'
 import { KEEP_S, SignalBuffer, toCsv, valueRange } from '../src/plots/buffer.ts'
-import { Trajectory } from '../src/trajectory.ts'
+import { Trajectory, joinRobot } from '../src/trajectory.ts'
 
 test('the window holds the samples of its length, up to its end', () => {
   const buffer = new SignalBuffer(['v'], ['m/s'])
@@ -84,4 +84,12 @@ test('a signal that stands still lies in the middle of its axis, a moving one ha
   assert.deepEqual(valueRange(null, 0, 0), [-0.1, 0.1])
   assert.deepEqual(valueRange(null, 20, 20), [18, 22])
   assert.deepEqual(valueRange(null, 0, 100), [-8, 108])
+})
+
+test('the track ends at the robot where it is near, and is not drawn to one that is ahead of it', () => {
+  assert.deepEqual(joinRobot([[0, 0]], [0, 0.3]), [
+    [0, 0],
+    [0, 0.3],
+  ])
+  assert.deepEqual(joinRobot([[0, 0]], [0, 12]), [[0, 0]])
 })

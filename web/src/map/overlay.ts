@@ -3,6 +3,7 @@
 import type { Map as MapLibre } from 'maplibre-gl'
 import type { App } from '../app.ts'
 import { placeOutline } from '../geo.ts'
+import { joinRobot } from '../trajectory.ts'
 import type { Vec2 } from '../wire.ts'
 import type { Palette } from '../shell/palette.ts'
 import type { Surface } from '../displays/instruments.ts'
@@ -149,7 +150,7 @@ export class Overlay {
   private drawTail(pen: CanvasRenderingContext2D): void {
     const pose = this.app.store.state?.pose
     if (!this.tail.length || !pose) return
-    this.polyline(pen, [...this.tail, [pose[0], pose[1]]])
+    this.polyline(pen, joinRobot(this.tail, [pose[0], pose[1]]))
     pen.strokeStyle = this.colours.trajectory
     pen.lineWidth = Math.min(5, Math.max(1.5, 1.5 + (this.map.getZoom() - 16) * 0.5))
     pen.lineJoin = pen.lineCap = 'round'
