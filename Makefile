@@ -24,7 +24,7 @@ unexport PYTHONDONTWRITEBYTECODE
 run: $(VENV)/.run
 	$(BIN)/agribot run farm --ui --speed 1
 
-# Two workers more than there are cores (tests/conftest.py); a file's tests stay together, and slow
+# One worker more than there are cores (tests/conftest.py); a file's tests stay together, and slow
 # files come first.
 # Part of it: `make test TESTS=tests/gis`; the dearest twenty: `make test TESTS='--cpu-times 20'`.
 test: $(VENV)/.dev

@@ -1,8 +1,8 @@
 """Shared rules of the suite: what a machine lacks is skipped in words and counted at the end.
 
 A worker computes on one core, as do the processes that it starts: threads of several workers
-would wait for each other on the same cores, and burn them. Much of the time it waits for a
-clock, a line or a browser, so that there are two workers more than cores.
+would wait for each other on the same cores, and burn them. A fifth of the time it waits for a
+clock, a line or a browser, so that there is one worker more than there are cores.
 
 Where a machine must run everything (AGRIBOT_REQUIRE_ALL), a skip is a failure. Not so for tests
 marked `elsewhere`: they need what no package manager of that machine has, such as an installed
@@ -28,7 +28,7 @@ pytest_plugins = ["tests.cpu_times", "tests.askers", "tests.figures"]
 
 def pytest_xdist_auto_num_workers() -> int:
     """Of `-n auto`; more would not find room in the memory of a small machine."""
-    return min((os.cpu_count() or 1) + 2, 4)
+    return min((os.cpu_count() or 1) + 1, 4)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -255,9 +255,10 @@ def test_tile_maps_and_image_pyramids_cover_their_ground(page: Page) -> None:
 
 
 def tap(page: Page, *places: tuple[float, float]) -> None:
-    box = page.locator(".map").bounding_box()
-    assert box
     for place in places:
+        # Each time anew: a banner that comes or goes moves the map.
+        box = page.locator(".map").bounding_box()
+        assert box
         x, y = pixel_of(page, *place)
         page.mouse.click(box["x"] + x, box["y"] + y)
 
