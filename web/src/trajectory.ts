@@ -1,3 +1,4 @@
+import { distanceM } from './geo.ts'
 import type { Vec2 } from './wire.ts'
 
 const JOINED_WITHIN_M = 1
@@ -29,6 +30,5 @@ export class Trajectory {
 /** The end of the track as far as the robot, unless it is farther on: a slow line brings states before the track. */
 export function joinRobot(tail: Vec2[], robot: Vec2): Vec2[] {
   const last = tail[tail.length - 1]
-  if (!last || Math.hypot(robot[0] - last[0], robot[1] - last[1]) > JOINED_WITHIN_M) return tail
-  return [...tail, robot]
+  return last && distanceM(last, robot) <= JOINED_WITHIN_M ? [...tail, robot] : tail
 }

@@ -254,13 +254,20 @@ def test_tile_maps_and_image_pyramids_cover_their_ground(page: Page) -> None:
     assert not has_rgb(page, 14.0, -14.0, fake_answers.TILE_RGB)
 
 
+def on_screen(page: Page, x_m: float, y_m: float) -> tuple[float, float]:
+    """Where a place lies, in pixels of the page; asked at once, as banners move the map."""
+    lat_deg, lon_deg = messages.lat_lon(x_m, y_m)
+    x, y = page.evaluate(f"""(() => {{
+      const box = document.querySelector('.map').getBoundingClientRect()
+      const at = {MAP}.project([{lon_deg}, {lat_deg}])
+      return [box.x + at.x, box.y + at.y]
+    }})()""")
+    return x, y
+
+
 def tap(page: Page, *places: tuple[float, float]) -> None:
     for place in places:
-        # Each time anew: a banner that comes or goes moves the map.
-        box = page.locator(".map").bounding_box()
-        assert box
-        x, y = pixel_of(page, *place)
-        page.mouse.click(box["x"] + x, box["y"] + y)
+        page.mouse.click(*on_screen(page, *place))
 
 
 @contextmanager
@@ -285,10 +292,7 @@ def test_a_picked_coordinate_is_shown_and_copied(page: Page) -> None:
 
 
 def test_the_place_under_the_mouse_is_shown(page: Page) -> None:
-    box = page.locator(".map").bounding_box()
-    assert box
-    x, y = pixel_of(page, 22.0, -16.0)
-    page.mouse.move(box["x"] + x, box["y"] + y)
+    page.mouse.move(*on_screen(page, 22.0, -16.0))
     expect(page.locator(".map-cursor")).to_contain_text(re.compile(r"E 2[12]\.\d\d  N -1[56]\."))
 
 
