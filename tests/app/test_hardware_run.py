@@ -26,7 +26,9 @@ from agribot.app.run import Run
 from agribot.app.stop_memory import DISARMED
 from agribot.cli.main import main
 from agribot.core import config
+from agribot.core.errors import PlatformError
 from agribot.core.messages import OperatorEvent, TickRecord
+from agribot.drivers import hardware_platform
 from agribot.drivers.board_protocol import StopCause
 from agribot.record.replay import read_ticks
 from agribot.ui import wire
@@ -58,6 +60,7 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[HardwareB
     monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path / "home"))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # where robots keep each other off
+    monkeypatch.setattr(hardware_platform, "FIRST_REPORT_S", PATIENCE_S)  # with a busy machine
     with HardwareBench(tmp_path, START, config.load("farm").field) as bench:
         yield bench
 
@@ -478,6 +481,16 @@ def test_a_base_that_cannot_be_driven_is_refused_in_one_line(
     options = ["run", "farm", "--platform", "hardware", "--arm", *source]
     assert main([*options, "--out", str(tmp_path / "run")]) == 2
     assert why in capsys.readouterr().err.strip().splitlines()[-1]
+
+
+def test_a_board_that_says_nothing_is_refused_in_words(
+    bench: HardwareBench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hardware_platform, "FIRST_REPORT_S", 0.2)
+    bench.board.is_silent = True
+    bench.forget_commands()  # and what it said before is out
+    with pytest.raises(PlatformError, match=r"for 0\.2 s it says nothing; check its power"):
+        open_bench(bench, tmp_path / "run", is_armed=True)
 
 
 def test_a_motor_board_of_a_simulated_robot_is_refused(

@@ -223,6 +223,17 @@ def test_an_arduino_that_falls_silent_is_told_nothing_until_it_speaks_again() ->
         assert not bench.link.may_send
 
 
+def test_what_came_instead_of_a_report_tells_what_to_check() -> None:
+    bench, board = Link(), BoardEmulator()
+    assert "says nothing; check its power" in bench.link.describe_silence()
+    bench.link.feed(b"$GNGGA,,,,,,0,,,,,,,,*78\r\n", bench.t_s)
+    assert "says 26 bytes, but no report" in bench.link.describe_silence()
+    bench.link.feed(b"\0" + board.advance() + board.advance(), bench.t_s)
+    assert "says 4 messages, but does not answer" in bench.link.describe_silence()
+    bench.link.open()
+    assert "says nothing" in bench.link.describe_silence(), "what was before counts no more"
+
+
 @pytest.mark.parametrize("options", ["board=vesc&ids=local,12", "board=odrive"])
 def test_a_controller_that_only_answers_is_asked_at_once_and_again(options: str) -> None:
     bench = Link(options)

@@ -162,6 +162,7 @@ def test_an_unplugged_receiver_comes_back_through_gpsd_under_another_name(
 
     with speaking((again, lambda at: b"".join(written.make_nmea(at, lat_deg=48.0, quality=1)))):
         wait_for(find_moved, "fixes of the receiver that came back")
+    daemon.stop()  # it would open the terminal of that number again, which is another test's then
     again.unplug()
 
 
@@ -302,6 +303,7 @@ def test_of_two_receivers_of_one_gpsd_the_chosen_one_is_read(
         fixes: list[GnssFix] = opened.wait_for(source, 8)
     lat_deg = (written.LAT_DEG, 48.0)[chosen]
     assert all(fix.lat_deg == pytest.approx(lat_deg, abs=2e-7) for fix in fixes)
+    daemon.stop()
     for line in (near, far):
         line.unplug()
 

@@ -48,7 +48,7 @@ class BoardLink:
             now_s, latency_s=board.latency_s, clock=self._queue.clock
         )
         self._watch = LineWatch("motor board")
-        self.has_spoken = False
+        self.has_spoken, self._bytes_heard = False, 0
         self._first_s, self._heard_s = math.inf, -math.inf
         self._clearing_until_s = -math.inf
 
@@ -66,12 +66,14 @@ class BoardLink:
 
     def open(self) -> bytes:
         """Begin with a board whose line was just opened; makes what it is told at once."""
-        self.has_spoken, self._first_s, self._heard_s = False, math.inf, -math.inf
+        self.has_spoken, self._bytes_heard = False, 0
+        self._first_s, self._heard_s = math.inf, -math.inf
         return self.board.open()
 
     def feed(self, data: bytes, arrived_s: float) -> None:
         """Take bytes in, in any thread."""
         heard = self._count_heard()
+        self._bytes_heard += len(data)
         reports = self.board.feed(data)
         if self._count_heard() != heard:
             self._first_s, self._heard_s = min(self._first_s, arrived_s), arrived_s
@@ -83,6 +85,20 @@ class BoardLink:
 
     def _count_heard(self) -> int:
         return self.board.frames_heard if isinstance(self.board, SpeaksFirst) else 0
+
+    def describe_silence(self) -> str:
+        """Describe what came since the line was opened instead of a report, and what to check."""
+        if not self._bytes_heard:
+            return "says nothing; check its power, its wires, and board= and baud= of --source base"
+        if heard := self._count_heard():
+            return (
+                f"says {heard} messages, but does not answer; check the wire from this computer's "
+                "TX to its RX, and that nothing else writes to it"
+            )
+        return (
+            f"says {self._bytes_heard} bytes, but no report that can be read; check board= and "
+            "baud= of --source base"
+        )
 
     def take(self, t_s: float) -> dict[str, tuple[Any, ...]]:
         """Take what was measured until `t_s`, by field of the batch."""

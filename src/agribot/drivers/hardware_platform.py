@@ -103,8 +103,7 @@ class HardwarePlatform:
             time.sleep(POLL_S)
         if not self._link.has_spoken:
             raise PlatformError(
-                f"{self._name}: says nothing that can be read for {FIRST_REPORT_S:g} s; check its "
-                "power, and board= and baud= of --source base"
+                f"{self._name}: for {FIRST_REPORT_S:g} s it {self._link.describe_silence()}"
             )
 
     def _wait_for_tick(self) -> float:
