@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ import pytest
 from agribot.core.geo import Datum, MapFrame
 from tests import machine
 from tests.ros.live import free_port
+from tests.ros.ros1_system import Ros1
 from tests.waiting import PATIENCE_S, wait_for
 
 NODES = ("gps-converter", "data-manipulation", "autonomous-drive")
@@ -79,18 +79,6 @@ def test_over_ros_2_the_nodes_bring_the_robot_to_its_goal(tmp_path: Path) -> Non
 
 @machine.needs("roscore")
 def test_over_ros_1_the_nodes_bring_the_robot_to_its_goal(tmp_path: Path) -> None:
-    port = free_port()
-    environment = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "ROS_IP": "127.0.0.1"}
-    core = subprocess.Popen(
-        ["roscore", "-p", str(port)],
-        env=environment,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    try:
-        master = f"http://127.0.0.1:{port}"
-        assert_arrived(reach_the_goal(tmp_path, ("--ros1", "--ros-master", master)))
-    finally:
-        os.killpg(core.pid, signal.SIGINT)
-        core.wait(30)
+    (tmp_path / "ros1").mkdir()
+    with closing(Ros1(tmp_path / "ros1")) as ros:  # its master answers: the world waits for none
+        assert_arrived(reach_the_goal(tmp_path, ("--ros1", "--ros-master", ros.uri)))
