@@ -60,7 +60,6 @@ def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[HardwareB
     monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path / "home"))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # where robots keep each other off
-    monkeypatch.setattr(hardware_platform, "FIRST_REPORT_S", PATIENCE_S)  # with a busy machine
     with HardwareBench(tmp_path, START, config.load("farm").field) as bench:
         yield bench
 

@@ -33,6 +33,7 @@ class Line:
         self._far, near = pty.openpty()
         tty.setraw(self._far)
         tty.setraw(near)
+        os.set_blocking(self._far, False)
         self.path.unlink(missing_ok=True)
         self.device = os.ttyname(near)
         os.chmod(self.device, 0o666)  # for a daemon that gives up its rights
@@ -40,19 +41,23 @@ class Line:
         os.close(near)
 
     def say(self, data: bytes) -> None:
-        os.write(self._far, data)
+        """Say all of it, however long the line takes."""
+        while data:
+            select.select([], [self._far], [])
+            with contextlib.suppress(BlockingIOError):
+                data = data[os.write(self._far, data) :]
 
     def blurt(self, data: bytes) -> None:
         """Say as a receiver does, which waits for nobody: what nobody reads is lost."""
-        os.set_blocking(self._far, False)
         with contextlib.suppress(BlockingIOError):
             os.write(self._far, data)
-        os.set_blocking(self._far, True)
 
     def hear(self) -> bytes:
         """What was written to the device; nothing where nobody wrote, or has it open."""
         try:
-            return os.read(self._far, 65536) if select.select([self._far], [], [], 0)[0] else b""
+            # Without asking before whether there is anything: a line that nobody has open says yes,
+            # and who opens it meanwhile would be waited for.
+            return os.read(self._far, 65536)
         except OSError:
             return b""
 
