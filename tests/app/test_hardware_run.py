@@ -487,7 +487,9 @@ def test_a_board_that_says_nothing_is_refused_in_words(
 ) -> None:
     monkeypatch.setattr(hardware_platform, "FIRST_REPORT_S", 0.2)
     bench.board.is_silent = True
-    bench.forget_commands()  # and what it said before is out
+    bench.forget_commands()  # that it was about to say something is over
+    bench.base.unplug()
+    bench.base.plug_in()  # a line in which nothing was said before
     with pytest.raises(PlatformError, match=r"for 0\.2 s it says nothing; check its power"):
         open_bench(bench, tmp_path / "run", is_armed=True)
 
