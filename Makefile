@@ -3,7 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 # Installing builds the operator's page from these.
-PAGE := hatch_build.py $(shell find web -name node_modules -prune -o -name .test-build -prune -o -type f -print)
+PAGE := hatch_build.py $(wildcard $(foreach kind,css html json mjs svg ts,\
+  $(addprefix web/,$(foreach depth,* */* */*/* */*/*/*,$(depth).$(kind)))))
+PAGE := $(filter-out web/node_modules/% web/.test-build/%,$(PAGE))
 
 # The cheap tests: the rules of the house, the units, formats, the command line, one short mission.
 DEAR := tests/test_missing_programs.py tests/test_own_rules.py \
@@ -14,29 +16,38 @@ QUICK := $(filter-out $(DEAR),$(wildcard tests/test_*.py tests/app/test_*.py)) t
   tests/mission/test_waypoint_mission.py
 
 WORKERS := -n auto --dist loadfile --no-loadscope-reorder
+AGAIN := --second-chance
+NIGHTLY := -m nightly --nightly-results tests/nightly-results.csv
 
 # Tests start `agribot` some hundred times: where Python may not keep what it has compiled, each
 # start and each test process compiles all of it anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test nightly quick check pages generate format lint types clean
+.PHONY: run test nightly quick quick-tests check pages generate format lint types clean
 
 run: $(VENV)/.run
 	$(BIN)/agribot run farm --ui --speed 1
 
 # One worker more than there are cores (tests/conftest.py); a file's tests stay together, and slow
-# files come first.
+# files come first. What fails is repeated once, alone (tests/second_chance.py).
 # Part of it: `make test TESTS=tests/gis`; the dearest twenty: `make test TESTS='--cpu-times 20'`.
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest $(WORKERS) $(TESTS)
+	$(BIN)/python -m pytest $(WORKERS) $(AGAIN) $(TESTS)
 
-# The tests that `make test` takes with few seeds, with all of them; the table is in CONTRIBUTING.md.
+# Statistics, long drives, whole missions and browser journeys: all shards, or `make nightly
+# TESTS=tests/mission`. The table is in CONTRIBUTING.md, the last results are in
+# tests/nightly-results.csv.
 nightly: $(VENV)/.dev
-	$(BIN)/python -m pytest $(WORKERS) -m nightly $(TESTS)
+	failed=0; for shard in $(or $(TESTS),$(SHARDS)); do \
+	  $(BIN)/python -m pytest $(WORKERS) $(AGAIN) $(NIGHTLY) $$shard || failed=1; \
+	done; exit $$failed
 
-# While working: a minute instead of twenty. It proves less than `make test`.
-quick: lint types
-	$(BIN)/python -m pytest -q -m 'not slow' $(QUICK)
+# While working: it proves less than `make test`.
+quick: $(VENV)/.dev
+	$(MAKE) --no-print-directory --output-sync --jobs lint types quick-tests
+
+quick-tests: $(VENV)/.dev
+	$(BIN)/python -m pytest -q $(WORKERS) -m 'not slow' $(QUICK)
 
 check: lint types test
 

@@ -1,11 +1,11 @@
 """What a machine may lack, and the line that installs it: the words of every such skip.
 
-`python -m tests.machine FOLDER` fills a folder that, as PATH, makes this machine a bare one.
+`python -m tests.machine FOLDER` fills a folder with links to Python, make, git, a shell and the
+programs of coreutils. As PATH it makes this machine a bare one.
 """
 
 from __future__ import annotations
 
-import os
 import shutil
 import sys
 from pathlib import Path
@@ -34,6 +34,16 @@ PACKAGES = {
 # The whole browser does as well, and takes half as much again: it has a window of its own to draw.
 OTHER_NAMES = {"chromium-headless-shell": ("chromium", "chromium-browser")}
 HIDDEN = frozenset({*PACKAGES, *(name for names in OTHER_NAMES.values() for name in names)})
+COREUTILS = """
+    arch b2sum base32 base64 basename basenc cat chcon chgrp chmod chown chroot cksum comm cp csplit
+    cut date dd df dir dircolors dirname du echo env expand expr factor false fmt fold groups head
+    hostid id install join link ln logname ls md5sum mkdir mkfifo mknod mktemp mv nice nl nohup
+    nproc numfmt od paste pathchk pinky pr printenv printf ptx pwd readlink realpath rm rmdir runcon
+    seq sha1sum sha224sum sha256sum sha384sum sha512sum shred shuf sleep sort split stat stdbuf stty
+    sum sync tac tail tee test timeout touch tr true truncate tsort tty uname unexpand uniq unlink
+    uptime users vdir wc who whoami yes
+"""
+BARE = frozenset({"python3", "make", "git", "sh", "bash", *COREUTILS.split()})
 ASKED = "tests.machine.find"  # the audit event of somebody asking for a program
 
 
@@ -61,14 +71,12 @@ def needs(program: str) -> pytest.MarkDecorator:
     return pytest.mark.skipif(find(program) is None, reason=missing(program))
 
 
-def link_what_every_machine_has(folder: Path) -> None:
-    """Fill a folder with links to the programs of PATH, but for those that a test asks for."""
-    for place in os.get_exec_path():
-        for program in sorted(Path(place).glob("*")):
-            link = folder / program.name
-            if program.name not in HIDDEN and not link.is_symlink():
-                link.symlink_to(program)
+def link_bare_programs(folder: Path) -> None:
+    """Fill a folder with links to the programs of a bare machine."""
+    for program in sorted(BARE):
+        if path := shutil.which(program):
+            (folder / program).symlink_to(path)
 
 
 if __name__ == "__main__":
-    link_what_every_machine_has(Path(sys.argv[1]))
+    link_bare_programs(Path(sys.argv[1]))

@@ -1,4 +1,5 @@
-"""What `make test` takes a part of and `make nightly` the whole: the same test, other counts.
+"""What `make nightly` runs and `make test` does not: the same tests with other counts, and tests
+whose behaviour a cheaper one proves by day.
 
 A statistic over few seeds finds a gross fault, the one over all of them a small one; so a band
 is computed for its count (`mean_square_band`), never widened by hand.
@@ -36,6 +37,15 @@ def one_by_one(name: str, values: Sequence[Any], in_suite: int) -> pytest.MarkDe
             *(pytest.param(v, marks=pytest.mark.nightly) for v in values[in_suite:]),
         ],
     )
+
+
+def by_day(*tests: str) -> pytest.MarkDecorator:
+    """Leave a test to the night, because `tests` prove its behaviour by day in a cheaper form.
+
+    Each of them is a name of the same file, or `tests/folder/test_file.py::test_name`;
+    tests/test_own_rules.py proves that it exists and runs by day.
+    """
+    return pytest.mark.nightly(by_day=tests)
 
 
 def mean_square_band(count: int, freedom: int = 1, share: float = 0.95) -> tuple[float, float]:

@@ -58,7 +58,7 @@ def test_that_finds_its_fixture_while_it_runs(request):
 
 def run_tests(folder: Path, tests: str, *, require_all: bool) -> tuple[int, str]:
     """Run tests of the page on a machine without any of the programs that tests ask for."""
-    machine.link_what_every_machine_has(folder)
+    machine.link_bare_programs(folder)
     environment = {**os.environ, "PATH": str(folder)}
     environment.pop("AGRIBOT_REQUIRE_ALL", None)
     if require_all:

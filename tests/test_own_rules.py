@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -35,6 +36,43 @@ def test_by_day_a_test_takes_few_seeds_and_by_night_the_same_test_takes_all() ->
     assert "[6 seeds]" in by_day and "[20 seeds]" not in by_day
     by_night = run_pytest("--collect-only", "-m", "nightly", IN_PART)
     assert "[20 seeds]" in by_night and "[6 seeds]" not in by_night
+
+
+def list_nightly(tree: ast.Module) -> dict[str, list[str]]:
+    """List the tests of a file that `nightly.by_day` leaves to the night, with their day tests."""
+    found: dict[str, list[str]] = {}
+    for node in tree.body:
+        name = node.name if isinstance(node, ast.FunctionDef) else "*"
+        parts = node.decorator_list if isinstance(node, ast.FunctionDef) else [node]
+        for call in (inner for part in parts for inner in ast.walk(part)):
+            if isinstance(call, ast.Call) and ast.unparse(call.func) == "nightly.by_day":
+                found.setdefault(name, []).extend(map(ast.literal_eval, call.args))
+                is_in_part = any("parametrize" in ast.unparse(part) for part in parts)
+                if is_in_part:  # other cases of the test run by day
+                    found[f"part of {name}"] = found.pop(name)
+    return found
+
+
+def test_each_test_that_is_left_to_the_night_names_tests_that_prove_it_by_day() -> None:
+    trees = {
+        str(path.relative_to(ROOT)): ast.parse(path.read_text("utf-8"))
+        for path in sorted((ROOT / "tests").rglob("test_*.py"))
+    }
+    nightly = {file: list_nightly(tree) for file, tree in trees.items()}
+    by_day = {
+        f"{file}::{node.name}"
+        for file, tree in trees.items()
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef)
+        if node.name not in nightly[file] and "*" not in nightly[file]
+    }
+    named = {
+        (file, test, day if "::" in day else f"{file}::{day}")
+        for file, tests in nightly.items()
+        for test, days in tests.items()
+        for day in days or [""]
+    }
+    assert [entry for entry in named if entry[2] not in by_day] == []
 
 
 @pytest.mark.parametrize(("count", "freedom"), [(1, 3), (12, 2), (50, 1)])

@@ -115,6 +115,7 @@ def _view_rviz(options: argparse.Namespace) -> None:
 def _run_rviz(options: argparse.Namespace) -> Iterator[None]:
     """Run RViz of the ROS that the options name, until it is closed."""
     name, view = ("rviz", "ros1.rviz") if options.ros1 else ("rviz2", "ros2.rviz")
+    environment = {**os.environ, "ROS_MASTER_URI": bridging.read_master(options)}
     program = shutil.which(name)
     if options.no_open or program is None:
         if program is None:
@@ -124,7 +125,6 @@ def _run_rviz(options: argparse.Namespace) -> Iterator[None]:
     words = [program, "-d", str(find_view(view))]
     if not options.ros1:
         words += ["--ros-args", "-p", "use_sim_time:=true"]
-    environment = {**os.environ, "ROS_MASTER_URI": bridging.read_master(options)}
     with subprocess.Popen(words, env=environment) as process:
         try:
             yield
