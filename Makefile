@@ -7,17 +7,19 @@ PAGE := hatch_build.py $(wildcard $(foreach kind,css html json mjs svg ts,\
   $(addprefix web/,$(foreach depth,* */* */*/* */*/*/*,$(depth).$(kind)))))
 PAGE := $(filter-out web/node_modules/% web/.test-build/%,$(PAGE))
 
-# The cheap tests: the rules of the house, the units, formats, the command line, one short mission.
-DEAR := tests/test_missing_programs.py tests/test_own_rules.py \
-  tests/app/test_live_settings.py tests/app/test_operator_sends.py
-QUICK := $(filter-out $(DEAR),$(wildcard tests/test_*.py tests/app/test_*.py)) tests/core \
-  tests/autonomy/test_perception_host.py tests/autonomy/control tests/autonomy/weeds tests/gis \
-  tests/ros/messages tests/cli/test_help.py tests/cli/test_hostile_input.py \
-  tests/mission/test_waypoint_mission.py
+# The cheap tests: the rules of the house, the units, formats, the command line.
+DEAR := $(addprefix tests/,test_missing_programs.py test_own_rules.py test_second_chance.py \
+  test_wheels_on_arm.py app/test_beliefs.py app/test_hardware_camera.py app/test_hardware_run.py \
+  app/test_live_settings.py app/test_operator_sends.py gis/test_many_weeds.py \
+  gis/test_weed_files.py autonomy/control/test_follower.py)
+QUICK := $(filter-out $(DEAR),$(wildcard $(addprefix tests/,test_*.py $(addsuffix /test_*.py,\
+  app core autonomy autonomy/control autonomy/weeds gis ros/messages)))) \
+  tests/cli/test_help.py tests/cli/test_hostile_input.py
 
 WORKERS := -n auto --dist loadfile --no-loadscope-reorder
 AGAIN := --second-chance
 NIGHTLY := -m nightly --nightly-results tests/nightly-results.csv
+SHARDS := tests/mission tests/ui tests/lab tests/autonomy tests/sim
 
 # Tests start `agribot` some hundred times: where Python may not keep what it has compiled, each
 # start and each test process compiles all of it anew.

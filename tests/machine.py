@@ -17,9 +17,11 @@ PACKAGES = {
     "avr-gcc": "gcc-avr binutils-avr avr-libc arduino-core-avr",
     "check_urdf": "liburdfdom-tools",
     "chromium-headless-shell": "chromium-headless-shell",
+    "cmp": "diffutils",
     "gpsd": "gpsd",
     "gpsfake": "gpsd-clients",
     "g++": "g++ libfastrtps-dev",
+    "grep": "grep",
     "ign": "ignition-tools libsdformat-dev",
     "ogr2ogr": "gdal-bin",
     "openssl": "openssl",
@@ -74,7 +76,10 @@ def needs(program: str) -> pytest.MarkDecorator:
 def link_bare_programs(folder: Path) -> None:
     """Fill a folder with links to the programs of a bare machine."""
     for program in sorted(BARE):
-        if path := shutil.which(program):
+        path = shutil.which(program)
+        if program == "python3":
+            path = str(Path(sys.executable).resolve())  # the PATH may have a wrapper of it
+        if path:
             (folder / program).symlink_to(path)
 
 

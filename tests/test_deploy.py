@@ -52,6 +52,8 @@ class Computer:
     """A folder that stands for /, with programs that only say that they were called."""
 
     def __init__(self, folder: Path) -> None:
+        for name in ("cmp", "grep"):
+            machine.require(name)  # the script calls them
         self.root, self._log, self._programs = folder / "root", folder / "log", folder / "bin"
         for place in (self.root / "etc", self._programs):
             place.mkdir(parents=True)

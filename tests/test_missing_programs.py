@@ -64,7 +64,7 @@ def run_tests(folder: Path, tests: str, *, require_all: bool) -> tuple[int, str]
     if require_all:
         environment["AGRIBOT_REQUIRE_ALL"] = "1"
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--askers", tests],
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rs", "--askers", tests],
         cwd=ROOT, env=environment, capture_output=True, text=True, check=False,
     )  # fmt: skip
     return done.returncode, done.stdout
