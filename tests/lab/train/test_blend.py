@@ -17,8 +17,9 @@ from tests.lab.train.command_line import parsed
 
 
 def make_network(seed: int) -> CropWeedNet:
+    """Make a narrow one, which is exported soon."""
     torch.manual_seed(seed)
-    network = change_norms(CropWeedNet())
+    network = change_norms(CropWeedNet((4,) * 5, (1,) * 4, (4,) * 4))
     assert isinstance(network, CropWeedNet)
     return network.eval()
 
