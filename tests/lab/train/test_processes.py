@@ -3,6 +3,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -13,13 +15,31 @@ from agribot.cli.train import run
 from agribot.core.errors import ConfigError
 from agribot.lab.train.architectures import ARCHITECTURES
 from agribot.lab.train.processes import TrainingGroup, join_group
+from tests import nightly
 from tests.lab.train import trained_together
 from tests.lab.train.command_line import parsed
+from tests.ros.live import free_port
 
 ROOT = Path(__file__).parents[3]
 
 
-def train_in_two_processes(out: Path) -> None:
+def train_with_one_more_process(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Train here, together with another process, both with the environment of torchrun."""
+    place = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(free_port()), "WORLD_SIZE": "2"}
+    words = [sys.executable, "-m", trained_together.__name__, str(out)]
+    monkeypatch.setattr("agribot.lab.train.processes.PATIENCE", timedelta(minutes=3))
+    with monkeypatch.context() as here:
+        for name, value in {**place, "RANK": "0"}.items():
+            here.setenv(name, value)
+        with subprocess.Popen(words, cwd=ROOT, env=os.environ | {"RANK": "1"}) as other:
+            try:
+                trained_together.main(out)
+                assert other.wait(180) == 0
+            finally:
+                other.kill()
+
+
+def train_in_two_processes(out: Path, _: pytest.MonkeyPatch) -> None:
     launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc_per_node", "2"]
     words = [sys.executable, *launcher, "-m", trained_together.__name__, str(out)]
     done = subprocess.run(
@@ -34,11 +54,14 @@ def weights(path: Path) -> dict[str, Tensor]:
 
 
 @pytest.mark.slow
+@nightly.one_by_one("train", (train_with_one_more_process, train_in_two_processes), in_suite=1)
 def test_two_processes_learn_what_one_learns_from_the_doubled_batch(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    train: Callable[[Path, pytest.MonkeyPatch], None],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(ARCHITECTURES, "plain", trained_together.PLAIN)
-    train_in_two_processes(tmp_path / "two.pt")
+    train(tmp_path / "two.pt", monkeypatch)
     trained_together.main(tmp_path / "one.pt")
     first, second = weights(tmp_path / "two-0.pt"), weights(tmp_path / "two-1.pt")
     alone = weights(tmp_path / "one-0.pt")
