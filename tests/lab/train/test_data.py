@@ -1,16 +1,20 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
+import pickle
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from agribot.core.errors import AgribotError
 from agribot.core.messages import ByteArray
+from agribot.lab.train import data
 from agribot.lab.train.augment import augment_batch
 from agribot.lab.train.data import DataSet
 from agribot.lab.train.picture_stack import PictureStack
+from tests import nightly
 from tests.lab.train.drawn_images import drawn_image, drawn_scene
 
 
@@ -43,15 +47,34 @@ def test_drawing_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     data_set(tmp_path / "a").draw(12, counted, quiet)
     assert scenes == 4
     data_set(tmp_path / "b").draw(12, drawn_scene, quiet)
-    pairs = zip(data_set(tmp_path / "a").read(12), data_set(tmp_path / "b").read(12), strict=True)
-    assert all(np.array_equal(one[0], other[0]) for one, other in pairs)
+    assert_same_images(tmp_path / "a", tmp_path / "b", 12)
 
 
+def test_scenes_are_drawn_alike_in_any_order_from_jobs_that_a_process_can_be_sent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def send_backwards(work: Any, jobs: Sequence[Any], workers: int, stop: Any) -> Iterator[Any]:
+        assert workers == 2
+        for job in reversed(jobs):
+            yield work(pickle.loads(pickle.dumps(job)), stop)
+
+    data_set(tmp_path / "one").draw(9, drawn_scene, quiet)
+    monkeypatch.setattr(data, "results", send_backwards)
+    data_set(tmp_path / "two").draw(9, drawn_scene, quiet, workers=2)
+    assert_same_images(tmp_path / "one", tmp_path / "two", 9)
+
+
+def assert_same_images(one: Path, other: Path, count: int) -> None:
+    pairs = list(zip(data_set(one).read(count), data_set(other).read(count), strict=True))
+    assert len(pairs) == count
+    assert all(np.array_equal(first[0], second[0]) for first, second in pairs)
+
+
+@nightly.by_day("test_scenes_are_drawn_alike_in_any_order_from_jobs_that_a_process_can_be_sent")
 def test_processes_draw_the_same_images(tmp_path: Path) -> None:
     data_set(tmp_path / "one").draw(9, drawn_scene, quiet)
     data_set(tmp_path / "two").draw(9, drawn_scene, quiet, workers=2)
-    pairs = zip(data_set(tmp_path / "one").read(9), data_set(tmp_path / "two").read(9), strict=True)
-    assert all(np.array_equal(one[0], other[0]) for one, other in pairs)
+    assert_same_images(tmp_path / "one", tmp_path / "two", 9)
 
 
 def test_training_and_test_scenes_differ(tmp_path: Path) -> None:
