@@ -8,20 +8,28 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from agribot.cli import gallery
 from agribot.cli.gallery import CAPTION_PX, COLUMNS, GAP_PX, HEIGHT_PX, WIDTH_PX
 from agribot.cli.main import main
+from tests import nightly
 
 
-def test_every_tile_of_the_gallery_shows_something_else(tmp_path: Path) -> None:
+@nightly.one_by_one("reduction", (3, 1), in_suite=1)
+def test_every_tile_of_the_gallery_shows_something_else(
+    reduction: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    width_px, height_px = WIDTH_PX // reduction, HEIGHT_PX // reduction
+    monkeypatch.setattr(gallery, "WIDTH_PX", width_px)
+    monkeypatch.setattr(gallery, "HEIGHT_PX", height_px)
     out = tmp_path / "gallery.png"
     assert main(("world", "gallery", "-o", str(out))) == 0
     sheet = np.asarray(Image.open(out)).astype(float)
-    rows = (sheet.shape[0] - GAP_PX) // (HEIGHT_PX + CAPTION_PX + GAP_PX)
+    rows = (sheet.shape[0] - GAP_PX) // (height_px + CAPTION_PX + GAP_PX)
     tiles = []
     for index in range(rows * COLUMNS):
-        top = GAP_PX + index // COLUMNS * (HEIGHT_PX + CAPTION_PX + GAP_PX)
-        left = GAP_PX + index % COLUMNS * (WIDTH_PX + GAP_PX)
-        tiles.append(sheet[top : top + HEIGHT_PX, left : left + WIDTH_PX])
+        top = GAP_PX + index // COLUMNS * (height_px + CAPTION_PX + GAP_PX)
+        left = GAP_PX + index % COLUMNS * (width_px + GAP_PX)
+        tiles.append(sheet[top : top + height_px, left : left + width_px])
     assert len(tiles) == 12
     for index, tile in enumerate(tiles):
         assert tile.std() > 15.0, index
