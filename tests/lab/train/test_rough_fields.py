@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +18,10 @@ from agribot.core.messages import PlantClass
 from agribot.core.world import Relief, WorldSpec
 from agribot.description.field_generator import generate_field, lay_parallel_rows
 from agribot.description.loader import load_robot
+from agribot.lab.train import sources
+from agribot.lab.train.data import DataSet
 from agribot.lab.train.farm import choose_plan, draw_row_crop, draw_turn
+from agribot.lab.train.plant_truth import DrawnView, PlantTruth
 from agribot.lab.train.rough_ground import roughen, stand_on
 from agribot.lab.train.simulated import draw_random_field
 from agribot.lab.train.sources import make_simulated_source
@@ -29,6 +35,7 @@ from agribot.sim.random_scenes import (
     add_posts,
     sample_field,
 )
+from tests import nightly
 from tests.lab.train.command_line import parsed
 
 
@@ -40,9 +47,15 @@ def draw_worlds(count: int) -> list[WorldSpec]:
     return worlds
 
 
-@pytest.fixture(scope="module")
-def worlds() -> list[WorldSpec]:
-    return draw_worlds(120)
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(60, id="60 fields"),
+        pytest.param(120, id="120 fields", marks=pytest.mark.nightly),
+    ],
+)
+def worlds(request: pytest.FixtureRequest) -> list[WorldSpec]:
+    return draw_worlds(request.param)
 
 
 def test_half_of_the_fields_have_the_relief_soil_and_light_of_a_preset(
@@ -91,9 +104,10 @@ def test_ridges_run_under_the_rows_of_the_crop_and_some_have_wheel_tracks() -> N
     assert all(relief.track_gauge_m >= 0.5 for relief in tracked)
 
 
-def test_posts_stand_in_the_ground_near_the_crop_of_some_dense_fields() -> None:
-    posts, with_posts, fields = [], 0, 40
-    for seed in range(fields):
+@nightly.all_or_first("seeds", range(40), in_suite=20)
+def test_posts_stand_in_the_ground_near_the_crop_of_some_dense_fields(seeds: Sequence[int]) -> None:
+    posts, with_posts = [], 0
+    for seed in seeds:
         rng = np.random.default_rng([33, seed])
         field = sample_field(rng, DENSE)
         found = add_posts(field, DENSE, rng).obstacles[len(field.obstacles) :]
@@ -102,7 +116,7 @@ def test_posts_stand_in_the_ground_near_the_crop_of_some_dense_fields() -> None:
         for post in found:
             posts.append(post)
             assert min(math.dist(at_m, (post.x_map_m, post.y_map_m)) for at_m in crops_m) < 2.0
-    assert 0.15 < with_posts / fields < 0.5
+    assert 0.15 < with_posts / len(seeds) < 0.5
     for post in posts:
         (shape,) = post.shapes
         length_m = shape.size_m[1] if shape.kind == "cylinder" else shape.size_m[2]
@@ -144,6 +158,51 @@ def test_a_robot_on_a_plane_has_all_wheels_on_it(rise: float, lean: float) -> No
     assert math.atan2(pose[1, 0], pose[0, 0]) == pytest.approx(yaw_rad, abs=0.01)
 
 
+def test_each_set_of_a_rough_training_has_its_own_stream_and_variety(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Here a picture shows nothing but the first number of its stream."""
+    draw_set, varieties = sources.draw_set, {}
+
+    def draw_quickly(
+        args: argparse.Namespace, wanted: sources.WantedSet, *more: Any, **options: Any
+    ) -> DataSet:
+        varieties[wanted.name] = wanted.variety
+        return draw_set(args, wanted._replace(drawer=draw_number), *more, **options)
+
+    def number_of(stream: int) -> int:
+        return int(next(draw_number(np.random.default_rng([0, stream, 0]), 1))[0].max())
+
+    monkeypatch.setattr(sources, "draw_set", draw_quickly)
+    words = ("--model", "agribot-sim", "--variety", "rough", "--images", "2", "--row-images", "1")
+    few = ("--turn-images", "0", "--usual-images", "2", "--test-images", "2", "--precision", "int8")
+    args = parsed(*words, *few, "--workers", "1", "--out", str(tmp_path))
+    source = make_simulated_source(args, lambda line: None)
+    assert source.train_images == 4 and "--usual-images 2 " in source.command
+    taught = {int(picture.max()) for picture in source.pictures}
+    assert {number_of(113), number_of(114)} < taught
+    tests = {name: int(next(iter(read()))[0].max()) for name, read in source.tests.items()}
+    streams = {
+        "random-fields": 101, "farm": 102, "row-crops": 103, "turns": 106,
+        "rough-fields": 107, "rough-rows": 108,
+    }  # fmt: skip
+    assert tests == {name: number_of(stream) for name, stream in streams.items()}
+    usual = {"random-fields", "farm", "row-crops", "turns", "train-usual-rows", "train-usual-turns"}
+    assert {name for name, variety in varieties.items() if variety is STANDARD} == usual
+    assert {variety for name, variety in varieties.items() if name not in usual} == {ROUGH}
+
+
+def draw_number(rng: np.random.Generator, views: int, variety: Any = None) -> Iterator[DrawnView]:
+    number, label = rng.integers(256, dtype=np.uint8), np.full((48, 64), PlantClass.SOIL, np.uint8)
+    none = PlantTruth(np.zeros((48, 64), np.uint16), np.zeros((0, 2)), np.zeros(0, np.uint8))
+    for _ in range(views):
+        yield DrawnView(np.full((48, 64, 3), number), label, none)
+
+
+@nightly.by_day(
+    "test_each_set_of_a_rough_training_has_its_own_stream_and_variety",
+    "test_one_seed_gives_the_same_picture_of_the_same_rough_field",
+)
 @pytest.mark.slow
 def test_a_network_of_rough_fields_is_judged_on_the_test_sets_of_all_and_on_rough_ones(
     tmp_path: Path,
