@@ -10,6 +10,7 @@ import msgspec
 import pytest
 
 from agribot.app.field_work import read_work
+from agribot.app.mission_file import read_mission
 from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.description.loader import load_robot
@@ -23,12 +24,21 @@ from agribot.lab.bench.long_mission import (
 )
 from agribot.lab.sweep.execution import Assignment
 
+SHORT_KM = 0.02
+
+
+@pytest.fixture
+def small_field(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a field be smaller than the command takes one."""
+    monkeypatch.setattr(long_mission, "LEAST_KM", SHORT_KM)
+    monkeypatch.setattr(long_mission, "INSIDE_M", 2.0)
+
 
 def assign(tmp_path: Path, *settings: str) -> Assignment:
-    """A mission of 50 m, twice as fast as usual."""
+    """A short mission, twice as fast as usual."""
     plan = tmp_path / "plan.geojson"
-    plan.write_text(make_plan(0.05), encoding="utf-8")
-    (job,) = list_jobs(0.05, plan, [1], speed_mps=0.8)
+    plan.write_text(make_plan(SHORT_KM), encoding="utf-8")
+    (job,) = list_jobs(SHORT_KM, plan, [1], speed_mps=0.8)
     brisk = "mission.turn_speed_mps=0.5"
     job = msgspec.structs.replace(job, fixed=(*job.fixed, brisk, *settings))
     return Assignment(job=job, out_dir=tmp_path / "mission")
@@ -42,14 +52,15 @@ def test_a_plan_is_about_as_long_as_asked_for_and_a_mission_takes_it(km: float) 
     assert path.s_m[-1] >= work.length_m
 
 
+@pytest.mark.usefixtures("small_field")
 def test_a_short_one_is_driven_to_its_end_and_is_not_driven_twice(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["bench", "long", "--km", "0.05", "--mps", "0.8", "--json"]
+    words = ["bench", "long", "--km", f"{SHORT_KM}", "--mps", "0.8", "--json"]
     words += ["--out", str(tmp_path / "out")]
     assert main(words) == 0
     result = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert result["km"] == pytest.approx(0.05, rel=0.5)
+    assert result["km"] == pytest.approx(SHORT_KM, rel=0.5)
     assert (result["missions"], result["interventions"]) == (1, 0)
     assert result["km_per_intervention"] is None
     assert result["outside_m_max"] == 0.0
@@ -59,32 +70,37 @@ def test_a_short_one_is_driven_to_its_end_and_is_not_driven_twice(
     assert (again["km"], again["cpu_s"]) == (result["km"], result["cpu_s"])
 
 
+@pytest.mark.usefixtures("small_field")
 def test_a_mission_that_is_cut_off_twice_goes_on_and_is_one_job(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assignment = assign(tmp_path)
     now_s = itertools.count(100.0, 2.0)  # two seconds pass between looks
     monkeypatch.setattr(long_mission, "read_clock", lambda: next(now_s))
-    tell, said = WayToldNow([assignment.out_dir, tmp_path / "not begun"]), []
+    tell, said, come = WayToldNow([assignment.out_dir, tmp_path / "not begun"]), [], []
     for _ in range(2):
         ticks = itertools.count()
-        assert go_on(assignment, lambda ticks=ticks: next(ticks) == 1200) is None  # type: ignore[misc]
+        assert go_on(assignment, lambda ticks=ticks: next(ticks) == 900) is None  # type: ignore[misc]
         said += [tell(), tell(), tell()]
+        come.append(read_mission(list_parts(assignment.out_dir)[-1]))
     assert said[:2] == said[3:5] == ["", ""], "news come every five seconds"
     assert [path.name for path in list_parts(assignment.out_dir)] == ["mission", "mission.2"]
     outcome = go_on(assignment, lambda: False)
     assert outcome is not None and outcome.report is not None, outcome
     report = outcome.report
     assert report.ok, report.reason
-    ways_km = [float(text.removesuffix(" of 0.05 km")) for text in said if text]
-    assert 0.0 < ways_km[0] < ways_km[1]
-    planned_m = read_work(make_plan(0.05), "the plan", load("farm"), load_robot()).length_m
+    planned_m = read_work(make_plan(SHORT_KM), "the plan", load("farm"), load_robot()).length_m
+    assert 0.0 < come[0].s_m < come[1].s_m
+    length_km = planned_m / 1000.0
+    told = [f"{saved.s_m / 1000.0:.2f} of {length_km:.2f} km" for saved in come]
+    assert [text for text in said if text] == told
     way_m = report.mission.distance_m  # that to the first swath counts, too
-    assert way_m == pytest.approx(planned_m, rel=0.2)
+    assert way_m == pytest.approx(planned_m, abs=8.0)
 
 
+@pytest.mark.usefixtures("small_field")
 def test_a_robot_that_comes_home_for_its_battery_is_charged_and_finishes(tmp_path: Path) -> None:
-    """The work takes three thousandths of a charge, and this robot goes home after two."""
+    """The work takes more than 17 ten-thousandths of a charge, and this robot goes home earlier."""
     assignment = assign(tmp_path, "safety.low_charge_ratio=0.9983")
     outcome = go_on(assignment, lambda: False)
     assert outcome is not None and outcome.report is not None, outcome
@@ -95,8 +111,9 @@ def test_a_robot_that_comes_home_for_its_battery_is_charged_and_finishes(tmp_pat
     assert asked == ["cancelled: returned home, called by the battery"] * (len(parts) - 1)
 
 
+@pytest.mark.usefixtures("small_field")
 def test_a_robot_that_a_whole_charge_brings_nowhere_ends_its_mission(tmp_path: Path) -> None:
-    assignment = assign(tmp_path, "safety.low_charge_ratio=0.9996")
+    assignment = assign(tmp_path, "safety.low_charge_ratio=0.9999")
     outcome = go_on(assignment, lambda: False)
     assert outcome is not None and outcome.report is not None, outcome
     assert not outcome.report.ok
