@@ -12,10 +12,10 @@ import torch
 from torch import Tensor
 
 from agribot.core.errors import AgribotError, RecordingError
-from agribot.lab.train.fit import CHECKPOINT, LOG, Trainer, TrainingPlan
+from agribot.lab.train.fit import CHECKPOINT, LOG, Trainer, TrainingPlan, count_steps_within
 from tests.lab.train.drawn_images import batch_of_four
 
-PLAN = TrainingPlan(steps=30, batch_size=4, crop_px=64, bf16=False, checkpoint_every=10)
+PLAN = TrainingPlan(steps=20, batch_size=4, crop_px=64, bf16=False, checkpoint_every=10)
 
 
 class Killed(RuntimeError):
@@ -38,7 +38,7 @@ def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[
     return folder, Trainer(PLAN, batch_of_four, folder).run(quiet).state_dict()
 
 
-def test_thirty_steps_lower_the_loss(uninterrupted: tuple[Path, dict[str, Tensor]]) -> None:
+def test_twenty_steps_lower_the_loss(uninterrupted: tuple[Path, dict[str, Tensor]]) -> None:
     curve = losses(uninterrupted[0])
     assert len(curve) == PLAN.steps
     assert np.mean(curve[-5:]) < 0.6 * np.mean(curve[:3])
@@ -109,7 +109,7 @@ def test_a_broken_checkpoint_is_named_with_what_to_do(
 def test_a_full_disk_is_told_and_the_last_checkpoint_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    short = msgspec.structs.replace(PLAN, steps=20)
+    short = msgspec.structs.replace(PLAN, steps=4, checkpoint_every=2)
     said: list[str] = []
 
     def fill_the_disk(text: str) -> None:
@@ -120,12 +120,17 @@ def test_a_full_disk_is_told_and_the_last_checkpoint_stays(
         Trainer(short, batch_of_four, tmp_path).run(fill_the_disk)
     monkeypatch.undo()
     Trainer(short, batch_of_four, tmp_path).run(said.append)
-    assert "going on from step 10" in said[1]
+    assert "going on from step 2" in said[1]
 
 
 def _write_to_full_disk(data: bytes) -> None:
     with Path("/dev/full").open("wb", buffering=0) as file:
         file.write(data)
+
+
+def test_minutes_give_the_steps_that_fit_in_and_fifty_at_least(tmp_path: Path) -> None:
+    assert count_steps_within(1e-6, batch_of_four, PLAN, tmp_path) == 50
+    assert count_steps_within(60.0, batch_of_four, PLAN, tmp_path) > 1000
 
 
 def test_the_rate_warms_up_and_falls_to_almost_nothing() -> None:

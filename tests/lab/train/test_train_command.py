@@ -14,6 +14,7 @@ from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import PlantClass
 from agribot.lab.train.card import ModelCard
 from agribot.lab.train.photo_source import make_photo_source
+from tests import nightly
 from tests.lab.train.command_line import parsed
 from tests.lab.train.photo_folder import photo_folder, spoil
 
@@ -24,12 +25,12 @@ FEW_PIXELS = ("--crop-px", "64", "--batch-size", "2")
 def test_one_command_goes_from_nothing_to_weights_with_a_card(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    few = ("--images", "2", "--test-images", "1", "--validate", "2", "--steps", "2", *FEW_PIXELS)
+    few = ("--images", "1", "--test-images", "1", "--validate", "1", "--steps", "2", *FEW_PIXELS)
     words = (*few, "--out", str(tmp_path))
     assert run(parsed(*words)) == 0
     weights = tmp_path / "agribot-sim.onnx"
     card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)
-    assert (card.plan.steps, card.train_images) == (2, 2)
+    assert (card.plan.steps, card.train_images) == (2, 1)
     assert set(card.test) == {"random-fields", "farm", "row-crops", "turns"}
     assert card.calibration is not None and card.calibration.images == 2
     assert card.calibration.temperatures.weed > 0.0
@@ -82,8 +83,10 @@ def test_photographs_of_a_folder_are_trained_on_and_judged_on_the_fold_held_out(
 
 
 def test_a_training_that_goes_on_does_so_with_the_options_that_it_began_with(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    measured = iter([2])  # steps that fit into the minutes, asked for once
+    monkeypatch.setattr("agribot.lab.train.fit.count_steps_within", lambda *_: next(measured))
     folder = photo_folder(tmp_path / "photos", 2)
     words = ["--data", "cwfid", "--data-dir", str(folder), "--size", "64x64", "--crop-px", "64"]
     words += ["--train-width", "96", "--batch-size", "2", "--minutes", "0.001"]
@@ -232,12 +235,15 @@ def test_two_trainings_of_one_seed_are_identical(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_with_8_bits_the_small_file_is_judged_and_the_plain_one_kept(tmp_path: Path) -> None:
+@nightly.one_by_one("model", ("agribot-s", "agribot-m"), in_suite=1)
+def test_with_8_bits_the_small_file_is_judged_and_the_plain_one_kept(
+    model: str, tmp_path: Path
+) -> None:
     folder, out = photo_folder(tmp_path / "photos", 4), tmp_path / "out"
-    words = ("--data", "folder", "--data-dir", str(folder), "--model", "agribot-m", "--steps", "2")
+    words = ("--data", "folder", "--data-dir", str(folder), "--model", model, "--steps", "2")
     few = ("--size", "64x64", "--train-width", "96", *FEW_PIXELS)
     assert run(parsed(*words, *few, "--precision", "int8", "--out", str(out))) == 0
-    small, plain = out / "agribot-m.onnx", out / "agribot-m-fp32.onnx"
+    small, plain = out / f"{model}.onnx", out / f"{model}-fp32.onnx"
     card = msgspec.json.decode(small.with_suffix(".json").read_bytes(), type=ModelCard)
     assert (card.precision, card.file_bytes) == ("int8", small.stat().st_size)
     assert small.stat().st_size < 0.35 * plain.stat().st_size
@@ -250,10 +256,10 @@ def test_with_8_bits_the_small_file_is_judged_and_the_plain_one_kept(tmp_path: P
 @pytest.mark.slow
 def test_a_network_begins_with_random_weights_where_it_is_told_to(tmp_path: Path) -> None:
     folder, out = photo_folder(tmp_path / "photos", 3), tmp_path / "out"
-    words = ("--data", "folder", "--data-dir", str(folder), "--model", "agribot-m", "--steps", "1")
+    words = ("--data", "folder", "--data-dir", str(folder), "--model", "agribot-s", "--steps", "1")
     few = ("--size", "64x64", "--train-width", "96", *FEW_PIXELS)
     assert run(parsed(*words, *few, "--start", "random", "--out", str(out))) == 0
-    card = msgspec.json.decode((out / "agribot-m.json").read_bytes(), type=ModelCard)
+    card = msgspec.json.decode((out / "agribot-s.json").read_bytes(), type=ModelCard)
     assert card.plan.start == ""
     assert "--start random" in card.command
     assert "Begun with: random weights" in card.markdown()
