@@ -18,8 +18,10 @@ from PIL import Image
 
 from agribot.cli.main import main
 from agribot.lab.dataset.run_lengths import instance_run_lengths
+from tests import nightly
 
 SMALL = ("--width", "96", "--height", "72", "--views", "2", "--seed", "5")
+IMAGES = 4
 
 
 def generate(folder: Path, images: int, *more: str) -> int:
@@ -40,7 +42,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("generated") / "set"
-    assert generate(folder, 6, "--colour") == 0
+    assert generate(folder, IMAGES, "--colour") == 0
     return folder
 
 
@@ -78,16 +80,17 @@ def test_every_annotation_is_the_plant_of_the_instance_mask(folder: Path) -> Non
 
 def test_a_set_of_all_species_has_an_annotation_of_each_plant_too(tmp_path: Path) -> None:
     folder = tmp_path / "wide"
-    assert generate(folder, 6, "--variety", "wide") == 0
+    assert generate(folder, 2, "--variety", "wide") == 0
     coco = json.loads((folder / "annotations.json").read_text())
     names = {entry["id"]: entry["name"] for entry in coco["categories"]}
     seen = {names[entry["category_id"]] for entry in coco["annotations"]}
     assert seen & {"carrot", "onion", "chickweed", "plantain", "charlock", "chamomile"}
 
 
-def test_seedlings_are_seen_in_red_and_infrared_from_above(tmp_path: Path) -> None:
+@nightly.one_by_one("pictures", (6, 20), in_suite=1)
+def test_seedlings_are_seen_in_red_and_infrared_from_above(pictures: int, tmp_path: Path) -> None:
     folder = tmp_path / "seedlings"
-    assert generate(folder, 20, "--variety", "seedlings", "--seed", "1") == 0
+    assert generate(folder, pictures, "--variety", "seedlings", "--seed", "1") == 0
     with (folder / "plants.csv").open() as file:
         assert {"carrot", "chamomile"} <= {plant["species"] for plant in csv.DictReader(file)}
     leaf, soil = [], []
@@ -108,7 +111,7 @@ def test_a_picture_without_plants_has_no_run_lengths() -> None:
 
 def test_every_plant_pixel_belongs_to_one_annotation(folder: Path) -> None:
     coco = json.loads((folder / "annotations.json").read_text())
-    for index in range(6):
+    for index in range(IMAGES):
         area = sum(e["area"] for e in coco["annotations"] if e["image_id"] == index)
         mask = read(folder, f"masks/{index:06d}.png")
         assert area == (mask != 2).sum() == (read(folder, f"instances/{index:06d}.png") > 0).sum()
@@ -152,22 +155,22 @@ def test_going_on_gives_the_bytes_of_an_uninterrupted_run(folder: Path, tmp_path
     assert generate(again, 3, "--colour") == 0
     (again / "records" / "000001.json").unlink()  # as if killed while writing image 1
     (again / "images" / "000001.png").write_bytes(b"half")
-    assert generate(again, 6, "--colour") == 0
+    assert generate(again, IMAGES, "--colour") == 0
     assert contents(again) == contents(folder)
 
 
 def test_another_seed_or_view_is_another_image(folder: Path, tmp_path: Path) -> None:
     assert generate(tmp_path / "other", 2, "--seed", "6") == 0
-    images = [read(folder, f"images/{k:06d}.png").tobytes() for k in range(6)]
+    images = [read(folder, f"images/{k:06d}.png").tobytes() for k in range(IMAGES)]
     images += [read(tmp_path / "other", f"images/{k:06d}.png").tobytes() for k in range(2)]
-    assert len(set(images)) == 8
+    assert len(set(images)) == IMAGES + 2
 
 
 def test_the_folder_of_another_recipe_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = contents(folder)
-    assert generate(folder, 6, "--colour", "--seed", "9") == 2
+    assert generate(folder, IMAGES, "--colour", "--seed", "9") == 2
     assert "seed 5, not 9" in capsys.readouterr().err
     assert contents(folder) == before
 
@@ -182,10 +185,13 @@ def test_an_option_out_of_range_names_itself(
 
 
 @pytest.mark.slow
-def test_an_interruption_leaves_readable_images_and_the_rest_can_be_drawn(tmp_path: Path) -> None:
+@nightly.one_by_one("workers", ("1", "2"), in_suite=1)
+def test_an_interruption_leaves_readable_images_and_the_rest_can_be_drawn(
+    workers: str, tmp_path: Path
+) -> None:
     folder, images = tmp_path / "set", 400
     words = ["dataset", "generate", "--images", str(images), "--out", str(folder), *SMALL]
-    command = [sys.executable, "-m", "agribot.cli", *words, "--workers", "2"]
+    command = [sys.executable, "-m", "agribot.cli", *words, "--workers", workers]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True) as process:
         deadline_s = time.monotonic() + 120.0
         while not list(folder.glob("records/*.json")) and time.monotonic() < deadline_s:
