@@ -15,6 +15,7 @@ from agribot.core.config import load
 from agribot.lab.train.card import ModelCard
 from agribot.lab.train.evaluate import evaluate
 from agribot.lab.train.photographs import find_pairs, read_pairs, split_fold
+from tests import nightly
 
 MODELS = {"cwfid": ("agribot-m", "int8"), "cwfid-s": ("agribot-s", "int8")}
 DATA = Path(os.environ.get("AGRIBOT_DATA", "")) / "cwfid-train"
@@ -22,10 +23,14 @@ DATA = Path(os.environ.get("AGRIBOT_DATA", "")) / "cwfid-train"
 
 @pytest.fixture(scope="module", params=MODELS)
 def card(request: pytest.FixtureRequest) -> ModelCard:
-    data = model_path(request.param).with_suffix(".json").read_bytes()
-    card = msgspec.json.decode(data, type=ModelCard)
+    card = read_card(request.param)
     assert card.name == request.param
     return card
+
+
+def read_card(name: str) -> ModelCard:
+    data = model_path(name).with_suffix(".json").read_bytes()
+    return msgspec.json.decode(data, type=ModelCard)
 
 
 def test_the_card_describes_the_file_and_its_condition(card: ModelCard) -> None:
@@ -65,8 +70,10 @@ def test_the_scores_stated_are_those_of_another_training_with_pictures_held_out(
 
 
 @pytest.mark.slow
+@nightly.one_by_one("name", ("cwfid-s", "cwfid"), in_suite=1)
 @pytest.mark.skipif(not DATA.is_dir(), reason="the photographs are not here")
-def test_pictures_that_it_was_trained_on_score_above_those_held_out(card: ModelCard) -> None:
+def test_pictures_that_it_was_trained_on_score_above_those_held_out(name: str) -> None:
+    card = read_card(name)
     assert card.held_out is not None
     segmenter = Segmenter(card.name)
     pairs = split_fold(find_pairs(DATA, "cwfid")[0], 5, 0)[1]
