@@ -17,14 +17,6 @@ def last_line(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
     return found
 
 
-def test_networks_are_timed_from_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("onnx")
-    words = "bench perception --networks agribot-s --size 96x64 --threads 1 --frames 1 --json"
-    assert main(words.split()) == 0
-    result = last_line(capsys)
-    assert (result["width_px"], result["height_px"]) == (96, 64)
-
-
 @pytest.mark.parametrize(
     ("words", "named"),
     [
