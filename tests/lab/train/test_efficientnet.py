@@ -25,6 +25,7 @@ from agribot.lab.train.export import export_onnx
 from agribot.lab.train.fit import Trainer, TrainingPlan
 from agribot.lab.train.network import LiteNet, count_parameters
 from agribot.lab.train.start import start_from
+from tests import nightly
 from tests.lab.train.drawn_images import batch_of_four
 
 # EfficientNet-Lite0 has 4,652,008 parameters; a 1 x 1 convolution to 1,280 channels, its
@@ -107,16 +108,17 @@ def test_filters_of_single_channels_learn_as_in_full_precision() -> None:
     assert torch.allclose(layer.weight.grad, exact, rtol=0.02, atol=0.02 * float(exact.abs().max()))
 
 
-def test_an_exported_file_can_be_begun_with(tmp_path: Path) -> None:
+@nightly.one_by_one("model", ("agribot-s", "agribot-m"), in_suite=1)
+def test_an_exported_file_can_be_begun_with(model: str, tmp_path: Path) -> None:
     torch.manual_seed(5)
-    network = find_architecture("agribot-m").build()
+    network = find_architecture(model).build()
     for norm in network.modules():
         if isinstance(norm, nn.BatchNorm2d):
             nn.init.normal_(norm.bias, 0.0, 0.3)
     network.train()(torch.randn(2, 3, 64, 64))
     network.eval()
     export_onnx(network, tmp_path / "net.onnx", 64, 64)
-    other, x = find_architecture("agribot-m").build(), torch.randn(4, 3, 64, 64)
+    other, x = find_architecture(model).build(), torch.randn(4, 3, 64, 64)
     start_from(tmp_path / "net.onnx", other, x)
     with torch.inference_mode():
         assert torch.allclose(other.eval()(x), network(x), atol=1e-3)
