@@ -35,6 +35,7 @@ from agribot.lab.train.plant_targets import (
 )
 from agribot.lab.train.resizing import resize_network
 from agribot.lab.train.start import start_from
+from tests import nightly
 from tests.lab.train.changed_norms import change_norms
 from tests.lab.train.command_line import parsed
 from tests.lab.train.drawn_images import drawn_image
@@ -190,6 +191,13 @@ def test_classes_that_are_kept_keep_their_temperature(tmp_path: Path) -> None:
     assert "--keep-classes" in args.recipe_words and args.asked["keeps_classes"]
 
 
+@nightly.by_day(
+    "tests/lab/train/test_train_command.py::"
+    "test_one_command_goes_from_nothing_to_weights_with_a_card",
+    "test_classes_and_stems_learn_together",
+    "test_the_file_answers_with_the_stems_and_ways_of_the_network",
+    "tests/lab/bench/test_plant_benchmark.py::test_the_command_prints_and_writes_the_figures",
+)
 @pytest.mark.slow
 def test_one_command_draws_fields_and_makes_weights_that_find_plants(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
