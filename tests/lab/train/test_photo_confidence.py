@@ -11,12 +11,13 @@ from agribot.cli.train import run
 from agribot.lab.train.calibration import AS_TRAINED
 from agribot.lab.train.card import ModelCard
 from agribot.lab.train.export import read_temperatures
+from tests import nightly
 from tests.lab.train.command_line import parsed
 from tests.lab.train.photo_folder import photo_folder
 
 
 def train(folder: Path, out: Path, *words: str) -> tuple[ModelCard, Path]:
-    recipe = ("--model", "original-bonnet", "--size", "64x64", "--crop-px", "64", "--steps", "6")
+    recipe = ("--model", "original-bonnet", "--size", "64x64", "--crop-px", "64", "--steps", "2")
     data = ("--data", "cwfid", "--data-dir", str(folder), "--out", str(out))
     assert run(parsed(*data, *recipe, *words)) == 0
     weights = out / "original-bonnet.onnx"
@@ -48,6 +49,11 @@ def test_a_fold_that_is_held_out_tells_it_to_the_training_on_all(
     assert "those of the training that held images out" in card.markdown()
 
 
+@nightly.by_day(
+    "test_a_fold_that_is_held_out_tells_it_to_the_training_on_all",
+    "tests/lab/train/test_train_command.py::"
+    "test_photographs_set_aside_draw_the_curve_and_teach_nothing",
+)
 @pytest.mark.slow
 def test_photographs_set_aside_tell_it_and_a_fold_judges_it(photos: Path, tmp_path: Path) -> None:
     words = ("--validate", "2", "--folds", "3", "--fold", "0")
