@@ -74,12 +74,13 @@ def test_eval_reads_masks_whose_values_are_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = photo_folder(tmp_path / "photos", 2)
-    assert main(["eval", str(folder), "--data", "cwfid", "--json"]) == 0
+    words = ["eval", str(folder), "--model", "agribot-sim", "--json"]
+    assert main([*words, "--data", "cwfid"]) == 0
     expected = result_of(capsys)
     for path in (folder / "annotations").iterdir():
         red, green, _ = np.moveaxis(np.asarray(Image.open(path)), -1, 0)
         Image.fromarray(np.where(red > 0, 2, np.where(green > 0, 1, 0)).astype(np.uint8)).save(path)
-    assert main(["eval", str(folder), "--ids", "0=soil,1=crop,2=weed", "--json"]) == 0
+    assert main([*words, "--ids", "0=soil,1=crop,2=weed"]) == 0
     assert result_of(capsys)["confusion"] == expected["confusion"]
 
 
@@ -107,7 +108,8 @@ def test_eval_judges_the_rest_names_broken_files_and_ends_with_one(
 ) -> None:
     folder = photo_folder(tmp_path / "photos", 7)
     broken = spoil(folder)
-    assert main(["eval", str(folder), "--json", "--out", str(tmp_path / "judged")]) == 1
+    words = ["eval", str(folder), "--model", "agribot-sim", "--json"]
+    assert main([*words, "--out", str(tmp_path / "judged")]) == 1
     printed = capsys.readouterr()
     assert json.loads(printed.out.splitlines()[-1])["images"] == 2
     assert all(f"{name}:" in printed.err for name in broken)
@@ -304,6 +306,7 @@ def test_predict_takes_patterns_and_leaves_broken_pictures_out(
     (folder / "001_image.png").write_bytes(b"")
     out = tmp_path / "seen"
     words = ["predict", str(folder / "*_image.png"), "-o", str(out), "--only", "overlay"]
+    words += ["--model", "agribot-sim"]
     assert main([*words, "--format", "jpg", "--tile", "64x48"]) == 1
     assert "001_image.png: is empty" in capsys.readouterr().err
     assert sorted(path.name for path in out.iterdir()) == [
