@@ -21,6 +21,7 @@ from agribot.record.mcap_file import part_number
 from agribot.record.recorder import RunRecorder
 from agribot.record.recovery import recover
 from agribot.record.replay import read_config, read_ticks, read_weed_map
+from tests import nightly
 from tests.record import record_samples as samples
 from tests.record.bag.bag_samples import write_run
 from tests.record.killed_run import kill_a_run
@@ -28,7 +29,7 @@ from tests.record.killed_run import kill_a_run
 ROOT = Path(__file__).parents[2]
 KILLS = int(os.environ.get("AGRIBOT_KILLS", "5"))
 # Ticks after which the recorder is killed; each of them at another place of its second.
-MOMENTS = np.random.default_rng(11).integers(1, 1500, size=KILLS).tolist()
+MOMENTS = sorted(np.random.default_rng(11).integers(1, 1500, size=KILLS).tolist())
 
 
 def _kill_after(ticks: int, path: Path) -> float:
@@ -46,7 +47,7 @@ def _kill_after(ticks: int, path: Path) -> float:
     return float(whole[-1])
 
 
-@pytest.mark.parametrize("ticks", MOMENTS)
+@nightly.one_by_one("ticks", MOMENTS, in_suite=2)
 def test_a_killed_recorder_leaves_a_file_that_opens_and_lacks_at_most_a_second(
     ticks: int, tmp_path: Path
 ) -> None:
@@ -66,7 +67,9 @@ def test_a_killed_recorder_leaves_a_file_that_opens_and_lacks_at_most_a_second(
     assert saved.messages == read_info(tmp_path / "saved.mcap").messages
 
 
-@pytest.mark.parametrize("after_s", np.random.default_rng(12).uniform(0.1, 4.0, 3).tolist())
+@nightly.one_by_one(
+    "after_s", sorted(np.random.default_rng(12).uniform(0.1, 4.0, 3).tolist()), in_suite=1
+)
 def test_a_whole_run_that_is_killed_leaves_files_that_open_and_lacks_at_most_a_second(
     after_s: float, tmp_path: Path
 ) -> None:
