@@ -14,7 +14,7 @@ from torch import Tensor
 from agribot.cli.train import run
 from agribot.core.errors import ConfigError
 from agribot.lab.train.architectures import ARCHITECTURES
-from agribot.lab.train.processes import TrainingGroup, join_group
+from agribot.lab.train.processes import TrainingGroup, join_group, leave_group
 from tests import nightly
 from tests.lab.train import trained_together
 from tests.lab.train.command_line import parsed
@@ -53,8 +53,42 @@ def weights(path: Path) -> dict[str, Tensor]:
     return state
 
 
+def test_the_second_process_joins_averages_gradients_and_waits_for_the_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With a meeting that only notes what is asked of it."""
+    said: list[str] = []
+    for name in ("init_process_group", "barrier", "destroy_process_group"):
+        monkeypatch.setattr(
+            torch.distributed, name, lambda *words, name=name, **_: said.append(f"{name}{words}")
+        )
+    monkeypatch.setattr(torch.distributed, "is_initialized", lambda: bool(said))
+    monkeypatch.setattr(
+        torch.nn.parallel, "DistributedDataParallel", lambda network: ("averaged", network)
+    )
+    for rank, order in (("1", ["barrier()", "work"]), ("0", ["work", "barrier()"])):
+        monkeypatch.setenv("RANK", rank)
+        monkeypatch.setenv("WORLD_SIZE", "2")
+        said.clear()
+        group = join_group("cpu")
+        assert (group.rank, group.size, group.is_leader) == (int(rank), 2, rank == "0")
+        assert said == ["init_process_group('gloo',)"]
+        assert join_group("cpu") == group and len(said) == 1, "a process joins once"
+        network = torch.nn.Linear(1, 1)
+        averaged: object = group.average_gradients(network)
+        assert averaged == ("averaged", network)
+        group.run_leader_first(lambda: said.append("work"))
+        assert said[1:] == order
+        leave_group()
+        assert said[-1] == "destroy_process_group()"
+
+
+@nightly.by_day(
+    "test_the_second_process_joins_averages_gradients_and_waits_for_the_first",
+    "test_a_process_alone_needs_no_meeting",
+)
+@pytest.mark.parametrize("train", [train_with_one_more_process, train_in_two_processes])
 @pytest.mark.slow
-@nightly.one_by_one("train", (train_with_one_more_process, train_in_two_processes), in_suite=1)
 def test_two_processes_learn_what_one_learns_from_the_doubled_batch(
     train: Callable[[Path, pytest.MonkeyPatch], None],
     tmp_path: Path,
