@@ -30,6 +30,7 @@ from agribot.lab.sweep.tables import (
     summarise,
 )
 from agribot.record.report import Report, TimeReport, TrackingReport, read_report
+from tests import nightly
 
 SHORT = ("duration_s=2", "record.enabled=false", "perception.enabled=false")
 FIXED = [word for setting in SHORT for word in ("--set", setting)]
@@ -49,10 +50,21 @@ def reports(folder: Path) -> dict[str, Report]:
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four runs of two seconds by two worker processes; too short to be good."""
+    """Four runs of two seconds, one after the other; too short to be good."""
     folder = tmp_path_factory.mktemp("sweep") / "out"
-    assert main(["sweep", "farm", *FIXED, *VARIED, "--workers", "2", "--out", str(folder)]) == 1
+    assert main(["sweep", "farm", *FIXED, *VARIED, "--workers", "1", "--out", str(folder)]) == 1
     return folder
+
+
+@nightly.by_day("test_every_run_of_a_sweep_is_the_run_it_would_be_alone")
+def test_two_worker_processes_give_the_results_of_one(swept: Path, tmp_path: Path) -> None:
+    words = [*FIXED, *VARIED, "--workers", "2", "--out", str(tmp_path / "out")]
+    assert main(["sweep", "farm", *words]) == 1
+    one, two = reports(swept), reports(tmp_path / "out")
+    assert {name: without_times(report) for name, report in two.items()} == {
+        name: without_times(report) for name, report in one.items()
+    }
+    assert all((tmp_path / "out" / "runs" / name / "report.html").is_file() for name in two)
 
 
 def test_every_run_of_a_sweep_is_the_run_it_would_be_alone(swept: Path, tmp_path: Path) -> None:
@@ -66,7 +78,6 @@ def test_every_run_of_a_sweep_is_the_run_it_would_be_alone(swept: Path, tmp_path
                 pass
             alone = session.finish()
         assert without_times(report) == without_times(alone)
-        assert (swept / "runs" / name / "report.html").is_file()
     # Without noise, seeds hardly matter this early; with it they do.
     assert len({report.estimate.pos_rms_m for report in found.values()}) >= 3
 
@@ -117,6 +128,7 @@ def test_the_error_of_a_combination_is_that_of_all_its_missions_together() -> No
     assert "| 5.0 cm | - | 20.0 cm | 2 |" in line
 
 
+@pytest.mark.figures
 def test_a_second_call_runs_only_what_is_missing(
     swept: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -128,6 +140,7 @@ def test_a_second_call_runs_only_what_is_missing(
     assert main(words) == 1
     result = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert (result["runs_done"], result["runs_total"]) == (4, 4)
+    assert (swept / "runs" / lost.stem / "report.html").is_file()
     assert all(path.stat().st_mtime_ns == time_ns for path, time_ns in kept.items())
     after = reports(swept)
     assert {name: without_times(r) for name, r in after.items()} == {
@@ -248,6 +261,11 @@ def sweep_on(cluster: str, out: Path, *words: str) -> dict[str, Any]:
     return result
 
 
+@nightly.by_day(
+    "test_every_run_of_a_sweep_is_the_run_it_would_be_alone",
+    "test_a_node_that_fails_costs_its_run_alone",
+    "test_a_cluster_that_does_not_answer_is_named",
+)
 def test_two_nodes_of_a_cluster_give_the_results_of_this_machine(
     swept: Path, cluster: str, tmp_path: Path
 ) -> None:
