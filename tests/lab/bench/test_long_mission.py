@@ -23,6 +23,7 @@ from agribot.lab.bench.long_mission import (
     make_plan,
 )
 from agribot.lab.sweep.execution import Assignment
+from tests import nightly
 
 SHORT_KM = 0.02
 
@@ -39,8 +40,8 @@ def assign(tmp_path: Path, *settings: str) -> Assignment:
     plan = tmp_path / "plan.geojson"
     plan.write_text(make_plan(SHORT_KM), encoding="utf-8")
     (job,) = list_jobs(SHORT_KM, plan, [1], speed_mps=0.8)
-    brisk = "mission.turn_speed_mps=0.5"
-    job = msgspec.structs.replace(job, fixed=(*job.fixed, brisk, *settings))
+    brisk = "mission.turn_speed_mps=0.5", "sim.preset=kind"  # ground that is soon computed
+    job = msgspec.structs.replace(job, fixed=(*job.fixed, *brisk, *settings))
     return Assignment(job=job, out_dir=tmp_path / "mission")
 
 
@@ -98,6 +99,10 @@ def test_a_mission_that_is_cut_off_twice_goes_on_and_is_one_job(
     assert way_m == pytest.approx(planned_m, abs=8.0)
 
 
+@nightly.by_day(
+    "test_a_robot_that_a_whole_charge_brings_nowhere_ends_its_mission",
+    "test_a_mission_that_is_cut_off_twice_goes_on_and_is_one_job",
+)
 @pytest.mark.usefixtures("small_field")
 def test_a_robot_that_comes_home_for_its_battery_is_charged_and_finishes(tmp_path: Path) -> None:
     """The work takes more than 17 ten-thousandths of a charge, and this robot goes home earlier."""
