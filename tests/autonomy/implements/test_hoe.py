@@ -19,6 +19,7 @@ from agribot.core.messages import FloatArray, ImplementCommand, PlantClass
 from agribot.core.world import Plant, WorldSpec
 from agribot.sim.implements.hoe import HoeEffect
 from agribot.sim.state import HISTORY_COLUMNS, VELOCITY
+from tests import nightly
 from tests.autonomy.implements.looks import closed_row, seen_on_the_way
 from tests.autonomy.implements.spray_ground import figure
 from tests.autonomy.weeds.weed_field import make_estimate
@@ -107,7 +108,7 @@ def hoe_along(
     return commands
 
 
-@pytest.mark.parametrize("v_mps", [0.15, 0.4, 0.8])
+@nightly.one_by_one("v_mps", (0.4, 0.8, 0.15), in_suite=2)
 def test_weeds_beside_and_between_the_crop_are_uprooted_and_no_crop_is_cut(v_mps: float) -> None:
     weed_map = seen_on_the_way(WEEDS_M, bare, STEMS_M)
     ground, treatment = Ground(STEMS_M, WEEDS_M), Treatment(TreatmentConfig(), HOE)
