@@ -17,6 +17,7 @@ from agribot.cli.main import main
 from agribot.lab.dataset.pictures import PictureError
 from agribot.lab.dataset.split import PARTS, assign, prove
 from agribot.lab.train.photographs import find_pairs, read_pair
+from tests import nightly
 
 SHAPE = (12, 16)
 
@@ -380,6 +381,7 @@ def test_every_part_that_wants_images_gets_a_group() -> None:
     assert sorted(only.values()) == ["test", "train"]
 
 
+@nightly.by_day("test_a_good_set_is_good_and_its_pixels_are_counted")
 @pytest.mark.skipif("AGRIBOT_DATA" not in os.environ, reason="AGRIBOT_DATA names no data folder")
 def test_the_carrot_field_of_cwfid_is_complete(capsys: pytest.CaptureFixture[str]) -> None:
     status, report = checked(Path(os.environ["AGRIBOT_DATA"]) / "cwfid-train", capsys)

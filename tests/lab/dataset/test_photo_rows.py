@@ -34,6 +34,7 @@ from agribot.lab.dataset.photo_rows import (
     turn,
 )
 from agribot.sim.camera.renderer import CameraRenderer
+from tests import nightly
 
 HEIGHT, WIDTH = 240, 320
 RNG = np.random.default_rng
@@ -149,7 +150,16 @@ def save(folder: Path, images_rgb: list[ByteArray]) -> None:
         Image.fromarray(image_rgb).save(folder / "images" / f"{number}.png")
 
 
-@pytest.mark.parametrize("direction", ["down", "across"])
+@pytest.mark.parametrize(
+    "direction",
+    [
+        "down",
+        pytest.param(
+            "across",
+            marks=nightly.by_day("test_a_row_across_a_picture_is_that_of_the_turned_picture"),
+        ),
+    ],
+)
 def test_one_command_labels_photographs_of_a_field_that_training_reads(
     tmp_path: Path,
     direction: RowDirection,
