@@ -19,7 +19,7 @@ from agribot.lab.bench.closed_loop import (
     meets_limits,
 )
 
-DRIVEN_S = 2.0
+DRIVEN_S = 1.0
 
 
 @pytest.fixture(scope="module")

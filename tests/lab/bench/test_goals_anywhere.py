@@ -24,6 +24,7 @@ from agribot.core.messages import (
 from agribot.description.loader import load_robot
 from agribot.lab.bench.nav.plant import Proprioception, RoverFleet
 from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, SoilDrift
+from tests import nightly
 from tests.autonomy.plan.paper_task import PaperTask
 
 ROBOT = load_robot()
@@ -100,13 +101,13 @@ def final_distance_m(place: tuple[float, float], bearing_deg: float, seed: int) 
     raise AssertionError("the goal was not reached in 90 s")
 
 
-@pytest.mark.parametrize("bearing_deg", range(0, 360, 45))
+@nightly.one_by_one("bearing_deg", (45, 180, 270, 0, 90, 135, 225, 315), in_suite=3)
 def test_a_goal_at_any_bearing_is_reached(bearing_deg: int) -> None:
     assert final_distance_m(PLACES["India"], bearing_deg, 1 + bearing_deg) < 0.15
 
 
 @pytest.mark.parametrize("place", ["Chile", "East of Fiji", "on the equator"])
-@pytest.mark.parametrize("bearing_deg", [90, 180])
+@nightly.one_by_one("bearing_deg", (90, 180), in_suite=1)
 def test_a_goal_is_reached_in_either_hemisphere_and_across_the_antimeridian(
     place: str, bearing_deg: int
 ) -> None:

@@ -15,6 +15,7 @@ from agribot.core.messages import PlantClass
 from agribot.description.loader import load_robot
 from agribot.lab.bench import plants
 from agribot.lab.bench.plant_scenes import SCENES, draw_field, make_stream
+from tests import nightly
 from tests.autonomy.perceive.drawn_field import GROUND
 from tests.autonomy.perceive.drawn_plants import draw_plants
 
@@ -46,7 +47,7 @@ def test_a_scene_is_what_its_name_says(name: str) -> None:
     assert len(weeds) > 2 * scene.weeds_per_m2
 
 
-@pytest.mark.parametrize("preset", ["kind", "field"])
+@nightly.one_by_one("preset", ("kind", "field"), in_suite=1)
 def test_the_true_stems_lie_among_the_pixels_of_their_plants(preset: str) -> None:
     truth, robot = _draw("beet-4-9", preset).truth, load_robot()
     assert robot.camera is not None
