@@ -152,8 +152,17 @@ def test_an_unwritable_report_says_where(tmp_path: Path) -> None:
         write_report(tmp_path / "file" / "report.json", _report())
 
 
-def test_the_page_loads_nothing_from_anywhere() -> None:
-    page = render_report(_report(), _data())
+@pytest.fixture(scope="module")
+def page() -> str:
+    """The page of a failed run, which was given markup for text."""
+    weeds = WeedReport(
+        truth=9, mapped=7, precision=0.875, recall=0.75, treated=5, crops_hit=0, crops_truth=40,
+        crops_mapped=38, crop_recall=0.925, stem_error_p95_m=0.0312,
+    )  # fmt: skip
+    return render_report(_report(ok=False, reason=NASTY, profile="<b>farm", weeds=weeds), _data())
+
+
+def test_the_page_loads_nothing_from_anywhere(page: str) -> None:
     assert not re.search(r"https?:|//[a-z]+\.", page)
     assert "@import" not in page
     links = _Links()
@@ -163,19 +172,13 @@ def test_the_page_loads_nothing_from_anywhere() -> None:
     assert page.count("<svg ") == 9
 
 
-def test_the_page_escapes_what_it_was_given() -> None:
-    page = render_report(_report(reason=NASTY, profile="<b>farm"), _data())
+def test_the_page_escapes_what_it_was_given(page: str) -> None:
     assert "<script" not in page
     assert "<b>farm" not in page
     assert page.count("&lt;script&gt;") >= 2
 
 
-def test_the_page_shows_the_numbers_and_the_settings() -> None:
-    weeds = WeedReport(
-        truth=9, mapped=7, precision=0.875, recall=0.75, treated=5, crops_hit=0, crops_truth=40,
-        crops_mapped=38, crop_recall=0.925, stem_error_p95_m=0.0312,
-    )  # fmt: skip
-    page = render_report(_report(weeds=weeds), _data())
+def test_the_page_shows_the_numbers_and_the_settings(page: str) -> None:
     assert "0.88 / 0.75" in page
     assert "of 9 true ones" in page
     assert "of 40 true ones, recall 0.93; stems, 95 % within 3.1 cm" in page
@@ -183,8 +186,7 @@ def test_the_page_shows_the_numbers_and_the_settings() -> None:
     assert "prefers-color-scheme: dark" in page
 
 
-def test_a_failed_run_is_not_dressed_as_good() -> None:
-    page = render_report(_report(ok=False, reason="mission failed: off the path"), _data())
+def test_a_failed_run_is_not_dressed_as_good(page: str) -> None:
     assert "Not good" in page
     assert 'class="verdict ok"' not in page
 
