@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import pytest
+from tests import nightly
 
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "weed_maps.py"
 FEW, MANY = 10_000, 70_000
@@ -24,7 +24,7 @@ def measure(step: str, path: Path, count: int) -> dict[str, Any]:
     return told
 
 
-@pytest.mark.parametrize("suffix", [".geojson", ".gpkg"])
+@nightly.one_by_one("suffix", (".geojson", ".gpkg"), in_suite=1)
 def test_a_million_plants_go_out_and_in_within_a_gigabyte(tmp_path: Path, suffix: str) -> None:
     for step in ("write", "read"):
         peak_mb = {}
