@@ -22,6 +22,7 @@ from agribot.lab.train.calibration import (
 from agribot.lab.train.data import LabelledImage
 from agribot.lab.train.export import DeployedNet, export_onnx, read_temperatures
 from agribot.lab.train.network import CropWeedNet
+from tests import nightly
 from tests.lab.train.drawn_images import drawn_image
 
 BOASTFUL = 2.5
@@ -149,9 +150,10 @@ def call_half_of_it_plants(network: CropWeedNet, image_rgb: np.ndarray) -> None:
         last.bias[PlantClass.SOIL] -= (logits[2] - logits[:2].amax(dim=0)).median()
 
 
-@pytest.mark.parametrize(
+@nightly.one_by_one(
     "temperatures",
-    [Temperatures(weed=4.0, crop=4.0, soil=4.0), Temperatures(weed=2.0, crop=4.0, soil=1.0)],
+    [Temperatures(weed=2.0, crop=4.0, soil=1.0), Temperatures(weed=4.0, crop=4.0, soil=4.0)],
+    in_suite=1,
 )
 def test_temperatures_in_the_graph_change_how_sure_it_is_but_no_class(
     tmp_path: Path, temperatures: Temperatures
