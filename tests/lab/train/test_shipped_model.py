@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import msgspec
 import numpy as np
@@ -13,6 +13,7 @@ from agribot.lab.train.card import ModelCard
 from agribot.lab.train.data import LabelledImage
 from agribot.lab.train.evaluate import evaluate
 from agribot.lab.train.simulated import draw_random_field
+from tests import nightly
 from tests.lab.train.farm_views import Found, look_at_farm
 
 MODEL = "agribot-sim"
@@ -20,10 +21,10 @@ MODEL = "agribot-sim"
 FRESH_STREAM = 77
 
 
-def fresh_views(scenes: int, views: int) -> Iterator[LabelledImage]:
-    for scene in range(scenes):
+def fresh_views(scenes: Sequence[int]) -> Iterator[LabelledImage]:
+    for scene in scenes:
         rng = np.random.default_rng([0, FRESH_STREAM, scene])
-        for image_rgb, label, _ in draw_random_field(rng, views):
+        for image_rgb, label, _ in draw_random_field(rng, 1):
             yield image_rgb, label
 
 
@@ -45,14 +46,19 @@ def test_the_card_describes_the_file_beside_it(model: str, most_bytes: int) -> N
     assert path.stat().st_size < most_bytes
 
 
-def test_crop_and_weed_are_told_apart_on_fields_never_seen() -> None:
+@nightly.all_or_first("scenes", range(24), in_suite=4, unit="scenes")
+def test_crop_and_weed_are_told_apart_on_fields_never_seen(scenes: Sequence[int]) -> None:
     segmenter = Segmenter(MODEL)
-    scores = evaluate(lambda image: segmenter.segment(image).class_id, fresh_views(24, 1))
+    scores = evaluate(lambda image: segmenter.segment(image).class_id, fresh_views(scenes))
     for name, least in (("crop", 0.85), ("weed", 0.55), ("soil", 0.98)):
         iou = scores.iou[name]
         assert iou is not None and iou > least, name
 
 
+@nightly.by_day(
+    "test_crop_and_weed_are_told_apart_on_fields_never_seen",
+    "tests/autonomy/perceive/test_plants.py::test_each_plant_is_found_once_with_its_class_and_area",
+)
 @pytest.mark.parametrize("kind", [PlantClass.WEED, PlantClass.CROP])
 def test_single_frames_of_the_farm_show_nearly_every_plant(
     farm: dict[PlantClass, Found], kind: PlantClass
@@ -61,6 +67,10 @@ def test_single_frames_of_the_farm_show_nearly_every_plant(
     assert farm[kind].recall > 0.8
 
 
+@nightly.by_day(
+    "test_crop_and_weed_are_told_apart_on_fields_never_seen",
+    "tests/autonomy/perceive/test_plants.py::test_each_plant_is_found_once_with_its_class_and_area",
+)
 @pytest.mark.parametrize("kind", [PlantClass.WEED, PlantClass.CROP])
 def test_nearly_every_report_on_the_farm_is_a_plant_of_that_class(
     farm: dict[PlantClass, Found], kind: PlantClass
@@ -68,6 +78,10 @@ def test_nearly_every_report_on_the_farm_is_a_plant_of_that_class(
     assert farm[kind].precision > 0.85
 
 
+@nightly.by_day(
+    "test_crop_and_weed_are_told_apart_on_fields_never_seen",
+    "tests/autonomy/perceive/test_plants.py::test_flat_and_tall_weeds_lie_within_three_sigma_of_their_place",
+)
 @pytest.mark.parametrize("kind", [PlantClass.WEED, PlantClass.CROP])
 def test_plants_are_placed_to_a_few_centimetres_and_know_how_well(
     farm: dict[PlantClass, Found], kind: PlantClass
