@@ -72,9 +72,10 @@ def test_plants_out_of_range_need_not_be_found_and_their_pixels_are_not_judged()
     assert len(np.unique(judged[judged >= 0])) <= len(truth.plants.kind)
 
 
-def test_a_scene_is_the_same_without_the_others() -> None:
-    one = _draw("beet-4-9", "field").drawn.image_rgb
-    assert np.array_equal(one, _draw("beet-4-9", "field").drawn.image_rgb)
+@nightly.one_by_one("preset", ("kind", "field"), in_suite=1)
+def test_a_scene_is_the_same_without_the_others(preset: str) -> None:
+    one = _draw("beet-4-9", preset).drawn.image_rgb
+    assert np.array_equal(one, _draw("beet-4-9", preset).drawn.image_rgb)
 
 
 def test_leaves_that_touch_are_one_piece_and_two_plants_of_their_stems() -> None:
