@@ -67,9 +67,8 @@ def test_a_killed_recorder_leaves_a_file_that_opens_and_lacks_at_most_a_second(
     assert saved.messages == read_info(tmp_path / "saved.mcap").messages
 
 
-@nightly.one_by_one(
-    "after_s", sorted(np.random.default_rng(12).uniform(0.1, 4.0, 3).tolist()), in_suite=1
-)
+@nightly.by_day("test_a_killed_recorder_leaves_a_file_that_opens_and_lacks_at_most_a_second")
+@pytest.mark.parametrize("after_s", np.random.default_rng(12).uniform(0.1, 4.0, 3).tolist())
 def test_a_whole_run_that_is_killed_leaves_files_that_open_and_lacks_at_most_a_second(
     after_s: float, tmp_path: Path
 ) -> None:
