@@ -11,6 +11,7 @@ from pathlib import Path
 
 from agribot.cli.main import main
 from agribot.record.replay import read_ticks
+from tests import nightly
 from tests.ros.live import ROOT, free_port, zenoh_peer
 from tests.waiting import wait_for
 
@@ -22,6 +23,11 @@ SENSORS = {
 }
 
 
+@nightly.by_day(
+    "tests/ros/test_sensor_sources.py::"
+    "test_the_robot_believes_to_be_where_another_process_says_and_its_silence_is_a_fault",
+    "tests/ros/test_ros2_live.py::test_a_twist_from_another_process_reaches_the_inbox_exactly",
+)
 def test_a_mission_drives_the_robot_of_another_process(tmp_path: Path) -> None:
     router = f"tcp/127.0.0.1:{free_port()}"
     body = [

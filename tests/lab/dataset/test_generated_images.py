@@ -78,9 +78,14 @@ def test_every_annotation_is_the_plant_of_the_instance_mask(folder: Path) -> Non
         assert set(classes.tolist()) == {0 if kinds[entry["category_id"]] == "weed" else 1}
 
 
+@nightly.by_day(
+    "test_every_annotation_is_the_plant_of_the_instance_mask",
+    "tests/lab/dataset/test_random_scenes.py::"
+    "test_wide_fields_have_every_species_and_litter_on_the_soil",
+)
 def test_a_set_of_all_species_has_an_annotation_of_each_plant_too(tmp_path: Path) -> None:
     folder = tmp_path / "wide"
-    assert generate(folder, 2, "--variety", "wide") == 0
+    assert generate(folder, 6, "--variety", "wide") == 0
     coco = json.loads((folder / "annotations.json").read_text())
     names = {entry["id"]: entry["name"] for entry in coco["categories"]}
     seen = {names[entry["category_id"]] for entry in coco["annotations"]}
