@@ -27,6 +27,7 @@ from agribot.app.stop_memory import DISARMED
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.errors import PlatformError
+from agribot.core.geo import Datum
 from agribot.core.messages import OperatorEvent, TickRecord
 from agribot.drivers import hardware_platform
 from agribot.drivers.board_protocol import StopCause
@@ -500,6 +501,40 @@ def test_a_motor_board_of_a_simulated_robot_is_refused(
     options = ["run", "farm", "--source", "base=serial:/dev/x", "--out", str(tmp_path / "run")]
     assert main(options) == 2
     assert "--platform hardware" in capsys.readouterr().err
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[HardwareBench]:
+    """A robot in Germany."""
+    monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    field = config.FieldConfig(datum=Datum(lat_deg=48.7, lon_deg=9.2))
+    with HardwareBench(tmp_path, (0.0, 0.0, math.pi / 2.0), field) as bench:
+        yield bench
+
+
+def test_a_robot_on_another_continent_than_its_map_stands_and_names_both_places(
+    elsewhere: HardwareBench, tmp_path: Path
+) -> None:
+    with open_bench(elsewhere, tmp_path / "run", is_armed=True) as run:
+        run.take_sensors([Opened().open("gnss", f"serial:{elsewhere.gnss.path}")])
+        record = until(run, lambda r: "origin" in r.status.reason)
+        assert "the receiver is at 48.700" in record.status.reason
+        assert "the map's origin at 21.16129, 72.78702" in record.status.reason
+        assert run.stack.mission.path is None
+
+
+def test_a_robot_whose_settings_state_no_origin_drives_rows_from_its_first_fix(
+    elsewhere: HardwareBench, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    options = words(elsewhere, out, "--arm", "--for", "6", "--set", "mission.waits_for_goals=false")
+    main(["run", "hardware", *options[2:]])
+    datum = config.load(str(out / "config.toml")).field.datum
+    assert (datum.lat_deg, datum.lon_deg) == pytest.approx((48.7, 9.2), abs=1e-4)
+    assert (tmp_path / "home" / "first-fix.toml").exists()
+    assert any(any(command.speed_countps) for command in elsewhere.board.commands)
 
 
 def test_ticks_keep_the_time_of_the_clock_and_leave_out_what_was_missed(

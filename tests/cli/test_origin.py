@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import argparse
+import datetime as dt
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -19,6 +21,8 @@ from agribot.ros.messages import rosmsg
 from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.ros2 import wire
 from agribot.ui.ground import field_of
+from tests.drivers import receiver_bytes
+from tests.drivers.lines import Line, Opened
 from tests.ros.live import free_port, zenoh_peer
 
 HOME = Datum(lat_deg=48.125, lon_deg=11.5, alt_m=510.0)
@@ -119,10 +123,105 @@ def test_the_first_valid_fix_of_a_receiver_becomes_the_origin(*, is_auto: bool) 
     assert latched.field.datum_source == "first fix of ros2:/pole/fix"
 
 
+@pytest.fixture
+def receiver(tmp_path: Path) -> Iterator[Line]:
+    """A serial receiver that says its place ten times a second, and once that it has none."""
+    line, ended = Line(tmp_path, "ttyGNSS"), threading.Event()
+    line.say(receiver_bytes.make_ubx_searching())
+
+    def speak() -> None:
+        tick = 0
+        while not ended.wait(0.01):
+            at = receiver_bytes.EPOCH + tick * dt.timedelta(milliseconds=100)
+            line.blurt(receiver_bytes.make_ubx_pvt(at, HOME.lat_deg, HOME.lon_deg, carrier=2))
+            tick += 1
+
+    speaker = threading.Thread(target=speak)
+    speaker.start()
+    yield line
+    ended.set()
+    speaker.join()
+    line.unplug()
+
+
+def real_robot(*words: str) -> RunConfig:
+    """The settings of a robot whose profile states no origin."""
+    parser = argparse.ArgumentParser()
+    add_setting_arguments(parser)
+    bridging.add_arguments(parser)
+    return read_settings(parser.parse_args(["hardware", *words]))
+
+
+def is_home(datum: Datum) -> bool:
+    place = (datum.lat_deg, datum.lon_deg)
+    return place == pytest.approx((HOME.lat_deg, HOME.lon_deg), abs=1e-6)
+
+
+def test_a_serial_receiver_that_gave_the_origin_can_be_opened_by_the_run(receiver: Line) -> None:
+    uri = f"serial:{receiver.path}"
+    field = settings("--set", f"sources.gnss={uri}", "--origin", "auto").field
+    assert is_home(field.datum)
+    assert field.datum_source == f"first fix of {uri}"
+    opened = Opened()
+    try:
+        assert opened.wait_for(opened.open("gnss", uri))
+    finally:
+        opened.close()
+
+
+def test_a_real_robot_without_an_origin_takes_its_first_good_fix_and_keeps_it(
+    receiver: Line, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = ["--set", f"sources.gnss=serial:{receiver.path}"]
+    assert is_home(real_robot(*source).field.datum)
+    assert "kept in" in capsys.readouterr().err
+    again = real_robot("--set", "sources.gnss=serial:/dev/none").field
+    assert is_home(again.datum)
+    assert again.datum_source == f"first fix, from {tmp_path / origin.FIRST_FIX_FILE_NAME}"
+    assert "--origin auto takes a new one" in capsys.readouterr().err
+
+
+def test_a_real_robot_that_is_taken_elsewhere_keeps_the_fix_that_its_person_asks_for(
+    receiver: Line, tmp_path: Path
+) -> None:
+    (tmp_path / origin.FIRST_FIX_FILE_NAME).write_text("lat_deg = 1.0\nlon_deg = 2.0\n")
+    real_robot("--set", f"sources.gnss=serial:{receiver.path}", "--origin", "auto")
+    assert is_home(real_robot().field.datum)
+
+
+def test_an_origin_that_is_stated_counts_more_than_one_that_is_kept(tmp_path: Path) -> None:
+    (tmp_path / origin.FIRST_FIX_FILE_NAME).write_text("lat_deg = 1.0\nlon_deg = 2.0\n")
+    stated = "field.datum={lat_deg = 3.0, lon_deg = 4.0}"
+    assert real_robot("--set", stated).field.datum == Datum(lat_deg=3.0, lon_deg=4.0)
+    assert real_robot("--origin", "home").field.datum == HOME
+    assert settings().field == config.load("farm").field
+    assert real_robot().field.datum == Datum(lat_deg=1.0, lon_deg=2.0)
+
+
+@pytest.mark.parametrize(
+    "said", [b"", receiver_bytes.make_ubx_pvt(h_acc_m=200.0)], ids=["nothing", "a rough place"]
+)
+def test_a_real_robot_without_a_good_fix_starts_without_an_origin_and_keeps_none(
+    said: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(origin, "UNASKED_PATIENCE_S", 0.2)
+    line = Line(tmp_path, "ttyGNSS")
+    line.say(said)
+    assert real_robot("--set", f"sources.gnss=serial:{line.path}").field.datum_source == ""
+    line.unplug()
+    assert "no good fix" in capsys.readouterr().err
+    assert not (tmp_path / origin.FIRST_FIX_FILE_NAME).exists()
+
+
+def test_a_real_robot_without_a_receiver_cannot_ask_it_for_the_origin() -> None:
+    with pytest.raises(ConfigError, match="no receiver; name one with --source gnss="):
+        real_robot("--origin", "auto")
+
+
 def test_a_receiver_without_a_fix_is_waited_for_in_vain(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(origin, "PATIENCE_S", 0.2)
     locator = f"tcp/127.0.0.1:{free_port()}"
-    with pytest.raises(PlatformError, match="no valid fix of ros2:/fix within"):
+    with pytest.raises(PlatformError, match=r"no good fix .* of ros2:/fix within"):
         settings("--ros-router", locator, "--origin", "ros2:/fix")
 
 

@@ -12,6 +12,7 @@ from agribot.app.simulated_run import simulate
 from agribot.app.tasks import choose_task
 from agribot.autonomy.plan.task import Task
 from agribot.core import config
+from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import OperatorEvent
 from agribot.description.loader import load_robot
@@ -23,7 +24,7 @@ from tests.autonomy.plan.planting import at
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
 
-SPEED_MPS = 0.8
+CONFIG = MissionConfig(speed_mps=0.8)
 
 
 @pytest.fixture(scope="module")
@@ -40,20 +41,28 @@ def beside(task: Task, off_m: float) -> tuple[float, float]:
 
 def test_a_place_that_can_be_reached_has_a_way_its_length_and_its_time(task: Task) -> None:
     here, goal = beside(task, 3.0), beside(task, 1.5)
-    shown = preview_goal(task, at(*here, 0.0), SPEED_MPS, goal)
+    shown = preview_goal(task, at(*here, 0.0), CONFIG, goal)
     assert shown.points_map_m[0] == pytest.approx(here, abs=0.05)
     assert shown.points_map_m[-1] == pytest.approx(goal, abs=0.05)
     assert shown.length_m >= 1.5 - 0.05
-    assert shown.time_s == pytest.approx(shown.length_m / SPEED_MPS, abs=0.1)
+    assert shown.time_s == pytest.approx(shown.length_m / CONFIG.speed_mps, abs=0.1)
 
 
 def test_a_place_that_cannot_be_reached_says_why(task: Task) -> None:
     here = at(*beside(task, 3.0), 0.0)
     with pytest.raises(MissionError, match=r"500|fence"):
-        preview_goal(task, here, SPEED_MPS, (500.0, 500.0))
+        preview_goal(task, here, CONFIG, (500.0, 500.0))
     lost = at(0.0, 0.0, 0.0, ok=False)
     with pytest.raises(MissionError, match="where it is"):
-        preview_goal(task, lost, SPEED_MPS, (0.0, 0.0))
+        preview_goal(task, lost, CONFIG, (0.0, 0.0))
+
+
+def test_a_place_too_far_from_the_robot_is_refused_before_a_way_is_planned(task: Task) -> None:
+    far = at(5.3e6, 0.0, 0.0)
+    with pytest.raises(
+        MissionError, match=r"5299999 m from the robot, more than the limit of 1000 m"
+    ):
+        preview_goal(task, far, CONFIG, (1.0, 0.0))
 
 
 def test_the_time_is_that_of_the_speed_that_the_mission_drives_at_now(tmp_path: Path) -> None:

@@ -1,31 +1,44 @@
 """The origin of a run's map on Earth, as the original's initialize_origin had it: `--origin`.
 
 It is fixed before anything else is opened and is `field.datum` from then on, so that rows,
-waypoints, maps and the recording lie in one map from the first tick to the last.
+waypoints, maps and the recording lie in one map from the first tick to the last. A real robot
+whose settings state none takes its first good fix and keeps it, so that its map stays where it is.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import msgspec
+import tomli_w
 
 from agribot.core.config import RunConfig, check_finite, read_toml
 from agribot.core.errors import ConfigError, PlatformError
-from agribot.core.geo import Datum
+from agribot.core.geo import Datum, is_place
 from agribot.core.home import find_home
+from agribot.core.messages import GnssFix, GnssQuality
+from agribot.core.platforms import find_platform
 from agribot.core.suggestions import suggest_name
+from agribot.core.whole_file import write_at_once
 from agribot.drivers.schemes import open_source, read_uri
 
 FILE_NAME = "origins.toml"
-PATIENCE_S = 60.0  # for the first valid fix; a cold receiver needs half of that
+FIRST_FIX_FILE_NAME = "first-fix.toml"  # the origin of a real robot that was given none
+PATIENCE_S = 60.0  # for the first good fix; a cold receiver needs half of that
+# For the first good fix where nobody asked for it; the robot may stand in its workshop.
+UNASKED_PATIENCE_S = 10.0
 PERIOD_S = 0.05
+FIRST_FIX = "first fix"
+GOOD_STD_M = 10.0  # 1 sigma of a fix that may be the origin
 HELP = (
-    "of the map: a name in ~/.agribot/origins.toml, LAT,LON[,ALT], the first valid fix of a "
-    "topic (ros2:/fix), or auto: that of the receiver from --source, else the world's own place"
+    "of the map: a name in ~/.agribot/origins.toml, LAT,LON[,ALT], the first good fix of a "
+    "topic (ros2:/fix), or auto: that of the receiver from --source, else the world's own place; "
+    "a real robot whose settings state none keeps its first good fix in ~/.agribot/first-fix.toml"
 )
 
 
@@ -35,29 +48,73 @@ class NamedOrigin(Datum, frozen=True, kw_only=True, forbid_unknown_fields=True):
     heading_deg: float = 0.0
 
 
-def apply_origin(config: RunConfig, options: argparse.Namespace) -> RunConfig:
-    """Return the settings with the requested origin, if any.
+def apply_origin(config: RunConfig, options: argparse.Namespace, *, is_stated: bool) -> RunConfig:
+    """Return the settings with the requested origin; `is_stated` where they have one themselves.
 
-    Raises: ConfigError: no such origin. PlatformError: no valid fix came.
+    Raises: ConfigError: no such origin. PlatformError: no good fix came.
     """
     wanted: str | None = options.origin
-    if wanted is None:
+    is_real = find_platform(config.platform).needs_arming
+    if wanted is not None:
+        datum, source = _find_datum(wanted, config, options)
+        if is_real and source.startswith(FIRST_FIX):
+            _keep_first_fix(datum)
+        return _move(config, datum, source)
+    if is_stated or not is_real:
         return config
-    datum, source = _find_datum(wanted, config, options)
+    return _move_to_first_fix(config, options)
+
+
+def _move(config: RunConfig, datum: Datum, source: str, remark: str = "") -> RunConfig:
     field = msgspec.structs.replace(config.field, datum=datum, datum_source=source)
     place = f"{datum.lat_deg:.7f}, {datum.lon_deg:.7f}, {datum.alt_m:.2f} m"
-    sys.stderr.write(f"origin of the map: {place} ({source})\n")
+    sys.stderr.write(f"origin of the map: {place} ({source}{remark})\n")
     return msgspec.structs.replace(config, field=field)
+
+
+def _move_to_first_fix(config: RunConfig, options: argparse.Namespace) -> RunConfig:
+    """Put the map where the robot had its first good fix, now or in an earlier run."""
+    path, uri = find_home() / FIRST_FIX_FILE_NAME, config.sources.gnss
+    if path.is_file():
+        kept = _parse_origin(FIRST_FIX, read_toml(path), path)
+        return _move(config, kept, f"{FIRST_FIX}, from {path}", "; --origin auto takes a new one")
+    if not uri:
+        return config
+    try:
+        datum = _wait_for_fix(uri, options, UNASKED_PATIENCE_S)
+    except PlatformError as error:
+        sys.stderr.write(f"{error}; until then the robot knows no place\n")
+        return config
+    _keep_first_fix(datum)
+    return _move(config, datum, f"{FIRST_FIX} of {uri}", f", kept in {path}")
+
+
+def _keep_first_fix(datum: Datum) -> None:
+    """Keep it for the next runs. Raises: ConfigError: it cannot be written."""
+    path = find_home() / FIRST_FIX_FILE_NAME
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_at_once(path, tomli_w.dumps(msgspec.to_builtins(datum)).encode(), is_synced=True)
+    except OSError as error:
+        raise ConfigError(
+            f"the origin of the map cannot be kept in {path}: {error.strerror or error}; make "
+            "room, point AGRIBOT_HOME at a folder that you may write, or give --origin LAT,LON"
+        ) from error
 
 
 def _find_datum(wanted: str, config: RunConfig, options: argparse.Namespace) -> tuple[Datum, str]:
     if wanted == "auto" and not config.sources.gnss:
+        if find_platform(config.platform).needs_arming:
+            raise ConfigError(
+                "--origin auto: this robot has no receiver; name one with --source gnss=..., or "
+                "give the place as LAT,LON"
+            )
         from agribot.description.worlds_sdf import load_world
 
         return load_world(config.world).datum, f"the place of world {config.world}"
     uri = config.sources.gnss if wanted == "auto" else wanted
     if ":" in uri:
-        return _wait_for_fix(uri, options), f"first fix of {uri}"
+        return _wait_for_fix(uri, options, PATIENCE_S), f"{FIRST_FIX} of {uri}"
     if "," in wanted:
         return _parse_place(wanted), "as told"
     return _find_named(wanted), wanted
@@ -110,23 +167,33 @@ def _parse_origin(name: str, entry: object, path: Path) -> Datum:
     return Datum(lat_deg=named.lat_deg, lon_deg=named.lon_deg, alt_m=named.alt_m)
 
 
-def _wait_for_fix(uri: str, options: argparse.Namespace) -> Datum:
-    """Wait for the first fix of a receiver or a base station, over any of the networks."""
+def _wait_for_fix(uri: str, options: argparse.Namespace, patience_s: float) -> Datum:
+    """Wait for the first good fix of a receiver or a base station, over any of the networks.
+
+    The receiver is closed again: the run opens it anew.
+    """
     from agribot.cli.bridging import print_line
     from agribot.cli.sensor_sources import source_context
-    from agribot.core.messages import GnssFix
     from agribot.description.loader import load_robot
 
     place, start_s = read_uri("--origin", uri), time.monotonic()
-    sys.stderr.write(f"waiting for the first valid fix of {uri}\n")
-    with source_context(load_robot(), options, print_line) as context:
-        source = open_source("gnss", place, context)
-        while time.monotonic() - start_s < PATIENCE_S:
+    sys.stderr.write(f"waiting for the first good fix of {uri}\n")
+    with (
+        source_context(load_robot(), options, print_line) as context,
+        closing(open_source("gnss", place, context)) as source,
+    ):
+        while time.monotonic() - start_s < patience_s:
             for fix in source.take(time.monotonic() - start_s):
-                assert isinstance(fix, GnssFix)
-                return Datum(lat_deg=fix.lat_deg, lon_deg=fix.lon_deg, alt_m=fix.alt_m)
+                if _is_good(fix):
+                    return Datum(lat_deg=fix.lat_deg, lon_deg=fix.lon_deg, alt_m=fix.alt_m)
             time.sleep(PERIOD_S)
     raise PlatformError(
-        f"--origin: no valid fix of {uri} within {PATIENCE_S:g} s; check topic and receiver, or "
-        "give the place as LAT,LON"
+        f"--origin: no good fix (1 sigma within {GOOD_STD_M:g} m) of {uri} within "
+        f"{patience_s:g} s; check topic, receiver and sky view and start again, or give the place "
+        "as LAT,LON"
     )
+
+
+def _is_good(fix: GnssFix) -> bool:
+    is_told = fix.quality is not GnssQuality.NONE and is_place(fix.lat_deg, fix.lon_deg)
+    return is_told and math.isfinite(fix.alt_m) and fix.pos_std_m <= GOOD_STD_M

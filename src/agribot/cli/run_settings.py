@@ -87,7 +87,9 @@ def read_settings(
     if measured:
         sys.stderr.write(f"measured of this robot, from {own.path}: {', '.join(measured)}\n")
     wanted = [*before, *measured, *options.set, *assigned, *after]
-    return _add_faults(apply_origin(config.load(options.profile, wanted), options), options)
+    is_stated = config.is_stated("field.datum", options.profile, wanted)
+    settings = apply_origin(config.load(options.profile, wanted), options, is_stated=is_stated)
+    return _add_faults(settings, options)
 
 
 def _add_faults(settings: RunConfig, options: argparse.Namespace) -> RunConfig:

@@ -74,7 +74,8 @@ class MissionConfig(Config, frozen=True):
     plant_clearance_m: NonNegative = 0.15  # wheel edge to plant stem, in plan
     obstacle_clearance_m: NonNegative = 0.3  # from the robot's body to field.obstacles_map_m
     waypoint_radius_m: Positive = 0.15  # so near, a waypoint counts as reached
-    max_waypoint_distance_m: Positive = 1000.0  # farther from the origin, a waypoint is refused
+    # A waypoint farther from the origin is refused, and so is what is farther from the robot.
+    max_waypoint_distance_m: Positive = 1000.0
     off_path_limit_m: Positive = 0.5  # farther from the path than this, the mission fails
     resume_limit_m: Positive = 0.5  # moved farther while it stood, the robot does not go on
     waits_for_goals: bool = False  # begins when it is resumed, visits what it is sent to, and stays
@@ -305,6 +306,24 @@ def load(profile: str, settings: Iterable[str] = ()) -> RunConfig:
 
     Raises: ConfigError: unknown profile or key, a value of the wrong type or out of range.
     """
+    return from_tree(*_read_tree(profile, settings))
+
+
+def is_stated(key: str, profile: str, settings: Iterable[str] = ()) -> bool:
+    """Tell whether a profile or the settings on top of it state a setting `a.b`, or a part of it.
+
+    Raises: ConfigError: unknown profile, or a setting that cannot be assigned.
+    """
+    node: object = _read_tree(profile, settings)[0]
+    for name in key.split("."):
+        if not isinstance(node, dict) or name not in node:
+            return False
+        node = node[name]
+    return True
+
+
+def _read_tree(profile: str, settings: Iterable[str]) -> tuple[dict[str, Any], str]:
+    """Read a profile with settings on top, not checked yet, and say where they come from."""
     source, tree = _read_profile(profile)
     for setting in settings:
         key, _, name = (part.strip() for part in setting.partition("="))
@@ -315,7 +334,7 @@ def load(profile: str, settings: Iterable[str] = ()) -> RunConfig:
             )
         assign(tree, setting)
         source = f"{source} --set {setting}"
-    return from_tree(tree, source)
+    return tree, source
 
 
 def to_toml(config: RunConfig) -> str:

@@ -49,6 +49,7 @@ from agribot.core.pose import Pose2
 FIRST_FIXES = 5
 UNKNOWN_M2 = 1e6
 SUSPICIOUS_REJECTIONS = 5  # in a row
+MAX_FROM_DATUM_M = 10e3  # of a first position; a map is flat, and a field is no larger
 # While a robot turns so fast, and so far at least, fixes that lie within three sigmas of where
 # velocities lead are right. On the straight its swerves and the gyro's noise add up to half of it:
 # there they are where the wheels have lost some of their way ahead, and none aside.
@@ -95,6 +96,7 @@ class Gnss(Correction[GnssFix]):
         self._noise: FixNoise[float] | None = None
         self._is_corrected = self._is_differential = False
         self._sure: _Sure | None = None
+        self.elsewhere = ""  # why the first fixes are too far from the map; empty if they are not
 
     @property
     def rejected_in_a_row(self) -> int:
@@ -144,8 +146,26 @@ class Gnss(Correction[GnssFix]):
         return is_told and is_place(sample.lat_deg, sample.lon_deg)
 
     def objection(self, sample: GnssFix) -> str:
+        if "position" not in self.pose.known:
+            self.elsewhere = self._compare_with_datum(sample)
+            if self.elsewhere:
+                return "far from the map"
         self.pose.is_receiver_frozen = self.repeats.is_repeat(sample, self._driven_m)
         return "repeats itself" if self.pose.is_receiver_frozen else ""
+
+    def _compare_with_datum(self, fix: GnssFix) -> str:
+        """Say where receiver and map are if they are too far apart; empty if they are not."""
+        datum = self._frame.datum
+        place_m = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, datum.alt_m)
+        away_m = math.hypot(*place_m)
+        if away_m <= MAX_FROM_DATUM_M:
+            return ""
+        return (
+            f"the receiver is at {fix.lat_deg:.5f}, {fix.lon_deg:.5f}, {away_m / 1e3:.0f} km in a "
+            f"straight line from the map's origin at {datum.lat_deg:.5f}, {datum.lon_deg:.5f}, "
+            f"more than {MAX_FROM_DATUM_M / 1e3:.0f} km; start again with --origin auto, or with "
+            "the right place"
+        )
 
     def measure(self, sample: GnssFix, epoch: Epoch) -> Measurements:
         if sample.velocity_mps is not None and not has_usable_velocity(sample):

@@ -365,7 +365,7 @@ class Localizer:
         if "yaw" not in self.pose.known:
             return "no heading yet: waiting for the magnetometer"
         if "position" not in self.pose.known:
-            return "no position yet: waiting for GNSS fixes"
+            return self._gnss.elsewhere or "no position yet: waiting for GNSS fixes"
         return next((each.misplaced for each in self._corrections if each.misplaced), "")
 
 

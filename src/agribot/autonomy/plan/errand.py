@@ -11,6 +11,7 @@ import numpy as np
 from agribot.autonomy.plan.curves import Place, make_path
 from agribot.autonomy.plan.freeing import Trail
 from agribot.autonomy.plan.job import MissionJob
+from agribot.autonomy.plan.reach import check_reach
 from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.saved_mission import SavedErrand, take_pose
 from agribot.autonomy.plan.task import Task
@@ -34,6 +35,7 @@ class Errand(NamedTuple):
     source: str
     plan: Callable[[Estimate], Path]
     goal: tuple[float, ...] = ()
+    place: MapPoint | None = None  # where it ends; None where it begins at the robot's own track
 
     @property
     def leg(self) -> str:
@@ -52,6 +54,8 @@ class Errand(NamedTuple):
 
     def plan_route(self, estimate: Estimate, config: MissionConfig) -> Route:
         """Plan it from here. Raises: MissionError: there is no way that may be driven."""
+        places = () if self.place is None else (self.place,)
+        check_reach(places, take_pose(estimate)[:2], config)
         return Route(self.plan(estimate), (), config, ())
 
 
@@ -69,7 +73,7 @@ def make_home_errand(task: Task, job: MissionJob | None, source: str) -> Errand:
     _check_ways(task)
     ahead = job.route.row_ahead if task.has_crop else job.route.path.xy_map_m[:0]
     home = job.planned_from
-    return Errand("home", source, lambda here: task.plan_home(here, home, ahead))
+    return Errand("home", source, lambda here: task.plan_home(here, home, ahead), (), home[:2])
 
 
 def make_goal_errand(task: Task, source: str, numbers: tuple[float, ...]) -> Errand:
@@ -81,7 +85,7 @@ def make_goal_errand(task: Task, source: str, numbers: tuple[float, ...]) -> Err
         raise MissionError("a goal is two or three finite numbers: x and y (m, map), yaw (rad)")
     goal: Place = (numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else None)
     _check_ways(task)
-    return Errand("goal", source, lambda here: task.plan_to(here, goal), numbers)
+    return Errand("goal", source, lambda here: task.plan_to(here, goal), numbers, goal[:2])
 
 
 def make_work_errand(task: Task, job: MissionJob | None) -> Errand:
@@ -93,7 +97,7 @@ def make_work_errand(task: Task, job: MissionJob | None) -> Errand:
         raise MissionError("nothing was planned yet")
     _check_ways(task)
     place = job.place_to_go_on
-    return Errand("work", "the mission", lambda here: task.plan_back(here, place))
+    return Errand("work", "the mission", lambda here: task.plan_back(here, place), (), place[:2])
 
 
 def make_back_errand(job: MissionJob, to: Literal["back", "out"], s_m: float) -> Errand:

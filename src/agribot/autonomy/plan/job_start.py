@@ -6,7 +6,9 @@ import msgspec
 
 from agribot.autonomy.plan.covered import CoveredRows
 from agribot.autonomy.plan.job import MissionJob
+from agribot.autonomy.plan.reach import check_reach
 from agribot.autonomy.plan.row_log import RowResult
+from agribot.autonomy.plan.rows import list_row_ends
 from agribot.autonomy.plan.saved_mission import (
     SavedMission,
     check_not_carried_away,
@@ -17,7 +19,7 @@ from agribot.autonomy.plan.saved_mission import (
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
-from agribot.core.messages import Estimate, MissionState
+from agribot.core.messages import Estimate, MapPoint, MissionState
 
 
 def plan_job(
@@ -27,12 +29,15 @@ def plan_job(
 
     `saved` is a mission that had a path when it was cut off.
 
-    Raises: MissionError: no path, the robot was carried away, or the task is another one.
+    Raises: MissionError: no path, the robot or its work is too far away, or the task is another
+        one.
     """
+    check_reach(_list_places(task), take_pose(estimate)[:2], config)
     if saved is None or saved.planned_from is None:
         return MissionJob(task, config, task.plan(estimate), take_pose(estimate))
     check_not_carried_away(estimate, saved.pose[:2], config.resume_limit_m)
     x_m, y_m, yaw_rad = saved.planned_from
+    check_reach(_list_places(task), (x_m, y_m), config)
     then = msgspec.structs.replace(estimate, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad)
     path = task.plan(then)
     covered, skipped = CoveredRows(task.rows), CoveredRows(task.rows)
@@ -44,6 +49,11 @@ def plan_job(
     check_same_task(saved, name, job.route.progress.length_m)
     job.restore(saved)
     return job
+
+
+def _list_places(task: Task) -> tuple[MapPoint, ...]:
+    """List the places of which one is the first that the robot drives to."""
+    return tuple(task.waypoints) or list_row_ends(task.rows)
 
 
 def _plan_rest(

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
+from agribot.autonomy.plan.errand import make_goal_errand
 from agribot.autonomy.plan.task import Task
+from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate
 from agribot.ui import wire
@@ -12,7 +14,7 @@ from agribot.ui.view import thin_path
 
 
 def preview_goal(
-    task: Task, estimate: Estimate, speed_mps: float, numbers: tuple[float, ...]
+    task: Task, estimate: Estimate, config: MissionConfig, numbers: tuple[float, ...]
 ) -> wire.GoalPreview:
     """Way, length and least time to a goal (x, y and perhaps yaw).
 
@@ -21,13 +23,10 @@ def preview_goal(
     """
     if not estimate.ok or not math.isfinite(estimate.x_map_m + estimate.y_map_m):
         raise MissionError("the robot does not know where it is")
-    if not task.has_ways:
-        raise MissionError("this mission drives its own path only")
-    x_m, y_m, *yaw_rad = numbers
-    path = task.plan_to(estimate, (x_m, y_m, yaw_rad[0] if yaw_rad else None))
+    path = make_goal_errand(task, "page", numbers).plan_route(estimate, config).path
     length_m = float(path.s_m[-1])
     return wire.GoalPreview(
         points_map_m=thin_path(path).points_map_m,
         length_m=round(length_m, 2),
-        time_s=round(length_m / speed_mps, 1),
+        time_s=round(length_m / config.speed_mps, 1),
     )

@@ -254,7 +254,8 @@ class OperatorPage:
         if record is None:
             raise MissionError("the robot has not begun yet")
         mission = self._session.stack.mission
-        return preview_goal(mission.task, record.estimate, mission.speed_mps, numbers)
+        config = msgspec.structs.replace(self._session.config.mission, speed_mps=mission.speed_mps)
+        return preview_goal(mission.task, record.estimate, config, numbers)
 
     def _save_frame(self) -> wire.KeptFrame:
         shot = self._frames.newest()
