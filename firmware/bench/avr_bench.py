@@ -17,6 +17,7 @@ from agribot.drivers.board_protocol import BoardImu, list_fields
 
 SOURCE = Path(__file__).with_suffix(".c")
 CLOCK_HZ = 16_000_000
+COUNTS_PER_TURN = 2048.0  # of the encoders, as four edges of each line
 LINE_BYTES = 65536
 MPU, MAG = 0, 1
 MPU_READINGS, MAG_STATUS, MAG_ADJUSTMENT = 0x3B, 0x02, 0x10
@@ -85,7 +86,7 @@ class AvrBench:
     """
 
     def __init__(
-        self, library: ctypes.CDLL, firmware: Path, counts_per_turn: float = 2048.0,
+        self, library: ctypes.CDLL, firmware: Path, counts_per_turn: float = COUNTS_PER_TURN,
         bootloader: Path | None = None,
     ) -> None:  # fmt: skip
         """Load a firmware, and the bootloader with which a reset begins; Intel hex files.

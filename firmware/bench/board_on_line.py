@@ -1,7 +1,8 @@
 """A board on a serial line of this computer, in real time.
 
-`python -m firmware.bench.board_on_line` prints the name of the line, such as /dev/pts/3; what opens
-it finds a board whose wheels turn in the air. With `imu` behind it is the IMU board.
+`python -m firmware.bench.board_on_line` prints what `--source base=` takes, the line and what its
+motors are: serial:/dev/pts/3?counts_per_turn=2048&full_speed_radps=30. The wheels of that board
+turn in the air. With `imu`, it is the IMU board, for `--source imu=`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 
-from firmware.bench.avr_bench import AvrBench, build_library, load_library
+from firmware.bench.avr_bench import COUNTS_PER_TURN, AvrBench, build_library, load_library
 from firmware.build import PREBUILT
 
 STEP_S = 0.002
@@ -113,12 +114,19 @@ class BoardOnLine:
             os.write(self._ours, said)
 
 
+def name_source(path: str, *, is_imu: bool) -> str:
+    """Write what `--source` takes for a board on this line."""
+    motors = f"?counts_per_turn={COUNTS_PER_TURN:g}&full_speed_radps={FULL_RADPS:g}"
+    return f"serial:{path}" + ("" if is_imu else motors)
+
+
 def main() -> None:
-    name = "imu_board" if "imu" in sys.argv[1:] else "motor_board"
+    is_imu = "imu" in sys.argv[1:]
+    name = "imu_board" if is_imu else "motor_board"
     with tempfile.TemporaryDirectory() as folder:
         library = load_library(build_library(Path(folder)))
         with BoardOnLine(AvrBench(library, PREBUILT / f"{name}.hex")) as board:
-            sys.stdout.write(f"{board.path}\n")
+            sys.stdout.write(f"{name_source(board.path, is_imu=is_imu)}\n")
             sys.stdout.flush()
             try:
                 threading.Event().wait()

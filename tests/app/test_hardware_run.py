@@ -89,7 +89,7 @@ def words(bench: HardwareBench, out: Path, *more: str) -> list[str]:
 
 
 def open_bench(bench: HardwareBench, out: Path, *more: str, is_armed: bool) -> Run:
-    sources = [f"sources.base='serial:{bench.base.path}?baud=115200'"]
+    sources = [f"sources.base='{bench.base_uri}'"]
     settings = config.load("farm", [*SETTINGS, *sources, *more])
     return open_run(settings, out, is_armed=is_armed)
 
@@ -470,8 +470,13 @@ def test_a_robot_that_nobody_could_arm_is_refused(
     [
         ("", "needs its motor board"),
         ("base=gpsd:", "serial line, a TCP port or a CAN bus"),
-        ("base=serial:/dev/nothing", "plugged in"),
-        ("base=serial:{path}?board=vesc&ids=1,2", "cannot read the red button"),
+        ("base=serial:/dev/nothing?counts_per_turn=2048&full_speed_radps=8.4", "plugged in"),
+        ("base=serial:{path}", "agribot calibrate motors"),
+        ("base=serial:{path}?counts_per_turn=2048", "full_speed_radps is not stated"),
+        (
+            "base=serial:{path}?board=vesc&ids=1,2&pole_pairs=7&gear=10",
+            "cannot read the red button",
+        ),
     ],
 )
 def test_a_base_that_cannot_be_driven_is_refused_in_one_line(

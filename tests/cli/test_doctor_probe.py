@@ -227,7 +227,8 @@ def test_pictures_are_taken_by_opencv(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def quiet_doctor(monkeypatch: pytest.MonkeyPatch) -> None:
+def quiet_doctor(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path / "home"))
     monkeypatch.setattr("agribot.cli.doctor._list_checks", lambda is_full: iter(()))
     monkeypatch.setattr("agribot.drivers.gpsd_probe.ask_gpsd", lambda: None)
 
@@ -252,6 +253,12 @@ def test_the_command_line_prints_the_rules_or_all_of_it_as_json(
     assert found["devices"][0]["source"] == "base=serial:/dev/ttyACM0"
     assert found["udev_rules"] == [out.strip()]
     assert found["command"].startswith("agribot run hardware ")
+    assert "agribot calibrate motors" in told
+    assert main(["calibrate", "motors", "--counts-per-turn=2048", "--full-speed-rpm=80"]) == 0
+    capsys.readouterr()
+    with living(line, live_as_motor_board()):
+        assert main(["doctor", "--probe"]) == 0
+    assert "agribot calibrate motors" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("words", [["--udev"], ["--ask", "/dev/ttyAMA0"]])

@@ -16,6 +16,7 @@ from tests.drivers.receiver_bytes import EPOCH
 from tests.waiting import wait_for
 
 FIX_EVERY = 10  # ticks of the board
+FULL_RADPS = 40.0  # of a wheel at full voltage
 PATIENT_S = 3.0  # with a busy machine
 
 
@@ -75,8 +76,14 @@ class HardwareBench:
         return self._robot.pose
 
     @property
+    def base_uri(self) -> str:
+        """Of the motor board, with what its motors are."""
+        motors = f"counts_per_turn={COUNTS_PER_TURN:g}&full_speed_radps={FULL_RADPS:g}"
+        return f"serial:{self.base.path}?baud=115200&{motors}"
+
+    @property
     def sources(self) -> list[str]:
-        return ["--source", f"base=serial:{self.base.path}?baud=115200",
+        return ["--source", f"base={self.base_uri}",
                 "--source", f"gnss=serial:{self.gnss.path}"]  # fmt: skip
 
     def forget_commands(self) -> None:

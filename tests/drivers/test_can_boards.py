@@ -141,7 +141,7 @@ def test_a_node_in_closed_loop_is_not_put_there_again_and_the_sides_can_be_swapp
 @pytest.mark.parametrize("name", ["vesc", "odrive"])
 def test_no_frames_break_a_board_or_become_nonsense(name: str) -> None:
     rng = random.Random(3)
-    board = make(name, "ids=11,12" if name == "vesc" else "nodes=0,1")
+    board = make(name, "gear=10&" + ("ids=11,12&pole_pairs=7" if name == "vesc" else "nodes=0,1"))
     for _ in range(3000):
         node, kind = (
             rng.choice((0, 1, 11, 12)),
@@ -168,7 +168,7 @@ def test_no_frames_break_a_board_or_become_nonsense(name: str) -> None:
         ("can:can0?board=vesc&ids=local,12", "on CAN each has an id"),
         ("can:can0?board=odrive&nodes=1,1", "nodes=0,1"),
         ("can:can0?board=odrive&nodes=1,64", "nodes=0,1"),
-        ("can:can0?board=odrive&nods=1,0", "nodes"),
+        ("can:can0?board=odrive&gear=10&nods=1,0", "nodes"),
     ],
 )
 def test_a_wrong_uri_of_a_bus_is_refused_with_what_to_write(uri: str, words: str) -> None:

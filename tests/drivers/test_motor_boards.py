@@ -16,20 +16,25 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import WHEEL_NAMES, ImplementCommand
 from agribot.description.loader import load_robot
 from agribot.drivers import board_kinds, vesc
+from agribot.drivers.agribot_board import AgribotBoard
 from agribot.drivers.board_codec import encode
 from agribot.drivers.board_link import BoardLink
 from agribot.drivers.board_protocol import AckResult, BoardAck, BoardConfig, StopCause
 from agribot.drivers.motor_board import BoardReport, CountsBroken, MotorBoard, StampedReport
+from agribot.drivers.motor_watch import MotorWatch
 from tests.drivers.board_emulator import BoardEmulator
 from tests.drivers.esc_fakes import FakeVesc
 
 ROBOT = load_robot()
 STILL = ImplementCommand()
 COUNTS_PER_TURN = ROBOT.drive.encoder_ticks_per_rev * ROBOT.drive.gear_ratio
+MOTORS = {
+    "counts_per_turn": COUNTS_PER_TURN, "full_speed_radps": 40.0, "pole_pairs": 7.0, "gear": 10.0
+}  # fmt: skip
 
 
 def open_board(options: str) -> MotorBoard:
-    return board_kinds.open_board(f"tcp://localhost:1?{options}", ROBOT).board
+    return board_kinds.open_board(f"tcp://localhost:1?{options}", ROBOT, MOTORS).board
 
 
 class Bench:
@@ -295,6 +300,45 @@ def test_the_imu_is_turned_to_the_axes_of_the_body() -> None:
 def test_a_board_that_means_nothing_is_refused_in_words(options: str, why: str) -> None:
     with pytest.raises(ConfigError, match=why.replace("(", r"\(")):
         open_board(options)
+
+
+@pytest.mark.parametrize(
+    ("options", "lacks"),
+    [
+        ("board=agribot", "counts_per_turn"),
+        ("board=agribot&counts_per_turn=2048", "full_speed_radps"),
+        ("board=vesc&ids=1,2&gear=10", "pole_pairs"),
+        ("board=vesc&ids=1,2&pole_pairs=7", "gear"),
+        ("board=odrive", "gear"),
+    ],
+)
+def test_a_board_whose_motors_nobody_stated_is_refused(options: str, lacks: str) -> None:
+    with pytest.raises(ConfigError, match=f"localhost:1: {lacks} is not stated"):
+        board_kinds.open_board(f"tcp://localhost:1?{options}", ROBOT)
+
+
+def test_what_the_uri_states_of_the_motors_counts_more_than_the_settings() -> None:
+    driver = open_board("board=agribot&counts_per_turn=2048&full_speed_radps=8.4")
+    assert isinstance(driver, AgribotBoard)
+    assert driver._config.full_speed_countps == round(8.4 * 2048 / math.tau)
+
+
+@pytest.mark.parametrize("speed_radps", [1.0, 3.3])
+def test_motors_of_the_parts_list_are_sound_when_they_do_what_they_should(
+    speed_radps: float,
+) -> None:
+    full_radps, winding_ohm, idle_a = 80.0 / 60.0 * math.tau, 2.4, 0.5
+    duty = speed_radps / full_radps + idle_a * winding_ohm / 24.0
+    watch = MotorWatch(ROBOT.drive, 24.0 / full_radps, winding_ohm)
+    four = [speed_radps] * 4
+    named = [watch.update(0.01 * k, 24.0, [duty] * 4, four, [idle_a] * 4) for k in range(200)]
+    assert set(named) == {()}
+
+
+def test_motors_are_watched_by_their_current_where_their_winding_is_stated() -> None:
+    plain, stated = open_board("board=agribot"), open_board("board=agribot&winding_ohm=2.4")
+    assert isinstance(plain, AgribotBoard) and isinstance(stated, AgribotBoard)
+    assert plain._motors is None and stated._motors is not None
 
 
 def test_vesc_controllers_turn_the_wheels_of_their_sides_and_tell_their_faults() -> None:

@@ -28,7 +28,7 @@ class Motor:
 
 def watch(motor: Motor, duty: float, seconds: float = 2.0) -> float | None:
     """Drive three motors as they should be, and this one; gives when it is named."""
-    watch, good = MotorWatch(DRIVE, CONSTANT), Motor(motor.speed_radps)
+    watch, good = MotorWatch(DRIVE, CONSTANT, DRIVE.winding_ohm), Motor(motor.speed_radps)
     duties = (duty, duty, duty, duty)
     speeds = (motor.speed_radps,) * 4
     drawn = (good.draw(duty), good.draw(duty), good.draw(duty), motor.draw(duty))
@@ -68,13 +68,16 @@ def test_who_does_not_turn_or_turns_the_other_way_is_for_who_watches_the_wheels(
 def test_a_motor_that_should_brake_and_does_not_is_named_where_the_others_do() -> None:
     named_s = watch(Motor(4.0, 0.0), 0.02)
     assert named_s is not None and named_s < 0.5
-    freewheeling, told = MotorWatch(DRIVE, CONSTANT), ((0.02,) * 4, (4.0,) * 4, (0.0,) * 4)
+    freewheeling, told = (
+        MotorWatch(DRIVE, CONSTANT, DRIVE.winding_ohm),
+        ((0.02,) * 4, (4.0,) * 4, (0.0,) * 4),
+    )
     for tick in range(200):
         assert freewheeling.update(tick * STEP_S, SUPPLY_V, *told) == (), "none of them brakes"
 
 
 def test_a_moment_is_no_fault() -> None:
-    watch, duties, speeds = MotorWatch(DRIVE, CONSTANT), (0.1,) * 4, (4.0,) * 4
+    watch, duties, speeds = MotorWatch(DRIVE, CONSTANT, DRIVE.winding_ohm), (0.1,) * 4, (4.0,) * 4
     for tick in range(200):
         drawn = (0.0 if tick % 25 else 4.0,) * 4
         assert watch.update(tick * STEP_S, SUPPLY_V, duties, speeds, drawn) == ()
@@ -87,7 +90,9 @@ def test_the_torque_is_that_of_the_current_in_the_direction_of_the_voltage_that_
     motor = Motor(4.0)
     amperes = (duty * SUPPLY_V - CONSTANT * motor.speed_radps) / DRIVE.winding_ohm
     told = (max(min(abs(amperes), MOST_SENSED_A), 0.0),) * 4
-    torque_nm = MotorWatch(DRIVE, CONSTANT).torques_nm(SUPPLY_V, (duty,) * 4, (4.0,) * 4, told)[0]
+    torque_nm = MotorWatch(DRIVE, CONSTANT, DRIVE.winding_ohm).torques_nm(
+        SUPPLY_V, (duty,) * 4, (4.0,) * 4, told
+    )[0]
     geared = DRIVE.gear_efficiency_ratio if amperes > 0.0 else 1.0
     sensed_a = max(min(amperes, MOST_SENSED_A), -MOST_SENSED_A)
     assert torque_nm == pytest.approx(sensed_a * CONSTANT * geared, abs=SENSOR_STEP_A * CONSTANT)
@@ -95,4 +100,7 @@ def test_the_torque_is_that_of_the_current_in_the_direction_of_the_voltage_that_
 
 def test_a_motor_at_rest_without_duty_has_no_torque() -> None:
     still = (0.0,) * 4
-    assert MotorWatch(DRIVE, CONSTANT).torques_nm(SUPPLY_V, still, still, still) == still
+    assert (
+        MotorWatch(DRIVE, CONSTANT, DRIVE.winding_ohm).torques_nm(SUPPLY_V, still, still, still)
+        == still
+    )

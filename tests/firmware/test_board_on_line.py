@@ -21,7 +21,7 @@ from agribot.drivers.board_protocol import BAUD, BoardMessage, BoardState, Clear
 from agribot.drivers.byte_streams import ByteStream, SerialStream
 from agribot.drivers.hardware_platform import HardwarePlatform
 from firmware.bench.avr_bench import AvrBench
-from firmware.bench.board_on_line import BoardOnLine
+from firmware.bench.board_on_line import BoardOnLine, name_source
 from firmware.build import PREBUILT
 from tests.firmware.board_on_bench import REST, command, configure
 from tests.waiting import wait_for
@@ -103,6 +103,11 @@ class Driver:
             return batch if is_so(batch) else None
 
         return wait_for(exchange, "the board")
+
+
+def test_what_the_bench_prints_is_a_board_that_a_robot_takes() -> None:
+    assert open_board(name_source("/dev/pts/3", is_imu=False), ROBOT).name == "/dev/pts/3"
+    assert name_source("/dev/pts/3", is_imu=True) == "serial:/dev/pts/3"
 
 
 @pytest.fixture

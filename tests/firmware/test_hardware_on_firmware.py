@@ -23,7 +23,7 @@ from firmware.build import PREBUILT
 from tests import machine
 from tests.drivers.gpsd_daemon import Daemon
 from tests.drivers.lines import Line
-from tests.drivers.moving_robot import MovingRobot
+from tests.drivers.moving_robot import COUNTS_PER_TURN, MovingRobot
 from tests.drivers.slow_clock import PACES, run_agribot
 from tests.firmware.robot_on_line import RobotOnLine
 
@@ -89,8 +89,9 @@ def start_as_a_builder(
 ) -> subprocess.CompletedProcess[str]:
     """Start the robot of which a builder has plugged in board and receiver; waits for its end."""
     sets = [word for setting in SETTINGS for word in ("--set", setting)]
+    motors = f"counts_per_turn={COUNTS_PER_TURN:g}&full_speed_radps=30&current_limit_a=0"
     words = ["run", "farm", "--platform", "hardware", "--arm",
-             "--source", f"base=serial:{board.path}?full_speed_radps=30&current_limit_a=0",
+             "--source", f"base=serial:{board.path}?{motors}",
              "--source", f"gnss=gpsd://127.0.0.1:{port}", *sets, "--headless",
              "--waypoints", str(write_places(out.parent / "places.geojson")),
              "--for", "40", "--out", str(out)]  # fmt: skip

@@ -433,7 +433,8 @@ def test_behind_the_bootloader_of_a_mega_it_tells_a_reset_by_its_watchdog_from_o
 def test_the_board_takes_what_the_driver_configures_for_the_robot_that_is_described(
     options: str, board: BoardOnBench
 ) -> None:
-    driver = open_board(f"tcp://localhost:1{options}", load_robot()).board
+    motors = {"counts_per_turn": 10240.0, "full_speed_radps": 40.0}
+    driver = open_board(f"tcp://localhost:1{options}", load_robot(), motors).board
     assert isinstance(driver, AgribotBoard)
     board.arm(driver._config)
 

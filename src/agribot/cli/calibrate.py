@@ -13,6 +13,7 @@ import msgspec
 
 from agribot.app.calibration.figure import FIGURE
 from agribot.app.calibration.wheels import WheelsResult, assess_wheels, format_wheels
+from agribot.cli import calibration_motors
 from agribot.cli.calibration_camera import format_toml, observe_drive
 from agribot.cli.ranges import seed
 from agribot.core import config as settings
@@ -24,8 +25,10 @@ if TYPE_CHECKING:
     from agribot.app.calibration.camera import CameraDrive, CameraResult, RowViewResult
     from agribot.app.calibration.figure import DriveSamples, FigureMotion
     from agribot.app.calibration.sensors import AntennaResult, MagResult
+    from agribot.cli.calibration_motors import MotorsResult
 
-    Outcome = tuple[WheelsResult | MagResult | AntennaResult | CameraResult | RowViewResult, str]
+    Result = WheelsResult | MagResult | AntennaResult | CameraResult | RowViewResult | MotorsResult
+    Outcome = tuple[Result, str]
 
 # name -> (one line of help, an example)
 SUBJECTS = {
@@ -37,6 +40,10 @@ SUBJECTS = {
     "antenna": ("where the GNSS antenna sits", "antenna --sensors rtk"),
     "camera": ("pitch, yaw, roll and height of its mount", "camera --profile farm"),
     "row-view": ("whether rows are seen where they stand", "row-view --profile rows-10x12"),
+    "motors": (
+        "keep what the motors of a real robot are; nothing is driven",
+        "motors --counts-per-turn 2048 --full-speed-rpm 80",
+    ),
 }
 
 
@@ -53,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "--profile", default=profile, metavar="NAME|FILE",
             help="whose mission is driven for a while (default: %(default)s)",
         )  # fmt: skip
+    calibration_motors.add_arguments(subjects.choices["motors"])
     for name in ("magnetometer", "camera", "row-view"):
         subjects.choices[name].add_argument(
             "--recording", metavar="FILE", help="of a mission that turned, instead of a drive"
@@ -86,6 +94,8 @@ def run(options: argparse.Namespace) -> int:
 
     if getattr(options, "recording", None) == "":
         raise ConfigError("--recording is empty: give the run.mcap of a run, or leave it out")
+    if options.subject == "motors":
+        return _report(options, calibration_motors.keep_motors(options))
     robot = load_robot(options.robot)
     machine = load_robot(options.machine) if options.machine else robot
     runners: dict[str, Callable[[argparse.Namespace, RobotSpec, RobotSpec], Outcome]] = {
@@ -93,7 +103,11 @@ def run(options: argparse.Namespace) -> int:
         "antenna": _calibrate_antenna,
         "camera": _calibrate_camera, "row-view": _assess_row_view,
     }  # fmt: skip
-    result, text = runners[options.subject](options, robot, machine)
+    return _report(options, runners[options.subject](options, robot, machine))
+
+
+def _report(options: argparse.Namespace, outcome: Outcome) -> int:
+    result, text = outcome
     sys.stderr.write(text)
     if options.json:
         sys.stdout.write(msgspec.json.encode(result).decode() + "\n")

@@ -94,6 +94,7 @@ def _check_options(options: argparse.Namespace) -> None:
 
 def _probe(options: argparse.Namespace, findings: list[CheckResult]) -> DeviceProbe:
     """Open the devices, add to the findings what they are, and say what to run."""
+    from agribot.cli.calibration_motors import list_unstated
     from agribot.cli.doctor_findings import format_line
     from agribot.cli.doctor_probe import DeviceProbe
     from agribot.drivers.gpsd_probe import ask_gpsd
@@ -108,6 +109,11 @@ def _probe(options: argparse.Namespace, findings: list[CheckResult]) -> DevicePr
         print_line(f"a robot needs {lacks}, which did not answer")
     if command:
         print_line(command)
+    if probe.has_own_board and (lacking := list_unstated()):
+        print_line(
+            f"that robot's {' and '.join(lacking)} are not stated, and it is refused; measure "
+            "them and keep them: agribot calibrate motors (docs/first-drive.md, step 3)"
+        )
     return probe
 
 

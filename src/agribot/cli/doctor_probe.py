@@ -126,6 +126,11 @@ class DeviceProbe:
         ]
         return shlex.join(words) if chosen else "", " and ".join(lacks)
 
+    @property
+    def has_own_board(self) -> bool:
+        """Whether a board of `firmware/` answered, whose motors have to be stated."""
+        return any(one.answer and one.answer.kind == "motor board" for one in self.found)
+
     def write_rules(self) -> list[str]:
         """Write the rules of udev that name what was found; a comment where one cannot be told."""
         known = {

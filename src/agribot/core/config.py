@@ -131,6 +131,12 @@ class CalibrationConfig(Config, frozen=True):
     antenna_m: tuple[float, float] | None = None  # of GNSS, forward and left of the turning centre
     camera_height_m: Positive | None = None  # over the ground
     camera_rpy_rad: tuple[float, float, float] | None = None  # of the camera's link in base_link
+    # Encoder counts of a turn of the wheel, all four edges, with its gear; of an `agribot` board.
+    counts_per_turn: Annotated[float, msgspec.Meta(ge=4, le=1e6)] | None = None
+    # Of a wheel at 24 V without load; of an `agribot` board.
+    full_speed_radps: Annotated[float, msgspec.Meta(ge=0.1, le=1e3)] | None = None
+    # Of a motor with its wires, 24 V over its stall current; None: motors are not watched by it.
+    winding_ohm: Annotated[float, msgspec.Meta(gt=0, le=1e3)] | None = None
 
 
 class SafetyConfig(Config, frozen=True):

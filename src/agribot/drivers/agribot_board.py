@@ -43,11 +43,15 @@ from agribot.drivers.uri_options import UriOptions
 
 POLLS_PER_QUESTION = 10  # a board that did not answer is asked again
 MOST_COUNTPS, MOST_FULL_COUNTPS = 32767, 65535
-SUPPLY_V = 24.0  # of motors whose speed without load nobody named
+SUPPLY_V = 24.0  # of the motors' full speed, and where no battery is measured
 WRAP_US = 1 << 32
 WRAP_SPAN_US = 60_000_000  # a clock that goes back from its last minute to its first wrapped around
 USB_V = 6.0  # less feeds no motor: the board runs on its USB line, and has no battery
 TOOL_OUTPUTS = 8
+_HOW = (
+    "measure the counts (agribot board show), read the full speed from the data sheet, and keep "
+    "both: agribot calibrate motors (docs/first-drive.md, step 3)"
+)
 CAUSES = {
     StopCause.BEGAN: "it was switched on, or reset",
     StopCause.ESTOP: "its red button was pressed",
@@ -72,7 +76,7 @@ class AgribotBoard:
 
         `axes` says which of the IMU's axes point forward, left and up. `pack_v` are the voltages
         of the empty and the full battery, from which its charge follows; 0 where nobody knows.
-        `motors` is None where no current is measured.
+        `motors` is None where no current is measured, or nobody knows the windings.
         """
         self._pack_v, self._motors = pack_v, motors
         self._config, self._counts_per_rad = config, counts_per_turn / math.tau
@@ -272,21 +276,16 @@ def _name_reversed(motor_faults: int) -> str:
 def make_board(robot: RobotSpec, options: UriOptions) -> AgribotBoard:
     """Make it for a robot; the options say what its description does not.
 
-    Raises: ConfigError: an option that is none, or speeds that the frames cannot carry.
+    Raises: ConfigError: an option that is none, motors that nobody stated, or speeds that the
+        frames cannot carry.
     """
     drive = robot.drive
-    counts = options.pop_number(
-        "counts_per_turn", drive.encoder_ticks_per_rev * drive.gear_ratio, 4.0, 1e6
-    )
+    counts = options.pop_stated("counts_per_turn", 4.0, 1e6, _HOW)
+    full = options.pop_stated("full_speed_radps", 0.1, 1e3, _HOW)
     countps_per_mps = counts / math.tau / drive.wheel_radius_m
     half_m = drive.effective_separation_m / 2.0
     top = (drive.max_speed_mps + drive.max_yaw_rate_radps * half_m) * countps_per_mps
     accel = (drive.max_accel_mps2 + drive.max_yaw_accel_radps2 * half_m) * countps_per_mps
-    # More than the message holds makes the board give too much voltage at first, and no harm else.
-    unloaded_radps = min(
-        SUPPLY_V / drive.torque_constant_nmpa, MOST_FULL_COUNTPS / counts * math.tau
-    )
-    full = options.pop_number("full_speed_radps", unloaded_radps, 0.1, 1e3)
     full_countps = full * counts / math.tau
     for what, countps, most in (
         ("the robot's top speed", top, MOST_COUNTPS),
@@ -312,7 +311,9 @@ def make_board(robot: RobotSpec, options: UriOptions) -> AgribotBoard:
     nose_m = drive.wheelbase_m / 2.0 + drive.wheel_radius_m
     bumper_x_m = options.pop_number("bumper_x_m", nose_m, -5.0, 5.0)
     axes = read_axes(options.pop_text("axes", "x,y,z"))
-    motors = MotorWatch(drive, SUPPLY_V / full) if config.current_limit_a else None
+    winding_ohm = options.pop_number("winding_ohm", 0.0, 0.0, 1e3)
+    is_watched = bool(config.current_limit_a and winding_ohm)
+    motors = MotorWatch(drive, SUPPLY_V / full, winding_ohm) if is_watched else None
     return AgribotBoard(config, counts, bumper_x_m, axes, _read_pack(options), motors)
 
 

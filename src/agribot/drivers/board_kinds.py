@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from agribot.core import extras
@@ -55,8 +55,12 @@ def register_board(name: str, maker: MakeBoard | str, baud: int = 115_200) -> No
     _KINDS[name] = _Kind(maker, baud)
 
 
-def open_board(uri_text: str, robot: RobotSpec) -> BoardLine:
+def open_board(
+    uri_text: str, robot: RobotSpec, settings: Mapping[str, float] | None = None
+) -> BoardLine:
     """Make the board that a URI names, without opening its line.
+
+    `settings` are options that count where the URI does not state them.
 
     Raises: ConfigError: none is named, or the URI means nothing.
     """
@@ -66,7 +70,7 @@ def open_board(uri_text: str, robot: RobotSpec) -> BoardLine:
             f"(boards: {', '.join(_KINDS)})"
         )
     uri = read_uri("--source", uri_text, f"{BASE}=")
-    options = UriOptions(uri)
+    options = UriOptions(uri, settings)
     name = options.pop_text("board", "agribot")
     if name not in _KINDS:
         raise ConfigError(

@@ -29,6 +29,7 @@ from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.motor_board import MotorBoard
 from agribot.drivers.stream_writer import StreamWriter
 
+MOTOR_SETTINGS = ("counts_per_turn", "full_speed_radps", "winding_ohm")  # of `calibration`
 FIRST_REPORT_S = 5.0  # a board that the line's opening resets starts for two of them
 POLL_S = 0.02
 
@@ -152,7 +153,9 @@ def open_platform(config: RunConfig, robot: RobotSpec) -> HardwarePlatform:
 
     Raises: AgribotError: none is named, it cannot be opened, or it does not fit this robot.
     """
-    board, open_stream, name = open_board(config.sources.base, robot)
+    motors = {name: getattr(config.calibration, name) for name in MOTOR_SETTINGS}
+    stated = {name: value for name, value in motors.items() if value is not None}
+    board, open_stream, name = open_board(config.sources.base, robot, stated)
     must_report = config.safety.must_report
     check_inputs(board, name, must_report or ())
     return HardwarePlatform(robot, config.tick_hz, board, open_stream, name)

@@ -22,6 +22,8 @@ from agribot.core.messages import (
     WheelSample,
 )
 
+GEAR_HOW = "write gear=N, turns of the motor for one of its wheel, 1 for a motor in the hub"
+
 
 class BoardReport(msgspec.Struct, frozen=True, kw_only=True):
     """What a board measured at one moment; whatever it does not measure is None.

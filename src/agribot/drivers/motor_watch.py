@@ -26,9 +26,9 @@ LASTING_S, LONGEST_STEP_S = 0.3, 0.05
 class MotorWatch:
     """Follows the four motors of one board, in the order of WHEEL_NAMES."""
 
-    def __init__(self, drive: DriveSpec, constant_vps: float) -> None:
+    def __init__(self, drive: DriveSpec, constant_vps: float, winding_ohm: float) -> None:
         """`constant_vps` is the voltage of a motor for each rad/s of its wheel, and its Nm/A."""
-        self._winding_ohm, self._gear_ratio = drive.winding_ohm, drive.gear_efficiency_ratio
+        self._winding_ohm, self._gear_ratio = winding_ohm, drive.gear_efficiency_ratio
         self._constant_vps = constant_vps
         self._lacking_s = [0.0] * 4
         self._can_brake = False  # whether the drivers let a motor brake is seen, not known

@@ -24,7 +24,7 @@ from agribot.core.messages import (
     WheelSample,
 )
 from agribot.core.robot import RobotSpec
-from agribot.drivers.motor_board import BoardReport, StampedReport
+from agribot.drivers.motor_board import GEAR_HOW, BoardReport, StampedReport
 from agribot.drivers.uri_options import UriOptions
 
 LONGEST_LINE = 256
@@ -245,19 +245,18 @@ def make_board(robot: RobotSpec, options: UriOptions) -> OdriveBoard:
     if text not in ("0,1", "1,0"):
         raise ConfigError(f"axes={text}: write axes=0,1, right before left, or axes=1,0")
     right = int(text[0])
-    return OdriveBoard((right, 1 - right), *read_machine(robot, options))
+    return OdriveBoard((right, 1 - right), *read_machine(options))
 
 
-def read_machine(robot: RobotSpec, options: UriOptions) -> tuple[float, str]:
+def read_machine(options: UriOptions) -> tuple[float, str]:
     """Read `gear`, turns of a motor for one of its wheel, and what the firmware calls `errors`.
 
-    Raises: ConfigError: a number out of range, or no such firmware.
+    Raises: ConfigError: a gear that nobody stated or out of range, or no such firmware.
     """
     error = options.pop_text("errors", "error")
     if error not in WATCHDOG_EXPIRED:
         raise ConfigError(f"errors={error}: firmware 0.5 has error, 0.6 active_errors")
-    gear = options.pop_number("gear", robot.drive.gear_ratio, 0.1, 1000.0)
-    return gear, error
+    return options.pop_stated("gear", 0.1, 1000.0, GEAR_HOW), error
 
 
 def _read_number(word: str) -> float | None:

@@ -134,4 +134,4 @@ def make_board(robot: RobotSpec, options: UriOptions) -> OdriveCanBoard:
         raise ConfigError(
             f"nodes={text}: name two nodes up to {MOST_NODES}, right and left, such as nodes=0,1"
         )
-    return OdriveCanBoard((nodes[0], nodes[1]), *read_machine(robot, options))
+    return OdriveCanBoard((nodes[0], nodes[1]), *read_machine(options))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from agribot.core.errors import ConfigError
 from agribot.core.suggestions import suggest_name
@@ -10,10 +11,10 @@ from agribot.drivers.schemes import SourceUri
 
 
 class UriOptions:
-    """The options of one URI."""
+    """The options of one URI; `settings` count where it does not state one of the same name."""
 
-    def __init__(self, uri: SourceUri) -> None:
-        self._uri, self._left = uri, dict(uri.options)
+    def __init__(self, uri: SourceUri, settings: Mapping[str, float] | None = None) -> None:
+        self._uri, self._left, self._settings = uri, dict(uri.options), settings or {}
         self._known: list[str] = []
 
     def pop_text(self, name: str, default: str) -> str:
@@ -27,7 +28,7 @@ class UriOptions:
         """
         text = self.pop_text(name, "")
         try:
-            value = float(text) if text else default
+            value = float(text) if text else self._settings.get(name, default)
         except ValueError:
             value = math.nan
         if not least <= value <= most:
@@ -36,6 +37,18 @@ class UriOptions:
                 f"{least:g} to {most:g}"
             )
         return value
+
+    def pop_stated(self, name: str, least: float, most: float, how: str) -> float:
+        """Take a number out that has no default; `how` says where to find and state it.
+
+        Raises: ConfigError: nobody stated it, it is none, or out of range.
+        """
+        if name not in self._left and name not in self._settings:
+            raise ConfigError(
+                f"{self._uri.scheme}:{self._uri.name}: {name} is not stated, and no description "
+                f"knows the motors of a real robot; {how}"
+            )
+        return self.pop_number(name, math.nan, least, most)
 
     def check_empty(self) -> None:
         """Refuse what nobody took out.

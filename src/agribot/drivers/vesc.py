@@ -31,7 +31,7 @@ from agribot.core.messages import (
     WheelSample,
 )
 from agribot.core.robot import RobotSpec
-from agribot.drivers.motor_board import BoardReport, StampedReport
+from agribot.drivers.motor_board import GEAR_HOW, BoardReport, StampedReport
 from agribot.drivers.uri_options import UriOptions
 
 SET_RPM, FORWARD_CAN, GET_SELECTED = 8, 34, 50
@@ -237,16 +237,18 @@ def make_board(robot: RobotSpec, options: UriOptions) -> VescBoard:
     Raises: ConfigError: an option that is none.
     """
     ids = read_ids(options.pop_text("ids", "local"), "ids=local,12")
-    return VescBoard(ids, *read_gearing(robot, options))
+    return VescBoard(ids, *read_gearing(options))
 
 
-def read_gearing(robot: RobotSpec, options: UriOptions) -> tuple[int, float]:
+def read_gearing(options: UriOptions) -> tuple[int, float]:
     """Read `pole_pairs` of the motors and `gear`, turns of a motor for one of its wheel.
 
-    Raises: ConfigError: a number out of range.
+    Raises: ConfigError: a number that nobody stated, or out of range.
     """
-    pole_pairs = options.pop_number("pole_pairs", 7.0, 1.0, 100.0)
-    gear = options.pop_number("gear", robot.drive.gear_ratio, 0.1, 1000.0)
+    pole_pairs = options.pop_stated(
+        "pole_pairs", 1.0, 100.0, "write pole_pairs=N, half of the motor's magnets"
+    )
+    gear = options.pop_stated("gear", 0.1, 1000.0, GEAR_HOW)
     return round(pole_pairs), gear
 
 

@@ -120,4 +120,4 @@ def make_board(robot: RobotSpec, options: UriOptions) -> VescCanBoard:
     ids = read_ids(options.pop_text("ids", ""), "ids=11,12")
     if LOCAL in ids:
         raise ConfigError("ids: 'local' is the controller on a serial line; on CAN each has an id")
-    return VescCanBoard(ids, *read_gearing(robot, options))
+    return VescCanBoard(ids, *read_gearing(options))
