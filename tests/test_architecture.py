@@ -179,6 +179,7 @@ def test_every_package_that_is_imported_is_declared() -> None:
         "python_can": "can",
         "pyshp": "shapefile",
         "ruamel.yaml": "ruamel",
+        "pyyaml": "yaml",
     }
     known = {import_names.get(name, name) for name in declared}
     known |= {"llvmlite"} if "numba" in known else set()  # comes with numba, always

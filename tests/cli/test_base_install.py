@@ -52,6 +52,7 @@ COMMANDS = {
     "calibrate antenna": ("", "sim"),
     "calibrate camera": ("", "sim"),
     "calibrate row-view": ("", "sim"),
+    "calibrate motors": ("--counts-per-turn 2048 --full-speed-rpm 80", ""),
     "ui": ("{run}/run.mcap", "ui"),
     "teleop": ("keyboard --url ws://127.0.0.1:9/ws --token T", "ui"),
     "map import": ("{out}/map.tif", "maps"),

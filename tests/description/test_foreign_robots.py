@@ -330,7 +330,7 @@ def test_a_link_that_nothing_holds_is_named(tmp_path: Path) -> None:
 
 def test_a_check_passes_what_is_complete(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["describe", "--check"]) == 0
-    assert capsys.readouterr().out == "0 faults\n"
+    assert capsys.readouterr().out == "0 faults, 0 notes\n"
 
 
 def test_describing_a_robot_of_others_warns_and_succeeds(

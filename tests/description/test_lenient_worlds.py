@@ -175,6 +175,31 @@ def test_a_robot_in_the_file_gives_the_place_to_start(tmp_path: Path, plugin: st
     world = load_world(_file(tmp_path, robot))
     assert world.spawn_xy_map_m == (1.0, 2.0) and world.obstacles == ()
     assert world.spawn_yaw_map_rad == pytest.approx(0.5)
+    assert world.warnings == (
+        "the robot 'rover' of the world is left out; the one of --robot drives",
+    )
+
+
+@pytest.mark.parametrize("ratio", ["Inf", "inf", "+Infinity"])
+def test_ground_of_infinite_friction_leaves_the_grip_to_the_tyre(
+    tmp_path: Path, ratio: str
+) -> None:
+    ground = (
+        '<model name="ground"><static>1</static><link name="l"><collision name="c"><geometry>'
+        "<plane><size>100 100</size></plane></geometry><surface><friction><ode>"
+        f"<mu>{ratio}</mu><mu2>{ratio}</mu2></ode></friction></surface></collision></link></model>"
+    )
+    world = load_world(_file(tmp_path, "", ground=ground))
+    assert world.friction_ratio == 100.0
+
+
+def test_names_that_gazebo_writes_with_two_colons_are_left_alone(tmp_path: Path) -> None:
+    tags = (
+        "<plugin name='p' filename='f'><gz::system_priority>-100</gz::system_priority>"
+        "<ignition::gazebo::x a='1'/></plugin>"
+    )
+    world = load_world(_file(tmp_path, tags))
+    assert world.warnings == () and world.ground[0].x_max_m == 15.0
 
 
 def _height_map(uri: str, size: str = "8 4 2", pos: str = "0 0 0") -> str:

@@ -243,6 +243,7 @@ def test_an_old_world_with_its_robot_inside_is_understood(tmp_path: Path) -> Non
     assert world.obstacles == ()
     assert world.warnings == (
         "2 models are named 'Crop_with_weed'; all but the first got a number",
+        "the robot 'agribot' of the world is left out; the one of --robot drives",
     )
 
 

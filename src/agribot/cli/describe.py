@@ -12,13 +12,20 @@ from agribot.cli.world import print_findings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--robot", default="agribot", metavar="NAME|FILE", help="xacro or URDF")
+    parser.add_argument(
+        "--robot",
+        default="agribot",
+        metavar="NAME|FILE",
+        help="xacro or URDF; arguments follow it: 'x.xacro wheels:=4'",
+    )
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--urdf", action="store_true", help="print the expanded URDF")
     what.add_argument("--sdf", action="store_true", help="print it as an SDF model for gz-sim")
     what.add_argument("--tree", action="store_true", help="print links and joints as a tree")
     what.add_argument(
-        "--check", action="store_true", help="list every fault as FILE:LINE and fail on any"
+        "--check",
+        action="store_true",
+        help="list every fault and every note as FILE:LINE, and fail on faults",
     )
     what.add_argument(
         "--ui", action="store_true", help="show it in 3D with a slider for each joint, until Ctrl-C"

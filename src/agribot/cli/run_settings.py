@@ -38,7 +38,12 @@ def add_setting_arguments(parser: argparse.ArgumentParser) -> None:
         "profile", nargs="?", default="farm", help="packaged profile or .toml file (default: farm)"
     )
     parser.add_argument("--world", metavar="NAME|FILE", help="empty, Farm, ... or an SDF file")
-    parser.add_argument("--robot", metavar="NAME|FILE", help="another robot description")
+    parser.add_argument(
+        "--robot",
+        metavar="NAME|FILE",
+        help="another robot description; arguments of a xacro "
+        "follow it: 'rover.urdf.xacro wheels:=4'",
+    )
     parser.add_argument(
         "--sensors", metavar="PRESET", help="legacy, seed, m8n, rtk, rtk-dual, ideal"
     )

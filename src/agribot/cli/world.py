@@ -134,7 +134,7 @@ def _check(options: argparse.Namespace) -> int:
         return _check_map(options)
     if options.strict:
         findings = [*check_world(options.world), *_list_plants_unknown(options.world)]
-        return print_findings(findings, options.json)
+        return print_findings(findings, options.json, is_strict=True)
     world = load_world(options.world)
     species = Counter(plant.species for plant in world.plants)
     warnings = [*world.warnings, *_name_unknown_species(species)]
@@ -167,7 +167,7 @@ def _list_plants_unknown(name_or_path: str) -> list[FileFinding]:
     except DescriptionError:
         return []
     unknown = _name_unknown_species(dict.fromkeys(plant.species for plant in plants))
-    return [FileFinding(Path(name_or_path).name, 0, text, text) for text in unknown]
+    return [FileFinding(Path(name_or_path).name, 0, text, text, is_fault=True) for text in unknown]
 
 
 def _name_unknown_species(names: Iterable[str]) -> list[str]:
@@ -220,15 +220,28 @@ def _print_map(name: str, ros_map: RosMap, as_json: bool) -> None:
         sys.stdout.write("".join(f"{key}: {value}\n" for key, value in summary.items()))
 
 
-def print_findings(findings: Sequence[FileFinding], as_json: bool) -> int:
-    """Print the findings of a strict check; return the exit status."""
+def print_findings(
+    findings: Sequence[FileFinding], as_json: bool, *, is_strict: bool = False
+) -> int:
+    """Print the findings of a check; return the exit status. To a strict one all are faults."""
+    faults = [finding for finding in findings if finding.is_fault or is_strict]
+    notes = [finding for finding in findings if finding not in faults]
     if as_json:
-        faults = [{"file": f.file, "line": f.line, "text": f.text} for f in findings]
-        sys.stdout.write(json.dumps({"ok": not faults, "faults": faults}) + "\n")
+        told = {
+            "ok": not faults,
+            "faults": list(map(_tell, faults)),
+            "notes": list(map(_tell, notes)),
+        }
+        sys.stdout.write(json.dumps(told) + "\n")
     else:
-        sys.stdout.writelines(f"{finding}\n" for finding in findings)
-        sys.stdout.write(f"{len(findings)} faults\n")
-    return 1 if findings else 0
+        sys.stdout.writelines(f"fault: {fault}\n" for fault in faults)
+        sys.stdout.writelines(f"note: {note}\n" for note in notes)
+        sys.stdout.write(f"{len(faults)} faults, {len(notes)} notes\n")
+    return 1 if faults else 0
+
+
+def _tell(finding: FileFinding) -> dict[str, object]:
+    return {"file": finding.file, "line": finding.line, "text": finding.text}
 
 
 def _render(options: argparse.Namespace) -> int:

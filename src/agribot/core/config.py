@@ -275,7 +275,8 @@ class RunConfig(Config, frozen=True):
     # What drives: `sim`, `firmware`, `hardware`, a registered platform, or module:function.
     platform: str = "sim"
     world: str = "Farm"  # what is simulated: a packaged name or an SDF file
-    robot: str = "agribot"  # its description: a packaged name, URDF or xacro
+    # Its description: a packaged name, URDF or xacro, with arguments as in "x.xacro side:=left".
+    robot: str = "agribot"
     waypoints: str = ""  # a file of places to visit, the task instead of the rows of the field
     # Drive the rows of the field, or find and draw those of a field that nobody mapped.
     task: Literal["rows", "explore"] = "rows"

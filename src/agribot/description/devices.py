@@ -95,8 +95,8 @@ def read_tyre(root: ET.Element, joints: Sequence[Joint], source: SourceFile) -> 
         )
     name = WHEEL_NAMES[0]
     wheel = collect_contact_tags(root, name, source)
-    first = min(wheel.read_number("mu1"), extra.read_number("ground_mu1"))
-    second = min(wheel.read_number("mu2"), extra.read_number("ground_mu2"))
+    first = min(wheel.read_friction("mu1"), extra.read_friction("ground_mu1"))
+    second = min(wheel.read_friction("mu2"), extra.read_friction("ground_mu2"))
     axle = next(np.array(joint.axis) for joint in joints if joint.child == name)
     along = np.array(source.parse_vec3(wheel.tags.get("fdir1", "1 0 0"), f"{name} <fdir1>"))
     first_is_sideways = abs(float(axle @ along)) > 0.7 * float(np.linalg.norm(along))

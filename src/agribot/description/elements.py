@@ -14,18 +14,21 @@ from agribot.core.messages import Vec3
 from agribot.description.markup import find_place
 
 LARGEST = 1e12  # stiffnesses of other simulators reach 1e9
+MOST_FRICTION = 100.0  # more than any surface has
 
 
 class FileFinding(NamedTuple):
     """A problem in a file; line 0 where it has no place of its own.
 
-    `summary` is the text for a user who only loads the file; "" shows nothing.
+    `summary` is the text for a user who only loads the file; "" shows nothing. With a fault the
+    file cannot be used; all else is a note, such as of a number that is assumed.
     """
 
     file: str
     line: int
     text: str
     summary: str
+    is_fault: bool = False
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}: {self.text}" if self.line else f"{self.file}: {self.text}"
@@ -52,7 +55,7 @@ class SourceFile:
         self._places: list[tuple[str, int]] = []
 
     def fail(self, where: str, what: str) -> DescriptionError:
-        return PlacedError(self._make_finding(f"{where}: {what}"))
+        return PlacedError(self._make_finding(f"{where}: {what}")._replace(is_fault=True))
 
     def warn(self, text: str, element: ET.Element | None = None, *, quiet: bool = False) -> None:
         """Note a harmless problem; a `quiet` one only shows in a check of the file."""
@@ -76,7 +79,7 @@ class SourceFile:
         finding = getattr(error, "finding", None)
         if finding is None:
             finding = self._make_finding(str(error).removeprefix(f"{self.file}: "))
-        self.findings.append(finding)
+        self.findings.append(finding._replace(is_fault=True))
 
     def list_warnings(self) -> tuple[str, ...]:
         """Return the texts for the user of the file, each once."""
@@ -113,6 +116,14 @@ class SourceFile:
 
     def parse_number(self, text: str | None, where: str) -> float:
         return self.parse_numbers(text, 1, where)[0]
+
+    def parse_friction(self, text: str | None, where: str) -> float:
+        """Parse a coefficient of friction, which may be infinite: the other surface's then counts.
+
+        Raises: DescriptionError: not a number.
+        """
+        is_infinite = (text or "").strip().lower().lstrip("+") in ("inf", "infinity")
+        return MOST_FRICTION if is_infinite else self.parse_number(text, where)
 
     def parse_vec3(self, text: str | None, where: str) -> Vec3:
         x, y, z = self.parse_numbers(text, 3, where)

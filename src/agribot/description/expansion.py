@@ -18,6 +18,7 @@ from agribot.description.markup import copy_tree, parse_xml, read_xml
 from agribot.description.package import list_robot_files, read_search_paths
 from agribot.description.xacro_arithmetic import bound_arithmetic
 from agribot.description.xacro_dialect import OldDialect
+from agribot.description.xacro_yaml import bound_yaml
 
 # xacro keeps the files it works on in module variables.
 _XACRO_LOCK = threading.Lock()
@@ -43,7 +44,8 @@ def expand(path: Path, mappings: Mapping[str, str], source: SourceFile) -> ET.El
     """
     if not path.is_file():
         raise DescriptionError(f"robot file {path} does not exist; check the path")
-    if path.suffix != ".xacro" and mappings:
+    is_template = is_xacro(path)
+    if mappings and not is_template:
         raise DescriptionError(
             f"{path} is not a xacro file, so it takes no arguments such as "
             f"'{next(iter(mappings))}'; leave them out or name the .xacro file"
@@ -52,7 +54,7 @@ def expand(path: Path, mappings: Mapping[str, str], source: SourceFile) -> ET.El
         once, findings = _expand_once(path, tuple(mappings.items()), read_search_paths())
         source.findings += findings
         root = copy_tree(once)
-    elif path.suffix == ".xacro":
+    elif is_template:
         root = _expand_xacro(path, mappings, source)
     else:
         root = read_xml(path)
@@ -61,6 +63,19 @@ def expand(path: Path, mappings: Mapping[str, str], source: SourceFile) -> ET.El
             f"{path}: the top element is <{root.tag}>, a robot description has <robot>"
         )
     return root
+
+
+def is_xacro(path: Path) -> bool:
+    """Tell whether a file is to be expanded: by its ending, or as it declares xacro's names.
+
+    Raises: DescriptionError: it cannot be read.
+    """
+    try:
+        return path.suffix == ".xacro" or b"xmlns:xacro" in path.read_bytes()
+    except OSError as error:
+        raise DescriptionError(
+            f"{path} cannot be read: {error.strerror or error}; check the path"
+        ) from error
 
 
 @cache
@@ -84,7 +99,7 @@ def _run_xacro(
     path: Path, mappings: Mapping[str, str], dialect: OldDialect, absent: AbsentPackages
 ) -> str:
     arguments = _Arguments(mappings)
-    with _XACRO_LOCK, absent.leave_out(), dialect.accept(), bound_arithmetic():
+    with _XACRO_LOCK, absent.leave_out(), dialect.accept(), bound_arithmetic(), bound_yaml():
         xacro.init_stacks(str(path))
         try:
             document = xacro.parse(None, str(path))

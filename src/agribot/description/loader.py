@@ -22,7 +22,11 @@ from agribot.description.expansion import expand
 from agribot.description.implements import read_implement
 from agribot.description.kinematics import read_joints, read_links
 from agribot.description.markup import parse_xml
-from agribot.description.package import find_packaged_or_file, list_robot_files
+from agribot.description.package import (
+    find_packaged_or_file,
+    list_robot_files,
+    split_arguments,
+)
 from agribot.description.poses import tell_large_angles
 
 # Of the wheels together: a lighter body lacks its mass, and its physics would be unstable.
@@ -35,7 +39,8 @@ def load_robot(
 ) -> RobotSpec:
     """Read a packaged robot, or a .xacro or .urdf file.
 
-    `mappings` are values for the file's xacro arguments, such as {"legacy_camera": "true"}.
+    `mappings` are values for the file's xacro arguments, such as {"legacy_camera": "true"}; they
+    may also follow the name, as in "agribot legacy_camera:=true".
     Robots of other makers get our names for their wheels and default values for missing parts;
     `warnings` lists them.
 
@@ -54,12 +59,13 @@ def check_robot(name_or_path: str = "agribot") -> tuple[FileFinding, ...]:
 
     Raises: DescriptionError: unknown name, or no such file.
     """
-    path = _find_robot_file(name_or_path)
+    name, mappings = split_arguments(name_or_path)
+    path = _find_robot_file(name)
     if not path.is_file():
         raise DescriptionError(f"robot file {path} does not exist; check the path")
     source = SourceFile(path.name, collecting=True)
     try:
-        _read_robot(expand(path, {}, source), source, path)
+        _read_robot(expand(path, mappings, source), source, path)
     except DescriptionError as error:
         source.note(error)
     return tuple(sorted(dict.fromkeys(source.findings), key=lambda f: (f.file, f.line)))
@@ -76,9 +82,10 @@ def export_urdf(name_or_path: str = "agribot", mappings: Mapping[str, str] | Non
 def _open_source(
     name_or_path: str, mappings: Mapping[str, str]
 ) -> tuple[ET.Element, SourceFile, Path]:
-    path = _find_robot_file(name_or_path)
+    name, written = split_arguments(name_or_path)
+    path = _find_robot_file(name)
     source = SourceFile(path.name)
-    return expand(path, mappings, source), source, path
+    return expand(path, {**written, **mappings}, source), source, path
 
 
 def _adopt(root: ET.Element, source: SourceFile, folder: Path) -> None:

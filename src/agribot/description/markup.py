@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
 
 from agribot.core.errors import DescriptionError
+
+_GAZEBO_NAME = re.compile(rb"</?[\w.-]+(?:::[\w.-]+)+")
 
 
 class PlacedElement(ET.Element):
@@ -35,11 +38,16 @@ def parse_xml(text: bytes | str, file: str) -> ET.Element:
     parser.EndElementHandler = lambda tag: builder.end(_expand_name(tag))
     parser.CharacterDataHandler = builder.data
     try:
-        parser.Parse(text.encode() if isinstance(text, str) else text, True)
+        parser.Parse(_join_prefixes(text.encode() if isinstance(text, str) else text), True)
     except (expat.ExpatError, LookupError, ValueError) as error:  # also an unknown encoding
         raise DescriptionError(f"{file}: not well-formed XML: {error}; mend that line") from error
     root: ET.Element = builder.close()
     return root
+
+
+def _join_prefixes(text: bytes) -> bytes:
+    """Write Gazebo's `<gz::name>`, which is no XML, as an element that is left alone."""
+    return _GAZEBO_NAME.sub(lambda name: name[0].replace(b"::", b"-"), text)
 
 
 def read_xml(path: Path) -> ET.Element:

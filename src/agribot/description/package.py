@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +16,7 @@ ROS_PATHS = ("ROS_PACKAGE_PATH",)
 AMENT_PATH = "AMENT_PREFIX_PATH"
 GAZEBO_PATHS = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH")
 ROOT = Path(__file__).resolve().parent
+_ARGUMENT = re.compile(r"\s+([A-Za-z_]\w*):=")
 
 
 def list_robot_files() -> dict[str, Path]:
@@ -87,6 +89,15 @@ def _list_environment_folders(package: str) -> Iterator[Path]:
 
 def _split_path_variable(variable: str) -> list[Path]:
     return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
+
+
+def split_arguments(robot: str) -> tuple[str, dict[str, str]]:
+    """Split `x.xacro side:=left wheels:=4` into the robot and its xacro arguments, as ROS has them.
+
+    A value lasts until the next argument, and so do blanks in a path.
+    """
+    name, *words = _ARGUMENT.split(robot)
+    return name.strip(), {key: text.strip() for key, text in zip(*[iter(words)] * 2, strict=True)}
 
 
 def find_packaged_or_file(

@@ -223,7 +223,7 @@ class _ModelReader:
         if ode is None:
             return 1.0
         return min(
-            self._source.parse_number(ode.findtext(key, "1"), f"{self._where} <{key}>")
+            self._source.parse_friction(ode.findtext(key, "1"), f"{self._where} <{key}>")
             for key in ("mu", "mu2")
         )
 

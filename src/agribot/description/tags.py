@@ -37,6 +37,9 @@ class TagBlock:
     def read_number(self, name: str) -> float:
         return self._source.parse_number(self.read_text(name), f"{self.what} <{name}>")
 
+    def read_friction(self, name: str) -> float:
+        return self._source.parse_friction(self.read_text(name), f"{self.what} <{name}>")
+
     def read_positive(self, name: str) -> float:
         value = self.read_number(name)
         if value <= 0.0:

@@ -101,6 +101,10 @@ class _WorldReader:
         for model in placing.list_models():
             if is_robot(model.element):
                 spawn = model.map_from_model if spawn is None else spawn
+                self._source.warn(
+                    f"the robot '{model.name}' of the world is left out; the one of --robot drives",
+                    model.element,
+                )
                 continue
             with self._source.attempt(model.element):
                 self._take_model(model)

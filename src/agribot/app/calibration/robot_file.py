@@ -15,6 +15,7 @@ import tomli_w
 from agribot.core.config import assign, from_tree, read_toml
 from agribot.core.errors import ConfigError, RecordingError
 from agribot.core.whole_file import write_at_once
+from agribot.description.package import split_arguments
 
 
 class RobotFile:
@@ -22,7 +23,8 @@ class RobotFile:
 
     def __init__(self, home: Path, robot: str) -> None:
         """`robot` is a packaged name or a description's file, as in the settings of a run."""
-        self.path = home / "robots" / f"{Path(robot).name.split('.')[0]}.toml"
+        name, _ = split_arguments(robot)
+        self.path = home / "robots" / f"{Path(name).name.split('.')[0]}.toml"
 
     def settings(self) -> tuple[str, ...]:
         """List the settings as a.b=c, in the order of the file; none where there is none.

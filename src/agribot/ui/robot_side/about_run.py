@@ -12,7 +12,12 @@ from agribot.core.config import RunConfig, load
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import RobotSpec
 from agribot.description.loader import export_urdf, load_robot
-from agribot.description.package import find_package_folder, find_packaged_or_file, list_robot_files
+from agribot.description.package import (
+    find_package_folder,
+    find_packaged_or_file,
+    list_robot_files,
+    split_arguments,
+)
 from agribot.ui import wire
 from agribot.ui.about import About
 from agribot.ui.address import Address
@@ -97,7 +102,8 @@ def footprint_body_m(robot: RobotSpec) -> list[wire.Vec2]:
 
 def urdf_for_page(urdf: str, robot_name: str) -> tuple[str, dict[str, str]]:
     """Rewrite mesh names relative to the description, and find the file behind each."""
-    file = find_packaged_or_file("robot", robot_name, list_robot_files(), (".xacro", ".urdf"))
+    name, _ = split_arguments(robot_name)
+    file = find_packaged_or_file("robot", name, list_robot_files(), (".xacro", ".urdf"))
     meshes: dict[str, str] = {}
 
     def rename_mesh(match: re.Match[str]) -> str:
