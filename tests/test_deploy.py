@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,7 +12,10 @@ from pathlib import Path
 import pytest
 
 from agribot.app.service_manager import SIGNS_OF_LIFE
+from agribot.cli.sensor_sources import read_source_settings
+from agribot.core import config
 from agribot.drivers.found_devices import RECEIVERS, SERIAL_MAKERS
+from agribot.drivers.schemes import read_sources
 from tests import machine
 from tests.cli.parser_tree import every_parser
 
@@ -194,6 +198,15 @@ def test_the_service_starts_with_options_that_there_are() -> None:
     known = {option for action in actions for option in action.option_strings}
     used = {word for word in line.split() if word.startswith("--")}
     assert used <= known
+
+
+def test_a_word_with_spaces_in_the_services_options_is_one_source() -> None:
+    """In quotes: systemd.service(5) splits $AGRIBOT_RUN as a shell does."""
+    text = (DEPLOY / "agribot.env").read_text()
+    (example,) = (line for line in text.splitlines() if line.startswith("#   --source"))
+    options = every_parser()["run",].parse_args(shlex.split(example.removeprefix("#")))
+    settings = config.load("hardware", read_source_settings(options))
+    assert read_sources(settings.sources)["camera"].path.startswith("ffmpeg -v error -f v4l2 ")
 
 
 def rules() -> Iterator[tuple[str, str, str]]:

@@ -44,7 +44,7 @@ from agribot.description.loader import export_urdf
 from agribot.gis.drawn_field import DrawnRow, format_drawn_field
 from agribot.record.events import Event, EventLog
 from agribot.record.report import Report, to_json, write_file
-from agribot.record.run_figures import explain_absence
+from agribot.record.run_figures import HURRIED, explain_absence
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, RunSeries, SeriesTap
 
@@ -251,10 +251,11 @@ class Run:
         while True:
             yield self._tick()
 
-    def finish(self, why_ended: str = "") -> Report:
+    def finish(self, why_ended: str = "", may_draw: Callable[[], bool] = lambda: True) -> Report:
         """Bring the robot to rest, write every file of the run and return the report.
 
-        `why_ended` names an end from outside, such as an interruption.
+        `why_ended` names an end from outside, such as an interruption; without `may_draw` the
+        figures are left out, which take seconds.
         """
         if not self._has_ended() and not why_ended and self.last is not None:
             as_asked = f"stopped after {self.config.duration_s or 0.0:g} s, as asked"
@@ -268,11 +269,11 @@ class Run:
         self.recording.attach("report.json", "application/json", to_json(report))
         self.recording.close()
         try:
-            write_run_files(self.out_dir, report, data)
+            write_run_files(self.out_dir, report, data, may_draw)
         except RecordingError as error:
             self.tell(self.last.batch.t_s if self.last is not None else 0.0, str(error))
             self.is_written = False
-        if left_out := explain_absence():
+        if left_out := explain_absence() or ("" if may_draw() else HURRIED):
             self._say(left_out)
         return report
 

@@ -13,6 +13,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 JobT = TypeVar("JobT")
@@ -38,7 +39,7 @@ def results(
     Once `stop()` is true no further job starts, and running ones see it in the `stop` that they
     were given. `work` stands at the top of a module and its jobs can be pickled.
 
-    Raises: whatever `work` raises.
+    Raises: whatever `work` raises, and BrokenProcessPool where a process was ended from outside.
     """
     if workers == 1 or len(jobs) <= 1:
         for job in jobs:
@@ -66,6 +67,9 @@ def _results_of_processes(
                 done, running = wait(running, POLL_S, FIRST_COMPLETED)
                 for future in done:
                     yield future.result()
+        except BrokenProcessPool:
+            if not stop():  # else the signal that stops this process has ended the others, too
+                raise
         finally:
             event.set()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from contextlib import ExitStack
 from pathlib import Path
@@ -124,7 +125,8 @@ def run(options: argparse.Namespace) -> int:
                 pacer.wait(record.batch.t_s)
             progress.close()
             with service.allow_quiet():
-                report = session.finish("interrupted by the operator" if stop else "")
+                why_ended = "interrupted by the operator" if stop else ""
+                report = session.finish(why_ended, lambda: signal.SIGTERM not in stop)
             sys.stderr.write(_format_summary(report, session.out_dir))
             was_interrupted = bool(stop)
             if page is not None and is_kept_open(options) and not stop:

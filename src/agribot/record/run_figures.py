@@ -12,6 +12,10 @@ NO_FIGURES = (
     "report.html and map.png are left out, for nothing here draws figures: "
     f"{extras.format_install('report')}, then agribot report run.mcap -o DIR"
 )
+HURRIED = (
+    "report.html and map.png are left out, for the run was to end at once; "
+    "agribot report run.mcap -o DIR makes them"
+)
 
 
 def explain_absence() -> str:

@@ -15,10 +15,13 @@ from agribot.record.weeds import WEED_FILE, write_weeds
 DRAWN_FILE = "field.geojson"
 
 
-def write_run_files(folder: Path, report: Report, data: RunData) -> None:
+def write_run_files(
+    folder: Path, report: Report, data: RunData, may_draw: Callable[[], bool] = lambda: True
+) -> None:
     """Write report.json, report.html, map.png, weeds.geojson, config.toml, and drawn rows.
 
-    Those that can be written are, whatever becomes of the others.
+    Those that can be written are, whatever becomes of the others. `may_draw` is asked before each
+    of the two that take seconds, report.html and map.png.
     Raises: RecordingError: one of them cannot be written; the first that failed.
     """
     failures: list[RecordingError] = []
@@ -29,10 +32,14 @@ def write_run_files(folder: Path, report: Report, data: RunData) -> None:
         lambda: write_file(folder / "config.toml", to_toml(data.config).encode()),
         lambda: write_weeds(folder / WEED_FILE, data, map_name),
         lambda: _write_drawn(folder / DRAWN_FILE, data.drawn_field),
+    )
+    figures: tuple[Callable[[], None], ...] = (
         lambda: write_page(folder / "report.html", report, data),
         lambda: write_map(folder / "map.png", data),
     )
-    for write in writers:
+    for write in (*writers, *figures):
+        if write in figures and not may_draw():
+            continue
         try:
             write()
         except RecordingError as error:
