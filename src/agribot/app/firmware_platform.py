@@ -122,8 +122,8 @@ class FirmwarePlatform:
         self._has_imu = True
         self._battery_v = PACK_FULL_V  # until the simulator tells
         self._field_from_s = math.inf  # before, the chip shows a field that is not of the world
-        motors = {"winding_ohm": robot.drive.winding_ohm}
-        options = UriOptions(SourceUri("firmware", "", "", OPTIONS), motors)
+        windings = {"winding_ohm": robot.drive.winding_ohm}
+        options = UriOptions(SourceUri("firmware", "", "", OPTIONS), windings)
         self._link = BoardLink(make_board(robot, options), robot.drive, lambda: self._t_s)
         self._receiver = FirmwareReceiver(simulator.gnss_latency_s, gnss_noise, lambda: self._t_s)
         self._implement, self._is_power_cut = ImplementCommand(), False
