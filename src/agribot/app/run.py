@@ -251,11 +251,11 @@ class Run:
         while True:
             yield self._tick()
 
-    def finish(self, why_ended: str = "", may_draw: Callable[[], bool] = lambda: True) -> Report:
+    def finish(self, why_ended: str = "", may_draw: Callable[[], bool] | None = None) -> Report:
         """Bring the robot to rest, write every file of the run and return the report.
 
-        `why_ended` names an end from outside, such as an interruption; without `may_draw` the
-        figures are left out, which take seconds.
+        `why_ended` names an end from outside, such as an interruption. Where `may_draw` says no,
+        the figures are left out, which take seconds.
         """
         if not self._has_ended() and not why_ended and self.last is not None:
             as_asked = f"stopped after {self.config.duration_s or 0.0:g} s, as asked"
@@ -273,7 +273,7 @@ class Run:
         except RecordingError as error:
             self.tell(self.last.batch.t_s if self.last is not None else 0.0, str(error))
             self.is_written = False
-        if left_out := explain_absence() or ("" if may_draw() else HURRIED):
+        if left_out := explain_absence() or (HURRIED if may_draw and not may_draw() else ""):
             self._say(left_out)
         return report
 

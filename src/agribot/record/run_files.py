@@ -16,7 +16,7 @@ DRAWN_FILE = "field.geojson"
 
 
 def write_run_files(
-    folder: Path, report: Report, data: RunData, may_draw: Callable[[], bool] = lambda: True
+    folder: Path, report: Report, data: RunData, may_draw: Callable[[], bool] | None = None
 ) -> None:
     """Write report.json, report.html, map.png, weeds.geojson, config.toml, and drawn rows.
 
@@ -38,7 +38,7 @@ def write_run_files(
         lambda: write_map(folder / "map.png", data),
     )
     for write in (*writers, *figures):
-        if write in figures and not may_draw():
+        if write in figures and may_draw is not None and not may_draw():
             continue
         try:
             write()
