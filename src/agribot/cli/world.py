@@ -227,12 +227,12 @@ def print_findings(
     faults = [finding for finding in findings if finding.is_fault or is_strict]
     notes = [finding for finding in findings if finding not in faults]
     if as_json:
-        told = {
+        result = {
             "ok": not faults,
-            "faults": list(map(_tell, faults)),
-            "notes": list(map(_tell, notes)),
+            "faults": list(map(_to_tree, faults)),
+            "notes": list(map(_to_tree, notes)),
         }
-        sys.stdout.write(json.dumps(told) + "\n")
+        sys.stdout.write(json.dumps(result) + "\n")
     else:
         sys.stdout.writelines(f"fault: {fault}\n" for fault in faults)
         sys.stdout.writelines(f"note: {note}\n" for note in notes)
@@ -240,7 +240,7 @@ def print_findings(
     return 1 if faults else 0
 
 
-def _tell(finding: FileFinding) -> dict[str, object]:
+def _to_tree(finding: FileFinding) -> dict[str, object]:
     return {"file": finding.file, "line": finding.line, "text": finding.text}
 
 
