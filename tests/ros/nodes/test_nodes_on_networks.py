@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from agribot.core.geo import Datum, MapFrame
-from tests import machine
+from tests import machine, nightly
 from tests.ros.live import free_port
 from tests.ros.ros1_system import Ros1
 from tests.waiting import PATIENCE_S, wait_for
@@ -77,6 +77,12 @@ def test_over_ros_2_the_nodes_bring_the_robot_to_its_goal(tmp_path: Path) -> Non
     assert_arrived(reach_the_goal(tmp_path, ("--ros2", "--ros-router", router)))
 
 
+@nightly.by_day(
+    "test_over_ros_2_the_nodes_bring_the_robot_to_its_goal",
+    "tests/ros/test_ros1_live.py::test_rostopic_pub_drives_the_robot",
+    "tests/ros/test_ros1_live.py::test_rosbag_records_every_topic_with_the_values_sent",
+    "tests/ros/test_ros1_live.py::test_a_sensor_may_be_a_topic_of_ros1",
+)
 @machine.needs("roscore")
 def test_over_ros_1_the_nodes_bring_the_robot_to_its_goal(tmp_path: Path) -> None:
     (tmp_path / "ros1").mkdir()
