@@ -32,7 +32,7 @@ from agribot.description.field_settings import (
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
 from agribot.description.worlds_sdf import check_world, list_worlds, load_world
-from tests import machine
+from tests import machine, nightly
 
 NO_WEEDS = WeedsSettings(density_per_m2=0.0)
 
@@ -279,7 +279,7 @@ def test_a_world_is_the_same_after_writing_and_reading(name: str, tmp_path: Path
         )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["Farm", "hills"])
+@nightly.one_by_one("name", ["hills", "Farm"], in_suite=1)
 def test_a_written_world_passes_the_sdf_checker(name: str, tmp_path: Path) -> None:
     machine.require("ign")
     write_world(load_world(name), tmp_path / "again.world")

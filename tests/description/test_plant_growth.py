@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -9,10 +11,12 @@ from agribot.core.errors import DescriptionError
 from agribot.core.messages import PlantClass
 from agribot.core.world import Plant
 from agribot.description.worlds_sdf import load_world
+from tests import nightly
 
 AREA_M2 = 12.0 * 6.0
 
 
+@functools.cache
 def _weeds(seed: int, density: float | None = None) -> list[Plant]:
     world = load_world("Farm", seed=seed, weed_density_per_m2=density)
     return [p for p in world.plants if p.plant == PlantClass.WEED]
@@ -42,7 +46,7 @@ def test_no_weeds_where_none_are_asked_for() -> None:
     assert _weeds(5, 0.0) == []
 
 
-@pytest.mark.parametrize("density", [None, 0.5, 4.0])
+@nightly.one_by_one("density", [None, 4.0, 0.5], in_suite=2)
 def test_number_of_weeds_is_the_density_times_the_area(density: float | None) -> None:
     """Poisson: over n fields the mean is within 4 sigma, and variance equals mean within 50 %."""
     fields = 60
@@ -54,7 +58,7 @@ def test_number_of_weeds_is_the_density_times_the_area(density: float | None) ->
 
 def test_weeds_are_spread_evenly_over_the_field() -> None:
     """Quadrant counts of many fields differ by no more than chance allows."""
-    places = np.array([(w.x_map_m, w.y_map_m) for seed in range(40) for w in _weeds(seed)])
+    places = np.array([(w.x_map_m, w.y_map_m) for seed in range(40) for w in _weeds(seed, None)])
     quadrant = (places[:, 0] > 3.5).astype(int) * 2 + (places[:, 1] > 7.0).astype(int)
     counts = np.bincount(quadrant, minlength=4)
     expected = len(places) / 4
