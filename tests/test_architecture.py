@@ -70,9 +70,14 @@ def show(path: Path) -> str:
     return str(path.relative_to(SOURCE))
 
 
-def imports(node: ast.AST) -> Iterator[str]:
+@cache
+def nodes_of(path: Path) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(tree_of(path)))
+
+
+def imports(path: Path) -> Iterator[str]:
     """Full names of all imported modules, wherever the import stands."""
-    for inner in ast.walk(node):
+    for inner in nodes_of(path):
         if isinstance(inner, ast.Import):
             yield from (alias.name for alias in inner.names)
         elif isinstance(inner, ast.ImportFrom) and inner.module:
@@ -83,17 +88,17 @@ def imports(node: ast.AST) -> Iterator[str]:
 @cache
 def rooms_used(path: Path) -> set[str]:
     """Other rooms of the house that a file imports."""
-    names = (name for name in imports(tree_of(path)) if name.startswith("agribot."))
+    names = (name for name in imports(path) if name.startswith("agribot."))
     return {room_of(name) for name in names} - {"", room_of(module_of(path))}
 
 
 def outside(path: Path) -> set[str]:
     """Top-level packages that a file imports and that are not agribot."""
-    return {name.split(".")[0] for name in imports(tree_of(path))} - {"agribot", "__future__"}
+    return {name.split(".")[0] for name in imports(path)} - {"agribot", "__future__"}
 
 
 def functions(path: Path) -> Iterator[tuple[str, FunctionNode]]:
-    for node in ast.walk(tree_of(path)):
+    for node in nodes_of(path):
         if isinstance(node, FunctionNode):
             yield f"{show(path)}: {node.name}", node
 
@@ -126,7 +131,7 @@ def test_no_module_imports_itself_through_others() -> None:
     names = {module_of(path) for path in sources()}
     graph = {
         module_of(path): {
-            name for name in imports(tree_of(path)) if name in names and name != module_of(path)
+            name for name in imports(path) if name in names and name != module_of(path)
         }
         for path in sources()
     }
@@ -147,7 +152,7 @@ def test_imports_are_absolute() -> None:
     wrong = [
         f"{show(path)}:{node.lineno}"
         for path in sources()
-        for node in ast.walk(tree_of(path))
+        for node in nodes_of(path)
         if isinstance(node, ast.ImportFrom) and node.level > 0
     ]
     assert not wrong, "\n".join(wrong)
@@ -274,7 +279,7 @@ def test_only_the_command_line_prints() -> None:
         f"{show(path)}:{node.lineno}"
         for path in sources()
         if room_of(module_of(path)) not in MAY_PRINT
-        for node in ast.walk(tree_of(path))
+        for node in nodes_of(path)
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Name)
         and node.func.id in {"print", "input"}
