@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests import nightly
+
 ROOT = Path(__file__).parents[1]
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 # glibc 2.31 is older than that of Raspberry Pi OS 12 (2.36), Ubuntu 22.04 and JetPack 6 (2.35).
@@ -51,7 +53,7 @@ def resolve(python: str, requirement: Path, index: dict[str, str]) -> tuple[int,
     return done.returncode, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("python", PYTHONS)
+@nightly.one_by_one("python", PYTHONS, in_suite=1)
 def test_a_robot_with_drivers_and_page_installs_from_wheels_on_64_bit_arm(
     python: str, index: dict[str, str]
 ) -> None:
