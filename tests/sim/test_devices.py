@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -24,6 +25,7 @@ from agribot.core.robot import Origin, RobotSpec, Shape
 from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim.platform import SimPlatform
 from agribot.sim.sensors.presets import list_imus, load_imu
+from tests import nightly
 
 
 def _platform(
@@ -76,9 +78,12 @@ def _north(world: WorldSpec) -> WorldSpec:
     return msgspec.structs.replace(_pole(world), spawn_yaw_map_rad=math.pi / 2)
 
 
-def test_common_drift_of_five_metres_cancels(rover: RobotSpec, meadow: WorldSpec) -> None:
+@nightly.all_or_first("seeds", range(12), in_suite=5)
+def test_common_drift_of_five_metres_cancels(
+    rover: RobotSpec, meadow: WorldSpec, seeds: Sequence[int]
+) -> None:
     world, plain, left = _north(meadow), [], []
-    for seed in range(12):
+    for seed in seeds:
         platform = _platform(rover, world, "seed", seed, base_station="common")
         before, after = _errors(world, _read(platform, 500))
         plain.append(np.hypot(*before.mean(axis=0)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from agribot import description
+from agribot.app.calibration import figure
 from agribot.app.calibration.figure import FIGURE, DriveSamples, drive_figure, measure_gain
 from agribot.autonomy.estimate.drive_fit import fit_drive
 from agribot.autonomy.estimate.drive_log import Stretch
@@ -22,6 +24,7 @@ from agribot.core.messages import DriveCommand, Inbox, RobotCommand, SensorBatch
 from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.sim.platform import SimPlatform
+from tests import nightly
 
 RADIUS_M, SEPARATION_M = 0.09, 1.106
 # Soil carries a quarter of the weight on 1e4 N/m: the tyre rolls on a radius 1.25 mm smaller.
@@ -43,9 +46,12 @@ def driven(rover: RobotSpec, meadow: WorldSpec) -> DriveSamples:
     return _drive(rover, meadow, "ideal", 0)
 
 
-def test_fit_recovers_the_machine_over_seeds(rover: RobotSpec, meadow: WorldSpec) -> None:
+@nightly.all_or_first("seeds", range(6), in_suite=1)
+def test_fit_recovers_the_machine_over_seeds(
+    rover: RobotSpec, meadow: WorldSpec, seeds: Sequence[int]
+) -> None:
     in_sigma = []
-    for seed in range(6):
+    for seed in seeds:
         drive = _drive(rover, meadow, "rtk", seed)
         fit = fit_drive(drive.batches, drive.stretches)
         assert fit.wheel_radius_m == pytest.approx(RADIUS_M, rel=0.035)
@@ -55,6 +61,10 @@ def test_fit_recovers_the_machine_over_seeds(rover: RobotSpec, meadow: WorldSpec
     assert np.abs(in_sigma).max() < 3.5
 
 
+@nightly.by_day(
+    "test_fit_recovers_the_machine_over_seeds",
+    "test_command_says_how_wrong_the_description_is",
+)
 def test_fit_does_not_believe_a_wrong_description(rover: RobotSpec, meadow: WorldSpec) -> None:
     wrong = msgspec.structs.replace(rover.drive, wheel_radius_m=0.1, yaw_multiplier=1.0)
     drive = _drive(rover, meadow, "rtk", 3, board=wrong)
@@ -130,14 +140,15 @@ def test_legs_that_contradict_each_other_make_the_fit_bad(driven: DriveSamples) 
     )
 
 
-def test_coarse_gnss_is_not_passed_off_as_a_measurement(driven: DriveSamples) -> None:
-    def coarse(batch: SensorBatch) -> SensorBatch:
-        fixes = tuple(
-            msgspec.structs.replace(fix, pos_std_m=5.0, velocity_mps=None) for fix in batch.gnss
-        )
-        return msgspec.structs.replace(batch, gnss=fixes)
+def coarsen(batch: SensorBatch) -> SensorBatch:
+    fixes = tuple(
+        msgspec.structs.replace(fix, pos_std_m=5.0, velocity_mps=None) for fix in batch.gnss
+    )
+    return msgspec.structs.replace(batch, gnss=fixes)
 
-    fit = fit_drive([coarse(batch) for batch in driven.batches], driven.stretches)
+
+def test_coarse_gnss_is_not_passed_off_as_a_measurement(driven: DriveSamples) -> None:
+    fit = fit_drive([coarsen(batch) for batch in driven.batches], driven.stretches)
     assert any("wheel radius is known to" in complaint for complaint in fit.complaints())
 
 
@@ -201,7 +212,10 @@ def test_command_says_how_wrong_the_description_is(
 
 
 def test_command_exits_with_one_where_the_sensors_are_too_coarse(
-    capsys: pytest.CaptureFixture[str],
+    driven: DriveSamples, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(["calibrate", "drive", "--sensors", "seed"]) == 1
+    """Of a drive whose fixes are coarse."""
+    coarse = driven._replace(batches=[coarsen(batch) for batch in driven.batches])
+    monkeypatch.setattr(figure, "drive_figure", lambda *_: coarse)
+    assert cli.main(["calibrate", "drive"]) == 1
     assert "do not use it" in capsys.readouterr().err

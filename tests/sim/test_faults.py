@@ -167,7 +167,7 @@ def test_velocity_noise_is_so_many_times_what_the_receiver_says(
 ) -> None:
     straight = DriveCommand(v_mps=0.4)
     runs = [
-        Drive(rover, meadow, *faults, drive=straight, end_s=40.0)
+        Drive(rover, meadow, *faults, drive=straight, end_s=22.0)
         for faults in ((), ("gnss.velocity=10@2",))
     ]
     fixes = [run.list("gnss", 2.0) for run in runs]
@@ -176,13 +176,13 @@ def test_velocity_noise_is_so_many_times_what_the_receiver_says(
     ]
     stated_mps = fixes[1][0].velocity_std_mps
     assert stated_mps == fixes[0][0].velocity_std_mps
-    assert np.std(noise) == pytest.approx(10.0 * stated_mps, rel=0.1)  # 1140 numbers
+    assert np.std(noise) == pytest.approx(10.0 * stated_mps, rel=0.1)  # 600 numbers
 
 
 def test_positions_scatter_by_so_many_times_what_the_receiver_says(
     rover: RobotSpec, meadow: WorldSpec
 ) -> None:
-    runs = [Drive(rover, meadow, *faults, end_s=40.0) for faults in ((), ("gnss.scatter=5@2",))]
+    runs = [Drive(rover, meadow, *faults, end_s=22.0) for faults in ((), ("gnss.scatter=5@2",))]
     good, bad = (run.list("gnss", 2.0) for run in runs)
     frame = MapFrame(meadow.datum)
     off_m = [
@@ -194,7 +194,7 @@ def test_positions_scatter_by_so_many_times_what_the_receiver_says(
         np.array([fix.pos_std_m for fix in good])
     )
     stated_m = good[0].pos_std_m
-    # What is added to the receiver's own scatter, of 760 numbers.
+    # What is added to the receiver's own scatter, of 400 numbers.
     assert np.std(np.array(off_m)[:, :2]) == pytest.approx(math.sqrt(24.0) * stated_m, rel=0.1)
 
 

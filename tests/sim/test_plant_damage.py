@@ -24,6 +24,7 @@ from agribot.sim.plant_states import PlantStates
 from agribot.sim.platform import SimPlatform
 from agribot.sim.state import HISTORY_COLUMNS
 from agribot.sim.underside import Part, build_underside
+from tests import nightly
 
 LOW_M = 0.06  # clearance of a small four-wheel rover
 
@@ -210,7 +211,7 @@ def test_the_underside_is_the_lowest_point_of_every_shape(rover: RobotSpec) -> N
     assert round_m[0].min() > round_m.min() + 0.01  # its side is higher than its bottom
 
 
-@pytest.mark.parametrize("species", SPECIES)
+@nightly.one_by_one("species", [*SPECIES], in_suite=1)
 def test_a_crown_reaches_as_far_as_the_leaves_of_the_mesh(species: str) -> None:
     """95 % of the leaf area lies within 95 % of the radius, in the mean of all plants."""
     for stage, ratio in zip(SPECIES[species].stages, RADIUS_RATIO[species], strict=True):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -21,7 +22,9 @@ from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
+from agribot.record import run_files
 from agribot.sim.platform import SimPlatform
+from tests import nightly
 
 
 def turned(rover: RobotSpec, world: WorldSpec, sensors: str, seed: int) -> DriveSamples:
@@ -45,11 +48,12 @@ def scatter_rad(driven: DriveSamples, calibration: MagCalibration) -> float:
     return float(np.sqrt(np.mean(around**2)))
 
 
-def test_the_iron_of_four_robots_is_found_and_taken_off(
-    rover: RobotSpec, meadow: WorldSpec
+@nightly.all_or_first("seeds", range(4), in_suite=2)
+def test_the_iron_of_robots_is_found_and_taken_off(
+    rover: RobotSpec, meadow: WorldSpec, seeds: Sequence[int]
 ) -> None:
     before, after = [], []
-    for seed in range(4):
+    for seed in seeds:
         driven = turned(rover, meadow, "m8n", seed)
         result = calibrate_magnetometer(driven, 0.0)
         assert result.ok, result.reasons
@@ -60,8 +64,11 @@ def test_the_iron_of_four_robots_is_found_and_taken_off(
     assert np.mean(after) < 0.75 * np.mean(before)  # the noise and the motors' field remain
 
 
-def test_the_antenna_is_found_where_it_was_mounted(rover: RobotSpec, meadow: WorldSpec) -> None:
-    for seed in range(3):
+@nightly.all_or_first("seeds", range(3), in_suite=1)
+def test_the_antenna_is_found_where_it_was_mounted(
+    rover: RobotSpec, meadow: WorldSpec, seeds: Sequence[int]
+) -> None:
+    for seed in seeds:
         result = calibrate_antenna(turned(rover, meadow, "rtk", seed), rover)
         assert result.ok, result.reasons
         assert (result.fit.x_m, result.fit.y_m) == pytest.approx(
@@ -82,10 +89,18 @@ def test_without_corrections_or_turns_it_says_what_is_missing(
         calibrate_magnetometer(driven._replace(batches=still), 0.0)
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs end without report.html and map.png, which cost more than a short drive."""
+    for write in ("write_page", "write_map"):
+        monkeypatch.setattr(run_files, write, lambda *_: None)
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_the_recording_of_a_mission_serves_as_well(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    config = load("farm", ["perception.enabled=false", "duration_s=75", 'sim.sensors="rtk"'])
+    config = load("farm", ["perception.enabled=false", "duration_s=48", 'sim.sensors="rtk"'])
     with simulate(config, tmp_path) as session:
         for _ in session.ticks():
             pass
@@ -98,6 +113,7 @@ def test_the_recording_of_a_mission_serves_as_well(
     assert result["settings"][0].startswith("estimate.mag_offset_t=[")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_drive_without_pictures_shows_nothing_of_the_camera(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

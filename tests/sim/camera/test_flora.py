@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
@@ -26,6 +26,7 @@ from agribot.sim.flora.species import (
 )
 from agribot.sim.flora.texture import build_leaf_atlas, make_tileable_noise
 from agribot.sim.flora.weeds import grow_millet, grow_quickweed
+from tests import nightly
 
 Grow = Callable[[np.random.Generator, float], list[Leaves]]
 
@@ -87,10 +88,13 @@ def test_variants_differ_and_repeat(species: str) -> None:
     assert not (same_shape and np.allclose(first.vertices_m, other.vertices_m))
 
 
-def test_grown_plants_have_more_leaves_than_seedlings() -> None:
+@nightly.all_or_first("variants", range(8), in_suite=3, unit="variants")
+def test_grown_plants_have_more_leaves_than_seedlings(variants: Sequence[int]) -> None:
     for species in SPECIES:
-        young = np.mean([len(build_plant_mesh(species, k, 3, STAGES[0]).faces) for k in range(8)])
-        grown = np.mean([len(build_plant_mesh(species, k, 3, STAGES[-1]).faces) for k in range(8)])
+        young, grown = (
+            np.mean([len(build_plant_mesh(species, k, 3, stage).faces) for k in variants])
+            for stage in (STAGES[0], STAGES[-1])
+        )
         assert grown > 1.5 * young, species
 
 
