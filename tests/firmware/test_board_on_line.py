@@ -23,6 +23,7 @@ from agribot.drivers.hardware_platform import HardwarePlatform
 from firmware.bench.avr_bench import AvrBench
 from firmware.bench.board_on_line import BoardOnLine, name_source
 from firmware.build import PREBUILT
+from tests import nightly
 from tests.firmware.board_on_bench import REST, command, configure
 from tests.waiting import wait_for
 
@@ -137,7 +138,14 @@ def plug_in_anew(mega: Mega) -> None:
     ("harm", "why"),
     [
         (plug_in_anew, "it was switched on, or reset"),
-        (lambda mega: mega.line.do(mega.bench.reset), "it was switched on, or reset"),
+        pytest.param(
+            lambda mega: mega.line.do(mega.bench.reset),
+            "it was switched on, or reset",
+            marks=nightly.by_day(
+                "tests/firmware/test_motor_board.py::test_behind_the_bootloader_of_a_mega_it_tells"
+                "_a_reset_by_its_watchdog_from_one_by_its_button"
+            ),
+        ),
         (lambda mega: mega.line.do(mega.bench.hang), "its watchdog reset it"),
     ],
     ids=["plugged in anew", "reset by its button", "hung"],

@@ -16,7 +16,8 @@ from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.app.whole_job import read_job
 from agribot.core import config
 from agribot.core.messages import GnssQuality, OperatorEvent, TickRecord
-from tests import machine
+from agribot.record import run_files
+from tests import machine, nightly
 
 SETTINGS = ["perception.enabled=false", "seed=3"]
 M_PER_DEG = 111_320.0
@@ -27,6 +28,8 @@ PLACES = ((-2.0, 1.5), (-1.0, 2.5))  # from the mark of the farm: ahead, then to
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     machine.require("simavr")
     monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path / "home"))
+    for write in ("write_page", "write_map"):  # a third of each drive, and looked at elsewhere
+        monkeypatch.setattr(run_files, write, lambda *_: None)
 
 
 def drive(
@@ -87,8 +90,8 @@ def measure_drag(ticks: list[TickRecord]) -> float:
 
 
 def test_a_run_on_firmware_repeats_bit_by_bit_and_so_does_its_replay(tmp_path: Path) -> None:
-    once, end = drive(tmp_path / "one", "firmware", 5.0)
-    again, end_again = drive(tmp_path / "two", "firmware", 5.0)
+    once, end = drive(tmp_path / "one", "firmware", 3.5)
+    again, end_again = drive(tmp_path / "two", "firmware", 3.5)
     assert end == end_again
     assert [t.command for t in once] == [t.command for t in again]
     assert [t.batch.wheels for t in once] == [t.batch.wheels for t in again]
@@ -158,15 +161,42 @@ def test_a_program_that_stands_still_leaves_the_wheels_to_the_boards_watchdog(
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        ("wheels.stuck=left_wheel_F@3", ("left front",)),
-        ("wheels.reversed@3", ("turn against the motor",)),
         ("motor.runaway@3", ("turn too fast", "RUNAWAY")),
         ("board.silent@3", ("wheel encoders silent",)),
         ("button.pressed@3", ("the red button is pressed",)),
-        ("imu.unplugged@3", ("IMU silent",)),
-        ("board.hung@3", ("motor board: it hung, and its watchdog reset it",)),
         ("inputs.silent@3", ("the red button is not reported",)),
         ("contactor.silent@3", ("the contactor does not answer",)),
+        pytest.param(
+            "wheels.stuck=left_wheel_F@3",
+            ("left front",),
+            marks=nightly.by_day(
+                "tests/firmware/test_motor_board.py"
+                "::test_a_wheel_that_does_not_turn_stops_all_and_is_named"
+            ),
+        ),
+        pytest.param(
+            "wheels.reversed@3",
+            ("turn against the motor",),
+            marks=nightly.by_day(
+                "tests/firmware/test_motor_board.py::test_encoders_that_turn_round_under_way"
+                "_stop_all_wheels_within_a_fifth_of_a_second"
+            ),
+        ),
+        pytest.param(
+            "imu.unplugged@3",
+            ("IMU silent",),
+            marks=nightly.by_day(
+                "tests/firmware/test_motor_board.py"
+                "::test_an_unplugged_imu_is_told_costs_no_state_and_comes_back"
+            ),
+        ),
+        pytest.param(
+            "board.hung@3",
+            ("motor board: it hung, and its watchdog reset it",),
+            marks=nightly.by_day(
+                "test_a_board_that_hangs_is_reset_by_its_watchdog_and_the_robot_stands_until_cleared"
+            ),
+        ),
     ],
 )
 def test_faults_at_and_below_the_board_stop_the_robot_and_are_named(
@@ -185,7 +215,14 @@ def test_faults_at_and_below_the_board_stop_the_robot_and_are_named(
     ("fault", "words"),
     [
         ("motor.dead=left_wheel_F@5", "left front motor reports a fault"),
-        ("motor.weak=0.005@5", "right front"),
+        pytest.param(
+            "motor.weak=0.005@5",
+            "right front",
+            marks=nightly.by_day(
+                "tests/drivers/test_motor_watch.py"
+                "::test_a_motor_that_lets_little_through_is_named_within_half_a_second"
+            ),
+        ),
     ],
 )
 def test_a_motor_that_does_not_work_is_named_within_a_second_of_a_turn(
@@ -204,6 +241,11 @@ def read_faults(out: Path) -> list[tuple[float, str]]:
     return [(e["t_s"], e["reason"]) for e in events if e["kind"] == "fault"]
 
 
+@nightly.by_day(
+    "tests/autonomy/control/test_battery_watch.py"
+    "::test_an_empty_battery_stops_the_mission_and_lets_a_hand_drive_after_a_clear",
+    "tests/firmware/test_motor_board.py::test_an_empty_battery_stops_and_cannot_be_cleared_away",
+)
 def test_an_empty_battery_stops_the_robot_and_then_its_board_cuts_the_motors_off(
     tmp_path: Path,
 ) -> None:
@@ -218,6 +260,11 @@ def test_an_empty_battery_stops_the_robot_and_then_its_board_cuts_the_motors_off
     assert ticks[-1].batch.board[-1].stopped == "its battery is too low"
 
 
+@nightly.by_day(
+    "tests/autonomy/control/test_battery_watch.py"
+    "::test_an_empty_battery_stops_the_mission_and_lets_a_hand_drive_after_a_clear",
+    "tests/firmware/test_motor_board.py::test_an_empty_battery_stops_and_cannot_be_cleared_away",
+)
 def test_a_board_cuts_the_motors_off_by_itself_where_nobody_else_looks_at_the_battery(
     tmp_path: Path,
 ) -> None:
@@ -229,11 +276,11 @@ def test_a_board_cuts_the_motors_off_by_itself_where_nobody_else_looks_at_the_ba
     assert ticks[-1].batch.wheels[-1].speed_radps == pytest.approx((0.0,) * 4, abs=0.1)
 
 
-@pytest.mark.parametrize("late_s", [0.1, 0.25])
+@nightly.one_by_one("late_s", [0.25, 0.1], in_suite=1)
 def test_readings_of_the_imu_that_wait_on_the_line_keep_their_times_and_are_told(
     late_s: float, tmp_path: Path
 ) -> None:
-    ticks, _ = drive(tmp_path / "run", "firmware", 6.0, f"faults=imu.late={late_s}@2")
+    ticks, _ = drive(tmp_path / "run", "firmware", 4.5, f"faults=imu.late={late_s}@2")
     ages_s = [t.batch.t_s - t.batch.imu[-1].t_s for t in ticks if t.batch.imu]
     assert min(ages_s[:90]) < 0.02
     assert ages_s[-1] == pytest.approx(late_s, abs=0.02), "also when seconds have passed"
@@ -243,7 +290,7 @@ def test_readings_of_the_imu_that_wait_on_the_line_keep_their_times_and_are_told
 
 
 def test_noise_on_the_line_costs_frames_and_makes_no_false_number(tmp_path: Path) -> None:
-    ticks, _ = drive(tmp_path / "run", "firmware", 5.0, "faults=link.noise=0.05@2")
+    ticks, _ = drive(tmp_path / "run", "firmware", 4.5, "faults=link.noise=0.05@2")
     (first, *_) = read_faults(tmp_path / "run")
     assert 2.0 < first[0] < 4.0 and "the link to the motor board broke 3 messages" in first[1]
     assert not ticks[-1].status.stopped
@@ -272,6 +319,13 @@ def test_fixes_come_as_bytes_at_the_epochs_of_the_receiver_with_their_carrier_an
         assert one.velocity_mps == pytest.approx(other.velocity_mps, abs=6e-4)
 
 
+@nightly.by_day(
+    "test_noise_on_the_line_costs_frames_and_makes_no_false_number",
+    "tests/drivers/test_ubx_writer.py"
+    "::test_one_false_bit_costs_one_epoch_its_millimetres_at_most_and_makes_no_other_place",
+    "tests/drivers/test_ubx_writer.py"
+    "::test_many_broken_messages_are_told_once_and_that_they_are_over_once",
+)
 def test_noise_on_the_line_of_the_receiver_costs_fixes_moves_none_and_is_told(
     tmp_path: Path,
 ) -> None:

@@ -20,7 +20,7 @@ from agribot.record.replay import read_ticks
 from firmware.bench.avr_bench import AvrBench
 from firmware.bench.board_on_line import BoardOnLine
 from firmware.build import PREBUILT
-from tests import machine
+from tests import machine, nightly
 from tests.drivers.gpsd_daemon import Daemon
 from tests.drivers.lines import Line
 from tests.drivers.moving_robot import COUNTS_PER_TURN, MovingRobot
@@ -112,6 +112,15 @@ def daemon(tmp_path: Path) -> Iterator[Daemon]:
     daemon.stop()
 
 
+@nightly.by_day(
+    "test_a_robot_is_armed_driven_by_hand_and_stopped_by_the_red_button_of_its_firmware",
+    "tests/firmware/test_firmware_platform.py"
+    "::test_the_same_mission_through_bytes_and_firmware_is_decided_as_on_the_simulator",
+    "tests/firmware/test_firmware_platform.py"
+    "::test_a_run_on_firmware_repeats_bit_by_bit_and_so_does_its_replay",
+    "tests/drivers/test_real_gpsd.py"
+    "::test_every_epoch_comes_once_with_accuracy_and_state_of_the_carrier",
+)
 @machine.needs("gpsd")
 def test_a_builders_robot_with_real_firmware_and_a_real_gpsd_drives_to_its_places_and_replays(
     bench_library: ctypes.CDLL, bootloader: Path, line: Line, daemon: Daemon, tmp_path: Path,

@@ -31,7 +31,7 @@ from agribot.drivers.schemes import read_uri
 from agribot.drivers.uri_options import UriOptions
 from firmware.bench.avr_bench import MPU, AvrBench
 from firmware.build import PREBUILT, build_imu_board
-from tests import machine
+from tests import machine, nightly
 
 REST = (0.0, 0.0, 0.0, 0.0)
 STEP_S = 0.02
@@ -104,6 +104,11 @@ def test_to_a_host_of_rosserial_it_publishes_the_same_text(imu: AvrBench) -> Non
     assert host.bad == 0
 
 
+@nightly.by_day(
+    "test_to_a_host_of_rosserial_it_publishes_the_same_text",
+    "tests/drivers/test_rosserial.py"
+    "::test_messages_survive_any_cutting_and_the_text_that_is_printed_between_them",
+)
 def test_as_the_original_did_it_may_print_between_its_packets(
     make_imu: Callable[[Path], AvrBench], tmp_path: Path
 ) -> None:
@@ -178,17 +183,13 @@ def read_device(imu: AvrBench, device: ImuDevice, duration_s: float) -> Measured
     return found
 
 
-WAYS = pytest.mark.parametrize(
-    ("options", "rate_hz"),
-    [
-        ("board=letters&accel_g=4&gyro_dps=500", 10.0),
-        ("board=rosserial&accel_g=4&gyro_dps=500", 10.0),
-        ("board=agribot", TELEMETRY_HZ),
-    ],
-)
+LINES = [
+    ("board=letters&accel_g=4&gyro_dps=500", 10.0),
+    ("board=rosserial&accel_g=4&gyro_dps=500", 10.0),
+]
 
 
-@WAYS
+@pytest.mark.parametrize(("options", "rate_hz"), [*LINES, ("board=agribot", TELEMETRY_HZ)])
 def test_the_robot_reads_the_board_in_each_of_its_three_ways(
     imu: AvrBench, options: str, rate_hz: float
 ) -> None:
@@ -224,7 +225,19 @@ def test_a_board_that_was_reset_is_asked_for_frames_again(
     assert len([s for _, s in later if isinstance(s, ImuSample)]) > TELEMETRY_HZ
 
 
-@WAYS
+@pytest.mark.parametrize(
+    ("options", "rate_hz"),
+    [
+        ("board=agribot", TELEMETRY_HZ),
+        *(
+            pytest.param(
+                *way,
+                marks=nightly.by_day("test_the_robot_reads_the_board_in_each_of_its_three_ways"),
+            )
+            for way in LINES
+        ),
+    ],
+)
 def test_behind_the_bootloader_of_a_mega_it_comes_up_in_each_way_and_again_when_it_is_reset(
     options: str, rate_hz: float, make_imu: Callable[..., AvrBench], bootloader: Path
 ) -> None:
@@ -238,16 +251,31 @@ def test_behind_the_bootloader_of_a_mega_it_comes_up_in_each_way_and_again_when_
         imu.reset()
 
 
-@pytest.mark.parametrize("has_bootloader", [False, True])
+@pytest.mark.parametrize(
+    ("has_bootloader", "comes_up_s"),
+    [
+        (False, 1.5),
+        pytest.param(
+            True,
+            3.0,
+            marks=nightly.by_day(
+                "tests/firmware/test_motor_board.py::test_behind_the_bootloader_of_a_mega_it_tells"
+                "_a_reset_by_its_watchdog_from_one_by_its_button",
+                "test_behind_the_bootloader_of_a_mega_it_comes_up_in_each_way_and_again"
+                "_when_it_is_reset",
+            ),
+        ),
+    ],
+)
 def test_an_imu_board_that_hung_says_so_and_one_whose_button_was_pressed_does_not(
-    has_bootloader: bool, make_imu: Callable[..., AvrBench], bootloader: Path
+    has_bootloader: bool, comes_up_s: float, make_imu: Callable[..., AvrBench], bootloader: Path
 ) -> None:
     imu = make_imu(bootloader=bootloader if has_bootloader else None)
     decoder = BoardDecoder()
     for harm, has_hung in ((imu.reset, False), (imu.hang, True), (imu.reset, False)):
-        imu.advance(1.5, REST)
+        imu.advance(comes_up_s, REST)
         harm()
-        imu.advance(3.0, REST)
+        imu.advance(comes_up_s, REST)
         imu.send(encode(0, AskVersion()))
         imu.advance(0.05, REST)  # it ends its line before
         imu.receive()

@@ -35,6 +35,7 @@ from agribot.drivers.board_protocol import (
 )
 from firmware.bench.avr_bench import AvrBench
 from firmware.build import PREBUILT
+from tests import nightly
 from tests.firmware.board_on_bench import (
     COUNTS_PER_RAD,
     MAX_ACCEL_RADPS2,
@@ -46,7 +47,6 @@ from tests.firmware.board_on_bench import (
     command,
     configure,
 )
-from tests.nightly import all_or_first
 
 MakeBoard = Callable[..., BoardOnBench]
 FORWARD: Speeds = (4.0, 4.0, 4.0, 4.0)
@@ -330,8 +330,8 @@ def test_encoders_that_turn_round_under_way_stop_all_wheels_within_a_fifth_of_a_
     assert_stopped(board, StopCause.REVERSED)
 
 
-@pytest.mark.parametrize("lag_s", [0.02, 0.1, 0.3])
-@pytest.mark.parametrize("speed", [2.0, 8.0, MAX_RADPS])
+@nightly.one_by_one("lag_s", [0.3, 0.02, 0.1], in_suite=2)
+@nightly.one_by_one("speed", [MAX_RADPS, 2.0, 8.0], in_suite=1)
 def test_a_robot_that_changes_its_direction_at_once_is_no_wheel_the_wrong_way_round(
     make_board: MakeBoard, lag_s: float, speed: float
 ) -> None:
@@ -343,7 +343,7 @@ def test_a_robot_that_changes_its_direction_at_once_is_no_wheel_the_wrong_way_ro
     assert not board.state.stop_causes and board.is_moving
 
 
-@pytest.mark.parametrize("push_radps2", [-40.0, -20.0, 20.0, 40.0])  # of 0.37 g at most
+@nightly.one_by_one("push_radps2", [-40.0, 40.0, -20.0, 20.0], in_suite=2)  # of 0.37 g at most
 def test_neither_slopes_nor_people_who_push_are_a_wheel_the_wrong_way_round(
     board: BoardOnBench, push_radps2: float
 ) -> None:
@@ -439,7 +439,7 @@ def test_the_board_takes_what_the_driver_configures_for_the_robot_that_is_descri
     board.arm(driver._config)
 
 
-@all_or_first("blocks", range(1000), 60, "kB")
+@nightly.all_or_first("blocks", range(1000), 60, "kB")
 def test_no_bytes_on_the_line_move_the_robot_or_stop_its_states(
     board: BoardOnBench, blocks: tuple[int, ...]
 ) -> None:
