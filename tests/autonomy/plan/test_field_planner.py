@@ -73,7 +73,7 @@ def test_ten_hectares_with_two_holes_are_worked_and_certified() -> None:
     assert len(plan.legs) > 500
 
 
-@nightly.one_by_one("number", range(30), in_suite=10)
+@nightly.one_by_one("number", range(30), in_suite=4)
 def test_a_random_field_is_worked_without_leaving_it_or_refused_with_a_reason(number: int) -> None:
     area, width_m = random_field(np.random.default_rng([7, number]))
     request = PlanRequest(implement_width_m=width_m)
