@@ -89,7 +89,7 @@ class Drive:
 
 
 @pytest.mark.parametrize("errors", [M8N, RTK], ids=["m8n", "rtk"])
-@pytest.mark.parametrize("off_m", [0.15, -0.3, 0.5])
+@nightly.one_by_one("off_m", [-0.3, 0.15, 0.5], in_suite=1)
 def test_a_camera_that_is_knocked_aside_in_a_row_is_named_and_not_followed(
     off_m: float, errors: Errors
 ) -> None:
@@ -103,7 +103,7 @@ def test_a_camera_that_is_knocked_aside_in_a_row_is_named_and_not_followed(
     assert drive.first.across_protection_m > abs(off_m)
 
 
-@pytest.mark.parametrize("mps", [0.05, -0.1])
+@nightly.one_by_one("mps", [0.05, -0.1], in_suite=1)
 def test_a_camera_that_slides_off_is_named_before_a_wheel_reaches_the_crop(mps: float) -> None:
     drive = Drive(record(north, 24.0, seed=1, errors=M8N), sliding(mps))
     first = drive.first

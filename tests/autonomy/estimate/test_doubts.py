@@ -154,7 +154,7 @@ def test_a_person_who_goes_on_believes_the_camera_where_it_saw_the_row() -> None
     assert max(distance_m(recording, e) for e in after) < 0.1
 
 
-@pytest.mark.parametrize("size_m", [0.15, 0.4, 2.0])
+@nightly.one_by_one("size_m", [0.15, 0.4, 2.0], in_suite=1)
 def test_a_jump_that_the_camera_contradicts_leaves_the_robot_on_its_row(size_m: float) -> None:
     recording = jumped(size_m)
     _, estimates = drive(recording, camera=True)
@@ -190,7 +190,7 @@ def test_after_a_slow_creep_a_person_who_goes_on_is_back_on_the_row() -> None:
     assert max(distance_m(recording, e) for e in after) < 0.1
 
 
-@pytest.mark.parametrize("aside_m", [0.12, 0.22, -0.22])
+@nightly.one_by_one("aside_m", [0.12, 0.22, -0.22], in_suite=1)
 def test_rows_beside_their_map_are_a_finding_once_they_were_so_for_a_while(aside_m: float) -> None:
     _, estimates = drive(record(north, 20.0, seed=2), camera=True, aside_m=aside_m)
     assert not told(estimates)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
@@ -12,6 +13,7 @@ from agribot.autonomy.estimate.ekf import YAW
 from agribot.autonomy.estimate.gnss_noise import PositionNoise, fix_noise, widen
 from agribot.core.arithmetic import FLOATS
 from agribot.core.messages import GnssFix, GnssQuality
+from tests import nightly
 from tests.autonomy.estimate.noisy_rover import RTK, record, rows, stand
 from tests.autonomy.estimate.playback import batches, error, localizer, play
 from tests.autonomy.estimate.test_localizer_faults import with_fixes
@@ -119,8 +121,11 @@ def test_a_tilted_robot_knows_that_its_antenna_leans() -> None:
 
 
 @pytest.mark.parametrize("std_mps", [0.3, 3.0])
-def test_velocities_that_suddenly_only_scatter_do_not_turn_the_robot_over(std_mps: float) -> None:
-    for seed in range(6):
+@nightly.all_or_first("seeds", range(6), in_suite=1)
+def test_velocities_that_suddenly_only_scatter_do_not_turn_the_robot_over(
+    std_mps: float, seeds: Sequence[int]
+) -> None:
+    for seed in seeds:
         rng = np.random.default_rng(seed)
 
         def shake(told: GnssFix, rng: np.random.Generator = rng) -> GnssFix:

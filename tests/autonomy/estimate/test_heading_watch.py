@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import pytest
 
 from agribot.autonomy.estimate.ekf import YAW
 from agribot.autonomy.estimate.heading_watch import HeadingWatch
 from agribot.core.messages import OperatorEvent, SensorBatch
+from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, record, rows
 from tests.autonomy.estimate.playback import batches, localizer, play
 
 
 @pytest.mark.parametrize("errors", [RTK, M8N], ids=["rtk", "m8n"])
-def test_a_robot_that_turns_at_the_ends_of_its_rows_is_never_accused(errors: Errors) -> None:
-    for seed in range(4):
+@nightly.all_or_first("seeds", range(4), in_suite=1)
+def test_a_robot_that_turns_at_the_ends_of_its_rows_is_never_accused(
+    errors: Errors, seeds: Sequence[int]
+) -> None:
+    for seed in seeds:
         recording = record(rows, 60.0, seed=seed, errors=errors)
         assert not [e.contradiction for e in play(recording) if e.contradiction]
 

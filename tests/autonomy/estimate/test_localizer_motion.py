@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 import pytest
 
 from agribot.core.messages import Estimate, MagSample
+from tests import nightly
 from tests.autonomy.estimate.noisy_rover import QUIET, RTK, Recording, record, rows, stand
 from tests.autonomy.estimate.playback import error, localizer, play
 
@@ -77,8 +79,9 @@ def test_speed_and_yaw_rate_are_those_of_the_ground() -> None:
     assert float(np.sqrt(np.mean(np.square(errors)))) < 0.01
 
 
-def test_driving_corrects_a_compass_that_is_off_by_ten_degrees() -> None:
-    for seed in range(3):
+@nightly.all_or_first("seeds", range(3), in_suite=1)
+def test_driving_corrects_a_compass_that_is_off_by_ten_degrees(seeds: Sequence[int]) -> None:
+    for seed in seeds:
         recording = compass_turned(record(straight, 40.0, seed=seed), math.radians(10.0))
         estimates = play(recording)
         assert yaw_error_deg(recording, estimates[140]) == pytest.approx(10.0, abs=6.0)
@@ -137,8 +140,9 @@ def test_standing_does_not_turn_the_heading() -> None:
     assert math.degrees(max(yaws) - min(yaws)) < 1.5
 
 
-def test_stop_ramps_are_not_learned_as_gyro_bias() -> None:
-    for seed in range(3):
+@nightly.all_or_first("seeds", range(3), in_suite=1)
+def test_stop_ramps_are_not_learned_as_gyro_bias(seeds: Sequence[int]) -> None:
+    for seed in seeds:
         recording = record(stop_and_turn, 40.0, seed=seed)
         estimates = play(recording)
         stopped = [e.yaw_rate_radps for e in estimates if e.t_s > 10 and (e.t_s - 3) % 4 > 3.2]
@@ -159,7 +163,7 @@ def turned_standing(recording: Recording, rate_radps: float, begin_s: float) -> 
     return msgspec.structs.replace(recording, imu=imu, mag=recording.mag[:100], truth=truth)
 
 
-@pytest.mark.parametrize("rate_deg_per_s", [-1.0, 0.5])
+@nightly.one_by_one("rate_deg_per_s", [-1.0, 0.5], in_suite=1)
 def test_soft_ground_that_turns_a_standing_robot_is_not_taken_for_the_bias_of_its_gyro(
     rate_deg_per_s: float,
 ) -> None:

@@ -109,7 +109,7 @@ def late_headings(errors: Errors, seeds: Sequence[int], *, learns: bool) -> tupl
     return math.degrees(float(np.sqrt(np.mean(np.square(deviations))))), float(np.mean(nees))
 
 
-@nightly.all_or_first("seeds", range(5), in_suite=2)
+@nightly.all_or_first("seeds", range(5), in_suite=1)
 @pytest.mark.parametrize("errors", [RTK, M8N], ids=["rtk", "m8n"])
 def test_iron_that_nobody_calibrated_is_learnt_between_the_rows(
     errors: Errors, seeds: Sequence[int]
@@ -130,10 +130,11 @@ def test_nothing_is_learnt_from_the_compass_itself() -> None:
     assert compass._fit.count == 0
 
 
-def test_what_a_calibration_says_can_be_set() -> None:
+@nightly.all_or_first("seeds", range(4), in_suite=2)
+def test_what_a_calibration_says_can_be_set(seeds: Sequence[int]) -> None:
     """The iron of this very robot, taken off from the first reading on."""
     deviations = []
-    for seed in range(4):
+    for seed in seeds:
         iron = msgspec.structs.replace(RTK, hard_iron_rad=0.3)
         recording = record(rows, 60.0, seed=seed, errors=iron)
         fit = MagFit()

@@ -48,7 +48,7 @@ def record_floating_turns(lost_ratio: float, seed: int) -> Recording:
     return let_float_in_turns(record(rows, 40.0, seed=seed, grip=grip))
 
 
-@pytest.mark.parametrize("lost_ratio", [0.0, 0.3, 0.5])
+@nightly.one_by_one("lost_ratio", [0.5, 0.3, 0.0], in_suite=1)
 @nightly.one_by_one("seed", range(3), in_suite=1)
 def test_while_fixes_float_the_velocities_lead_through_a_turn_that_the_wheels_lose(
     lost_ratio: float, seed: int
@@ -58,7 +58,9 @@ def test_while_fixes_float_the_velocities_lead_through_a_turn_that_the_wheels_lo
     assert max(off_m) < 0.1
 
 
-@pytest.mark.parametrize(("lost_ratio", "most_m"), [(0.0, 0.2), (0.3, 0.25)])
+@pytest.mark.parametrize(
+    ("lost_ratio", "most_m"), [(0.3, 0.25), pytest.param(0.0, 0.2, marks=pytest.mark.nightly)]
+)
 @nightly.one_by_one("seed", range(1, 4), in_suite=1)
 def test_without_corrections_the_velocities_lead_through_turns_that_the_wheels_lose(
     lost_ratio: float, most_m: float, seed: int
@@ -75,7 +77,7 @@ def test_without_corrections_the_velocities_lead_through_turns_that_the_wheels_l
     assert max(m / each.pos_std_m for m, each in zip(off_m, estimates, strict=True)) < 2.0
 
 
-@nightly.one_by_one("seed", range(4), in_suite=2)
+@nightly.one_by_one("seed", range(4), in_suite=1)
 def test_while_fixes_float_the_pose_goes_with_a_robot_that_clods_push_aside(seed: int) -> None:
     """The wheels lose half of their way besides; the pose says how far off it may be."""
 
@@ -116,7 +118,7 @@ def is_on_straight(t_s: float) -> bool:
     return not is_turning(t_s) and not is_turning(t_s - 1.0)
 
 
-@pytest.mark.parametrize("lost_ratio", [0.0, 0.3, 0.5])
+@nightly.one_by_one("lost_ratio", [0.5, 0.3, 0.0], in_suite=1)
 @nightly.one_by_one("seed", range(2), in_suite=1)
 def test_a_soft_turn_while_the_fix_floats_is_no_jump_of_the_fix_that_comes_back(
     lost_ratio: float, seed: int
@@ -132,7 +134,7 @@ def test_a_soft_turn_while_the_fix_floats_is_no_jump_of_the_fix_that_comes_back(
     assert np.mean(beyond) <= 0.02
 
 
-@pytest.mark.parametrize("slide_mps", [-0.15, 0.1, 0.15])
+@nightly.one_by_one("slide_mps", [-0.15, 0.1, 0.15], in_suite=1)
 @nightly.one_by_one("seed", range(2), in_suite=1)
 def test_a_robot_that_slides_aside_in_a_slow_turn_keeps_its_heading(
     slide_mps: float, seed: int
@@ -216,7 +218,7 @@ def test_a_receiver_that_falls_silent_in_a_soft_turn_vouches_for_nothing(
         assert distance_m(recording, each) < each.protection_m
 
 
-@pytest.mark.parametrize("heading_rad", [0.0, 2.0, 4.0])
+@nightly.one_by_one("heading_rad", [0.0, 2.0, 4.0], in_suite=1)
 def test_fixes_that_creep_off_in_a_soft_turn_are_covered_until_they_are_named(
     heading_rad: float,
 ) -> None:

@@ -40,7 +40,7 @@ def test_a_cheap_receiver_starts_from_the_mark() -> None:
         assert math.hypot(*error(recording, last)[:2]) < 0.02  # the mark is exact here
 
 
-@nightly.all_or_first("seeds", range(20), in_suite=6)
+@nightly.all_or_first("seeds", range(20), in_suite=3)
 def test_what_the_mark_gave_is_lost_again_as_honestly_as_it_came(seeds: Sequence[int]) -> None:
     normalised, stds = [], []
     for seed in seeds:
@@ -82,9 +82,10 @@ def test_a_robot_that_faces_elsewhere_is_told_so() -> None:
     assert "does not face as marked" in last.reason
 
 
-def test_the_mark_shows_the_error_of_the_compass() -> None:
+@nightly.all_or_first("seeds", range(8), in_suite=4)
+def test_the_mark_shows_the_error_of_the_compass(seeds: Sequence[int]) -> None:
     plain, marked = [], []
-    for seed in range(8):
+    for seed in seeds:
         recording = record(stand, 6.0, seed=seed, errors=M8N, start=START)
         plain.append(error(recording, run(recording, FieldConfig())[-1])[2])
         marked.append(error(recording, run(recording)[-1])[2])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import msgspec
 import numpy as np
@@ -23,6 +23,7 @@ from agribot.core.messages import (
     Scene,
     SensorBatch,
 )
+from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, Errors, Recording, record, rows
 from tests.autonomy.estimate.playback import batches, localizer
 from tests.autonomy.estimate.test_doubts import north
@@ -49,8 +50,11 @@ def first_accusing(estimates: list[Estimate], sensor: str) -> Estimate:
 
 
 @pytest.mark.parametrize("errors", [Errors(), M8N])
-def test_nobody_is_accused_while_all_sensors_are_in_order(errors: Errors) -> None:
-    for seed in range(3):
+@nightly.all_or_first("seeds", range(3), in_suite=1)
+def test_nobody_is_accused_while_all_sensors_are_in_order(
+    errors: Errors, seeds: Sequence[int]
+) -> None:
+    for seed in seeds:
         _, estimates = play_with(record(rows, 45.0, seed=seed, errors=errors), lambda batch: batch)
         assert {name for e in estimates for name in accused(e)} == set()
 
@@ -63,7 +67,7 @@ def creeping(mps: float, heading_rad: float) -> Callable[[GnssFix], GnssFix]:
     return creep
 
 
-@pytest.mark.parametrize("heading_rad", [0.0, 1.0, math.pi / 2, -2.0])
+@nightly.one_by_one("heading_rad", [1.0, 0.0, math.pi / 2, -2.0], in_suite=1)
 def test_fixes_that_creep_off_by_five_centimetres_a_second_are_named_without_a_camera(
     heading_rad: float,
 ) -> None:
@@ -162,9 +166,12 @@ def scattered(seed: int, std_m: float) -> Recording:
     return with_fixes(record(north, 40.0, seed=seed), lambda t: t > FROM_S, shake)
 
 
-def test_positions_that_scatter_five_times_as_stated_are_named_and_weigh_less() -> None:
+@nightly.all_or_first("seeds", (4, 5, 6), in_suite=1)
+def test_positions_that_scatter_five_times_as_stated_are_named_and_weigh_less(
+    seeds: Sequence[int],
+) -> None:
     off_m2, stated_m2 = [], []
-    for seed in (4, 5, 6):
+    for seed in seeds:
         recording = scattered(seed, 0.07)
         into, estimates = play_with(recording, lambda batch: batch)
         assert any("GNSS positions scatter by 0.0" in e.reason for e in estimates[:850]), seed
@@ -221,7 +228,7 @@ def with_gyro(bias_radps: float) -> Change:
     return lambda batch: msgspec.structs.replace(batch, imu=tuple(map(turn, batch.imu)))
 
 
-@pytest.mark.parametrize("bias_radps", [0.05, -0.05])
+@nightly.one_by_one("bias_radps", [0.05, -0.05], in_suite=1)
 def test_a_gyro_whose_bias_steps_is_outvoted_by_compass_and_wheels_and_mended(
     bias_radps: float,
 ) -> None:
@@ -237,8 +244,8 @@ def test_a_gyro_whose_bias_steps_is_outvoted_by_compass_and_wheels_and_mended(
             assert abs(math.remainder(e.yaw_map_rad - yaw_rad, math.tau)) < math.radians(3.0)
 
 
-@pytest.mark.parametrize("heading_rad", [0.0, math.pi / 2, math.pi])
-@pytest.mark.parametrize("bias_radps", [0.05, -0.05])
+@nightly.one_by_one("heading_rad", [0.0, math.pi / 2, math.pi], in_suite=1)
+@nightly.one_by_one("bias_radps", [0.05, -0.05], in_suite=1)
 def test_fixes_and_a_gyro_that_lie_at_once_are_both_named(
     bias_radps: float, heading_rad: float
 ) -> None:
