@@ -11,7 +11,7 @@ import pytest
 
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.core.config import load
-from agribot.core.messages import OperatorEvent, TickRecord
+from agribot.core.messages import OperatorAction, OperatorEvent, TickRecord
 
 IN_ROW_S, FAULT_S = 21.0, 8.0  # the second is in the first turn
 QUICK = ["perception.enabled=false", "record.enabled=false", "sim.sensors='rtk'", "seed=1"]
@@ -60,6 +60,50 @@ def test_a_board_that_runs_away_is_stopped_by_the_contactor_within_two_metres(
     assert report["safety"]["outside_m_max"] == 0.0
     assert not ticks[-1].command.is_power_cut, "cleared at rest, it closes again"
     assert ticks[-1].batch.contactor[-1].is_closed
+
+
+class Stand(NamedTuple):
+    cut_after_s: float | None  # from the fault
+    way_m: float
+    last: TickRecord
+
+
+def stand(out: Path, action: OperatorAction, *more: str) -> Stand:
+    """Drive the farm for 4 s, stop or pause it, and let the board run away 2 s later."""
+    fault_s = 6.0
+    settings = [*QUICK, f"faults=motor.runaway@{fault_s}", f"duration_s={fault_s + 4.0}", *more]
+    with simulate(load("farm", settings), out) as run:
+        ticks = run.ticks()
+        next(record for record in ticks if record.batch.t_s > 4.0)
+        run.inbox.post(OperatorEvent(t_s=0.0, action=action, source="Ann"))
+        next(record for record in ticks if record.batch.t_s > fault_s - 0.05)
+        stood, cut_s = run.simulator.truth(), None
+        for record in ticks:
+            if record.command.is_power_cut and cut_s is None:
+                cut_s = record.batch.t_s - fault_s
+        truth = run.simulator.truth()
+    way_m = math.dist((stood.x_map_m, stood.y_map_m), (truth.x_map_m, truth.y_map_m))
+    return Stand(cut_s, way_m, record)
+
+
+@pytest.mark.parametrize("action", ["stop", "pause"])
+def test_a_board_that_sets_off_while_the_robot_stands_is_cut_off_within_half_a_metre(
+    action: OperatorAction, tmp_path: Path
+) -> None:
+    cut_after_s, way_m, last = stand(tmp_path / "run", action)
+    assert cut_after_s is not None
+    assert cut_after_s < 0.5
+    assert 0.02 < way_m < 0.5
+    why = {"stop": "stopped by Ann", "pause": "wheels turn too fast"}[action]
+    assert last.status.stopped.startswith(why)
+
+
+def test_a_board_that_sets_off_without_a_contactor_is_reported_with_what_to_do(
+    tmp_path: Path,
+) -> None:
+    cut_after_s, _, last = stand(tmp_path / "run", "stop", "sim.contactors=0")
+    assert cut_after_s is None
+    assert "RUNAWAY, cut the power with the red button: wheels turn" in last.status.gate.told
 
 
 def test_without_a_contactor_nothing_stops_it_but_the_red_button(tmp_path: Path) -> None:

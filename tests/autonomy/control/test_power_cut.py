@@ -94,6 +94,41 @@ def test_wheels_that_turn_on_though_they_are_to_stand_lose_their_power(machine: 
     assert "RUNAWAY, the motors' power is cut: wheels turn too fast" in machine.reason
 
 
+@pytest.mark.parametrize("state", ["waiting", "paused", "done", "failed"])
+@pytest.mark.parametrize("is_stopped", [False, True])
+def test_a_board_that_sets_off_while_the_robot_stands_is_cut_within_half_a_second_in_every_state(
+    state: MissionState, is_stopped: bool
+) -> None:
+    machine = Machine()
+    machine.go(1.0, STOP, state=state)
+    machine.go(1.0, STOP, *(("stop",) if is_stopped else ()), state=state)
+    machine.wheels = FULL
+    machine.go(0.5, STOP, state=state)
+    assert machine.sent.is_power_cut and machine.stopped
+    assert "RUNAWAY, the motors' power is cut: wheels turn too fast" in machine.reason
+
+
+@pytest.mark.parametrize("has_contactor", [False, True])
+def test_a_paused_robot_is_pushed_freely_until_a_person_presses_stop(has_contactor: bool) -> None:
+    machine = Machine(has_contactor=has_contactor)
+    machine.go(1.0, STOP, state="paused")
+    machine.wheels = DriveCommand(v_mps=0.25)
+    machine.go(3.0, STOP, state="paused")
+    assert not (machine.stopped or machine.reason or machine.sent.is_power_cut)
+    machine.go(0.1, STOP, "stop", state="paused")
+    assert machine.sent.is_power_cut is has_contactor
+    assert "RUNAWAY" in machine.reason
+
+
+def test_a_runaway_in_a_pause_of_a_robot_without_a_contactor_stops_the_mission() -> None:
+    machine = Machine(has_contactor=False)
+    machine.go(1.0, STOP, state="paused")
+    machine.wheels = FULL
+    machine.go(0.5, STOP, state="paused")
+    assert "wheels turn too fast" in machine.stopped
+    assert "RUNAWAY, cut the power with the red button" in machine.reason
+
+
 def test_a_robot_without_a_contactor_is_told_of_the_red_button_and_cuts_nothing() -> None:
     machine = Machine(has_contactor=False)
     machine.go(1.0)

@@ -18,6 +18,14 @@ Wheels = Callable[[Four], Four]
 at_rates = pytest.mark.parametrize("rate_hz", [50, 25, 10])
 
 
+PUSH_RADPS = 0.28 / DRIVE.wheel_radius_m
+
+
+def turning(speed_radps: float) -> Wheels:
+    """All wheels turn so, whatever they are told."""
+    return lambda _: (speed_radps,) * 4
+
+
 class Bench:
     """A board that follows its commands by `wheels`, and a gyro that agrees with the wheels.
 
@@ -31,6 +39,7 @@ class Bench:
         self.gyro_off_radps = 0.0
         self.is_imu_frozen = False
         self.is_held = False  # as a receiver shows
+        self.is_stop_pressed = False  # in the next tick
         self.effort_nm: Four | None = None
         self.runaway = ""
         self.t_s = 0.0
@@ -45,7 +54,11 @@ class Bench:
             speeds = self.wheels((right, left, right, left))
             for k, speed in enumerate(speeds):
                 self._angles[k] += speed * TICK_S
-            found = self.watch.watch(self._sent, self._batch(), TICK_S, is_held=self.is_held)
+            found = self.watch.watch(
+                self._sent, self._batch(), TICK_S,
+                is_held=self.is_held, is_stop_pressed=self.is_stop_pressed,
+            )  # fmt: skip
+            self.is_stop_pressed = False
             self._sent, self.runaway = command, found.runaway
             if any(found):
                 doubt = found.dead_motor or found.frozen_imu or found.wrong_turn or found.held
@@ -139,10 +152,102 @@ def test_wheels_run_away_that_never_came_to_stand_but_not_those_that_people_push
     for _ in range(50):
         bench.drive(STOP, TICK_S)
     assert bench.runaway == ""
-    bench.wheels = lambda told: (4.0, 4.0, 4.0, 4.0)
+    bench.wheels = turning(PUSH_RADPS)
     for _ in range(100):
         bench.drive(STOP, TICK_S)
         assert bench.runaway == ""
+
+
+def wait_for_runaway(bench: Bench, seconds: float = 1.0) -> float | None:
+    """Stand until wheels are driven: after how long."""
+    for tick in range(1, round(seconds / TICK_S) + 1):
+        bench.drive(STOP, TICK_S)
+        if bench.runaway:
+            return tick * TICK_S
+    return None
+
+
+@at_rates
+@pytest.mark.parametrize("has_driven", [False, True])
+@pytest.mark.parametrize(
+    ("wheels", "effort_nm", "within_s"),
+    [
+        (turning(4.0), None, 0.35),
+        (turning(-7.0), (-0.3,) * 4, 0.35),  # as a board with a wrong sign of the torque reports it
+        (turning(1.0), (0.2,) * 4, 0.45),
+        (turning(-1.0), (-0.2,) * 4, 0.45),
+        (lambda _: (0.0, 1.0, 0.0, 0.1), None, 0.7),
+    ],
+    ids=["too fast to be pushed", "braked", "motors drive", "backwards", "one wheel alone"],
+)  # fmt: skip
+def test_wheels_that_stood_are_driven_where_they_turn_as_no_push_turns_them(
+    wheels: Wheels, effort_nm: Four | None, within_s: float, has_driven: bool, rate_hz: float
+) -> None:
+    bench = Bench(rate_hz=rate_hz)
+    bench.drive(AHEAD if has_driven else STOP, 1.0)
+    bench.drive(STOP, 2.0)
+    bench.wheels, bench.effort_nm = wheels, effort_nm
+    after_s = wait_for_runaway(bench)
+    assert after_s is not None
+    assert after_s <= within_s
+    assert "turn" in bench.runaway
+
+
+@at_rates
+@pytest.mark.parametrize(
+    ("wheels", "effort_nm"),
+    [
+        (turning(PUSH_RADPS), None),
+        (turning(-PUSH_RADPS), (3.0,) * 4),
+        (turning(PUSH_RADPS), (0.01,) * 4),
+        (lambda _: (PUSH_RADPS, -PUSH_RADPS, PUSH_RADPS, -PUSH_RADPS), None),
+        (lambda _: (PUSH_RADPS, PUSH_RADPS, 0.0, 0.0), None),
+        (lambda _: (0.0, 0.0, 0.0, 0.1), (3.0,) * 4),
+    ],
+    ids=["ahead", "braked", "noise", "around", "front lifted", "held on a slope"],
+)  # fmt: skip
+def test_pushing_below_three_tenths_of_a_metre_per_second_is_no_runaway(
+    wheels: Wheels, effort_nm: Four | None, rate_hz: float
+) -> None:
+    bench = Bench(wheels, rate_hz)
+    bench.effort_nm = effort_nm
+    assert wait_for_runaway(bench, 3.0) is None
+
+
+@at_rates
+def test_a_robot_that_was_pushed_away_may_spring_back_for_a_moment(rate_hz: float) -> None:
+    bench = Bench(turning(PUSH_RADPS), rate_hz)
+    bench.effort_nm = (-2.0,) * 4
+    assert wait_for_runaway(bench) is None
+    bench.wheels = turning(-PUSH_RADPS)
+    assert wait_for_runaway(bench, 0.1) is None
+    bench.wheels = every(1.0)
+    assert wait_for_runaway(bench) is None
+
+
+@at_rates
+def test_a_stop_pressed_while_wheels_turn_counts_even_a_push_as_driven(rate_hz: float) -> None:
+    bench = Bench(turning(PUSH_RADPS), rate_hz)
+    assert wait_for_runaway(bench) is None
+    bench.is_stop_pressed = True
+    assert wait_for_runaway(bench, TICK_S * 50 / rate_hz) is not None
+    bench.wheels = every(1.0)
+    bench.drive(STOP, TICK_S)
+    assert bench.runaway, "until it is seen to stand"
+    for _ in range(50):
+        bench.drive(STOP, TICK_S)
+    assert bench.runaway == ""
+    bench.wheels = turning(PUSH_RADPS)
+    assert wait_for_runaway(bench) is None, "it stood since"
+
+
+def test_a_board_that_brakes_slowly_after_a_drive_is_given_its_time() -> None:
+    bench = Bench()
+    bench.drive(AHEAD, 1.0)
+    bench.wheels = turning(3.1)
+    assert wait_for_runaway(bench, 0.6) is None
+    bench.wheels = every(1.0)
+    assert wait_for_runaway(bench) is None
 
 
 @at_rates

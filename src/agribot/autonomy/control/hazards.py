@@ -162,10 +162,6 @@ def _runs_away(now: Situation) -> str:
     return f"RUNAWAY, cut the power with the red button: {why}{now.motion.runaway}"
 
 
-def _cut_off(now: Situation) -> str:
-    return now.motion.runaway if now.power.is_cut else ""
-
-
 def _stuck(now: Situation) -> str:
     return "" if now.goal.frees_itself else now.stuck
 
@@ -182,10 +178,12 @@ HAZARDS = (
            limit="pressed", reaction="latch", for_hand="yes",
            find=lambda now: now.inputs.button(), check="red button", at_rest=True,
            faults=("button.pressed",)),
-    Hazard(name="wheels turn on though they are to stand, of a robot with a contactor",
-           seen_by="encoders; the contactor takes the motors' power",
-           limit="0.4 s after the time in which they have to stand", reaction="latch",
-           for_hand="yes", find=_cut_off, at_rest=True, faults=("motor.runaway",)),
+    Hazard(name="wheels keep turning after a stop, or are driven while they are to stand",
+           seen_by="encoders and torque; a contactor takes the motors' power",
+           limit="0.4 s after the time in which they have to stand; out of rest 0.3 m/s for 0.1 s, "
+                 "motors that drive them for 0.12 s, one wheel that turns alone for 0.4 s",
+           reaction="latch", for_hand="yes", find=lambda now: now.motion.runaway, at_rest=True,
+           faults=("motor.runaway",)),
     Hazard(name="contactor does not answer, or does not do what it is told",
            seen_by="what it tells, and the encoders",
            limit="`safety.sensor_timeout_s`, 1 s to open and to close", reaction="latch",
@@ -307,8 +305,8 @@ HAZARDS = (
            limit="`safety.camera_timeout_s`", reaction="tool off",
            find=lambda now: now.camera_fault, check="camera",
            faults=("camera.off", "camera.late", "network.hung")),
-    Hazard(name="wheels turn on though they are to stand", seen_by="encoders",
-           limit="0.4 s", reaction="tell", for_hand="yes", find=_runs_away, at_rest=True,
+    Hazard(name="runaway, with what to do", seen_by="as above",
+           limit="as above", reaction="tell", for_hand="yes", find=_runs_away, at_rest=True,
            faults=("motor.runaway",)),
     Hazard(name="one of two contactors is welded", seen_by="their auxiliary contacts",
            limit="1 s to open", reaction="tell", for_hand="yes",

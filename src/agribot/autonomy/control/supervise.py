@@ -193,7 +193,10 @@ class Supervisor:
         self._battery.update(batch)
         self._camera.update(batch, scenes)
         is_held = self._progress.stays_behind(batch.t_s)
-        motion = self._wheels.watch(self.sent, batch, self._sensors.dt_s, is_held=is_held)
+        motion = self._wheels.watch(
+            self.sent, batch, self._sensors.dt_s, is_held=is_held,
+            is_stop_pressed=any(event.action == "stop" for event in batch.events),
+        )  # fmt: skip
         demand = self._inputs.button() or motion.runaway
         is_stopped = bool(self._latch.reason)
         self._power.update(batch, self._wheels.fastest_radps, demand, is_stopped=is_stopped)

@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from agribot.autonomy.control.rest_watch import RestWatch
 from agribot.core.arithmetic import clamp
 from agribot.core.messages import WHEEL_NAMES, DriveCommand, Four, SensorBatch, WheelSample
 from agribot.core.robot import DriveSpec
@@ -57,7 +58,8 @@ class _Told(NamedTuple):
 class Found(NamedTuple):
     """Faults in words, empty where there is none.
 
-    `wheels` go where nobody told them; `runaway` are wheels that turn on though they are to stand.
+    `wheels` go where nobody told them; `runaway` are wheels that are to stand and that their motors
+    turn: more than a push does, on after they were driven, or when STOP was pressed.
     A dead motor, a frozen IMU and a wrong turn a person who drives need not mind, but who relies
     on odometry and gyro must. `held` is a robot that does not turn with its wheels.
     """
@@ -88,6 +90,7 @@ class WheelWatch:
         self._read: deque[WheelSample] = deque()
         self._off_s = [0.0] * 4
         self._is_driven = [False] * 4  # by its motor, since the wheel last stood
+        self._rest = RestWatch(drive)
         self._runaway = ""
         self._dead_s = [0.0] * 4
         self._yaw_off_s = self._held_s = 0.0
@@ -101,9 +104,24 @@ class WheelWatch:
         self._yaw_off_s = self._held_s = 0.0
 
     def watch(
-        self, sent: DriveCommand, batch: SensorBatch, dt_s: float, *, is_held: bool = False
+        self,
+        sent: DriveCommand,
+        batch: SensorBatch,
+        dt_s: float,
+        *,
+        is_held: bool = False,
+        is_stop_pressed: bool = False,
     ) -> Found:
-        """`is_held`: a receiver shows that the robot gets on less than its wheels."""
+        """Judge one tick.
+
+        `is_held`: a receiver shows that the robot gets on less than its wheels. `is_stop_pressed`:
+        a STOP was requested in this tick; wheels that turn do not count as pushed any more.
+        """
+        if is_stop_pressed:
+            self._is_driven = [
+                driven or off_s > 0.0
+                for driven, off_s in zip(self._is_driven, self._off_s, strict=True)
+            ]
         self._follow_board(sent, batch.t_s, dt_s)
         self._read.extend(batch.wheels)
         self._update_imu(batch)
@@ -116,11 +134,14 @@ class WheelWatch:
         if speeds is None:
             return Found()
         self.fastest_radps = max(abs(speed) for speed in speeds)
-        wheels = self._wrong_wheels(speeds, elapsed_s)
-        self._runaway = wheels if self._runs_on else ""
+        self._count_wrong_wheels(speeds, elapsed_s)
+        is_lasting = max(self._off_s) > LASTING_S
+        runs_away = self._runs_away(speeds, batch.wheels[-1].effort_nm, elapsed_s)
+        wrong = self._describe_wrong_wheels(speeds) if is_lasting or runs_away else ""
+        self._runaway = wrong if runs_away else ""
         wrong_turn, held = self._compare_turns(speeds, elapsed_s, is_held=is_held)
         return Found(
-            wheels=wheels,
+            wheels=wrong if is_lasting else "",
             runaway=self._runaway,
             dead_motor=self._dead_motor(batch.wheels[-1], elapsed_s),
             frozen_imu=self._frozen_imu(speeds, batch),
@@ -163,34 +184,32 @@ class WheelWatch:
             return last.speed_radps  # the encoder began to count anew
         return a, b, c, d
 
-    def _wrong_wheels(self, speeds: Four, elapsed_s: float) -> str:
+    def _count_wrong_wheels(self, speeds: Four, elapsed_s: float) -> None:
         rights = [told.right_radps for told in self._told]
         lefts = [told.left_radps for told in self._told]
         bounds = ((min(rights), max(rights)), (min(lefts), max(lefts)))
-        is_lasting = False
         for k, speed in enumerate(speeds):
             low, high = bounds[k % 2]
             tolerance = TOLERANCE_RADPS + TOLERANCE_RATIO * max(abs(low), abs(high))
             is_off = not low - tolerance <= speed <= high + tolerance
             self._off_s[k] = self._off_s[k] + elapsed_s if is_off else 0.0
             self._is_driven[k] = low != 0.0 or high != 0.0 or (self._is_driven[k] and is_off)
-            is_lasting = is_lasting or self._off_s[k] > LASTING_S
-        if not is_lasting:
-            return ""
-        now = self._told[-1]
-        return _describe(
-            tuple(k for k in range(4) if self._off_s[k] > 0.0), speeds,
-            (now.right_radps, now.left_radps),
-        )  # fmt: skip
 
-    @property
-    def _runs_on(self) -> bool:
-        """Whether a driven wheel never came to stand; one that people push had stood before."""
-        is_to_stand = not any(told.right_radps or told.left_radps for told in self._told)
-        lasting = (off_s > LASTING_S for off_s in self._off_s)
-        return is_to_stand and any(
-            is_driven and is_off for is_driven, is_off in zip(self._is_driven, lasting, strict=True)
+    def _describe_wrong_wheels(self, speeds: Four) -> str:
+        now = self._told[-1]
+        off = tuple(k for k in range(4) if self._off_s[k] > 0.0)
+        return _describe(off, speeds, (now.right_radps, now.left_radps))
+
+    def _runs_away(self, speeds: Four, efforts_nm: Four | None, elapsed_s: float) -> bool:
+        """Whether wheels that are to stand never came to stand, or are driven out of rest."""
+        if any(told.right_radps or told.left_radps for told in self._told):
+            self._rest.restart()
+            return False
+        runs_on = any(
+            is_driven and off_s > LASTING_S
+            for is_driven, off_s in zip(self._is_driven, self._off_s, strict=True)
         )
+        return self._rest.is_driven(speeds, efforts_nm, elapsed_s) or runs_on
 
     def _dead_motor(self, read: WheelSample, elapsed_s: float) -> str:
         """Only boards that tell the torque of each wheel show it."""
