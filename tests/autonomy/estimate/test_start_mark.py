@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.estimate.localizer import Localizer
+from agribot.autonomy.estimate.start import StartMark
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import Estimate
 from tests import nightly
@@ -56,7 +57,7 @@ def test_what_the_mark_gave_is_lost_again_as_honestly_as_it_came(seeds: Sequence
 
 def test_with_corrections_the_receiver_decides() -> None:
     recording = record(rows, 20.0, seed=1, errors=RTK, start=START)
-    last = run(recording, moved(east_m=0.3))[-1]
+    last = run(recording, moved(east_m=0.15))[-1]
     assert last.ok, last.reason
     assert math.hypot(*error(recording, last)[:2]) < 0.05
 
@@ -73,7 +74,41 @@ def test_a_robot_astride_the_row_beside_its_mark_is_told_so() -> None:
     """Rows of 1 m: the receiver is right to 2 cm, and the mark is that of another row."""
     last = run(record(stand, 5.0, seed=1, errors=RTK, start=START), moved(east_m=0.9))[-1]
     assert not last.ok
-    assert "> 0.50 m away from it" in last.reason
+    assert "does not stand at the marked start: GNSS is 0." in last.reason
+    assert "m west of it" in last.reason
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("off_m", [0.15, -0.15, 0.3, -0.3])
+def test_with_corrections_mark_and_fix_are_taken_at_their_word(off_m: float, seed: int) -> None:
+    """The mark is good to 5 cm and the fix to 1.4: 4 sigmas are 21 cm."""
+    recording = record(stand, 5.0, seed=seed, errors=RTK, start=START)
+    last = run(recording, moved(east_m=off_m))[-1]
+    assert last.ok is (abs(off_m) < 0.2)
+    if not last.ok:
+        assert f"m {'west' if off_m > 0.0 else 'east'} of it, more than 0.21 m" in last.reason
+        assert "the base may have moved or field.datum is wrong" in last.reason
+
+
+def test_a_mark_that_is_known_roughly_lets_a_robot_with_corrections_start() -> None:
+    field = msgspec.structs.replace(moved(east_m=0.3), start_std_m=0.1)
+    assert run(record(stand, 5.0, seed=1, errors=RTK, start=START), field)[-1].ok
+
+
+@pytest.mark.parametrize(
+    ("off_m", "words"),
+    [(0.4, "east"), (0.4j, "north"), (-0.4, "west"), (-0.4j, "south"), (-0.3 - 0.3j, "south-west"),
+     (0.38 + 0.13j, "east")],
+)  # fmt: skip
+def test_the_direction_is_the_nearest_of_eight(off_m: complex, words: str) -> None:
+    fault = StartMark.of(MARKED).position_fault(off_m, 0.014, is_fixed=True)
+    assert f"GNSS is 0.4{'2' if '-' in words else '0'} m {words} of it" in fault
+
+
+def test_what_was_driven_before_the_heading_was_known_may_have_led_anywhere() -> None:
+    mark = StartMark.of(MARKED)
+    assert mark.position_fault(0.4 + 0j, 0.014, 0.1, is_fixed=True)
+    assert mark.position_fault(0.4 + 0j, 0.014, 0.3, is_fixed=True) == ""
 
 
 def test_a_robot_that_faces_elsewhere_is_told_so() -> None:

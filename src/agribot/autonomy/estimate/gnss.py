@@ -303,6 +303,7 @@ class Gnss(Correction[GnssFix]):
         if len(self._first) < FIRST_FIXES:
             return
         ekf, start = self.pose.ekf, self.pose.start
+        is_fixed = self.quality is GnssQuality.RTK_FIXED
         x_m = statistics.median(p[0] for p in self._first) + now.x_m
         y_m = statistics.median(p[1] for p in self._first) + now.y_m
         at_m, at_m2 = (x_m, y_m), UNKNOWN_M2
@@ -310,9 +311,11 @@ class Gnss(Correction[GnssFix]):
             mark_m = (start.xy_map_m[0] + now.x_m, start.xy_map_m[1] + now.y_m)
             fix_std_m = math.sqrt(variance_m2 + float(ekf.cov[GNSS_BIAS_X, GNSS_BIAS_X]))
             # What was driven before the heading was known led anywhere.
-            off_m = max(math.dist(at_m, mark_m) - 2.0 * self._unguided_m, 0.0)
-            self.misplaced = start.position_fault(off_m, fix_std_m)
-            if self.quality is not GnssQuality.RTK_FIXED:
+            self.misplaced = start.position_fault(
+                complex(*at_m) - complex(*mark_m), fix_std_m, 2.0 * self._unguided_m,
+                is_fixed=is_fixed,
+            )  # fmt: skip
+            if not is_fixed:
                 at_m, at_m2 = mark_m, start.std_m**2
         for state, value in zip((X, Y), at_m, strict=True):
             ekf.reset(state, value, at_m2)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import msgspec
 
 from agribot.core.config import FieldConfig
 
-# Farther off the mark than so many sigma, and than this, somebody put the robot elsewhere.
+# Largest distance to the mark, in joint sigmas; without fixed ambiguities at least in metres, too.
 MISPLACED_SIGMA = 4.0
 MISPLACED_M = 1.0
 # Where rows stand closer than twice that, half their distance: a robot astride the next one does.
-# Nearer than this to its mark a robot always begins.
+# Nearer than this to its mark a robot without fixed ambiguities always begins.
 LEAST_MISPLACED_M = 0.3
+DIRECTIONS = (
+    "east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east",
+)  # fmt: skip
 
 
 class StartMark(msgspec.Struct, frozen=True, kw_only=True):
@@ -36,14 +40,25 @@ class StartMark(msgspec.Struct, frozen=True, kw_only=True):
             misplaced_m=_tell_rows_apart_m(field),
         )
 
-    def position_fault(self, off_m: float, gnss_std_m: float) -> str:
-        """Why GNSS says that the robot is not at the mark; empty when it may well be."""
-        limit_m = max(self.misplaced_m, MISPLACED_SIGMA * math.hypot(self.std_m, gnss_std_m))
-        if off_m <= limit_m:
+    def position_fault(
+        self, off_m: complex, gnss_std_m: float, driven_m: float = 0.0, *, is_fixed: bool
+    ) -> str:
+        """Why GNSS says that the robot is not at the mark; empty when it may well be.
+
+        `off_m` leads east and north from the mark to where GNSS has the robot, which may have moved
+        by `driven_m` since. A receiver with fixed ambiguities (`is_fixed`) is right to centimetres,
+        so that it and the mark are taken at their word.
+        """
+        limit_m = MISPLACED_SIGMA * math.hypot(self.std_m, gnss_std_m)
+        if not is_fixed:
+            limit_m = max(self.misplaced_m, limit_m)
+        if abs(off_m) - driven_m <= limit_m:
             return ""
         return (
-            f"the robot does not stand at the marked start: GNSS is {off_m:.2f} m > "
-            f"{limit_m:.2f} m away from it; put it there, or correct field.start_map_m"
+            f"the robot does not stand at the marked start: GNSS is {abs(off_m):.2f} m "
+            f"{_name_direction(off_m)} of it, more than {limit_m + driven_m:.2f} m; put it there, "
+            "or correct field.start_map_m or field.start_std_m; if it does stand there, the base "
+            "may have moved or field.datum is wrong"
         )
 
     def heading_fault(self, off_rad: float, compass_std_rad: float) -> str:
@@ -56,6 +71,11 @@ class StartMark(msgspec.Struct, frozen=True, kw_only=True):
             f"{math.degrees(abs(off_rad)):.0f} deg > {math.degrees(limit_rad):.0f} deg off; "
             "turn it, or correct field.start_yaw_deg"
         )
+
+
+def _name_direction(off_m: complex) -> str:
+    """Name the nearest of eight directions; north is the imaginary axis."""
+    return DIRECTIONS[round(cmath.phase(off_m) / (math.pi / 4.0)) % 8]
 
 
 def _tell_rows_apart_m(field: FieldConfig) -> float:
