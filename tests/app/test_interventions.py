@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import pytest
 
 from agribot.app.interventions import compute_km_per_intervention, list_interventions
+from agribot.autonomy.plan.errand import CAME_TO_BE_CHARGED
+from agribot.core.messages import GateState, MissionState
 from agribot.record.events import Event, EventKind
 
 
 def event(t_s: float, kind: EventKind, reason: str) -> Event:
-    return Event(t_s=t_s, kind=kind, reason=reason)
+    """As the log of a run has it; where a state is no known one, it is a refusal."""
+    before, arrow, after = reason.partition(" -> ")
+    name = (after if arrow else before).partition(":")[0]
+    states = get_args(GateState if kind == "gate" else MissionState)
+    is_change = kind in ("gate", "mission")
+    state = next((each for each in states if is_change and each == name), None)
+    return Event(t_s=t_s, kind=kind, reason=reason, state=state)
 
 
 STOPPED = event(10.0, "gate", "driving -> stopped: the bumper touches something")
@@ -66,7 +76,7 @@ def test_a_robot_that_comes_home_to_be_charged_needs_a_person_once() -> None:
         [
             event(100.0, "mission", "paused: stops to return home, as the battery wants"),
             event(100.5, "mission", "running"),
-            event(200.0, "mission", "cancelled: returned home, called by the battery"),
+            event(200.0, "mission", f"cancelled: {CAME_TO_BE_CHARGED}"),
             event(201.0, "mission", "waiting: waiting for the estimate to settle"),
             event(202.0, "mission", "paused: was cut off: away from its work; resume goes on"),
             event(202.1, "operator", "resume (page)"),
@@ -74,6 +84,19 @@ def test_a_robot_that_comes_home_to_be_charged_needs_a_person_once() -> None:
         ]
     )
     assert [one.t_s for one in found] == [200.0]
+
+
+@pytest.mark.parametrize("name", ["Ada", "the battery", "Ada, called by the battery"])
+def test_a_person_who_calls_the_robot_home_is_not_taken_for_its_battery(name: str) -> None:
+    home = event(200.0, "mission", f"cancelled: returned home, called by {name}")
+    assert list_interventions([home]) == ()
+
+
+def test_the_state_of_the_gate_counts_and_not_its_words() -> None:
+    stop = Event(t_s=10.0, kind="gate", reason="driving -> halted: bumper", state="stopped")
+    hold = Event(t_s=10.0, kind="gate", reason="driving -> stopped: bumper", state="held")
+    assert [one.reason for one in list_interventions([stop])] == [stop.reason]
+    assert list_interventions([hold]) == ()
 
 
 def test_the_way_for_each_is_unknown_without_any() -> None:

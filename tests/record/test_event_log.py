@@ -2,20 +2,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 import pytest
 
 from agribot.core.errors import RecordingError
 from agribot.core.messages import (
+    SENSOR_WATCH,
     Check,
     DriveCommand,
     GateStatus,
+    OperatorAction,
+    OperatorEvent,
     RobotCommand,
+    SensorBatch,
     SensorVerdict,
     SensorVerdicts,
     TickRecord,
     Tracking,
+    make_sensor_note,
 )
 from agribot.record.events import EventLog, read_events
 from tests.record import record_samples as samples
@@ -187,3 +193,30 @@ def test_a_sensor_that_is_not_fine_is_a_fault_once_unless_its_reason_is_told_alr
     assert [event.reason for event in log.list_kind("fault")] == [told["reason"], silent.reason]
     fine = [event.reason for event in log.list_kind("clear")]
     assert fine == ["gnss is fine again", "gyro is fine again"]
+
+
+@pytest.mark.parametrize("name", ["Ada", SENSOR_WATCH, "operator", "the battery", ""])
+@pytest.mark.parametrize("action", get_args(OperatorAction))
+def test_what_a_person_presses_is_logged_as_the_persons_whatever_the_name(
+    action: OperatorAction, name: str, log: EventLog
+) -> None:
+    press = OperatorEvent(t_s=0.0, action=action, source=name, text="a stone", value=1.0)
+    (record,) = samples.ticks(1)
+    log(msgspec.structs.replace(record, batch=SensorBatch(t_s=0.0, events=(press,))))
+    event = log.events[0]
+    if action == "sensor":  # no person sends it
+        assert (event.kind, event.reason) == ("fault", "a stone")
+    else:
+        assert event.kind == ("mark" if action == "mark" else "operator")
+        assert event.reason.endswith(f"({name})")
+
+
+def test_a_note_on_a_sensor_is_a_fault_and_its_end(log: EventLog) -> None:
+    notes = (
+        make_sensor_note(0.0, "gnss is silent", is_fault=True),
+        make_sensor_note(0.0, "gnss is heard again", is_fault=False),
+    )
+    (record,) = samples.ticks(1)
+    log(msgspec.structs.replace(record, batch=SensorBatch(t_s=0.0, events=notes)))
+    told = [(event.kind, event.reason) for event in log.events[:2]]
+    assert told == [("fault", "gnss is silent"), ("clear", "gnss is heard again")]

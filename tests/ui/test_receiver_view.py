@@ -12,15 +12,17 @@ import pytest
 
 from agribot.core.config import load
 from agribot.core.messages import (
+    SENSOR_WATCH,
     GnssFix,
     GnssQuality,
     GnssStatus,
     OperatorEvent,
     Satellite,
     SensorBatch,
+    make_sensor_note,
 )
 from agribot.drivers.corrections import CorrectionLink
-from agribot.drivers.line_watch import MANY, WITHIN_S, LineWatch, make_note
+from agribot.drivers.line_watch import MANY, WITHIN_S, LineWatch
 from agribot.drivers.ntrip import Caster
 from agribot.drivers.rtcm import RtcmMessage
 from agribot.record.recorder import RunRecorder
@@ -159,12 +161,12 @@ def test_a_caster_that_gives_nothing_is_told_with_the_reason_and_forgotten_once_
     wait_for(lambda: told, "the reason why there are no corrections")
     link.close()
     text, is_good = told[0]
-    view(SensorBatch(t_s=1.0, events=(make_note(1.0, text, is_fault=not is_good),)))
+    view(SensorBatch(t_s=1.0, events=(make_sensor_note(1.0, text, is_fault=not is_good),)))
     shown = view.show()
     assert (shown.caster_state, shown.correction_trouble) == ("failed", text)
     link._take(RtcmMessage(1077, b""))  # as from a caster that answers at last
     text, is_good = told[-1]
-    view(SensorBatch(t_s=2.0, events=(make_note(2.0, text, is_fault=not is_good),)))
+    view(SensorBatch(t_s=2.0, events=(make_sensor_note(2.0, text, is_fault=not is_good),)))
     shown = view.show()
     assert (shown.caster_state, shown.correction_trouble) == ("connected", "")
 
@@ -182,8 +184,9 @@ def test_a_line_that_breaks_messages_is_told_until_it_does_not_any_more() -> Non
 
 def test_what_an_operator_writes_is_no_news_of_the_receiver() -> None:
     text = "no corrections from the tractor today"
-    note = OperatorEvent(t_s=1.0, action="note", source="Ada", text=text, value=1.0)
-    assert view_of(SensorBatch(t_s=1.0, events=(note,))).show().correction_trouble == ""
+    for name in ("Ada", SENSOR_WATCH):
+        note = OperatorEvent(t_s=1.0, action="note", source=name, text=text, value=1.0)
+        assert view_of(SensorBatch(t_s=1.0, events=(note,))).show().correction_trouble == ""
 
 
 def test_a_slow_page_is_sent_the_newest_state_of_the_receiver_alone() -> None:

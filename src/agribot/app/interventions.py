@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import get_args
 
-from agribot.autonomy.plan.errand import BATTERY
-from agribot.core.messages import MissionState
+from agribot.autonomy.plan.errand import CAME_TO_BE_CHARGED
 from agribot.record.events import Event
 from agribot.record.report import SafetyEvent
 
 NEEDY_STATES = ("paused", "failed")
-# Other words of the mission are refusals, and what waits for its position has only just begun.
-GOING_STATES = tuple(state for state in get_args(MissionState) if state != "waiting")
+# Without a state the mission refused something; one that waits for its position has just begun.
+SILENT_STATES = (None, "waiting")
 BY_HAND_S = 1.0  # what follows so soon on somebody's button is what that person wanted
 
 
@@ -34,9 +32,9 @@ def list_interventions(events: Sequence[Event]) -> tuple[SafetyEvent, ...]:
         if event.kind == "operator":
             pressed_s = event.t_s
         elif event.kind == "gate":
-            is_stopped = event.reason.partition(" -> ")[2].startswith("stopped")
+            is_stopped = event.state == "stopped"
         elif event.kind == "mission":
-            was_waiting, is_waiting = is_waiting, _waits(event.reason, is_waiting)
+            was_waiting, is_waiting = is_waiting, _waits(event, is_waiting)
             if is_waiting and not was_waiting:
                 waits_since_s = event.t_s
             if was_waiting and not is_waiting and pressed_s < waits_since_s:
@@ -47,11 +45,11 @@ def list_interventions(events: Sequence[Event]) -> tuple[SafetyEvent, ...]:
     return tuple(found)
 
 
-def _waits(reason: str, is_waiting: bool) -> bool:
-    """Tell whether a mission that says this, and may have waited before, waits for a person."""
-    state = reason.partition(":")[0]
-    is_to_be_charged = state == "cancelled" and reason.endswith(f"called by {BATTERY}")
-    return state in NEEDY_STATES or is_to_be_charged or (is_waiting and state not in GOING_STATES)
+def _waits(event: Event, is_waiting: bool) -> bool:
+    """Whether a mission after this event, which may have waited before, waits for a person."""
+    is_to_be_charged = event.reason == f"cancelled: {CAME_TO_BE_CHARGED}"
+    still_waits = is_waiting and event.state in SILENT_STATES
+    return event.state in NEEDY_STATES or is_to_be_charged or still_waits
 
 
 def compute_km_per_intervention(distance_m: float | None, count: int) -> float | None:

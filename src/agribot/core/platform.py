@@ -9,11 +9,11 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import msgspec
 
 from agribot.core.messages import (
-    SENSOR_WATCH,
     Inbox,
     OperatorEvent,
     RobotCommand,
     SensorBatch,
+    make_sensor_note,
 )
 
 # Fields of a SensorBatch that may come from elsewhere.
@@ -158,10 +158,4 @@ class MixedPlatform:
             return
         self._silent ^= {name}
         text = f"silent for {t_s - last_s:.1f} s > {SILENCE_S:g} s" if is_silent else "heard again"
-        yield OperatorEvent(
-            t_s=t_s,
-            action="note",
-            source=SENSOR_WATCH,
-            text=f"{name} is {text}",
-            value=float(is_silent),
-        )
+        yield make_sensor_note(t_s, f"{name} is {text}", is_fault=is_silent)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from agribot.core.messages import OperatorEvent
+from agribot.core.messages import OperatorEvent, make_sensor_note
 from agribot.core.stamp_clock import WINDOW_S
-from agribot.drivers.line_watch import make_note
 
 UNSURE_S = 0.02  # capture times that are off by more are told
 PERIOD_S = 1.0  # between two looks
@@ -42,4 +41,4 @@ class ClockWatch:
         self._is_told, self._is_unsure = True, is_unsure
         text = f"times of the {self._name} are known to {1e3 * unsure_s:.1f} ms"
         limit = f" > {1e3 * UNSURE_S:g} ms" if is_unsure else ""
-        return (make_note(t_s, text + limit, is_fault=is_unsure),)
+        return (make_sensor_note(t_s, text + limit, is_fault=is_unsure),)

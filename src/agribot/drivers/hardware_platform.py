@@ -14,12 +14,11 @@ from collections.abc import Callable
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.messages import (
-    SENSOR_WATCH,
     Inbox,
-    OperatorEvent,
     RobotCommand,
     SafetyInput,
     SensorBatch,
+    make_sensor_note,
 )
 from agribot.core.robot import RobotSpec
 from agribot.drivers.board_kinds import open_board
@@ -126,11 +125,7 @@ class HardwarePlatform:
         return self._link.may_send and self._reader.write(data)
 
     def _note(self, text: str, *, is_fault: bool = True) -> None:
-        self.inbox.post(
-            OperatorEvent(
-                t_s=0.0, action="note", source=SENSOR_WATCH, text=text, value=float(is_fault)
-            )
-        )
+        self.inbox.post(make_sensor_note(0.0, text, is_fault=is_fault))
 
 
 def check_inputs(board: MotorBoard, name: str, must_report: tuple[SafetyInput, ...]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from agribot.core.messages import SENSOR_WATCH, OperatorEvent
+from agribot.core.messages import OperatorEvent, make_sensor_note
 
 MANY, WITHIN_S = 3, 10.0  # broken frames; a line in order has none, one that is plugged in has one
 
@@ -33,16 +33,9 @@ class LineWatch:
                 f"the link to the {self._name} broke {MANY} messages within "
                 f"{t_s - times_s[0]:.1f} s, which are left out; check its cable, plugs and ground"
             )
-            return (make_note(t_s, text, is_fault=True),)
+            return (make_sensor_note(t_s, text, is_fault=True),)
         if self._is_noisy and t_s - times_s[-1] > WITHIN_S:
             self._is_noisy = False
             text = f"the link to the {self._name} broke no message for {WITHIN_S:g} s"
-            return (make_note(t_s, text, is_fault=False),)
+            return (make_sensor_note(t_s, text, is_fault=False),)
         return ()
-
-
-def make_note(t_s: float, text: str, *, is_fault: bool) -> OperatorEvent:
-    """Make the note of a fault of a sensor or its line, or that it is over."""
-    return OperatorEvent(
-        t_s=t_s, action="note", source=SENSOR_WATCH, text=text, value=float(is_fault)
-    )

@@ -12,14 +12,14 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from agribot.core.geo import yaw_from_compass_deg
-from agribot.core.messages import GnssFix, GnssHeading, GnssStatus
+from agribot.core.messages import GnssFix, GnssHeading, GnssStatus, make_sensor_note
 from agribot.core.platform import Sensor
 from agribot.core.stamp_clock import SampleQueue
 from agribot.drivers import gpsd, nmea, ubx
 from agribot.drivers.byte_streams import ByteStream, OpenStream, StreamReader
 from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.corrections import CorrectionLink
-from agribot.drivers.line_watch import LineWatch, make_note
+from agribot.drivers.line_watch import LineWatch
 from agribot.drivers.ntrip import Caster, CasterLogin
 from agribot.drivers.sky import Sky
 
@@ -273,7 +273,7 @@ class ReceiverSource:
         """Take headings and states of the receiver, and what happened to its corrections."""
         notes = [self._notes.popleft() for _ in range(len(self._notes))]
         more = self._link.take_more(t_s)
-        told = tuple(make_note(t_s, text, is_fault=not is_good) for text, is_good in notes)
+        told = tuple(make_sensor_note(t_s, text, is_fault=not is_good) for text, is_good in notes)
         return more | {"events": (*told, *more["events"])}
 
     def close(self) -> None:

@@ -14,10 +14,11 @@ import msgspec
 from agribot.core.errors import RecordingError
 from agribot.core.messages import (
     ALL_FINE,
-    SENSOR_WATCH,
     STOP,
     Check,
+    GateState,
     GateStatus,
+    MissionState,
     OperatorEvent,
     SensorVerdicts,
     TickRecord,
@@ -44,8 +45,8 @@ NAMED_BESIDE_M = 0.05  # a row that stands so far beside its line in the map is 
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
-class Event(msgspec.Struct, frozen=True, kw_only=True):
-    """One change.
+class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One change; `state` is the new one of the mission or the gate, where that changed.
 
     mission   the mission's state or its reason changed, or it refused something
     row       a crop row was begun or left, and how it went as the robot believes
@@ -65,6 +66,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     t_s: float
     kind: EventKind
     reason: str
+    state: MissionState | GateState | None = None
 
 
 class _RowStory:
@@ -131,7 +133,7 @@ class EventSieve:
         return self._found
 
     def _note_press(self, press: OperatorEvent) -> None:
-        if press.source == SENSOR_WATCH:
+        if press.action == "sensor":
             self._add(press.t_s, "fault" if press.value else "clear", press.text)
             return
         kind: EventKind = "mark" if press.action == "mark" else "operator"
@@ -176,7 +178,7 @@ class EventSieve:
         before, self._mission = self._mission, now
         if now[:2] != before[:2]:
             reason = f"{status.state}: {status.reason}" if status.reason else status.state
-            self._add(t_s, "mission", reason)
+            self._add(t_s, "mission", reason, status.state)
         for row in status.rows_unproven:
             if row not in self._unproven:
                 lack = "driven without evidence that it was this row"
@@ -210,7 +212,7 @@ class EventSieve:
         if gate.checks and gate.checks is not before.checks:
             self._add(t_s, "check", describe_checks(gate.checks))
         if gate.state != before.state:
-            self._add(t_s, "gate", f"{before.state} -> {gate.state}: {gate.reason}")
+            self._add(t_s, "gate", f"{before.state} -> {gate.state}: {gate.reason}", gate.state)
         told = _mask_numbers(gate.told)
         if told and told not in (_mask_numbers(before.told), _mask_numbers(said)):
             self._add(t_s, "fault", gate.told)
@@ -229,8 +231,14 @@ class EventSieve:
             elif now.state == "fine" != was.state:
                 self._add(t_s, "clear", f"{name} is fine again")
 
-    def _add(self, t_s: float, kind: EventKind, reason: str) -> None:
-        self._found.append(Event(t_s=t_s, kind=kind, reason=reason))
+    def _add(
+        self,
+        t_s: float,
+        kind: EventKind,
+        reason: str,
+        state: MissionState | GateState | None = None,
+    ) -> None:
+        self._found.append(Event(t_s=t_s, kind=kind, reason=reason, state=state))
 
 
 def describe_checks(checks: Sequence[Check]) -> str:

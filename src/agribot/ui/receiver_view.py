@@ -6,7 +6,6 @@ from urllib.parse import parse_qsl
 
 from agribot.core.config import RunConfig
 from agribot.core.messages import (
-    SENSOR_WATCH,
     GnssFix,
     GnssStatus,
     OperatorEvent,
@@ -53,7 +52,7 @@ class ReceiverView:
             self._use_ratio = _measure_use_ratio(self._status, status)
             self._status = status
         for event in batch.events:
-            if event.action == "note" and event.source == SENSOR_WATCH:
+            if event.action == "sensor":
                 self._hear(event)
 
     def show(self) -> wire.ReceiverState:

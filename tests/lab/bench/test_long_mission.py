@@ -11,6 +11,7 @@ import pytest
 
 from agribot.app.field_work import read_work
 from agribot.app.mission_file import read_mission
+from agribot.autonomy.plan.errand import CAME_TO_BE_CHARGED
 from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.description.loader import load_robot
@@ -113,7 +114,7 @@ def test_a_robot_that_comes_home_for_its_battery_is_charged_and_finishes(tmp_pat
     assert report.ok, report.reason
     assert len(parts) > 1
     asked = [needed.reason for needed in report.safety.interventions]
-    assert asked == ["cancelled: returned home, called by the battery"] * (len(parts) - 1)
+    assert asked == [f"cancelled: {CAME_TO_BE_CHARGED}"] * (len(parts) - 1)
 
 
 @pytest.mark.usefixtures("small_field")

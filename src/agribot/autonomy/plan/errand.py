@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from agribot.autonomy.plan.curves import Place, make_path
+from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.autonomy.plan.freeing import Trail
 from agribot.autonomy.plan.job import MissionJob
 from agribot.autonomy.plan.reach import check_reach
@@ -21,36 +22,32 @@ from agribot.core.messages import Estimate, MapPoint, Path
 from agribot.core.pose import Pose2
 
 STANDING_MPS = 0.02
-# Sources of errands that nobody asked for, and of those on which the robot goes back as it came.
-BATTERY, LOST, STUCK = "the battery", "the lost row", "the ground"
-AS_IT_CAME = (LOST, STUCK)
+# Shown as who asked for an errand for which no person did.
+BATTERY, LOST, STUCK, MISSION = "the battery", "the lost row", "the ground", "the mission"
+CAME_TO_BE_CHARGED = "returned home to be charged, called by the battery"
 CHECKING = "checks the plan"  # the leg while a field plan is judged
 STOPPING = "stops first"  # the leg until the robot stands and its errand is planned
 
 
 class Errand(NamedTuple):
-    """Where to, who asked for it, and how to plan it from where the robot stands."""
+    """What for, who asked for it, and how to plan it from where the robot stands.
 
-    to: Literal["home", "goal", "work", "back", "out", "free"]
-    source: str
+    `asked_by` is shown to people and decides nothing.
+    """
+
+    kind: ErrandKind
+    asked_by: str
     plan: Callable[[Estimate], Path]
     goal: tuple[float, ...] = ()
     place: MapPoint | None = None  # where it ends; None where it begins at the robot's own track
 
     @property
     def leg(self) -> str:
-        return {
-            "home": "way home", "goal": "to the goal", "work": "back to the work",
-            "back": "backs out to find its row", "out": "backs out of its row",
-            "free": "backs out to try again",
-        }[self.to]  # fmt: skip
+        return self.kind.leg
 
     @property
     def refusal(self) -> str:
-        return {
-            "home": "cannot return home", "goal": "goal refused", "work": "cannot go back to work",
-            "back": "cannot back out", "out": "cannot back out", "free": "cannot back out",
-        }[self.to]  # fmt: skip
+        return self.kind.refusal
 
     def plan_route(self, estimate: Estimate, config: MissionConfig) -> Route:
         """Plan it from here. Raises: MissionError: there is no way that may be driven."""
@@ -60,10 +57,17 @@ class Errand(NamedTuple):
 
 
 def save_errand(errand: Errand | None) -> SavedErrand | None:
-    return SavedErrand(to=errand.to, source=errand.source, goal=errand.goal) if errand else None
+    if errand is None:
+        return None
+    return SavedErrand(to=errand.kind, source=errand.asked_by, goal=errand.goal)
 
 
-def make_home_errand(task: Task, job: MissionJob | None, source: str) -> Errand:
+def make_home_errand(
+    task: Task,
+    job: MissionJob | None,
+    asked_by: str,
+    kind: Literal[ErrandKind.HOME, ErrandKind.CHARGE] = ErrandKind.HOME,
+) -> Errand:
     """Send the robot to where its job was planned.
 
     Raises: MissionError: nothing was planned yet, or a task that knows no ways.
@@ -73,10 +77,10 @@ def make_home_errand(task: Task, job: MissionJob | None, source: str) -> Errand:
     _check_ways(task)
     ahead = job.route.row_ahead if task.has_crop else job.route.path.xy_map_m[:0]
     home = job.planned_from
-    return Errand("home", source, lambda here: task.plan_home(here, home, ahead), (), home[:2])
+    return Errand(kind, asked_by, lambda here: task.plan_home(here, home, ahead), (), home[:2])
 
 
-def make_goal_errand(task: Task, source: str, numbers: tuple[float, ...]) -> Errand:
+def make_goal_errand(task: Task, asked_by: str, numbers: tuple[float, ...]) -> Errand:
     """Send the robot to x and y (m, map) and, where it matters, to look along a yaw (rad).
 
     Raises: MissionError: no place, or a task that knows no ways.
@@ -85,7 +89,9 @@ def make_goal_errand(task: Task, source: str, numbers: tuple[float, ...]) -> Err
         raise MissionError("a goal is two or three finite numbers: x and y (m, map), yaw (rad)")
     goal: Place = (numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else None)
     _check_ways(task)
-    return Errand("goal", source, lambda here: task.plan_to(here, goal), numbers, goal[:2])
+    return Errand(
+        ErrandKind.GOAL, asked_by, lambda here: task.plan_to(here, goal), numbers, goal[:2]
+    )
 
 
 def make_work_errand(task: Task, job: MissionJob | None) -> Errand:
@@ -97,19 +103,25 @@ def make_work_errand(task: Task, job: MissionJob | None) -> Errand:
         raise MissionError("nothing was planned yet")
     _check_ways(task)
     place = job.place_to_go_on
-    return Errand("work", "the mission", lambda here: task.plan_back(here, place), (), place[:2])
+    return Errand(
+        ErrandKind.WORK, MISSION, lambda here: task.plan_back(here, place), (), place[:2]
+    )
 
 
-def make_back_errand(job: MissionJob, to: Literal["back", "out"], s_m: float) -> Errand:
+def make_back_errand(
+    job: MissionJob, kind: Literal[ErrandKind.BACK, ErrandKind.OUT], s_m: float
+) -> Errand:
     """Let the robot back out of its row to a distance along its route, straight as it came."""
     return Errand(
-        to, LOST, lambda here: _plan_back_out(job.route, take_pose(here)[:2], s_m), (s_m,)
+        kind, LOST, lambda here: _plan_back_out(job.route, take_pose(here)[:2], s_m), (s_m,)
     )
 
 
 def make_free_errand(trail: Trail, back_m: float) -> Errand:
     """Let the robot back out of a place where it is stuck, on the bend on which it came."""
-    return Errand("free", STUCK, lambda here: trail.plan_back(Pose2(*take_pose(here)), back_m))
+    return Errand(
+        ErrandKind.FREE, STUCK, lambda here: trail.plan_back(Pose2(*take_pose(here)), back_m)
+    )
 
 
 def _plan_back_out(route: Route, place: MapPoint, s_m: float) -> Path:
@@ -137,11 +149,13 @@ def restore_errand(saved: SavedErrand, task: Task, job: MissionJob | None) -> Er
 
     Raises: MissionError: as those that make it.
     """
-    if saved.to == "home":
-        return make_home_errand(task, job, saved.source)
-    if saved.to in ("work", "back", "out", "free"):
-        return make_work_errand(task, job)
-    return make_goal_errand(task, saved.source, saved.goal)
+    match saved.to:
+        case ErrandKind.HOME | ErrandKind.CHARGE as kind:
+            return make_home_errand(task, job, saved.source, kind)
+        case ErrandKind.GOAL:
+            return make_goal_errand(task, saved.source, saved.goal)
+        case _:
+            return make_work_errand(task, job)
 
 
 def _check_ways(task: Task) -> None:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from functools import partial
+from typing import Literal
 
 import msgspec
 
 from agribot.autonomy.plan.answers import MEANWHILE, Answers
 from agribot.autonomy.plan.errand import (
-    AS_IT_CAME,
     BATTERY,
+    CAME_TO_BE_CHARGED,
     CHECKING,
-    LOST,
     STANDING_MPS,
-    STUCK,
     Errand,
     make_back_errand,
     make_free_errand,
@@ -25,6 +24,7 @@ from agribot.autonomy.plan.errand import (
     restore_errand,
     save_errand,
 )
+from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.autonomy.plan.freeing import Freeing
 from agribot.autonomy.plan.job import Ending, MissionJob
 from agribot.autonomy.plan.job_start import list_rows, plan_job, save_unbegun
@@ -172,7 +172,7 @@ class Mission:
             return
         self._is_heeded = True
         self._refusal = ""
-        self._turn_home(BATTERY)
+        self._turn_home(BATTERY, ErrandKind.CHARGE)
         if self._refusal:
             self._pause(f"{warning}; {self._refusal}", by_itself=True)
 
@@ -198,7 +198,7 @@ class Mission:
         state, tries = self._state, self._config.free_tries
         if isinstance(state, Driving):
             return self._freeing.may_try(tries)
-        if not isinstance(state, OnErrand | Stopping) or state.errand.source != STUCK:
+        if not (isinstance(state, OnErrand | Stopping) and state.errand.kind is ErrandKind.FREE):
             return False
         return isinstance(state, Stopping) or self._freeing.has_tries(tries)
 
@@ -277,7 +277,7 @@ class Mission:
             Do.SKIP_ROW: lambda event: self._skip_row(),
             Do.NUDGE_LEFT: lambda event: self._nudge(NUDGE_M),
             Do.NUDGE_RIGHT: lambda event: self._nudge(-NUDGE_M),
-            Do.TURN_HOME: lambda event: self._turn_home(event.source),
+            Do.TURN_HOME: lambda event: self._turn_home(event.source, ErrandKind.HOME),
             Do.TURN_TO_GOAL: self._turn_to_goal,
             Do.TAKE_PLAN: self._take_plan,
             Do.TAKE_VISIT: self._take_visit,
@@ -376,16 +376,16 @@ class Mission:
         self._is_resumed = True
         self._run_on(Waiting())
 
-    def _turn_home(self, source: str) -> str:
+    def _turn_home(self, asked_by: str, kind: Literal[ErrandKind.HOME, ErrandKind.CHARGE]) -> str:
         state = self._state
         errand = state.errand if isinstance(state, OnErrand | Stopping) else None
-        if errand is not None and errand.to == "home":
+        if errand is not None and errand.kind.leads_home:
             return ""
         try:
-            errand = make_home_errand(self._task, self._job, source)
+            errand = make_home_errand(self._task, self._job, asked_by, kind)
         except MissionError as error:
             return self._refuse(f"cannot return home: {error}")
-        self._stop_for(errand, f"stops to return home, as {source} wants")
+        self._stop_for(errand, f"stops to return home, as {asked_by} wants")
         return ""
 
     def _turn_to_goal(self, event: OperatorEvent) -> str:
@@ -536,9 +536,9 @@ class Mission:
 
         def stay(error: MissionError) -> None:
             why = f"{errand.refusal}: {error}"
-            if errand.source == STUCK:
+            if errand.kind is ErrandKind.FREE:
                 self._pause(f"{state.reason}; {why}", by_itself=True)
-            elif errand.source in (BATTERY, LOST):
+            elif errand.kind is ErrandKind.CHARGE or errand.kind.leaves_row:
                 # nobody asked for it, and may not be there to resume
                 both = "; ".join(filter(None, (self._warning, why)))
                 self._pause(both, by_itself=True)
@@ -547,7 +547,7 @@ class Mission:
             self._answers.settle_errand(self._refuse(why))
 
         latency_s = self._task.errand_planning_s
-        if errand.source == STUCK:
+        if errand.kind is ErrandKind.FREE:
             latency_s = max(latency_s, CALM_S)
         work = partial(errand.plan_route, estimate, self._config)
         self._desk.ask(estimate.t_s, work, latency_s, leave, stay)
@@ -612,7 +612,7 @@ class Mission:
             return ""
         reason = ""
         has_crop = self._task.has_crop
-        if isinstance(state, OnErrand) and state.errand.source in AS_IT_CAME:
+        if isinstance(state, OnErrand) and state.errand.kind.is_as_it_came:
             return ""  # as it came, slowly: backwards
         if isinstance(state, Driving) and route.is_beside_row and has_crop:
             reason = self._watch.check_row(route, estimate, self._config)
@@ -626,25 +626,25 @@ class Mission:
     def _arrive(self, state: Driving | OnErrand, t_s: float) -> None:
         if isinstance(state, Driving):
             self._end(*state.job.finish(t_s))
-        elif state.errand.to == "home":
-            called = f"returned home, called by {state.errand.source}"
-            ended = self._ended or Ended("cancelled", called)
+        elif state.errand.kind.leads_home:
+            ended = self._ended or Ended("cancelled", _describe_return(state.errand))
             self._end(ended.ending, ended.reason)
-        elif state.errand.source == STUCK:
+        elif state.errand.kind is ErrandKind.FREE:
             self._try_again(state)
-        elif state.errand.source == LOST and self._job is not None:
-            self._job.go_back(*state.errand.goal, leaves_out=state.errand.to == "out")
+        elif state.errand.kind.leaves_row and self._job is not None:
+            leaves_out = state.errand.kind is ErrandKind.OUT
+            self._job.go_back(*state.errand.goal, leaves_out=leaves_out)
             self._is_away = False
             self._watch.restart()
             self._state = Driving(self._job)
-        elif state.errand.to == "work" and self._job is not None:
+        elif state.errand.kind is ErrandKind.WORK and self._job is not None:
             self._job.go_on()
             self._is_away = False
             self._watch.restart_headway()
             self._state = Driving(self._job)
         else:
-            source = state.errand.source
-            self._stand(f"at the goal of {source}; resume goes on with the mission", away=None)
+            by = state.errand.asked_by
+            self._stand(f"at the goal of {by}; resume goes on with the mission", away=None)
 
     def _run_on(self, state: Waiting | Driving | OnErrand) -> None:
         self._drop()
@@ -681,3 +681,9 @@ class Mission:
         if self._desk.is_checking:
             self._answers.settle_check(self._refuse(f"plan refused: {MEANWHILE}"))
         self._desk.drop()
+
+
+def _describe_return(errand: Errand) -> str:
+    if errand.kind is ErrandKind.CHARGE:
+        return CAME_TO_BE_CHARGED
+    return f"returned home, called by {errand.asked_by}"

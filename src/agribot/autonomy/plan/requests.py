@@ -144,6 +144,7 @@ TABLE: Mapping[OperatorAction, Mapping[Column, Reaction]] = {
     "set": {**_always(Do.SET), "ended": Ignore("it drives nowhere any more")},
     "pose_estimate": _always(Ignore("the estimate takes it")),
     "note": _always(_RECORDED),
+    "sensor": _always(_RECORDED),
     "mark": _always(_RECORDED),
     "start_recording": _always(_RECORDED),
     "stop_recording": _always(_RECORDED),

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import Literal, NamedTuple
 
+from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.autonomy.plan.route import Route
 from agribot.core.messages import Estimate, GnssQuality
 
@@ -22,7 +23,7 @@ ASIDE_M = 0.15
 # So many rows in a row are left out; then something else is wrong than a row.
 MOST_LEFT_OUT = 2
 
-Way = Literal["back", "out"]
+Way = Literal[ErrandKind.BACK, ErrandKind.OUT]
 
 
 class Rung(NamedTuple):
@@ -99,13 +100,13 @@ class RowRecovery:
         before_m = float(route.path.s_m[route.before_row])
         if self._tries[row] == 1:
             to_m = before_m if is_aside else max(before_m, min(self._sure_s_m, here_m) - SURE_M)
-            return ("back", to_m) if here_m - to_m <= MAX_BACK_M else None
+            return (ErrandKind.BACK, to_m) if here_m - to_m <= MAX_BACK_M else None
         # Bare ground from the first metre on may be no row at all: then the count of rows is off.
         may_leave_out = is_told and self._may_leave_out(row)
         if self._tries[row] > 2 or here_m - before_m > MAX_BACK_M or not may_leave_out:
             return None
         self._left_out.append(row)
-        return "out", before_m
+        return ErrandKind.OUT, before_m
 
     def _may_leave_out(self, row: int) -> bool:
         """Not the last of too many one after the other."""

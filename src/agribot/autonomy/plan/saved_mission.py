@@ -5,11 +5,11 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
-from typing import Literal
 
 import msgspec
 
 from agribot.autonomy.plan.covered import WorkedStretch
+from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.core.errors import MissionError
 from agribot.core.messages import Estimate, MissionState, Path
@@ -21,7 +21,7 @@ LENGTH_TOLERANCE_M = 0.01
 class SavedErrand(msgspec.Struct, frozen=True, kw_only=True):
     """A drive beside the work that was under way; `goal` is that of a place, as it was asked."""
 
-    to: Literal["home", "goal", "work", "back", "out", "free"]
+    to: ErrandKind
     source: str
     goal: tuple[float, ...] = ()
 

@@ -35,6 +35,7 @@ from agribot.core.messages.operator import (
     Inbox,
     OperatorAction,
     OperatorEvent,
+    make_sensor_note,
 )
 from agribot.core.messages.seen import (
     CropCover,
@@ -77,5 +78,5 @@ __all__ = [
     "MissionState", "MissionStatus", "OperatorAction", "OperatorEvent", "OtherSample", "Path",
     "PlantClass", "RequestAnswer", "RobotCommand", "Row", "RowLine", "SafetyInput", "Satellite",
     "Scene", "SensorBatch", "SensorState", "SensorVerdict", "SensorVerdicts", "TickRecord",
-    "Tracking", "Vec3", "WeedScores", "WheelSample",
+    "Tracking", "Vec3", "WeedScores", "WheelSample", "make_sensor_note",
 ]  # fmt: skip

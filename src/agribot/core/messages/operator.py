@@ -11,6 +11,8 @@ T = TypeVar("T")
 
 # "start" begins a mission that has ended once more; one that is paused it resumes.
 # A note changes nothing: it is what a person or a page wants to have in the recording.
+# "sensor" is sent by nobody: what watches a sensor says in `text` that it is at fault (`value` 1),
+# or fine again (0).
 # "set" changes one of LIVE_SETTINGS, named in `text`, to `value`.
 # "pose_estimate" gives a standing robot its pose in `numbers`: x and y (m, map), yaw (rad),
 # and 1 sigma of the place (m) and of the yaw (rad).
@@ -22,11 +24,11 @@ T = TypeVar("T")
 OperatorAction = Literal[
     "start", "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note",
     "set", "pose_estimate", "goto", "visit", "plan", "mark", "start_recording", "stop_recording",
-    "nudge_left", "nudge_right",
+    "nudge_left", "nudge_right", "sensor",
 ]  # fmt: skip
 LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 
-SENSOR_WATCH = "sensors"  # source of the notes on silent sensors
+SENSOR_WATCH = "sensors"  # shown as the source of the notes on sensors
 INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but never a stop
 
 
@@ -43,6 +45,12 @@ class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
     value: float = 0.0
     numbers: tuple[float, ...] = ()
     id: str = ""
+
+
+def make_sensor_note(t_s: float, text: str, *, is_fault: bool) -> OperatorEvent:
+    """Make the note of a fault of a sensor or its line, or that it is over."""
+    value = float(is_fault)
+    return OperatorEvent(t_s=t_s, action="sensor", source=SENSOR_WATCH, text=text, value=value)
 
 
 class HandDrive(msgspec.Struct, frozen=True, kw_only=True):

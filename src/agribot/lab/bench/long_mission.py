@@ -18,7 +18,7 @@ from agribot.app.workers import Stop
 from agribot.autonomy.plan.coverage.area import FieldArea, PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.drive import MAX_LENGTH_M
 from agribot.autonomy.plan.coverage.planner import plan_field
-from agribot.autonomy.plan.errand import BATTERY
+from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.autonomy.plan.plan_certificate import certify_plan
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.core.config import load
@@ -139,7 +139,7 @@ def _read_last(out_dir: Path) -> SavedMission | None:
 
 
 def _is_home_to_be_charged(saved: SavedMission) -> bool:
-    came_home = saved.errand is not None and saved.errand.source == BATTERY
+    came_home = saved.errand is not None and saved.errand.to is ErrandKind.CHARGE
     return came_home and saved.state == "cancelled"
 
 

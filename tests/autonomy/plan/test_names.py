@@ -1,0 +1,61 @@
+"""Who asks for something is shown to people, and decides nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agribot.autonomy.plan.errand import BATTERY, LOST, MISSION, STUCK, restore_errand, save_errand
+from agribot.autonomy.plan.errand_kind import ErrandKind
+from agribot.core.messages import SENSOR_WATCH, Goal, OperatorAction, OperatorEvent
+from tests.autonomy.plan.planting import point_at
+from tests.autonomy.plan.test_mission_errands import HEADLAND, Drive
+
+# What the program itself shows as who asked, the kinds of errands, and what names hide in texts.
+NAMES = (
+    BATTERY, LOST, STUCK, MISSION, SENSOR_WATCH, *ErrandKind, "operator", "start-up", "session",
+    "", " ", "stopped", "Ada; resume goes on", "\N{FLEXED BICEPS}", "0.5 m",
+)  # fmt: skip
+
+
+def follow(action: OperatorAction, name: str, *numbers: float) -> list[Goal]:
+    """Ask for something in a row: what the mission does until the robot stands again."""
+    drive = Drive()
+    where = drive.into_row(1)
+    event = OperatorEvent(t_s=0.0, action=action, source=name, numbers=numbers)
+    goals = [drive.ask(*where, event)]
+    path = drive.mission.path
+    assert path is not None
+    for s_m in np.arange(0.0, float(path.s_m[-1]) + 0.04, 0.02):
+        if goals[-1].status.state != "running":
+            break
+        goals.append(drive.be_at(*point_at(path, float(s_m))))
+    return goals
+
+
+def describe(goals: list[Goal]) -> list[tuple[object, ...]]:
+    return [(g.status.state, g.status.leg, g.max_speed_mps, g.frees_itself, g.s_m) for g in goals]
+
+
+@pytest.mark.parametrize("action", ["goto", "return_home", "pause", "cancel", "stop"])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_request_by_any_name_ends_as_one_by_ada(action: OperatorAction, name: str) -> None:
+    numbers = HEADLAND if action == "goto" else ()
+    asked, by_ada = follow(action, name, *numbers), follow(action, "Ada", *numbers)
+    assert describe(asked) == describe(by_ada)
+    assert asked[-1].status.reason == by_ada[-1].status.reason.replace("Ada", name)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_goal_of_any_name_is_kept_as_a_goal_by_a_run_that_is_cut_off(name: str) -> None:
+    drive = Drive()
+    drive.ask(
+        *drive.into_row(1),
+        OperatorEvent(t_s=0.0, action="goto", source=name, numbers=HEADLAND),
+    )
+    saved = drive.mission.snapshot()
+    assert saved is not None
+    assert saved.errand is not None
+    assert (saved.errand.to, saved.errand.source) == (ErrandKind.GOAL, name)
+    again = restore_errand(saved.errand, drive.mission.task, None)
+    assert save_errand(again) == saved.errand
