@@ -23,6 +23,7 @@ from agribot.autonomy.control.fence import measure_growth_m
 from agribot.autonomy.perception_host import PerceptionMeter
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.autonomy.plan.rows import list_row_ends
+from agribot.autonomy.plan.speed import find_most_mps, warn_of_speeds
 from agribot.autonomy.plan.task import Task
 from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap
@@ -160,7 +161,8 @@ class Run:
     def warnings(self) -> tuple[str, ...]:
         """What is odd about the robot or earlier runs, but does not keep it from driving."""
         lost = (f"of the job's earlier runs is lost: {what}" for what in self.job.lacks)
-        return (*self.robot.warnings, *lost)
+        most_mps = find_most_mps(self.config.safety, self.robot.drive)
+        return (*self.robot.warnings, *lost, *warn_of_speeds(self.config.mission, most_mps))
 
     def take_sensors(self, sources: Sequence[SensorSource]) -> None:
         """Let sensors from elsewhere stand in for the platform's own; before the first tick."""

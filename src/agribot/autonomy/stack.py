@@ -26,6 +26,7 @@ from agribot.autonomy.perception_host import (
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.autonomy.plan.speed import find_most_mps
 from agribot.autonomy.plan.task import NewTasks, Task
 from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.autonomy.weeds.map import WeedMap
@@ -167,12 +168,12 @@ def build(
 
     if perception is None:
         perception = perceiving(config, robot, show_mask)
-    localizer = _localize(config, robot, task, plants)
+    most_mps = find_most_mps(config.safety, robot.drive)
     return Stack(
-        localizer=localizer,
+        localizer=_localize(config, robot, task, plants),
         perception=perception,
         weed_map=WeedMap(config.weeds),
-        mission=Mission(task, config.mission, saved, new_tasks, planning, latch),
+        mission=Mission(task, config.mission, saved, new_tasks, planning, latch, most_mps),
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
         treatment=Treatment(config.treatment, robot.implement, zones),

@@ -170,6 +170,22 @@ def test_limits_slow_the_robot_along_the_same_curve() -> None:
     assert "speed 0.80 m/s limited to 0.50 m/s" in reason
 
 
+@pytest.mark.parametrize(
+    "drive",
+    [DriveCommand(v_mps=0.5001), DriveCommand(v_mps=-0.504), DriveCommand(yaw_rate_radps=0.3001)],
+)
+def test_what_is_over_a_limit_by_less_than_is_shown_is_limited_without_a_word(
+    drive: DriveCommand,
+) -> None:
+    gate = Gate(SafetyConfig(max_speed_mps=0.5, max_yaw_rate_radps=0.3))
+    for _ in range(100):
+        sent, reason = gate.send(drive)
+        assert reason == ""
+        assert gate.supervisor.gate.state == "driving"
+    assert abs(sent.drive.v_mps) <= 0.5
+    assert abs(sent.drive.yaw_rate_radps) <= 0.3
+
+
 @pytest.mark.parametrize(("sensor", "name"), [("wheels", "wheel encoders"), ("imu", "IMU")])
 def test_a_sensor_that_falls_silent_stops_the_robot_until_a_person_clears_it(
     sensor: str, name: str

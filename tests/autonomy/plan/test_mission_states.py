@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
 from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.mission import SETTLE_S, Mission
 from agribot.autonomy.plan.rows import lay_rows
+from agribot.autonomy.plan.speed import warn_of_speeds
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
@@ -47,6 +49,28 @@ class Ride:
             x_m, y_m = self.place(float(s_m))
             goals.append(self.be_at(x_m + beside_m, y_m))
         return goals
+
+
+def test_a_mission_plans_and_takes_no_speed_that_the_robot_may_not_drive() -> None:
+    eager = msgspec.structs.replace(MISSION, speed_mps=1.5, turn_speed_mps=0.9)
+    path = plan_rows(ROWS, FARM_START, rover(), MISSION)
+    ride = Ride(Mission(PaperTask(lambda _: path, ROWS), eager, most_mps=0.8))
+    ride.settle()
+    speeds = [goal.max_speed_mps for goal in ride.along(0.0, 3.0)]
+    assert max(speeds) == 0.8
+    faster = OperatorEvent(t_s=0.0, action="set", text="mission.speed_mps", value=0.81, id="a")
+    goal = ride.mission.step(at(*ride.place(3.0), ride.t_s + 0.02), [faster])
+    (answer,) = goal.status.answers
+    assert "speed not set: 0.81 m/s is more than the 0.80 m/s" in answer.refusal
+    assert ride.mission.speed_mps == 0.8
+
+
+def test_a_speed_that_the_robot_may_not_drive_is_a_warning() -> None:
+    eager = msgspec.structs.replace(MISSION, speed_mps=1.5, turn_speed_mps=0.3)
+    (warning,) = warn_of_speeds(eager, 0.8)
+    assert warning.startswith("mission.speed_mps: 1.5 m/s is more than this robot may drive")
+    assert "drives 0.8 m/s" in warning
+    assert warn_of_speeds(eager, 1.5) == ()
 
 
 @pytest.fixture(scope="module")

@@ -38,6 +38,7 @@ from agribot.core.messages import (
 )  # fmt: skip
 from agribot.core.robot import RobotSpec
 
+SHOWN_EXCESS = 0.01  # m/s or rad/s over a limit, the least for which two decimals differ
 PAUSE_BRAKE_RATIO = 0.5  # of the drive's acceleration, the least braking that a pause must show
 
 
@@ -258,19 +259,24 @@ class Supervisor:
         return f"the bumper touches something {where}; only straight away from it by hand"
 
     def _limit(self, drive: DriveCommand) -> tuple[DriveCommand, str]:
-        """Slower along the same curve when a limit is passed."""
+        """Slower along the same curve when a limit is passed.
+
+        The reason is empty where the difference is too small to be shown.
+        """
         speed_mps, yaw_rate_radps = abs(drive.v_mps), abs(drive.yaw_rate_radps)
         ratio, reason = 1.0, ""
         if speed_mps > self._max_speed_mps:
             ratio = self._max_speed_mps / speed_mps
-            reason = f"speed {speed_mps:.2f} m/s limited to {self._max_speed_mps:.2f} m/s"
+            if speed_mps - self._max_speed_mps >= SHOWN_EXCESS:
+                reason = f"speed {speed_mps:.2f} m/s limited to {self._max_speed_mps:.2f} m/s"
         if yaw_rate_radps * ratio > self._max_yaw_rate_radps:
             ratio = self._max_yaw_rate_radps / yaw_rate_radps
-            reason = (
-                f"yaw rate {yaw_rate_radps:.2f} rad/s limited to "
-                f"{self._max_yaw_rate_radps:.2f} rad/s"
-            )
-        if not reason:
+            if yaw_rate_radps - self._max_yaw_rate_radps >= SHOWN_EXCESS:
+                reason = (
+                    f"yaw rate {yaw_rate_radps:.2f} rad/s limited to "
+                    f"{self._max_yaw_rate_radps:.2f} rad/s"
+                )
+        if ratio == 1.0:
             return drive, ""
         slower = DriveCommand(
             v_mps=clamp(drive.v_mps * ratio, -self._max_speed_mps, self._max_speed_mps),

@@ -34,6 +34,7 @@ from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.autonomy.plan.row_recovery import RowRecovery
 from agribot.autonomy.plan.saved_mission import SavedMission, check_not_carried_away
+from agribot.autonomy.plan.speed import limit_speeds
 from agribot.autonomy.plan.states import (
     Driving,
     Ended,
@@ -78,6 +79,7 @@ class Mission:
         new_tasks: NewTasks | None = None,
         planning: PlanningHost | None = None,
         latch: Latch | None = None,
+        most_mps: float = math.inf,
     ) -> None:
         """Begin anew, or go on where `saved`, a mission that was cut off, was.
 
@@ -85,11 +87,12 @@ class Mission:
         is shared with whatever else may stop the robot.
 
         `new_tasks` makes the tasks that an operator or a program sends under way. `planning`
-        works out long ways beside the loop; without it, they are worked out at once.
+        works out long ways beside the loop; without it, they are worked out at once. No way is
+        planned faster than `most_mps`.
         """
         if saved is not None and saved.visit_name and new_tasks is not None:
             task = new_tasks.visit(saved.visit, saved.visit_name, task.bounds)
-        self._task, self._config = task, config
+        self._task, self._config, self._most_mps = task, limit_speeds(config, most_mps), most_mps
         self._job: MissionJob | None = None  # None until its route is planned
         self._begun = saved if saved is not None and saved.planned_from is not None else None
         self._saved = saved
@@ -447,15 +450,21 @@ class Mission:
         self._task, self._job, self._begun = task, None, None
         self._ended, self._is_away = None, False
 
-    def _set(self, event: OperatorEvent) -> None:
+    def _set(self, event: OperatorEvent) -> str:
         """Take a new speed: it counts at once, also for the time that is left."""
         if event.text != "mission.speed_mps":
-            return
+            return ""
+        if event.value > self._most_mps:
+            return self._refuse(
+                f"speed not set: {event.value:.2f} m/s is more than the {self._most_mps:.2f} m/s "
+                "that this robot may drive"
+            )
         self._config = msgspec.structs.replace(self._config, speed_mps=event.value)
         if self._job:
             self._job.change_speed(self._config)
         if away := find_away(self._state):
             away.route.change_speed(self._config)
+        return ""
 
     def _take_up(self, saved: SavedMission | None) -> None:
         """Stand as the mission that was cut off stood, or until there is a goal."""

@@ -4,18 +4,45 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 
 from agribot.core.arithmetic import view_floats
-from agribot.core.config import MissionConfig
+from agribot.core.config import MissionConfig, SafetyConfig
 from agribot.core.geo import is_backwards
 from agribot.core.messages import Path
+from agribot.core.robot import DriveSpec
 
 TURN_YAW_RATE_RADPS = 0.6  # keeps the inner wheels of a tight turn rolling forwards
 RAMP_MPS2 = 0.3  # gentle for the soil, and far below what the drive can brake
 CREEP_MPS = 0.05  # the end of the path must be reached, not approached for ever
 MAX_ROW_CURVATURE_RADPM = 0.25  # what bends more is a turn
 _SETTLED_BEFORE_M = 0.1  # the drive lags: be slow already where the turn begins
+
+
+def find_most_mps(safety: SafetyConfig, drive: DriveSpec) -> float:
+    """Find the speed beyond which the supervisor slows a command down."""
+    return min(safety.max_speed_mps, drive.max_speed_mps)
+
+
+def limit_speeds(config: MissionConfig, most_mps: float) -> MissionConfig:
+    """Keep the speeds of a mission within what the robot may drive."""
+    return msgspec.structs.replace(
+        config,
+        speed_mps=min(config.speed_mps, most_mps),
+        turn_speed_mps=min(config.turn_speed_mps, most_mps),
+    )
+
+
+def warn_of_speeds(config: MissionConfig, most_mps: float) -> tuple[str, ...]:
+    """Say which speeds of a mission are more than the robot may drive."""
+    asked = {"speed_mps": config.speed_mps, "turn_speed_mps": config.turn_speed_mps}
+    return tuple(
+        f"mission.{name}: {speed_mps:g} m/s is more than this robot may drive, so it drives "
+        f"{most_mps:g} m/s; set less, or raise safety.max_speed_mps or the drive's max_speed_mps"
+        for name, speed_mps in asked.items()
+        if speed_mps > most_mps
+    )
 
 
 def time_left_s(path: Path, speed_mps: Sequence[float]) -> Sequence[float]:
