@@ -214,6 +214,15 @@ def test_pushing_below_three_tenths_of_a_metre_per_second_is_no_runaway(
     assert wait_for_runaway(bench, 3.0) is None
 
 
+def test_an_encoder_that_rocks_between_two_counts_at_rest_is_no_runaway() -> None:
+    bench = Bench()
+    count_rad = 0.07  # of a motor with Hall sensors
+    for tick in range(200):
+        bench.wheels = turning(0.0)
+        bench._angles[2] = count_rad * (tick // 6 % 2)
+        assert wait_for_runaway(bench, TICK_S) is None
+
+
 @at_rates
 def test_a_robot_that_was_pushed_away_may_spring_back_for_a_moment(rate_hz: float) -> None:
     bench = Bench(turning(PUSH_RADPS), rate_hz)

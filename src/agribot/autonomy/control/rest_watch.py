@@ -25,6 +25,7 @@ class RestWatch:
         self._fast_radps = PUSHED_MPS / drive.wheel_radius_m
         self._working_nm = 4.0 * WORKING_RATIO * drive.wheel_torque_nm
         self._fast_s = self._driving_s = self._alone_s = 0.0
+        self._alone: tuple[int, bool] | None = None  # which wheel, and whether forwards
         self._has_rested = True
 
     def restart(self) -> None:
@@ -39,12 +40,13 @@ class RestWatch:
         self._has_rested = self._has_rested or not is_turning
         if not self._has_rested:
             return False
-        is_alone = is_turning and paces_radps[2] < STANDING_RADPS
         is_driving = is_turning and self._find_torque_nm(speeds_radps, efforts_nm) > 0.0
         is_fast = paces_radps[3] > self._fast_radps
         self._fast_s = self._fast_s + elapsed_s if is_fast else 0.0
         self._driving_s = self._driving_s + elapsed_s if is_driving else 0.0
-        self._alone_s = self._alone_s + elapsed_s if is_alone else 0.0
+        alone, before = _find_alone(speeds_radps), self._alone
+        self._alone_s = self._alone_s + elapsed_s if alone and alone == before else 0.0
+        self._alone = alone
         return (
             self._fast_s > FAST_LASTING_S
             or self._driving_s > DRIVING_LASTING_S
@@ -60,3 +62,14 @@ class RestWatch:
             for speed, effort in zip(speeds_radps, efforts_nm, strict=True)
         )
         return along_nm - self._working_nm
+
+
+def _find_alone(speeds_radps: Four) -> tuple[int, bool] | None:
+    """Find the one wheel that turns while the others stand, and whether it turns forwards.
+
+    An encoder that rocks between two counts turns to and fro, and none of its ways lasts.
+    """
+    turning = [k for k, speed in enumerate(speeds_radps) if abs(speed) >= STANDING_RADPS]
+    if len(turning) != 1 or abs(speeds_radps[turning[0]]) <= TURNING_RADPS:
+        return None
+    return turning[0], speeds_radps[turning[0]] > 0.0
