@@ -68,8 +68,10 @@ agribot bench faults --fault-free 500                # drives in which nothing g
 
 """
 COLUMNS = (
-    ("detected, named", "the share of the injected faults of which the robot noticed something, or "
-     "named the part"),
+    ("detected", "the share of the injected faults of which the robot noticed something"),
+    ("named", "the share of which a reason named the part at fault and no part that is well"),
+    ("one of two", "the share of which reasons named the part only beside another, as in "
+     "`camera and GNSS disagree` or `GNSS jumped ..., or the robot was carried`"),
     ("harmless", "the share that nobody noticed and nothing came of: across the row never farther "
      "off than twice what 95 % of the ticks of the same drives without a fault are, or than the "
      "worst of them; nothing crushed, and no farther outside"),
@@ -81,8 +83,14 @@ COLUMNS = (
     ("outside", "how far any place of the robot, implement included, got out of the field"),
 )  # fmt: skip
 END = """
-In `--json`, `detected_ratio` and `named_ratio` are of all injected faults, `harmful_detected_ratio`
-and `harmful_named_ratio` leave out the harmless. `crushed_after_detectable` counts the plants that
+Each fault belongs to a part, some to two (a motor at fault shows in its wheel). A reason is reduced
+to what it speaks of: state and reporter in front of it, advice, and what the subject is compared
+with (`against`, `while`, `though`, `instead of`) are left out. What is left names parts by a table
+(`agribot.app.named_parts`), and those are compared with the part of the fault.
+
+In `--json`, `detected_ratio`, `named_ratio` and `one_of_two_ratio` are of all injected faults,
+`harmful_detected_ratio`, `harmful_named_ratio` and `harmful_one_of_two_ratio` leave out the
+harmless. `crushed_after_detectable` counts the plants that
 were crushed after the robot had noticed, or could have: 3 s after the begin (a drift of the
 receiver 10 s, an empty battery and a pole in the way 5 s), but for a creeping receiver and a weak
 motor, of which nothing on board tells. What lies where hands set the robot down does not count.

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import pytest
 
 from agribot.app.fault_verdict import judge_crushes, judge_faults
+from agribot.app.named_parts import read_parts
+from agribot.core.messages import MissionState
 from agribot.record.events import Event, EventKind
 from agribot.record.report import FaultReport
 from agribot.sim.safety_judge import Crush
@@ -13,7 +17,10 @@ JUMP = "gnss.jump=2@30"
 
 
 def event(t_s: float, kind: EventKind, reason: str) -> Event:
-    return Event(t_s=t_s, kind=kind, reason=reason)
+    """As the log of a run has it: an event of the mission has its state."""
+    states = get_args(MissionState) if kind == "mission" else ()
+    state = next((each for each in states if reason.partition(":")[0] == each), None)
+    return Event(t_s=t_s, kind=kind, reason=reason, state=state)
 
 
 BEGINS = event(30.0, "injected", f"{JUMP} begins")
@@ -64,6 +71,60 @@ def test_each_kind_of_event_is_a_reaction_of_its_own(
     found = judged(BEGINS, event(33.0, kind, reason))
     assert (found.reaction, found.is_named) == (reaction, is_named)
     assert found.detected_s == (None if reaction == "none" else 33.0)
+
+
+@pytest.mark.parametrize(
+    ("reason", "parts"),
+    [
+        ("paused: GNSS crept by 0.30 m in 5 s against its own velocity, wheels and gyro", {"gnss"}),
+        ("GNSS repeats its position while the wheels turned 0.3 m; check the cable", {"gnss"}),
+        ("GNSS contradicts the odometry: 5 fixes rejected in a row", {"gnss"}),
+        ("paused: camera and GNSS disagree by 0.40 m; look at both", {"camera", "gnss"}),
+        ("paused: GNSS jumped by 0.40 m against wheels and gyro, or the robot was carried",
+         {"gnss", "robot"}),
+        ("paused: position jumped by 0.40 m", set()),
+        ("driving -> stopped: left rear motor reports a fault; check it", {"motors"}),
+        ("left front wheel does not turn: 0.0 rad/s instead of 4.3; check motor, gear", {"wheels"}),
+        ("motor board: all wheels turn against the motor, as with A and B swapped", {"wheels"}),
+        ("motor board: it hung, and its watchdog reset it", {"motors"}),
+        ("the gyro says +0.28 rad/s, the wheels -0.04 rad/s; check the gyro", {"imu", "wheels"}),
+        ("the compass turned by +35 deg that neither gyro nor wheels know of", {"compass"}),
+        ("the camera's row line moved by 0.21 m though neither wheels nor gyro know of it",
+         {"camera"}),
+        ("wheels slip: they turn for 0.33 m/s, GNSS shows -0.00", {"ground"}),
+        ("no position: GNSS silent for 3.02 s > 3.00 s, dead reckoning with 0.31 m", {"gnss"}),
+        ("failed: no position for 60 s (the robot does not stand at the marked start: GNSS is 1 m)",
+         {"start"}),
+        ("the clock jumped by 3.02 s > 1.00 s, or the robot's program stood still",
+         {"clock", "program"}),
+        ("the link to the motor board broke 3 messages within 0.3 s", {"link"}),
+        ("the red button is not reported for 0.30 s > 0.30 s", {"button", "inputs"}),
+        ("RUNAWAY, the motors' power is cut: wheels turn too fast: 8.9 rad/s", {"motors"}),
+        ("tilted by 0.60 rad > 0.60 rad", {"robot"}),
+        ("off path by 0.6 m at the start of time number 3", set()),
+    ],
+)  # fmt: skip
+def test_a_reason_names_the_parts_that_it_speaks_of(reason: str, parts: set[str]) -> None:
+    assert read_parts(reason) == parts
+
+
+def test_a_part_that_is_named_beside_another_is_one_of_two() -> None:
+    found = judged(BEGINS, event(31.0, "mission", "paused: camera and GNSS disagree by 2.0 m"))
+    assert (found.reaction, found.is_named, found.is_one_of_two) == ("stopped", False, True)
+    sure = judged(
+        BEGINS,
+        event(31.0, "mission", "paused: camera and GNSS disagree by 2.0 m"),
+        event(32.0, "fault", "GNSS repeats its position"),
+    )
+    assert (sure.is_named, sure.is_one_of_two) == (True, False)
+    assert sure.reason == "paused: camera and GNSS disagree by 2.0 m", "the strongest reaction"
+
+
+def test_where_both_parts_are_at_fault_a_reason_that_names_both_is_right() -> None:
+    shift = "camera.shifted=0.2@30"
+    events = [event(30.0, "injected", f"{shift} begins"), BEGINS]
+    both = event(31.0, "mission", "paused: camera and GNSS disagree by 2.0 m")
+    assert [found.is_named for found in judge_faults((shift, JUMP), [*events, both])] == [True] * 2
 
 
 def test_what_stopped_the_robot_before_the_fault_is_no_sign_of_it() -> None:

@@ -553,7 +553,7 @@ def test_a_run_that_goes_on_has_its_faults_on_its_own_clock() -> None:
 def test_every_fault_says_what_it_is_and_its_typical_value_can_be_given() -> None:
     assert len({kind.name for kind in FAULTS}) == len(FAULTS) == 46
     for kind in FAULTS:
-        assert kind.about and kind.words
+        assert kind.about and kind.accepted
         value = f"={kind.typical}" if kind.value is not None else ""
         fault = parse_fault(f"{kind.name}{value}@0")
         assert fault.kind is kind

@@ -1,9 +1,9 @@
 """What the robot did about the faults that were injected, read from its events.
 
 A sign of a fault is, after it began: any stop or hold, a mission that pauses, fails or drives on
-with a reservation, and a fault or a limit that names the part. One that had been said before the
-fault began is none, unless it names the part, and one that names the part of another injected fault
-is that one's. What stands after a semicolon is advice and names nothing.
+with a reservation, and a fault or a limit that names the part, alone or as one of two. One that had
+been said before the fault began is none, unless it names the part, and one that names the part of
+another injected fault is that one's. `named_parts` reads which parts a reason names.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Sequence
 
+from agribot.app.named_parts import read_parts
 from agribot.record.events import Event
 from agribot.record.report import CrushedWhen, CrushReport, FaultReport, Reaction
 from agribot.sim.faults.schedule import Fault, parse_fault
@@ -77,16 +78,16 @@ def _judge(
     signs: list[tuple[Event, Reaction]] = []
     for event in after:
         reaction = _read_reaction(event)
-        is_named = names_part(fault, event.reason)
         is_telling = reaction in ("stopped", "held") or event.kind == "mission"
         is_new = is_telling and _mask(event.reason) not in known
-        is_anothers = any(names_part(other, event.reason) for other in others)
-        if reaction != "none" and (is_named or (is_new and not is_anothers)):
+        is_anothers = any(_mentions(other, event) for other in others)
+        if reaction != "none" and (_mentions(fault, event) or (is_new and not is_anothers)):
             signs.append((event, reaction))
     if not signs:
         return FaultReport(name=fault.name, t_s=fault.begin_s, fault=fault.text)
-    naming = [sign for sign in signs if names_part(fault, sign[0].reason)]
-    telling, _ = min(naming or signs, key=lambda sign: _STRENGTH.index(sign[1]))
+    is_named = any(_names(fault, others, event) for event, _ in signs)
+    mentioning = [sign for sign in signs if _mentions(fault, sign[0])]
+    telling, _ = min(mentioning or signs, key=lambda sign: _STRENGTH.index(sign[1]))
     return FaultReport(
         name=fault.name,
         t_s=fault.begin_s,
@@ -95,21 +96,26 @@ def _judge(
         reaction=min((reaction for _, reaction in signs), key=_STRENGTH.index),
         reason=telling.reason,
         fault=fault.text,
-        is_named=bool(naming),
+        is_named=is_named,
+        is_one_of_two=bool(mentioning) and not is_named,
     )
 
 
-def names_part(fault: Fault, reason: str) -> bool:
-    """Tell whether a reason of the robot names the part that is at fault."""
-    said = reason.lower().partition(";")[0]
-    return any(word in said for word in fault.kind.words)
+def _mentions(fault: Fault, event: Event) -> bool:
+    """Whether a reason of the robot names the part at fault, alone or beside others."""
+    return not read_parts(event.reason).isdisjoint(fault.kind.accepted)
+
+
+def _names(fault: Fault, others: Sequence[Fault], event: Event) -> bool:
+    """Whether a reason names the part at fault and none that is well."""
+    faulty = {part for each in (fault, *others) for part in each.kind.accepted}
+    return _mentions(fault, event) and read_parts(event.reason) <= faulty
 
 
 def _read_reaction(event: Event) -> Reaction:
     if event.kind == "mission":
-        state, _, why = event.reason.partition(": ")
-        slowed: Reaction = "slowed" if state == "running" and why else "none"
-        return "stopped" if state in _STOPPING else slowed
+        slowed: Reaction = "slowed" if event.state == "running" and ": " in event.reason else "none"
+        return "stopped" if event.state in _STOPPING else slowed
     kinds: dict[str, Reaction] = {
         "stop": "stopped", "hold": "held", "limit": "slowed", "fault": "named",
     }  # fmt: skip

@@ -155,7 +155,8 @@ class FaultReport(msgspec.Struct, frozen=True, kw_only=True):
     """What the robot did about a fault that was injected at `t_s`.
 
     `detected_s` is the time of the first sign of it among the events, `reaction` the strongest of
-    them, `reason` what the robot said, of the part at fault if it did (`is_named`). `fault` is
+    them, `reason` what the robot said then, of the part at fault if it did. `is_named`: some
+    reason names that part alone; `is_one_of_two`: reasons name it only beside another. `fault` is
     the whole of it, as it was written.
     """
 
@@ -166,6 +167,7 @@ class FaultReport(msgspec.Struct, frozen=True, kw_only=True):
     reason: str = ""
     fault: str = ""
     is_named: bool = False
+    is_one_of_two: bool = False
 
 
 CrushedWhen = Literal["before_detection", "after_detection", "after_standstill", "by_fault"]

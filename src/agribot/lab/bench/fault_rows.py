@@ -54,6 +54,7 @@ class FaultRow(msgspec.Struct, frozen=True, kw_only=True):
     injected: int = 0
     noticed: int = 0
     named: int = 0
+    one_of_two: int = 0
     harmless: int = 0
     crushed_before_detection: int | None = None
     crushed_after_detection: int | None = None
@@ -165,6 +166,7 @@ def _add_verdicts(row: FaultRow, faults: Sequence[FaultReport]) -> FaultRow:
         injected=len(faults),
         noticed=len(delays_s),
         named=named,
+        one_of_two=sum(f.is_one_of_two for f in faults),
         detected_ratio=len(delays_s) / len(faults),
         time_to_detect_s=statistics.median(delays_s) if delays_s else None,
         reaction=_find_typical([f.reaction for f in faults]),
@@ -253,6 +255,7 @@ def summarise_rows(
     good = [row for row in rows if row.fault == "no fault"]
     injected, harmless = sum(row.injected for row in bad), sum(row.harmless for row in bad)
     noticed, named = sum(row.noticed for row in bad), sum(row.named for row in bad)
+    one_of_two = sum(row.one_of_two for row in bad)
     plants = sum(row.plants for row in bad)
     crushed = sum(row.crushed_after or 0 for row in bad)
     without = [job for job in jobs if "faults=[]" in job.settings and job.name in reports]
@@ -262,9 +265,11 @@ def summarise_rows(
         "seeds": len({job.seed for job in jobs}),
         "detected_ratio": noticed / injected if injected else None,
         "named_ratio": named / injected if injected else None,
+        "one_of_two_ratio": one_of_two / injected if injected else None,
         "harmless": harmless,
         "harmful_detected_ratio": noticed / (injected - harmless) if noticed else None,
         "harmful_named_ratio": named / (injected - harmless) if noticed else None,
+        "harmful_one_of_two_ratio": one_of_two / (injected - harmless) if noticed else None,
         "crushed_after_detectable": sum(row.crushed_after_detectable or 0 for row in bad),
         "crushed_by_fault": sum(row.crushed_by_fault or 0 for row in bad),
         "crushed_ratio": crushed / plants if plants else None,

@@ -10,7 +10,7 @@ from agribot.lab.bench.fault_rows import FaultRow
 from agribot.lab.bench.faults import name_drive
 
 HEADS = ("fault", "drive", "runs", "detected", "harmless", "after", "reaction", "rolled", "allowed",
-         "named", "crushed", "outside", "it said")  # fmt: skip
+         "named", "one of two", "crushed", "outside", "it said")  # fmt: skip
 MOST_SAID = 160
 
 
@@ -32,6 +32,7 @@ def format_table(rows: Sequence[FaultRow]) -> str:
             _format(row.stop_distance_m_max, 1.0, " m", 2),
             _describe_allowed(row),
             _format(row.named_ratio, 100.0, " %", 0),
+            _format(row.one_of_two / row.injected if row.injected else None, 100.0, " %", 0),
             _describe_crushed(row),
             _format(row.outside_m_max, 1.0, " m", 1),
             said.replace("|", "\\|").replace("\n", " ")[:MOST_SAID],
@@ -76,10 +77,12 @@ def describe_result(result: Mapping[str, Any]) -> str:
     return (
         f"Of {result['faults']} faults on {result['seeds']} seeds the robot noticed "
         f"{_format(result['detected_ratio'], 100.0, ' %', 0)} and named the part of "
-        f"{_format(result['named_ratio'], 100.0, ' %', 0)}. {result['harmless']} times nobody "
+        f"{_format(result['named_ratio'], 100.0, ' %', 0)}, as one of two of "
+        f"{_format(result['one_of_two_ratio'], 100.0, ' %', 0)}. {result['harmless']} times nobody "
         "noticed and nothing came of it; of the others it noticed "
-        f"{_format(result['harmful_detected_ratio'], 100.0, ' %', 0)} and named "
-        f"{_format(result['harmful_named_ratio'], 100.0, ' %', 0)}.\n"
+        f"{_format(result['harmful_detected_ratio'], 100.0, ' %', 0)}, named "
+        f"{_format(result['harmful_named_ratio'], 100.0, ' %', 0)}, and "
+        f"{_format(result['harmful_one_of_two_ratio'], 100.0, ' %', 0)} as one of two.\n"
         f"Crushed after a fault: {_format(result['crushed_ratio'], 100.0, ' %', 3)} of the plants, "
         f"of which {result['crushed_after_detectable']} after the robot had noticed or could have, "
         f"and {result['crushed_by_fault']} where hands set it down. Outside the field at most "
