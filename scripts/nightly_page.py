@@ -19,7 +19,7 @@ Written by `make pages` from the decorators of [`tests/nightly.py`](../../tests/
 `make test` proves every behaviour once, in its cheapest form. `make nightly` runs what is left:
 statistics, long drives, whole missions and browser journeys, in shards that can be run alone
 (`make nightly TESTS=tests/mission`). It writes the last result of each file, with date, commit and
-machine, to [`tests/nightly-results.csv`](../../tests/nightly-results.csv), and lists the files that
+machine, to `tests/nightly-results.csv`, and lists the files that
 did not run for two weeks.
 
 ## The same test with more
@@ -61,7 +61,7 @@ def list_by_day(tree: ast.Module) -> dict[str, list[str]]:
     for name, part in _list_marks(tree):
         for call in ast.walk(part):
             if isinstance(call, ast.Call) and ast.unparse(call.func) == "nightly.by_day":
-                is_part = ast.unparse(part).startswith("pytest.mark.parametrize")
+                is_part = ast.unparse(part).startswith(("pytest.mark.param", "pytest.fixture"))
                 days = found.setdefault(f"part of {name}" if is_part else name, [])
                 days += [day for day in map(ast.literal_eval, call.args) if day not in days]
     return found
@@ -82,9 +82,9 @@ def _list_counts(path: Path, tree: ast.Module) -> Iterator[str]:
             "nightly.all_or_first",
             "nightly.one_by_one",
         }:
-            words = {word.arg: ast.unparse(word.value) for word in part.keywords}
-            cases = ast.unparse(part.args[1])
-            yield f"| `{_name(path)}`: {_say(name)} | {words['in_suite']} | `{cases}` |\n"
+            words = [*part.args[2:], *(word.value for word in part.keywords)]
+            cases = ast.unparse(part.args[1]).replace("|", "\\|")
+            yield f"| `{_name(path)}`: {_say(name)} | {ast.unparse(words[0])} | `{cases}` |\n"
 
 
 def _name(path: Path) -> str:

@@ -11,9 +11,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ROOT / "scripts"
 NAMES = (
-    "CONTRIBUTING.md", "docs/architecture.md", "docs/commands.md", "docs/faults.md",
-    "docs/field-file.md", "docs/firmware.md", "docs/hazards.md", "docs/mission.md",
-    "docs/python.md", "docs/settings.md", "docs/topics.md",
+    "CONTRIBUTING.md", "docs/architecture.md", "docs/commands.md", "docs/contribute/nightly.md",
+    "docs/faults.md", "docs/field-file.md", "docs/firmware.md", "docs/hazards.md",
+    "docs/mission.md", "docs/python.md", "docs/settings.md", "docs/topics.md",
 )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -38,31 +39,13 @@ def test_by_day_a_test_takes_few_seeds_and_by_night_the_same_test_takes_all() ->
     assert "[20 seeds]" in by_night and "[3 seeds]" not in by_night
 
 
-def list_nightly(tree: ast.Module) -> dict[str, list[str]]:
-    """List the tests of a file that `nightly.by_day` leaves to the night, with their day tests."""
-    found: dict[str, list[str]] = {}
-    for node in tree.body:
-        name = node.name if isinstance(node, ast.FunctionDef) else "*"
-        parts = node.decorator_list if isinstance(node, ast.FunctionDef) else [node]
-        for call in (inner for part in parts for inner in ast.walk(part)):
-            if isinstance(call, ast.Call) and ast.unparse(call.func) == "nightly.by_day":
-                found.setdefault(name, []).extend(map(ast.literal_eval, call.args))
-                is_in_part = any("parametrize" in ast.unparse(part) for part in parts)
-                if is_in_part:  # other cases of the test run by day
-                    found[f"part of {name}"] = found.pop(name)
-    return found
-
-
 def test_each_test_that_is_left_to_the_night_names_tests_that_prove_it_by_day() -> None:
-    texts = {
-        str(path.relative_to(ROOT)): path.read_text("utf-8")
+    page = runpy.run_path(str(ROOT / "scripts" / "nightly_page.py"))
+    trees = {
+        str(path.relative_to(ROOT)): page["read_file"](path)
         for path in sorted((ROOT / "tests").rglob("test_*.py"))
     }
-    trees = {file: ast.parse(text) for file, text in texts.items()}
-    nightly = {
-        file: list_nightly(tree) if "nightly.by_day" in texts[file] else {}
-        for file, tree in trees.items()
-    }
+    nightly = {file: page["list_by_day"](tree) for file, tree in trees.items()}
     by_day = {
         f"{file}::{node.name}"
         for file, tree in trees.items()
@@ -76,7 +59,7 @@ def test_each_test_that_is_left_to_the_night_names_tests_that_prove_it_by_day() 
         for test, days in tests.items()
         for day in days or [""]
     }
-    assert [entry for entry in named if entry[2] not in by_day] == []
+    assert [entry for entry in sorted(named) if entry[2] not in by_day] == []
 
 
 @pytest.mark.parametrize(("count", "freedom"), [(1, 3), (12, 2), (50, 1)])
