@@ -9,14 +9,27 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 from agribot.record.report import Report
 
-FarmRun = Callable[[int, float], tuple[Path, Report]]
 ShortRun = Callable[..., tuple[Path, Report]]
 FEW_HZ, ALL_HZ = 2.0, 10.0  # pictures a second
+
+
+class FarmDrive(NamedTuple):
+    """What of the farm is driven, and with what."""
+
+    seed: int
+    pictures_hz: float = ALL_HZ
+    rows: int = 6
+    length_m: float = 10.0
+    sensors: str = "rtk"
+
+
+FarmRun = Callable[[FarmDrive], tuple[Path, Report]]
 
 
 def see_at(pictures_hz: float) -> str:
@@ -36,13 +49,15 @@ def run_session(profile: str, settings: list[str], out_dir: str) -> Report:
 
 @pytest.fixture(scope="session")
 def farm_run(tmp_path_factory: pytest.TempPathFactory) -> FarmRun:
-    """`agribot run farm --sensors rtk --seed S` with camera and network, driven once each."""
+    """`agribot run farm` with camera and network, driven once each."""
     root = tmp_path_factory.mktemp("farm")
 
     @cache
-    def drive(seed: int, pictures_hz: float) -> tuple[Path, Report]:
-        out = root / f"seed{seed}-{pictures_hz:g}"
-        settings = [f"seed={seed}", 'sim.sensors="rtk"', see_at(pictures_hz)]
+    def drive(wanted: FarmDrive) -> tuple[Path, Report]:
+        out = root / "-".join(map(str, wanted))
+        settings = [f"seed={wanted.seed}", f'sim.sensors="{wanted.sensors}"',
+                    f"field.row_count={wanted.rows}", f"field.row_length_m={wanted.length_m}",
+                    see_at(wanted.pictures_hz)]  # fmt: skip
         return out, run_session("farm", settings, str(out))
 
     return drive
