@@ -16,9 +16,10 @@ from agribot.core.messages import MissionStatus
 from agribot.core.world import WorldSpec
 from agribot.description.worlds_sdf import load_run_world
 from agribot.record.report import Report
+from tests import nightly
 from tests.mission.paper_camera import CameraOnPaper
 
-SETTINGS = ["seed=1", "perception.enabled=false", "record.enabled=false", "field.row_count=3",
+SETTINGS = ["seed=1", "perception.enabled=false", "record.enabled=false", "field.row_count=2",
             "field.row_length_m=5", 'world="empty"', "mission.stall_timeout_s=20"]  # fmt: skip
 BRISK = ["mission.speed_mps=0.8", "mission.turn_speed_mps=0.5"]  # twice as fast as usual
 PITCH_M = 1.0
@@ -43,6 +44,11 @@ def drive(
         return session.finish(), last.status
 
 
+@nightly.by_day(
+    "test_where_it_sees_what_grows_beside_its_row_it_asks_at_the_entry_which_row_this_is",
+    "tests/autonomy/plan/test_row_recovery.py::"
+    "test_a_row_of_which_nothing_was_ever_seen_may_be_none_and_is_not_left_out",
+)
 def test_beyond_the_crop_it_stands_and_the_report_says_why(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -60,8 +66,8 @@ def test_one_row_off_towards_the_crop_no_row_counts_once_the_last_lies_on_bare_g
     report, status = drive(tmp_path / "run", PITCH_M, monkeypatch)
     assert not report.ok and report.mission.success is False
     assert status.rows_done == ()
-    assert sorted(status.rows_unproven) == [0, 1, 2]
-    assert report.mission.rows_unproven == (1, 2, 3)
+    assert sorted(status.rows_unproven) == [0, 1]
+    assert report.mission.rows_unproven == (1, 2)
     assert report.mission.rows_done == 0  # in truth
     assert "no crop row seen over" in report.reason
     assert "maybe one row off" in report.reason
@@ -70,12 +76,13 @@ def test_one_row_off_towards_the_crop_no_row_counts_once_the_last_lies_on_bare_g
     assert saved.covered == ()
 
 
+@nightly.by_day("test_on_its_mark_it_asks_nothing")
 def test_on_its_mark_the_same_robot_does_all_of_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     report, status = drive(tmp_path / "run", 0.0, monkeypatch)
     assert status.rows_unproven == ()
-    assert report.mission.success and report.mission.rows_done == 3, report.reason
+    assert report.mission.success and report.mission.rows_done == 2, report.reason
     assert report.mission.rows_unproven == ()
 
 
@@ -94,4 +101,4 @@ def test_where_it_sees_what_grows_beside_its_row_it_asks_at_the_entry_which_row_
 def test_on_its_mark_it_asks_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     report, _ = drive(tmp_path / "run", 0.0, monkeypatch, has_cover=True)
     assert report.ok, report.reason
-    assert report.mission.rows_done == 3
+    assert report.mission.rows_done == 2

@@ -74,6 +74,12 @@ def drive_again(
     return drive(ELSEWHERE, folder / "again", patch, *settings, plan=plan)[1]
 
 
+@nightly.by_day(
+    "test_many_rows_are_counted_once_each_with_any_receiver_and_driven_again_from_elsewhere",
+    "tests/autonomy/plan/test_found_rows.py::"
+    "test_the_first_row_is_the_line_on_which_plants_stand_close",
+    "tests/autonomy/plan/test_found_rows.py::test_a_row_reaches_from_its_first_to_its_last_plant",
+)
 @pytest.mark.parametrize("start", [BEFORE, BESIDE], ids=["before a row's end", "beside a row"])
 def test_rows_that_nobody_mapped_are_found_and_driven_again_from_their_drawing(
     start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -94,7 +100,11 @@ def test_rows_that_nobody_mapped_are_found_and_driven_again_from_their_drawing(
 
 @nightly.all_or_first(
     "cases",
-    [("m8n", 1, 5), *((sensors, seed, 10) for seed in range(1, 11) for sensors in ("m8n", "rtk"))],
+    [
+        ("m8n", 1, 2),
+        ("m8n", 1, 5),
+        *((sensors, seed, 10) for seed in range(1, 11) for sensors in ("m8n", "rtk")),
+    ],
     in_suite=1,
     unit="drives",
 )
