@@ -20,9 +20,10 @@ from agribot.core.messages import OperatorEvent
 from agribot.description.loader import load_robot
 from agribot.gis.plan_file import read_plan
 from agribot.record.replay import read_truth
+from tests import nightly
 
 DATUM = Datum(lat_deg=21.161289, lon_deg=72.787022)  # of the farm profile
-OUTLINE = ((-1.5, -1.5), (3.9, -1.5), (4.3, 3.4), (-1.5, 3.0))
+OUTLINE = ((-1.5, -1.5), (3.3, -1.5), (3.6, 2.6), (-1.5, 2.4))
 HOLE = ((1.2, 0.8), (1.7, 0.8), (1.7, 1.3), (1.2, 1.2))
 ROOMY = (((-2.0, -2.4), (2.9, -2.4), (2.9, 2.4), (-2.0, 2.4)),)
 EMPTY = ["perception.enabled=false", 'world="empty"', "field.start_map_m=[0,0]",
@@ -70,6 +71,13 @@ def test_a_field_with_a_hole_is_worked_without_leaving_it(
 
 
 @pytest.mark.figures
+@nightly.by_day(
+    "tests/mission/test_one_job.py::test_time_distance_rows_and_errors_are_those_of_the_whole_job",
+    "tests/mission/test_one_job.py::"
+    "test_a_run_that_went_on_replays_bit_by_bit_with_the_map_it_took_over",
+    "tests/autonomy/plan/test_mission_resume.py::"
+    "test_after_a_crash_the_work_goes_on_at_the_same_place",
+)
 def test_a_run_that_was_killed_goes_on_from_its_folder(tmp_path: Path) -> None:
     config = load("farm", [*EMPTY, 'world="Farm"', "field.start_map_m=[-2,0]", "field.row_count=1"])
     with simulate(config, tmp_path / "first") as session:
@@ -92,6 +100,12 @@ def test_a_run_that_was_killed_goes_on_from_its_folder(tmp_path: Path) -> None:
     assert main(["replay", str(tmp_path / "second" / "run.mcap")]) == 0
 
 
+@nightly.by_day(
+    "tests/autonomy/plan/test_mission_resume.py::"
+    "test_it_returns_home_around_the_crop_with_the_tool_off",
+    "tests/autonomy/plan/test_mission_errands.py::"
+    "test_the_way_home_is_planned_from_where_the_robot_comes_to_rest",
+)
 def test_called_home_it_comes_back_to_where_it_began(tmp_path: Path) -> None:
     farm = ['world="Farm"', "field.start_map_m=[-2,0]", "record.enabled=false"]
     config = load("farm", [*EMPTY, *farm])
@@ -110,6 +124,12 @@ def test_called_home_it_comes_back_to_where_it_began(tmp_path: Path) -> None:
     assert "returned home" in report.reason
 
 
+@nightly.by_day(
+    "test_a_field_with_a_hole_is_worked_without_leaving_it",
+    "tests/autonomy/plan/test_turn_styles.py::test_every_style_of_turn_is_certified",
+    "tests/autonomy/control/test_follower.py::"
+    "test_a_three_point_turn_is_driven_forwards_back_and_forwards",
+)
 @pytest.mark.parametrize("style", ["pivot", "arc", "three-point"])
 def test_every_style_of_turn_is_planned_and_driven(tmp_path: Path, style: str) -> None:
     plan = tmp_path / "plan.geojson"
