@@ -6,13 +6,18 @@ two of ten that a profile has, which is harder, and `make nightly` with all.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import pytest
 
+from agribot.core.config import RunConfig
+from agribot.core.world import WorldSpec
+from agribot.description.worlds_sdf import load_run_world
 from agribot.record.report import Report
 
 ShortRun = Callable[..., tuple[Path, Report]]
@@ -34,6 +39,17 @@ FarmRun = Callable[[FarmDrive], tuple[Path, Report]]
 
 def see_at(pictures_hz: float) -> str:
     return f"perception.camera_rate_hz={pictures_hz}"
+
+
+def start_before_a_row(patch: pytest.MonkeyPatch) -> list[str]:
+    """Put the robot down where the way into the farm's first row begins; gives its settings."""
+
+    def near(settings: RunConfig) -> WorldSpec:
+        place = {"spawn_xy_map_m": (1.0, 0.4), "spawn_yaw_map_rad": math.pi / 2.0}
+        return msgspec.structs.replace(load_run_world(settings), **place)
+
+    patch.setattr("agribot.app.run_world.load_run_world", near)
+    return ["field.start_map_m=[1.0,0.4]"]
 
 
 def run_session(profile: str, settings: list[str], out_dir: str) -> Report:
@@ -58,7 +74,9 @@ def farm_run(tmp_path_factory: pytest.TempPathFactory) -> FarmRun:
         settings = [f"seed={wanted.seed}", f'sim.sensors="{wanted.sensors}"',
                     f"field.row_count={wanted.rows}", f"field.row_length_m={wanted.length_m}",
                     see_at(wanted.pictures_hz)]  # fmt: skip
-        return out, run_session("farm", settings, str(out))
+        with pytest.MonkeyPatch.context() as patch:
+            settings += start_before_a_row(patch) if wanted.rows == 1 else []
+            return out, run_session("farm", settings, str(out))
 
     return drive
 
