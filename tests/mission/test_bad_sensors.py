@@ -52,7 +52,16 @@ def reasons(records: list[TickRecord]) -> str:
                      for record in records[int(FROM_S / 0.02) :]})  # fmt: skip
 
 
-@pytest.mark.parametrize("sensors", ["rtk", "m8n"])
+@pytest.mark.parametrize(
+    "sensors",
+    [
+        "rtk",
+        pytest.param(
+            "m8n",
+            marks=nightly.by_day("test_a_receiver_that_jumps_100_m_is_told_and_crushes_nothing"),
+        ),
+    ],
+)
 def test_a_receiver_that_jumps_100_m_is_told_and_crushes_nothing(
     tmp_path: Path, sensors: str
 ) -> None:
@@ -96,6 +105,12 @@ def test_a_small_jump_of_fixed_rtk_halts_on_the_row_and_says_by_how_much(
     assert records[-1].command.drive.v_mps == 0.0
 
 
+@nightly.by_day(
+    "tests/autonomy/estimate/test_witnesses.py::"
+    "test_fixes_that_creep_off_by_five_centimetres_a_second_are_named_without_a_camera",
+    "tests/autonomy/estimate/test_doubts.py::"
+    "test_fixes_that_creep_off_the_row_are_stopped_before_a_wheel_reaches_the_crop",
+)
 def test_a_drift_of_fixed_rtk_without_camera_is_named_and_stopped_before_the_crop(
     tmp_path: Path,
 ) -> None:
@@ -131,6 +146,11 @@ def test_a_receiver_that_freezes_is_named_and_crushes_nothing(tmp_path: Path) ->
     assert any("GNSS repeats its position" in fault for fault in faults)
 
 
+@nightly.by_day(
+    "tests/autonomy/estimate/test_localizer_faults.py::test_a_clock_that_goes_back_is_reported",
+    "tests/autonomy/control/test_protective_stops.py::"
+    "test_a_clock_that_jumps_stops_the_robot_until_a_person_clears_it",
+)
 def test_a_clock_that_goes_back_stops_the_robot(tmp_path: Path) -> None:
     def back(batch: SensorBatch) -> SensorBatch:
         return msgspec.structs.replace(batch, t_s=batch.t_s - 5.0)
@@ -147,6 +167,6 @@ def test_fixes_that_are_no_numbers_are_as_good_as_none(tmp_path: Path) -> None:
         lost = tuple(msgspec.structs.replace(fix, lat_deg=math.nan) for fix in batch.gnss)
         return msgspec.structs.replace(batch, gnss=lost)
 
-    report, records = driven(tmp_path, nan, 'sim.sensors="rtk"')
+    report, records = driven(tmp_path, nan, 'sim.sensors="rtk"', "duration_s=32")
     assert report.tracking.plants_crushed == 0
     assert "GNSS silent" in reasons(records)
