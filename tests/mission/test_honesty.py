@@ -13,11 +13,18 @@ import pytest
 
 from agribot.cli.main import main
 from agribot.record.replay import read_ticks
+from tests import nightly
 from tests.mission.conftest import ShortRun
 
 PROGRAM = [sys.executable, "-m", "agribot.cli"]
 
 
+@nightly.by_day(
+    "tests/mission/test_cheap_gnss.py::"
+    "test_without_the_camera_a_cheap_receiver_stops_before_it_crushes_the_crop",
+    "tests/mission/test_waypoint_mission.py::"
+    "test_a_receiver_with_five_metres_of_drift_does_not_claim_the_waypoints",
+)
 @pytest.mark.parametrize("preset", ["m8n", "seed"])
 def test_cheap_receivers_run_to_an_honest_report(
     preset: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -44,6 +51,7 @@ def test_a_mission_cut_short_is_not_a_success(short_run: ShortRun) -> None:
 def test_ctrl_c_stops_the_robot_and_leaves_everything_readable(tmp_path: Path) -> None:
     out = tmp_path / "run"
     arguments = ["run", "farm", "--speed", "4", "--out", str(out)]
+    arguments += ["--set", "perception.enabled=false"]
     program = subprocess.Popen(
         [*PROGRAM, *arguments], stderr=subprocess.PIPE, text=True, env={**os.environ}
     )
@@ -66,7 +74,7 @@ def test_no_graphics_library_is_ever_loaded(tmp_path: Path) -> None:
         "import sys; from agribot.cli.main import main; status = main(sys.argv[1:]);"
         "print(open('/proc/self/maps').read())"
     )
-    arguments = ["run", "farm", "--for", "2", "--out", str(tmp_path / "run")]
+    arguments = ["run", "farm", "--for", "0.3", "--out", str(tmp_path / "run")]
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     result = subprocess.run(
         [sys.executable, "-c", code, *arguments],

@@ -15,7 +15,7 @@ from agribot.core.messages import OperatorAction, OperatorEvent, TickRecord
 @pytest.fixture
 def session(tmp_path: Path) -> Iterator[SimulatedRun]:
     unseen = ["perception.enabled=false", "record.enabled=false"]
-    settings = config.load("farm", ["seed=2", "field.row_count=1", *unseen])
+    settings = config.load("farm", ["seed=2", "field.row_count=1", "field.row_length_m=3", *unseen])
     with simulate(settings, tmp_path / "run") as opened:
         yield opened
 

@@ -17,7 +17,7 @@ from tests.mission.conftest import ALL_HZ, FEW_HZ, ShortRun, run_session, see_at
 
 FirstRun = Callable[[float, float], tuple[Path, Report]]
 SEED = 7
-SHORT, LONG = (12.0, FEW_HZ), (25.0, ALL_HZ)  # seconds, and pictures in each
+SHORT, LONG = (10.2, FEW_HZ / 2.0), (25.0, ALL_HZ)  # seconds, and pictures in each
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from agribot.record.replay import read_ticks
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("drive")
-    settings = ["--set", "perception.enabled=false", "--for", "15", "--seed", "3"]
+    settings = ["--set", "perception.enabled=false", "--for", "10", "--seed", "3"]
     main(["run", "farm", *settings, "--out", str(out)])
     return out / "run.mcap"
 

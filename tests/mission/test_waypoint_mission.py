@@ -11,7 +11,7 @@ from agribot.cli.main import main
 from agribot.core.geo import Datum, MapFrame
 
 FARM = MapFrame(Datum(lat_deg=21.161289, lon_deg=72.787022))
-PLACES_MAP_M = ((-2.0, 6.0), (-4.0, 8.0), (-6.0, 2.0), (-3.0, -2.0))  # the last one lies South
+PLACES_MAP_M = ((-2.0, 3.0), (-3.0, 4.0), (-4.0, 1.0), (-3.0, -2.0))  # the last one lies South
 
 
 def waypoint_file(folder: Path) -> Path:
