@@ -14,6 +14,7 @@ from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.core.messages import BumperSample, OperatorEvent, RobotCommand, SensorBatch, TickRecord
+from tests import nightly
 
 QUICK = ["perception.enabled=false", "record.enabled=false", "sim.sensors='rtk'"]
 FROM_S = 8.0  # in the first turn
@@ -193,9 +194,17 @@ def test_a_gyro_that_lies_is_told_within_a_second(tmp_path: Path, gyro: str, wor
 
 @pytest.mark.parametrize(
     ("sensors", "actuation"),
-    [("rtk", "effort"), ("m8n", "servo"), ("legacy", "effort"), ("seed", "servo"),
-     ("ideal", "servo")],
-)  # fmt: skip
+    [
+        ("rtk", "effort"),
+        ("m8n", "servo"),
+        *(
+            pytest.param(
+                *other, marks=nightly.by_day("test_a_robot_without_fault_is_never_stopped")
+            )
+            for other in (("legacy", "effort"), ("seed", "servo"), ("ideal", "servo"))
+        ),
+    ],
+)
 def test_a_robot_without_fault_is_never_stopped(
     tmp_path: Path, sensors: str, actuation: str
 ) -> None:
