@@ -32,7 +32,14 @@ density_per_m2 = 6.0
 
 
 @pytest.mark.slow
-@nightly.one_by_one("pictures_hz", (FEW_HZ, ALL_HZ), in_suite=1)
+@nightly.by_day(
+    "tests/lab/train/test_plants_model.py::test_it_tells_each_of_the_five_crops_from_weeds",
+    "tests/autonomy/implements/test_spray_and_leaves.py::"
+    "test_a_row_that_looks_like_weeds_stays_dry_where_no_stem_explains_its_leaves",
+    "tests/autonomy/implements/test_spray_and_leaves.py::"
+    "test_leaves_that_point_to_stems_of_the_map_are_sprayed_and_the_stems_are_not",
+)
+@pytest.mark.parametrize("pictures_hz", [FEW_HZ, ALL_HZ])
 def test_no_carrot_of_a_row_is_sprayed(tmp_path: Path, pictures_hz: float) -> None:
     field, world = tmp_path / "carrots.toml", tmp_path / "carrots.world"
     field.write_text(FIELD)

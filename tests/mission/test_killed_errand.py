@@ -12,6 +12,7 @@ from agribot.app.mission_file import continue_config, read_mission
 from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.messages import OperatorEvent, TickRecord
+from tests import nightly
 from tests.mission.killed_errand import GOAL
 
 ROOT = Path(__file__).parents[2]
@@ -24,6 +25,11 @@ def kill_on_the_way(out: Path) -> None:
     assert process.returncode == -signal.SIGKILL
 
 
+@nightly.by_day(
+    "tests/autonomy/plan/test_mission_cut_off.py::"
+    "test_a_goto_waits_for_an_answer_drives_on_and_then_back_to_the_work",
+    "tests/mission/test_one_job.py::test_time_distance_rows_and_errors_are_those_of_the_whole_job",
+)
 def test_a_run_that_was_killed_on_its_way_to_a_place_asks_and_goes_on(tmp_path: Path) -> None:
     kill_on_the_way(tmp_path / "first")
     saved = read_mission(tmp_path / "first")

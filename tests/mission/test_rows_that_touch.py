@@ -7,13 +7,23 @@ from pathlib import Path
 import pytest
 
 from agribot.record.report import Report
+from tests import nightly
 from tests.mission.conftest import ALL_HZ, FEW_HZ, run_session, see_at
 
 FIRST_ROW_S = 60.0
-pytestmark = pytest.mark.slow
+pytestmark = [
+    pytest.mark.slow,
+    nightly.by_day(
+        "tests/lab/train/test_plants_model.py::test_beets_whose_leaves_touch_are_single_plants",
+        "tests/autonomy/perceive/test_stem_plants.py::"
+        "test_crops_whose_leaves_touch_are_each_a_plant",
+        "tests/autonomy/implements/test_spray_and_leaves.py::"
+        "test_weeds_at_the_edge_of_a_closed_row_cost_no_crop_and_those_beside_it_are_sprayed",
+    ),
+]
 
 
-@pytest.fixture(scope="module", params=[FEW_HZ, pytest.param(ALL_HZ, marks=pytest.mark.nightly)])
+@pytest.fixture(scope="module", params=[FEW_HZ, ALL_HZ])
 def report(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Report:
     out = tmp_path_factory.mktemp("beet") / "run"
     settings = ["seed=1", 'sim.sensors="rtk"', f"duration_s={FIRST_ROW_S}", see_at(request.param)]
