@@ -19,6 +19,7 @@ from agribot.autonomy.perceive.foliage import HEIGHT_RATIO
 from agribot.core import config
 from agribot.core.messages import FloatArray, GroundPlant, PlantClass, RowLine, Scene, TickRecord
 from agribot.description.loader import load_robot
+from tests import nightly
 from tests.app.calibration.test_wizard import SETTINGS, Bench
 
 AREA_M2 = 0.01
@@ -84,6 +85,12 @@ class SeeingBench(Bench):
         )  # fmt: skip
 
 
+@nightly.by_day(
+    "test_rows_that_are_seen_beside_their_place_are_named",
+    "tests/autonomy/perceive/test_mount_fit.py::test_without_noise_the_mount_is_found_exactly",
+    "tests/autonomy/perceive/test_mount_fit.py::test_over_seeds_it_errs_no_more_than_it_says",
+    "tests/app/calibration/test_robot_file.py::test_a_run_believes_the_file_and_an_option_more",
+)
 def test_a_wrong_mount_is_found_and_the_next_run_believes_the_right_one(tmp_path: Path) -> None:
     bench = SeeingBench(tmp_path, *WRONG)
     with bench.session:
@@ -100,7 +107,15 @@ def test_a_wrong_mount_is_found_and_the_next_run_believes_the_right_one(tmp_path
     assert believed.body_from_camera()[2, 3] == pytest.approx(0.9008, abs=0.015)
 
 
-@pytest.mark.parametrize("aside_m", [0.0, 0.06])
+@pytest.mark.parametrize(
+    "aside_m",
+    [
+        pytest.param(
+            0.0, marks=nightly.by_day("test_rows_that_are_seen_beside_their_place_are_named")
+        ),
+        0.06,
+    ],
+)
 def test_rows_that_are_seen_beside_their_place_are_named(tmp_path: Path, aside_m: float) -> None:
     bench = SeeingBench(tmp_path, line_aside_m=aside_m)
     with bench.session:
