@@ -27,6 +27,7 @@ from agribot.drivers.cameras import OpenCvGrabber
 from agribot.record.replay import read_config, read_ticks, read_weed_map
 from agribot.record.report import Report
 from agribot.sim.camera import CameraRenderer
+from tests import nightly
 from tests.app.test_hardware_run import words
 from tests.drivers.hardware_bench import HardwareBench
 from tests.drivers.slow_clock import PACES, run_agribot
@@ -97,6 +98,14 @@ def drive(out: Path, video: Path, pace: float) -> tuple[subprocess.CompletedProc
     return done, msgspec.json.decode(file.read_bytes(), type=Report)
 
 
+@nightly.by_day(
+    "tests/app/test_hardware_run.py::"
+    "test_a_builder_starts_the_robot_it_drives_to_a_place_and_a_replay_gives_the_same_commands",
+    "tests/drivers/test_cameras.py::test_a_video_file_is_a_camera_that_begins_again_at_its_end",
+    "tests/mission/test_farm_mission.py::"
+    "test_four_of_five_weeds_are_found_and_four_of_five_finds_are_weeds",
+    "tests/mission/test_repeatability.py::test_replaying_a_recording_gives_bit_identical_commands",
+)
 def test_what_a_robots_camera_shows_is_seen_mapped_and_treated_and_a_replay_does_the_same(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

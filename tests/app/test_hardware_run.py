@@ -33,6 +33,7 @@ from agribot.drivers import hardware_platform
 from agribot.drivers.board_protocol import StopCause
 from agribot.record.replay import read_ticks
 from agribot.ui import wire
+from tests import nightly
 from tests.drivers.hardware_bench import HardwareBench
 from tests.drivers.lines import Line, Opened
 from tests.ui.client import Page
@@ -397,6 +398,12 @@ def test_a_run_that_was_killed_in_a_stop_goes_on_once_a_person_has_cleared_it(
     assert math.hypot(x_m - START[0], y_m - START[1] - AHEAD_M) < 0.2
 
 
+@nightly.by_day(
+    "test_a_run_that_was_killed_in_a_stop_goes_on_once_a_person_has_cleared_it",
+    "test_a_stop_outlives_the_program_until_a_person_clears_it",
+    "tests/mission/test_protective_stops.py::"
+    "test_a_stopped_run_that_is_killed_stands_until_a_person_lets_it_go",
+)
 @pytest.mark.parametrize("is_remembered", [True, False], ids=["remembered", "in its folder only"])
 def test_a_run_that_was_killed_in_a_stop_stands_with_it_until_its_operator_clears_and_resumes(
     bench: HardwareBench, places: Path, tmp_path: Path, *, is_remembered: bool
