@@ -12,6 +12,7 @@ from agribot.app.simulated_run import simulate
 from agribot.app.whole_job import read_job
 from agribot.core.config import load
 from agribot.record.report import BeliefReport, Report
+from tests import nightly
 from tests.record import record_samples as samples
 
 BLIND = ["perception.enabled=false", "record.enabled=false", "sim.sensors='ideal'"]
@@ -26,7 +27,7 @@ def _drive(folder: Path, *settings: str) -> dict[str, BeliefReport]:
 
 
 def test_where_the_sensors_are_ideal_the_robot_believes_what_is_true(tmp_path: Path) -> None:
-    beliefs = _drive(tmp_path, "duration_s=58")
+    beliefs = _drive(tmp_path, "duration_s=45", "field.row_length_m=4")
     rows, way = beliefs["rows done"], beliefs["way driven"]
     assert (rows.believed, rows.known) == (1, 1)
     assert way.known is not None and way.believed == pytest.approx(way.known, rel=0.02)
@@ -36,12 +37,17 @@ def test_where_the_sensors_are_ideal_the_robot_believes_what_is_true(tmp_path: P
     assert worked.believed == pytest.approx(worked.known, abs=0.02)
 
 
+@nightly.by_day(
+    "test_where_the_sensors_are_ideal_the_robot_believes_what_is_true",
+    "tests/mission/test_drawn_worlds.py::"
+    "test_the_cross_track_error_is_that_against_the_plants_and_not_against_the_map",
+)
 def test_a_map_that_is_off_shows_in_what_is_known_and_not_in_what_is_believed(
     tmp_path: Path,
 ) -> None:
     preset = tmp_path / "off.toml"
     preset.write_text('about = "the map is off"\nmap_offset_std_m = 0.1\n')
-    beliefs = _drive(tmp_path / "run", "duration_s=45", f"sim.preset={preset}", "seed=2")
+    beliefs = _drive(tmp_path / "run", "duration_s=35", f"sim.preset={preset}", "seed=2")
     across = beliefs["cross-track error, RMS"]
     assert across.believed is not None and across.known is not None
     assert across.believed < 0.02

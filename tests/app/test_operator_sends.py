@@ -59,9 +59,9 @@ def sent(tmp_path_factory: pytest.TempPathFactory) -> tuple[SimulatedRun, Path]:
         4.0: ("goto", {"numbers": (40.0, 40.0)}),
         7.0: ("goto", {"numbers": (*GOAL, 0.0)}),
         8.0: ("mark", {"text": "a stone"}),
-        40.0: ("stop_recording", {}),
-        42.0: ("start_recording", {}),
-        44.0: ("resume", {}),
+        30.0: ("stop_recording", {}),
+        31.0: ("start_recording", {}),
+        32.0: ("resume", {}),
     }
     return drive(out, script, ["duration_s=110"], is_done), out
 
@@ -104,8 +104,8 @@ def test_a_recording_ends_and_begins_when_asked(
     _, out = sent
     first = [tick.batch.t_s for tick in read_ticks(out / "run.mcap")]
     later = [tick.batch.t_s for tick in read_ticks(out.with_name("first-2") / "run.mcap")]
-    assert first[-1] == pytest.approx(40.0, abs=0.05)
-    assert later[0] == pytest.approx(42.0, abs=0.05)
+    assert first[-1] == pytest.approx(30.0, abs=0.05)
+    assert later[0] == pytest.approx(31.0, abs=0.05)
     assert main(["replay", str(out.with_name("first-2") / "run.mcap")]) == 2
     assert "can only be run again from its start on" in capsys.readouterr().err
     assert main(["report", str(out.with_name("first-2") / "run.mcap"), "-o", str(out / "r")]) == 0
