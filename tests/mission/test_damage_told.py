@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import agribot
 from agribot.app.simulated_run import SimulatedRun
@@ -12,6 +13,7 @@ from agribot.description.loader import export_urdf
 from agribot.record.events import read_events
 from agribot.record.map_figure import draw_map
 from agribot.record.report import Report, read_report
+from tests.mission.conftest import start_before_a_row
 
 QUICK = ("sim.sensors=rtk", "perception.enabled=false", "record.enabled=false", "seed=1")
 # 28 cm under it the robot stands on the ground: 6 cm are left.
@@ -35,13 +37,17 @@ def _run(settings: agribot.RunConfig, out: Path) -> tuple[Report, SimulatedRun]:
     return report, run
 
 
-def test_a_robot_with_a_low_belly_reports_the_row_that_it_drove_over(tmp_path: Path) -> None:
+def test_a_robot_with_a_low_belly_reports_the_row_that_it_drove_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     text = export_urdf("agribot")
     start = text.index('<link name="base_link"')
     end = text.index("</link>", start)
     low = tmp_path / "low.urdf"
     low.write_text(text[:end] + PLATE + text[end + len("</link>") :])
-    settings = agribot.load("farm", [*QUICK, f"robot={low}", "field.row_count=1"])
+    settings = agribot.load(
+        "farm", [*QUICK, f"robot={low}", "field.row_count=1", *start_before_a_row(monkeypatch)]
+    )
     report, run = _run(settings, tmp_path / "run")
     by = report.tracking.plants_crushed_by
     assert (by.wheel, by.belly, by.implement) == (0, 6, 0)

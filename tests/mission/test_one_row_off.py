@@ -60,6 +60,11 @@ def test_beyond_the_crop_it_stands_and_the_report_says_why(
     assert report.tracking.plants_crushed == 0
 
 
+@nightly.by_day(
+    "tests/autonomy/plan/test_row_evidence.py::"
+    "test_a_bare_row_undoes_all_that_were_told_by_counting_from_a_mark",
+    "test_where_it_sees_what_grows_beside_its_row_it_asks_at_the_entry_which_row_this_is",
+)
 def test_one_row_off_towards_the_crop_no_row_counts_once_the_last_lies_on_bare_ground(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -86,7 +91,18 @@ def test_on_its_mark_the_same_robot_does_all_of_them(
     assert report.mission.rows_unproven == ()
 
 
-@pytest.mark.parametrize("aside_m", [PITCH_M, -PITCH_M])
+@pytest.mark.parametrize(
+    "aside_m",
+    [
+        -PITCH_M,
+        pytest.param(
+            PITCH_M,
+            marks=nightly.by_day(
+                "test_where_it_sees_what_grows_beside_its_row_it_asks_at_the_entry_which_row_this_is"
+            ),
+        ),
+    ],
+)
 def test_where_it_sees_what_grows_beside_its_row_it_asks_at_the_entry_which_row_this_is(
     aside_m: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

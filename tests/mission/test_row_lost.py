@@ -12,13 +12,26 @@ from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import RunConfig, load
 from agribot.core.world import WorldSpec
 from agribot.description.worlds_sdf import load_run_world
+from tests import nightly
 from tests.mission.paper_camera import CameraOnPaper
 
 SETTINGS = ["seed=1", "perception.enabled=false", "record.enabled=false", 'world="rows-10x12"',
             "sim.weed_density_per_m2=0", "field.row_count=2", "duration_s=90"]  # fmt: skip
 
 
-@pytest.mark.parametrize("off_m", [0.25, -0.25])
+@pytest.mark.parametrize(
+    "off_m",
+    [
+        0.25,
+        pytest.param(
+            -0.25,
+            marks=nightly.by_day(
+                "test_put_down_on_a_mark_that_is_known_to_a_quarter_row_only_"
+                "it_finds_its_row_by_the_camera"
+            ),
+        ),
+    ],
+)
 def test_put_down_on_a_mark_that_is_known_to_a_quarter_row_only_it_finds_its_row_by_the_camera(
     off_m: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
