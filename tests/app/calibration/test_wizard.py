@@ -18,6 +18,7 @@ from agribot.app.simulated_run import simulate
 from agribot.core import config
 from agribot.core.messages import STOP, OperatorEvent, TickRecord
 from agribot.description.loader import load_robot
+from tests import nightly
 from tests.waiting import wait_for
 
 SETTINGS = (
@@ -83,6 +84,11 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
         yield made
 
 
+@nightly.by_day(
+    "test_the_compass_is_better_against_the_gyro_after_than_before",
+    "tests/sim/test_drive_calibration.py::test_fit_does_not_believe_a_wrong_description",
+    "tests/app/calibration/test_robot_file.py::test_a_run_believes_the_file_and_an_option_more",
+)
 def test_a_wheel_of_another_size_is_found_and_taken_over_by_the_next_run(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "calibration.wheel_radius_m=0.1")
     with bench.session as session:
@@ -113,7 +119,13 @@ def test_the_compass_is_better_against_the_gyro_after_than_before(tmp_path: Path
             bench.tick_until(lambda record: True)
             seen.append(sum((bench.wizard.describe_progress() or {})["directions"]))
         found = bench.wait_for_result()["found"]
+        assert bench.do("accept")["refusal"] == ""
     assert found["ok"], found["reasons"]
+    next_run, wanted = (
+        config.load("farm", [*SETTINGS, *measured]).estimate
+        for measured in (bench.file.settings(), found["settings"])
+    )
+    assert next_run == wanted != bench.config.estimate
     assert seen == sorted(seen) and 1 <= seen[100] <= 3  # standing, then a straight leg
     assert seen[-1] == found["changes"][-1]["after"] == 36
     scatter = found["changes"][0]
