@@ -17,6 +17,7 @@ from agribot.core import config
 from agribot.core.messages import OperatorAction, OperatorEvent, TickRecord
 from agribot.gis.plan_file import format_plan
 from agribot.record.replay import read_ticks
+from tests import nightly
 
 SETTINGS = ["perception.enabled=false", "seed=1", "field.row_count=1", "field.row_length_m=3"]
 GOAL = (-1.0, 5.0)
@@ -138,6 +139,10 @@ def test_another_plan_replaces_the_mission_and_is_judged_in_its_place(tmp_path: 
     assert main(["replay", str(out / "run.mcap")]) == 0
 
 
+@nightly.by_day(
+    "tests/autonomy/plan/test_visits.py::"
+    "test_a_mission_that_has_ended_begins_once_more_from_where_the_robot_stands"
+)
 def test_a_robot_that_has_done_its_work_does_it_once_more(tmp_path: Path) -> None:
     settings = config.load("farm", [*SETTINGS, "duration_s=110"])
     with simulate(settings, tmp_path / "run") as session:
