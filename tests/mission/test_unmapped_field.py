@@ -139,7 +139,6 @@ def test_a_robot_that_sees_no_row_stops_and_says_so(
     assert not (tmp_path / "run" / "field.geojson").exists()
 
 
-@pytest.mark.figures
 def test_a_camera_that_goes_blind_in_a_row_ends_the_drive_with_what_it_had_seen(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
