@@ -162,6 +162,10 @@ def test_a_clock_that_goes_back_stops_the_robot(tmp_path: Path) -> None:
 
 
 @pytest.mark.figures
+@nightly.by_day(
+    "tests/autonomy/estimate/test_localizer_faults.py::"
+    "test_a_fix_that_is_not_finite_is_as_good_as_none",
+)
 def test_fixes_that_are_no_numbers_are_as_good_as_none(tmp_path: Path) -> None:
     def nan(batch: SensorBatch) -> SensorBatch:
         lost = tuple(msgspec.structs.replace(fix, lat_deg=math.nan) for fix in batch.gnss)
