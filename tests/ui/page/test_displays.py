@@ -20,6 +20,7 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, expect
 
 from agribot.ui import wire
+from tests import nightly
 from tests.ui.page import display_messages as messages
 from tests.ui.page import fake_answers
 from tests.ui.page.conftest import SHARP, hold_map_still, new_context, take_control, until
@@ -27,6 +28,12 @@ from tests.ui.page.fake_server import FakeServer, serving
 from tests.ui.page.test_safety import STOP_FREE, commands
 from tests.ui.page.test_screens import AXE, violations
 from tests.waiting import wait_for
+
+pytestmark = nightly.by_day(
+    "tests/ui/page/test_build.py::test_the_page_type_checks_and_its_pure_parts_pass_their_tests",
+    "tests/ui/page/test_places.py"
+    "::test_a_goal_and_a_pose_are_sent_when_they_are_confirmed_and_not_before",
+)
 
 TILES = {"url": "/tiles/farm/{z}/{x}/{y}", "minzoom": 0, "maxzoom": 22, "attribution": ""}
 NEAR_RGB = 40

@@ -13,12 +13,18 @@ from PIL import Image
 from playwright.sync_api import Page, expect
 
 from agribot.ui import wire
+from tests import nightly
 from tests.ui.page import display_messages as messages
 from tests.ui.page.conftest import SHARP, OpenPage, until
 from tests.ui.page.fake_robot import DATUM
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.test_safety import commands
 from tests.waiting import wait_for
+
+pytestmark = nightly.by_day(
+    "tests/ui/page/test_build.py::test_the_page_type_checks_and_its_pure_parts_pass_their_tests",
+    "tests/ui/page/test_safety.py::test_stop_works_above_a_dialog_without_the_seat",
+)
 
 MAP = "window.__agribot.map"
 ON_FIRST_ROW_M, ON_SECOND_ROW_M = 6.0, 20.0  # along the path: eastwards, then back
