@@ -185,6 +185,15 @@ def take_control(page: Page) -> None:
     expect(page.locator(".operator")).to_contain_text("You")
 
 
+def hand_over(page: Page) -> None:
+    """Leave the seat, where the page has it."""
+    operator = page.locator(".operator")
+    if "You" in operator.inner_text():
+        operator.click()
+        page.get_by_role("dialog").get_by_role("button", name="Hand over").click()
+        expect(operator).not_to_contain_text("You")
+
+
 def drag_pad(page: Page) -> None:
     box = page.locator(".pad").bounding_box()
     assert box
