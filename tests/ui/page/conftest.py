@@ -83,9 +83,11 @@ def server() -> Iterator[FakeServer]:
 def new_context(browser: Browser, **options: Any) -> BrowserContext:
     """Its pages wait as long as all else does, not for Playwright's half a minute.
 
-    They are drawn coarsely, but for tests that look at single pixels.
+    They are drawn coarsely, but for tests that look at single pixels, and the map jumps to where
+    it would glide. No colour is looked at half-way to another.
     """
-    context = browser.new_context(**{"device_scale_factor": COARSE, **options})
+    usual = {"device_scale_factor": COARSE, "reduced_motion": "reduce"}
+    context = browser.new_context(**{**usual, **options})
     context.set_default_timeout(1000 * PATIENCE_S)
     context.add_init_script(KEEP_TOASTS)
     return context
@@ -98,15 +100,20 @@ def sharpness() -> float:
 
 
 @pytest.fixture
+def page_size() -> tuple[int, int]:
+    """In pixels; a small map is drawn in less time."""
+    return 1280, 800
+
+
+@pytest.fixture
 def context(
-    browser: Browser, sharpness: float, request: pytest.FixtureRequest
+    browser: Browser, sharpness: float, page_size: tuple[int, int], request: pytest.FixtureRequest
 ) -> Iterator[BrowserContext]:
     context = new_context(
         browser,
-        viewport={"width": 1280, "height": 800},
+        viewport={"width": page_size[0], "height": page_size[1]},
         device_scale_factor=sharpness,
         locale="en",
-        reduced_motion="reduce",  # no colour is looked at half-way to another
     )
     said: list[str] = []
     context.on("console", lambda line: said.append(f"{line.type}: {line.text}"))

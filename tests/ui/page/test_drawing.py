@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,7 +16,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from tests.ui.page.conftest import hold_map_still, new_context, until
 from tests.ui.page.fake_server import FakeServer, serving
-from tests.ui.page.test_plan import drawn, lonlat
+from tests.ui.page.test_plan import drawn, import_and_export, lonlat
 from tests.waiting import wait_for
 
 # Data may be old for a time on a busy machine: the banner would move the map under the pointer.
@@ -32,6 +33,7 @@ GOALS = [(7.0, -16.0), (7.0, -13.0)]
 @pytest.fixture(scope="module")
 def server() -> Iterator[FakeServer]:
     fake = FakeServer(weeds=0)
+    fake.robot.mode = "paused"  # the map is not drawn anew for a robot that stands
     with serving(fake) as fake.address:
         yield fake
 
@@ -43,7 +45,7 @@ def asked() -> list[str]:
 
 @pytest.fixture(scope="module")
 def page(browser: Browser, server: FakeServer, asked: list[str]) -> Iterator[Page]:
-    context = new_context(browser, viewport={"width": 1280, "height": 900}, locale="en")
+    context = new_context(browser, viewport={"width": 900, "height": 600}, locale="en")
     context.on("request", lambda request: asked.append(request.url))
     page = context.new_page()
     page.goto(f"{server.address}/?off=scene,camera#/plan")
@@ -95,6 +97,29 @@ def is_near(found: list[tuple[float, float]], wanted: list[tuple[float, float]])
         point == pytest.approx(place, abs=NEAR_M)
         for point, place in zip(found, wanted, strict=True)
     )
+
+
+def test_the_plan_is_checked_by_the_robot_and_its_reasons_are_on_the_map(
+    page: Page, server: FakeServer
+) -> None:
+    page.get_by_role("button", name="Check plan").click()
+    expect(page.locator(".reasons")).to_contain_text("Row 3 leaves the boundary")
+    expect(page.locator(".reason-pin")).to_have_text("1")
+    sent = server.written["plan"]
+    kinds = [feature["properties"]["kind"] for feature in sent["field"]["features"]]
+    assert kinds.count("row") == 6
+    assert sent["implement_width_m"] == pytest.approx(1.5)
+    expect(page.get_by_role("button", name="Use this plan")).to_be_disabled()
+    width = page.get_by_label("Working width, m")
+    width.fill("2")
+    expect(page.locator(".reasons, .reason-pin")).to_have_count(0)  # those of another plan
+    width.fill("1.5")
+
+
+def test_a_field_file_is_imported_drawn_and_exported_again(
+    page: Page, server: FakeServer, tmp_path: Path
+) -> None:
+    import_and_export(page, server, ".geojson", tmp_path)
 
 
 def test_each_tool_draws_where_the_map_was_tapped(page: Page, server: FakeServer) -> None:
@@ -171,9 +196,11 @@ def test_goals_change_places_and_a_shape_is_deleted(page: Page, server: FakeServ
 def test_a_boundary_is_recorded_by_driving_along_it(page: Page, server: FakeServer) -> None:
     before = len(points(sent(page, server), "boundary"))
     choose(page, "By driving")
+    server.robot.mode = "mission"
     x_m, y_m, _ = server.robot.pose()
     pose = "window.__agribot.state().pose"
     until(page, f"Math.hypot({pose}[0] - {x_m}, {pose}[1] - {y_m}) > 3")
+    server.robot.mode = "paused"
     choose(page, "By driving")
     found = points(sent(page, server), "boundary")
     assert len(found) == before + 1
@@ -200,3 +227,12 @@ def test_small_distances_are_not_rounded_away(page: Page) -> None:
     own = {name: zoom for name, zoom in zooms.items() if not name.startswith("td-")}
     assert len(own) > 8
     assert {name for name, zoom in own.items() if zoom != 22} == set()
+
+
+def test_a_field_is_saved_on_the_robot_under_its_name(page: Page, server: FakeServer) -> None:
+    page.get_by_role("button", name="Save", exact=True).first.click()
+    page.get_by_label("Name of the field").fill("north acre")
+    page.keyboard.press("Enter")
+    wait_for(lambda: "fields/north acre" in server.written, "the saved field")
+    assert server.written["fields/north acre"]["type"] == "FeatureCollection"
+    assert "PUT fields/north acre" in server.requests

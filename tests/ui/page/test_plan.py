@@ -11,6 +11,7 @@ from playwright.sync_api import Page, expect
 
 from agribot.core.geo import Datum, MapFrame
 from agribot.gis.formats.table import WRITERS, read_field_file, write_field_file
+from tests import nightly
 from tests.ui.page.conftest import OpenPage
 from tests.ui.page.fake_robot import DATUM
 from tests.ui.page.fake_server import FakeServer
@@ -60,7 +61,13 @@ FIELD = {
 
 
 @pytest.fixture
-def page(open_page: OpenPage) -> Page:
+def page_size() -> tuple[int, int]:
+    return 900, 600
+
+
+@pytest.fixture
+def page(open_page: OpenPage, server: FakeServer) -> Page:
+    server.robot.mode = "paused"  # the map is not drawn anew for a robot that stands
     return open_page("plan", query="off=scene,camera")
 
 
@@ -95,23 +102,32 @@ def test_the_page_offers_every_format_that_the_server_knows() -> None:
     assert LABELS.keys() == WRITERS.keys() - other_names
 
 
+def import_and_export(page: Page, server: FakeServer, ending: str, folder: Path) -> None:
+    file = folder / f"north{ending}"
+    file.write_bytes(write_field_file(ending, FIELD))
+    page.get_by_label("Field file").set_input_files(file)
+    expect(page.locator(".side")).to_contain_text("1 obstacle")
+    server.written.clear()
+    page.get_by_role("button", name="Check plan").click()
+    wait_for(lambda: "plan" in server.written, "a plan to check")
+    check_drawn(server.written["plan"]["field"])
+    page.get_by_role("button", name="Export").click()
+    with page.expect_download() as asked:
+        page.get_by_role("dialog").get_by_role("button", name=LABELS[ending], exact=True).click()
+    name = asked.value.suggested_filename
+    assert name == f"field{ending}"
+    check_drawn(read_field_file(name, asked.value.path().read_bytes()))
+    page.get_by_role("button", name="Undo").click()
+    expect(page.locator(".side")).not_to_contain_text("1 obstacle")
+
+
+@nightly.by_day(
+    "tests/ui/page/test_drawing.py::test_a_field_file_is_imported_drawn_and_exported_again",
+    "tests/ui/test_rest.py::test_field_files_of_other_programs_keep_every_vertex",
+    "tests/ui/test_rest.py::test_a_field_is_exported_in_the_format_that_is_asked_for",
+)
 def test_field_files_are_imported_drawn_and_exported_again(
     page: Page, server: FakeServer, tmp_path: Path
 ) -> None:
-    for ending, label in LABELS.items():
-        file = tmp_path / f"north{ending}"
-        file.write_bytes(write_field_file(ending, FIELD))
-        page.get_by_label("Field file").set_input_files(file)
-        expect(page.locator(".side")).to_contain_text("1 obstacle")
-        server.written.clear()
-        page.get_by_role("button", name="Check plan").click()
-        wait_for(lambda: "plan" in server.written, "a plan to check")
-        check_drawn(server.written["plan"]["field"])
-        page.get_by_role("button", name="Export").click()
-        with page.expect_download() as asked:
-            page.get_by_role("dialog").get_by_role("button", name=label, exact=True).click()
-        name = asked.value.suggested_filename
-        assert name == f"field{ending}"
-        check_drawn(read_field_file(name, asked.value.path().read_bytes()))
-        page.get_by_role("button", name="Undo").click()
-        expect(page.locator(".side")).not_to_contain_text("1 obstacle")
+    for ending in LABELS:
+        import_and_export(page, server, ending, tmp_path)

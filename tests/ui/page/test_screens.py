@@ -16,6 +16,7 @@ from playwright.sync_api import Page, Route, expect
 
 from agribot.core.geo import Datum, MapFrame
 from agribot.ui import wire
+from tests import nightly
 from tests.ui.page import fake_answers
 from tests.ui.page.conftest import (
     SCREENS,
@@ -65,7 +66,7 @@ def violations(page: Page, theme: str) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("theme", ["light", "dark", "sun"])
+@nightly.one_by_one("theme", ["light", "dark", "sun"], 1)
 def test_no_screen_has_a_serious_finding_of_axe(open_page: OpenPage, theme: str) -> None:
     page = open_page(theme=theme)
     page.evaluate(AXE.read_text())
@@ -99,6 +100,10 @@ def test_the_map_draws_the_field_the_weeds_and_the_track(
     assert page.evaluate(hidden) == "none"
 
 
+@nightly.by_day(
+    "test_the_map_draws_the_field_the_weeds_and_the_track",
+    "tests/ui/page/test_build.py::test_the_page_type_checks_and_its_pure_parts_pass_their_tests",
+)
 @pytest.mark.parametrize("sharpness", [SHARP])
 def test_the_trace_is_blue_and_runs_through_every_place_and_goals_are_green(
     open_page: OpenPage, server: FakeServer
@@ -145,34 +150,6 @@ def test_the_camera_draws_pictures_and_says_how_old_they_are(open_page: OpenPage
     assert until(page, red) > 50
     page.get_by_label("Weed").uncheck()
     wait_for(lambda: page.evaluate(red) == 0, "a mask without weeds")
-
-
-def test_the_plan_is_checked_by_the_robot_and_its_reasons_are_on_the_map(
-    open_page: OpenPage, server: FakeServer
-) -> None:
-    page = open_page("plan", query="off=scene,camera")
-    page.get_by_role("button", name="Check plan").click()
-    expect(page.locator(".reasons")).to_contain_text("Row 3 leaves the boundary")
-    expect(page.locator(".reason-pin")).to_have_text("1")
-    sent = server.written["plan"]
-    kinds = [feature["properties"]["kind"] for feature in sent["field"]["features"]]
-    assert kinds.count("row") == 6
-    assert sent["implement_width_m"] == pytest.approx(1.5)
-    expect(page.get_by_role("button", name="Use this plan")).to_be_disabled()
-    page.get_by_label("Working width, m").fill("2")
-    expect(page.locator(".reasons, .reason-pin")).to_have_count(0)  # those of another plan
-
-
-def test_a_field_is_saved_on_the_robot_under_its_name(
-    open_page: OpenPage, server: FakeServer
-) -> None:
-    page = open_page("plan", query="off=scene,camera")
-    page.get_by_role("button", name="Save", exact=True).first.click()
-    page.get_by_label("Name of the field").fill("north acre")
-    page.keyboard.press("Enter")
-    wait_for(lambda: "fields/north acre" in server.written, "the saved field")
-    assert server.written["fields/north acre"]["type"] == "FeatureCollection"
-    assert "PUT fields/north acre" in server.requests
 
 
 def test_a_changed_setting_reaches_the_robot(open_page: OpenPage, server: FakeServer) -> None:
