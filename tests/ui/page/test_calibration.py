@@ -9,9 +9,21 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from tests import nightly
 from tests.ui.page.conftest import WITHOUT_GL, new_context, show, take_control, until
 from tests.ui.page.robots import Robot, robot_with_page
 from tests.waiting import wait_for
+
+pytestmark = nightly.by_day(
+    "tests/ui/page/test_with_the_robot.py::test_stop_ends_a_calibration_at_once",
+    "tests/app/calibration/test_wizard.py"
+    "::test_whatever_else_is_asked_of_the_robot_ends_it_at_once",
+    "tests/app/calibration/test_wizard.py::test_a_hand_and_the_loss_of_the_operator_end_it",
+    "tests/app/calibration/test_wizard.py::test_it_is_refused_while_a_mission_runs_or_a_stop_holds",
+    "tests/autonomy/estimate/test_mag_fit.py::test_an_ellipse_without_noise_is_found_exactly",
+    "tests/ui/page/test_screens.py"
+    "::test_calibrations_asked_for_before_an_undo_do_not_come_back_with_a_late_answer",
+)
 
 # The rows lie so far away that a way leads to them from wherever a drive has been ended.
 WORDS = [
@@ -74,7 +86,7 @@ def opened(page: Page, robot: Robot) -> Page:
     return page
 
 
-def drive(page: Page, title: str, *sights: str) -> None:
+def calibrate(page: Page, title: str, *sights: str) -> None:
     """Until each sight was seen, one after the other.
 
     Begun again, as by a person, where the page stuttered: its robot does not go on without an
@@ -96,7 +108,7 @@ def drive(page: Page, title: str, *sights: str) -> None:
 
 
 def test_the_compass_is_measured_taken_over_and_taken_back(page: Page, home: Path) -> None:
-    drive(
+    calibrate(
         page,
         "Compass",
         f"document.querySelector('.calibration progress')?.value > 0.05 && {FEW_SEEN}",
@@ -124,8 +136,7 @@ def test_the_compass_is_measured_taken_over_and_taken_back(page: Page, home: Pat
     assert not kept.exists()
 
 
-def test_stop_ends_it_at_once(page: Page) -> None:
-    drive(page, "Motors", f"{STATE}.signals.at(-1)?.[3] > 0.2")
+def stop_calibrating(page: Page) -> None:
     page.locator("#stop").click()
     until(page, f"{STATE}.signals.at(-1)?.[3] === 0 && {IS_STILL}")
     expect(page.locator(".calibration")).to_contain_text("not finished: ended by 'stop'")
@@ -135,7 +146,7 @@ def test_stop_ends_it_at_once(page: Page) -> None:
 
 
 def test_cancel_brings_the_robot_to_rest_and_changes_nothing(page: Page, home: Path) -> None:
-    drive(page, "Wheels and turning", f"{STATE}.signals.at(-1)?.[3] > 0.3")
+    calibrate(page, "Wheels and turning", f"{STATE}.signals.at(-1)?.[3] > 0.3")
     page.get_by_role("button", name="Cancel").click()
     until(page, f"{PHASE} === 'failed' && {STATE}.signals.at(-1)?.[3] === 0 && {IS_STILL}")
     expect(page.locator(".calibration")).to_contain_text("cancelled by")
@@ -146,7 +157,7 @@ def test_cancel_brings_the_robot_to_rest_and_changes_nothing(page: Page, home: P
 def test_without_its_operator_the_robot_does_not_go_on(
     page: Page, robot: Robot, browser: Browser, how: str
 ) -> None:
-    drive(page, "Wheels and turning", f"{STATE}.signals.at(-1)?.[3] > 0.3")
+    calibrate(page, "Wheels and turning", f"{STATE}.signals.at(-1)?.[3] > 0.3")
     context = new_context(browser, locale="en")
     other = opened(context.new_page(), robot)
     if how == "the operator is gone":

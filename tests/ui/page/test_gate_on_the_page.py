@@ -9,6 +9,7 @@ from playwright.sync_api import BrowserContext, expect
 
 from agribot.autonomy.control.hazards import NO_CONTACTOR
 from agribot.ui import wire
+from tests import nightly
 from tests.ui.page.conftest import WITHOUT_GL, OpenPage, until
 from tests.ui.page.fake_server import FakeServer
 from tests.ui.page.robots import robot_with_page
@@ -18,6 +19,14 @@ BLIND = [
 ]  # fmt: skip
 
 
+@nightly.by_day(
+    "tests/ui/page/test_with_the_robot.py::test_the_robot_drives_its_mission_and_the_page_shows_it",
+    "tests/ui/page/test_build.py::test_the_page_type_checks_and_its_pure_parts_pass_their_tests",
+    "tests/ui/test_run_view.py::test_the_gate_is_shown_since_it_is_so_and_its_reason_once",
+    "tests/ui/test_run_view.py::test_only_sensors_that_are_not_fine_cross_the_wire",
+    "tests/autonomy/estimate/test_doubts.py"
+    "::test_fixes_that_jump_while_the_robot_drives_are_not_followed_but_named",
+)
 def test_a_jump_of_the_receiver_is_told_once_with_state_sensor_and_the_list_before_the_start(
     context: BrowserContext, tmp_path: Path
 ) -> None:

@@ -1,14 +1,18 @@
-"""The Health screen shows the GNSS receiver, and what it does not tell as missing, in red."""
+"""The Health screen shows the GNSS receiver, and what it does not tell as missing, in red.
+
+One page shows them all.
+"""
 
 from __future__ import annotations
 
-import pytest
-from playwright.sync_api import BrowserContext, Locator, Page, expect
+from collections.abc import Iterator
 
-from tests.ui.page.conftest import WITHOUT_GL, OpenPage, until
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from tests.ui.page.conftest import WITHOUT_GL, new_context, until
 from tests.ui.page.fake_robot import SATELLITES, make_receiver
-from tests.ui.page.fake_server import FakeServer
-from tests.ui.page.robots import robot_with_page
+from tests.ui.page.fake_server import FakeServer, serving
 from tests.ui.page.test_layout import check
 
 NO_SKY = {"satellites": [], "used_count": 0, "in_view_count": 0, "hdop": None, "pdop": None,
@@ -21,6 +25,37 @@ BROKEN = (
 )
 
 
+@pytest.fixture(scope="module")
+def shared_server() -> Iterator[FakeServer]:
+    fake = FakeServer(weeds=0)
+    with serving(fake) as fake.address:
+        yield fake
+
+
+@pytest.fixture(scope="module")
+def shared_page(browser: Browser, shared_server: FakeServer) -> Iterator[Page]:
+    context = new_context(browser, viewport={"width": 1280, "height": 800}, locale="en")
+    page = context.new_page()
+    page.goto(f"{shared_server.address}/?{WITHOUT_GL}#/health")
+    until(page, "window.__agribot?.ready")
+    yield page
+    context.close()
+
+
+@pytest.fixture
+def server(shared_server: FakeServer) -> FakeServer:
+    """With a receiver that is well."""
+    shared_server.robot.receiver = make_receiver()
+    return shared_server
+
+
+@pytest.fixture
+def page(shared_page: Page, server: FakeServer) -> Page:
+    expect(fact(shared_page, "Last fix")).to_have_text("0.1 s ago, 10 per second")
+    expect(card_of(shared_page).get_by_role("status")).to_have_text("RTK fixed")
+    return shared_page
+
+
 def card_of(page: Page) -> Locator:
     return page.get_by_role("region", name="GNSS receiver")
 
@@ -31,9 +66,8 @@ def fact(page: Page, name: str) -> Locator:
 
 
 def test_the_card_tells_fix_sky_and_corrections_of_a_receiver_that_is_well(
-    open_page: OpenPage, server: FakeServer
+    page: Page, server: FakeServer
 ) -> None:
-    page = open_page("health")
     card, receiver = card_of(page), server.robot.receiver
     expect(card.get_by_role("status")).to_have_text("RTK fixed")
     expect(card).to_contain_text("serial:/dev/ttyACM0")
@@ -53,9 +87,8 @@ def test_the_card_tells_fix_sky_and_corrections_of_a_receiver_that_is_well(
 
 
 def test_the_sky_is_drawn_with_north_up_and_the_used_ones_filled(
-    open_page: OpenPage, server: FakeServer
+    page: Page, server: FakeServer
 ) -> None:
-    page = open_page("health")
     sky, receiver = card_of(page).locator(".sky"), server.robot.receiver
     expect(sky.locator("circle.used")).to_have_count(receiver.used_count)
     expect(sky.locator("circle.seen")).to_have_count(SATELLITES - receiver.used_count)
@@ -73,10 +106,10 @@ def test_the_sky_is_drawn_with_north_up_and_the_used_ones_filled(
     [(0.95, "0.8 s old, 95 % used", "plain"), (0.0, "0.8 s old, none used by the receiver", "bad")],
 )
 def test_corrections_that_the_receiver_does_not_use_are_told_in_red(
-    open_page: OpenPage, server: FakeServer, ratio: float, said: str, tone: str
+    page: Page, server: FakeServer, ratio: float, said: str, tone: str
 ) -> None:
     server.robot.receiver = make_receiver(correction_use_ratio=ratio)
-    told = fact(open_page("health"), "Corrections")
+    told = fact(page, "Corrections")
     expect(told).to_have_text(said)
     assert ("bad" in (told.get_attribute("class") or "")) is (tone == "bad")
 
@@ -86,16 +119,15 @@ def test_corrections_that_the_receiver_does_not_use_are_told_in_red(
     [(1, "Single fix, no corrections"), (2, "DGNSS"), (4, "RTK fixed"), (5, "RTK float")],
 )
 def test_the_state_of_the_receiver_is_told_in_words(
-    open_page: OpenPage, server: FakeServer, quality: int, said: str
+    page: Page, server: FakeServer, quality: int, said: str
 ) -> None:
     server.robot.receiver = make_receiver(quality=quality)
-    expect(card_of(open_page("health")).get_by_role("status")).to_have_text(said)
+    expect(card_of(page).get_by_role("status")).to_have_text(said)
 
 
 def test_a_receiver_that_fell_silent_is_a_fault_and_nowhere_a_zero(
-    open_page: OpenPage, server: FakeServer
+    page: Page, server: FakeServer
 ) -> None:
-    page = open_page("health")
     page.set_viewport_size({"width": 844, "height": 390})
     card = card_of(page)
     expect(card.get_by_role("status")).to_have_text("RTK fixed")
@@ -119,31 +151,14 @@ def test_a_receiver_that_fell_silent_is_a_fault_and_nowhere_a_zero(
     expect(card.locator(".sky")).to_be_hidden()
     assert card.evaluate("card => card.scrollWidth <= card.clientWidth + 1")
     check(page, "the card of a receiver at fault")
+    page.set_viewport_size({"width": 1280, "height": 800})
 
 
-def test_a_receiver_without_a_first_fix_says_so(open_page: OpenPage, server: FakeServer) -> None:
+def test_a_receiver_without_a_first_fix_says_so(page: Page, server: FakeServer) -> None:
     server.robot.receiver = make_receiver(
         fix_age_s=None, quality=0, std_m=None, rate_hz=None, status_age_s=None, caster="",
         caster_state=None, **NO_SKY, **NO_CORRECTIONS,
     )  # fmt: skip
-    page = open_page("health")
     expect(card_of(page).get_by_role("status")).to_have_text("No fix yet")
     expect(fact(page, "Last fix")).to_have_text("none since the start")
     expect(fact(page, "Satellites")).to_have_text("not told")
-
-
-def test_the_simulated_receiver_is_shown_as_such_with_what_it_gives(
-    context: BrowserContext, tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    out_dir = tmp_path_factory.mktemp("runs") / "run"
-    blind = ["--set", "perception.enabled=false", "--set", "seed=1"]
-    with robot_with_page("farm", out_dir, blind) as robot:
-        page = context.new_page()
-        page.goto(f"{robot.address}/?{WITHOUT_GL}#/health")
-        until(page, "window.__agribot?.ready")
-        card = card_of(page)
-        expect(card.get_by_text("Simulated")).to_be_visible()
-        expect(card.get_by_role("status")).to_have_text("RTK fixed")
-        expect(fact(page, "Last fix")).to_contain_text("per second")
-        expect(fact(page, "Satellites")).to_have_text("not told in the simulation")
-        expect(card.locator(".sky")).to_be_hidden()

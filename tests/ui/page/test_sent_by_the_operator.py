@@ -15,6 +15,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from agribot.core import config
 from agribot.core.geo import MapFrame
+from tests import nightly
 from tests.ui.page.conftest import (
     hold_map_still,
     new_context,
@@ -76,6 +77,11 @@ def draw_north(page: Page, east_m: float, north_m: float) -> None:
     page.mouse.up()
 
 
+@nightly.by_day(
+    "tests/ui/page/test_places.py"
+    "::test_a_place_that_the_robot_cannot_reach_or_nobody_may_send_it_to_is_not_sent",
+    "tests/ui/test_goal_preview.py::test_a_place_that_cannot_be_reached_says_why",
+)
 def test_a_place_beyond_the_fence_is_refused_with_the_reason(page: Page) -> None:
     until(page, f"{STATE}.mode === 'mission' && {STATE}.v_mps > 0.1")
     page.get_by_role("button", name="Drive to a place").click()
@@ -87,6 +93,12 @@ def test_a_place_beyond_the_fence_is_refused_with_the_reason(page: Page) -> None
     proposal.get_by_role("button", name="Cancel").click()
 
 
+@nightly.by_day(
+    "tests/ui/page/test_places.py"
+    "::test_a_goal_and_a_pose_are_sent_when_they_are_confirmed_and_not_before",
+    "tests/autonomy/plan/test_mission_errands.py"
+    "::test_it_drives_to_a_place_around_the_crop_and_waits_there",
+)
 def test_the_robot_drives_to_the_place_that_was_drawn_and_waits(page: Page) -> None:
     page.get_by_role("button", name="Drive to a place").click()
     draw_north(page, *GOAL)
@@ -104,6 +116,11 @@ def test_the_robot_drives_to_the_place_that_was_drawn_and_waits(page: Page) -> N
     expect(page.locator(".reason")).to_contain_text("resume goes on with the mission")
 
 
+@nightly.by_day(
+    "tests/ui/page/test_places.py"
+    "::test_a_goal_and_a_pose_are_sent_when_they_are_confirmed_and_not_before",
+    "tests/ui/test_seat_and_commands.py::test_a_pose_by_hand_needs_the_seat_and_a_robot_at_rest",
+)
 def test_a_standing_robot_believes_the_pose_that_was_drawn_and_then_its_sensors(page: Page) -> None:
     before = page.evaluate(f"{STATE}.pos_std_m")
     assert before < 0.05
@@ -114,6 +131,13 @@ def test_a_standing_robot_believes_the_pose_that_was_drawn_and_then_its_sensors(
     until(page, f"{STATE}.pos_std_m < 0.05 && Math.abs({STATE}.v_mps) < 0.01")
 
 
+@nightly.by_day(
+    "tests/ui/page/test_drawing.py"
+    "::test_the_plan_is_checked_by_the_robot_and_its_reasons_are_on_the_map",
+    "tests/ui/test_rest.py::test_a_drawn_field_is_planned_with_a_certificate",
+    "tests/autonomy/plan/test_mission_errands.py"
+    "::test_another_plan_is_taken_by_a_standing_robot_and_begins_when_resumed",
+)
 def test_a_checked_plan_becomes_the_mission(page: Page, robot: Robot) -> None:
     show(page, "plan")
     page.get_by_label("Field file").set_input_files(FIELD)
@@ -130,6 +154,11 @@ def test_a_checked_plan_becomes_the_mission(page: Page, robot: Robot) -> None:
     wait_for((robot.out_dir / "plan.geojson").is_file, "the plan beside the run")
 
 
+@nightly.by_day(
+    "tests/ui/page/test_screens.py::test_a_recording_is_replayed_and_a_moment_marked",
+    "tests/ui/test_seat_and_commands.py"
+    "::test_a_recording_is_begun_and_ended_by_operators_without_the_seat",
+)
 def test_a_recording_is_ended_marked_and_begun_again(page: Page, robot: Robot) -> None:
     show(page, "recordings")
     page.get_by_role("button", name="Mark this moment").click()

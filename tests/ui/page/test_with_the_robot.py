@@ -7,6 +7,7 @@ recording end it, and so stand last.
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -32,6 +33,8 @@ from tests.ui.page.conftest import (
     wait_for_toast,
 )
 from tests.ui.page.robots import Robot, robot_with_page
+from tests.ui.page.test_calibration import calibrate, stop_calibrating
+from tests.ui.page.test_receiver_card import card_of, fact
 from tests.waiting import wait_for
 
 SETTINGS = ["--set", "perception.enabled=false", "--set", "seed=1"]
@@ -42,6 +45,7 @@ HANG = "() => { const end = performance.now() + 1500; while (performance.now() <
 LET_GO = "test_the_wheels_stand_soon_after_the_last_request_of_a_hand"
 STATE = "window.__agribot.state()"
 WAYS = ("release", "cut link", "blur", "hung tab", "gamepad gone")
+BEFORE_THE_START = re.compile(r"Before the start: all \d+ good")
 IS_STILL = f"Math.abs({STATE}.v_mps) < 0.02"
 BY_HAND = f"{STATE}.mode === 'teleop'"
 
@@ -107,6 +111,10 @@ def test_the_robot_drives_its_mission_and_the_page_shows_it(page: Page) -> None:
     east_m = page.evaluate(f"{STATE}.pose[0]")
     until(page, f"Math.hypot({STATE}.pose[0] - {east_m}, {STATE}.pose[1]) > 0")
     assert page.evaluate(f"{STATE}.pos_std_m") < 0.1
+    expect(page.locator(".gate-line").get_by_role("status")).to_have_text("Driving")
+    expect(page.locator(".start-list")).to_contain_text(BEFORE_THE_START)
+    expect(page.locator(".sensors li")).to_have_count(6)
+    expect(page.locator(".sensors .doubt")).to_have_count(0)
 
 
 def test_a_paused_mission_stands_and_goes_on_where_it_was(page: Page) -> None:
@@ -149,6 +157,25 @@ def test_a_changed_speed_slows_the_mission(page: Page) -> None:
     speed.fill("0.4")
     speed.press("Enter")
     until(page, f"{STATE}.signals.at(-1)?.[3] > 0.3")
+
+
+def test_the_simulated_receiver_is_shown_as_such_with_what_it_gives(page: Page) -> None:
+    show(page, "health")
+    card = card_of(page)
+    expect(card.get_by_text("Simulated")).to_be_visible()
+    expect(card.get_by_role("status")).to_have_text("RTK fixed")
+    expect(fact(page, "Last fix")).to_contain_text("per second")
+    expect(fact(page, "Satellites")).to_have_text("not told in the simulation")
+    expect(card.locator(".sky")).to_be_hidden()
+
+
+def test_stop_ends_a_calibration_at_once(page: Page) -> None:
+    on_its_mission(page)
+    page.locator("[data-action=pause]").click()
+    until(page, f"{STATE}.mode === 'paused' && {IS_STILL}")
+    show(page, "settings")
+    calibrate(page, "Motors", f"{STATE}.signals.at(-1)?.[3] > 0.2")
+    stop_calibrating(page)
 
 
 def test_the_page_has_the_listed_screens_in_their_order(page: Page) -> None:
@@ -277,6 +304,11 @@ def test_the_wheels_stand_soon_after_the_last_request_of_a_hand(
     assert moving_s[-1] - asked_s[-1] <= STANDS_WITHIN_S
 
 
+@nightly.by_day(
+    "tests/ui/page/test_line.py"
+    "::test_a_recording_takes_the_place_of_the_robot_on_the_page_and_gives_it_back",
+    "tests/ui/test_commands_of_the_page.py::test_a_recording_is_shown_without_a_robot",
+)
 def test_a_replay_says_so_and_commands_nothing(context: BrowserContext, ended: Path) -> None:
     with robot_with_page(str(ended), ended.parent) as player, context.new_page() as page:
         page.goto(f"{player.address}/?{WITHOUT_GL}#/drive")
