@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections.abc import Sequence
 
 import msgspec
 import pytest
@@ -12,6 +13,7 @@ from playwright.sync_api import Locator, Page, expect
 
 from agribot.core.messages import PlantClass
 from agribot.ui import wire
+from tests import nightly
 from tests.ui.page.conftest import (
     SCREENS,
     WITHOUT_GL,
@@ -95,14 +97,30 @@ def not_reached(page: Page) -> list[str] | None:
     return named if now == [str(index) for index in range(wanted)] else None
 
 
-@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize(
+    ("width", "screens"),
+    [
+        pytest.param(390, ["drive", "settings"], id="phone, two screens"),
+        *(
+            pytest.param(
+                width,
+                SCREENS,
+                id=f"{width}",
+                marks=nightly.by_day(
+                    "test_everything_that_can_be_worked_is_reached_by_the_tab_key"
+                ),
+            )
+            for width in (1280, 390)
+        ),
+    ],
+)
 def test_everything_that_can_be_worked_is_reached_by_the_tab_key(
-    open_page: OpenPage, width: int
+    open_page: OpenPage, width: int, screens: Sequence[str]
 ) -> None:
     page = open_page("settings")
     page.set_viewport_size({"width": width, "height": 800})
     take_control(page)
-    for screen in SCREENS:
+    for screen in screens:
         show(page, screen)
         until(page, "document.querySelector('.screen').childElementCount > 0")
         for _ in range(CHANGES):
@@ -144,7 +162,7 @@ def test_the_mission_skips_goes_home_and_begins_once_more_only_when_asked_twice(
     assert sent == ["skip_row", "return_home", "start"]
 
 
-@pytest.mark.parametrize("percent", [20, 50, 80, 100])
+@nightly.one_by_one("percent", [50, 20, 80, 100], 1)
 def test_the_chosen_speed_limit_is_sent_and_kept(
     open_page: OpenPage, server: FakeServer, percent: int
 ) -> None:
@@ -207,6 +225,9 @@ def test_the_plots_pause_and_save_the_window_that_they_show(open_page: OpenPage)
     assert rows() == first, "a paused plot stands still"
 
 
+@nightly.by_day(
+    "tests/ui/page/test_build.py::test_the_page_type_checks_and_its_pure_parts_pass_their_tests"
+)
 def test_the_plants_are_counted_as_the_filter_leaves_them(
     open_page: OpenPage, server: FakeServer
 ) -> None:

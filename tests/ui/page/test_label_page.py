@@ -13,7 +13,9 @@ from playwright.sync_api import BrowserContext, Page, expect
 from agribot.core.messages import PlantClass
 from agribot.lab.labelling.label_folder import LabelFolder
 from agribot.ui.server.label_page import PAGE, PAGE_DIR, serve_labels
+from tests import nightly
 from tests.lab.labelling.photographs import HEIGHT, WIDTH, make_photographs, open_folder
+from tests.waiting import wait_for
 
 BEET = (slice(20, 50), slice(15, 45))
 THISTLE = (slice(50, 80), slice(75, 105))
@@ -133,6 +135,7 @@ def test_the_second_of_two_who_finish_a_picture_is_told_and_sees_the_first_ones(
     second.close()
 
 
+@nightly.by_day("test_what_is_painted_is_saved_found_again_and_finished")
 def test_keys_go_from_picture_to_picture_and_change_nothing(root: Path, page: Page) -> None:
     page.keyboard.press("ArrowRight")
     expect(page.locator(".picture-name")).to_have_text("dim")
@@ -144,6 +147,7 @@ def test_keys_go_from_picture_to_picture_and_change_nothing(root: Path, page: Pa
     assert not list((root / "masks").iterdir())
 
 
+@nightly.by_day("test_what_is_painted_is_saved_found_again_and_finished")
 def test_the_wheel_zooms_to_where_the_pointer_is_and_painting_stays_in_place(
     root: Path, page: Page
 ) -> None:
@@ -162,6 +166,7 @@ def test_the_wheel_zooms_to_where_the_pointer_is_and_painting_stays_in_place(
     assert columns.mean() + 15.5 == pytest.approx(30, abs=0.7)
 
 
+@nightly.by_day("test_what_is_painted_is_saved_found_again_and_finished")
 def test_enter_that_is_held_finishes_the_picture_that_was_looked_at_alone(page: Page) -> None:
     page.keyboard.down("Enter")
     expect(page.locator(".picture-name")).to_have_text("dim")
@@ -211,6 +216,7 @@ def test_what_could_not_be_saved_is_saved_as_soon_as_it_can_be(root: Path, page:
     assert (root / ".label" / "drafts" / "murky.png").is_file()
 
 
+@nightly.by_day("test_what_is_painted_is_saved_found_again_and_finished")
 def test_a_picture_of_few_pixels_is_not_made_smaller_by_the_key_for_larger(
     root: Path, page: Page
 ) -> None:
@@ -230,6 +236,7 @@ def width(page: Page) -> float:
     return box["width"]
 
 
+@nightly.by_day("test_what_is_painted_is_saved_found_again_and_finished")
 def test_keys_work_after_a_slider_was_moved(page: Page) -> None:
     size = page.get_by_label("Brush size")
     size.focus()
@@ -240,15 +247,15 @@ def test_keys_work_after_a_slider_was_moved(page: Page) -> None:
     expect(page.get_by_role("button", name="Superpixels")).to_have_attribute("aria-pressed", "true")
 
 
-@pytest.mark.parametrize(
-    "size", [(1400, 850), (390, 844), (640, 320)], ids=["wide", "phone", "phone on its side"]
-)
-def test_everything_is_within_the_display_and_large_enough_for_a_finger(
-    size: tuple[int, int], page: Page
-) -> None:
-    page.set_viewport_size({"width": size[0], "height": size[1]})
+def test_everything_is_within_the_display_and_large_enough_for_a_finger(page: Page) -> None:
+    for size in ((1400, 850), (390, 844), (640, 320)):  # wide, a phone, a phone on its side
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        check_size(page, size)
+
+
+def check_size(page: Page, size: tuple[int, int]) -> None:
     fit = "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
-    assert page.evaluate(fit) == list(size)
+    wait_for(lambda: page.evaluate(fit) == list(size), f"a page that fits {size}")
     for name in ("Crop", "Weed", "Soil", "Ignore", "Brush", "Done, next", "Next picture"):
         box = page.get_by_role("button", name=name).first.bounding_box()
         assert box, name

@@ -10,11 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
-import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from agribot.ui import wire
 from agribot.ui.address import Address
+from tests import nightly
 from tests.ui.conftest import Robot
 from tests.ui.page.conftest import WITHOUT_GL, take_control, until
 from tests.ui.page.fake_robot import FakeRobot
@@ -43,8 +43,8 @@ def tell(robot: Robot, track: int) -> None:
 
 
 def opened(context: BrowserContext, robot: Robot, query: str = "") -> Page:
+    context.request.get(f"http://127.0.0.1:{robot.port}/?{query}")  # the link with the token
     page = context.new_page()
-    page.goto(f"http://127.0.0.1:{robot.port}/?{query}")
     page.goto(f"http://127.0.0.1:{robot.port}/?{WITHOUT_GL}#/drive")
     until(page, "window.__agribot?.ready")
     page.evaluate("window.isOld = true")
@@ -87,7 +87,7 @@ def test_a_page_on_the_network_asks_for_the_token_of_the_next_run(
         until(page, "window.__agribot?.ready && window.__agribot.counters.traj === 3")
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", EVERYWHERE])
+@nightly.one_by_one("host", [EVERYWHERE, "127.0.0.1"], 1)
 def test_a_page_stays_as_it_is_when_the_server_of_its_run_is_started_again(
     context: BrowserContext, tmp_path: Path, host: str
 ) -> None:

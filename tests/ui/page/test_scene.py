@@ -19,6 +19,11 @@ WHEEL_PITCH_RAD = 0.15
 
 
 @pytest.fixture
+def page_size() -> tuple[int, int]:
+    return 1100, 500
+
+
+@pytest.fixture
 def page(open_page: OpenPage) -> Page:
     page = open_page("robot", query="off=map,camera")
     until(page, f"window.__agribot.scene && Object.keys({SCENE}.joints).length")
