@@ -112,10 +112,13 @@ def test_the_page_type_checks_and_its_pure_parts_pass_their_tests(hook: ModuleTy
 
 @pytest.fixture
 def sources(tmp_path: Path) -> Path:
-    """A copy of the page's source that a test may spoil."""
+    """A copy of a part of the page's source that a test may spoil."""
     web = tmp_path / "web"
-    unwanted = shutil.ignore_patterns("node_modules", ".test-build")
+    unwanted = shutil.ignore_patterns("node_modules", ".test-build", "src", "test", "public")
     shutil.copytree(ROOT / "web", web, ignore=unwanted)
+    for name in ("src", "test"):
+        (web / name).mkdir()
+    shutil.copy(ROOT / "web" / "src" / "dom.ts", web / "src")
     (web / "node_modules").symlink_to(ROOT / "web" / "node_modules")
     return web
 

@@ -30,7 +30,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 
 @pytest.fixture(scope="module")
 def page(browser: Browser, robot: Robot) -> Iterator[Page]:
-    context = new_context(browser, viewport={"width": 1280, "height": 800}, locale="en")
+    context = new_context(browser, viewport={"width": 900, "height": 500}, locale="en")
     page = context.new_page()
     page.goto(robot.address)
     expect(page.get_by_role("slider").first).to_be_visible()

@@ -7,11 +7,18 @@ from pathlib import Path
 from playwright.sync_api import expect
 
 from agribot.ui.server.mapviz_config import displays_of
+from tests import nightly
 from tests.ui.page.conftest import OpenPage, until
 
 FARM = Path(__file__).parents[1] / "data" / "farm.mvc"
 
 
+@nightly.by_day(
+    "tests/ui/test_mapviz_config.py::test_types_topics_colours_and_order_are_those_of_the_file",
+    "tests/ui/test_mapviz_config.py::test_what_has_no_counterpart_is_named_with_the_reason",
+    "tests/ui/test_mapviz_config.py::test_out_and_in_again_it_is_the_same",
+    "tests/ui/page/test_build.py::test_the_page_type_checks_and_its_pure_parts_pass_their_tests",
+)
 def test_the_displays_of_mapviz_are_drawn_and_what_is_left_out_is_named(
     open_page: OpenPage,
 ) -> None:

@@ -12,6 +12,7 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 
 from agribot.ui import wire
+from tests import nightly
 from tests.ui.page.conftest import WITHOUT_GL, until
 from tests.ui.page.fake_server import FakeServer, serving
 
@@ -48,18 +49,28 @@ def add_screen(web: Path) -> str:
     return str(name)
 
 
+def run_tool(web: Path, name: str, *words: str) -> None:
+    _, environment = runpy.run_path(str(ROOT / "hatch_build.py"))["npm_command"]()
+    done = subprocess.run(
+        [TOOLS / name, *words],
+        cwd=web, env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_screen_of_ones_own_type_checks(tmp_path: Path) -> None:
+    web = copy_web(tmp_path)
+    add_screen(web)
+    run_tool(web, "tsc", "--noEmit")
+
+
+@nightly.by_day("test_a_screen_of_ones_own_type_checks")
 def test_a_screen_of_ones_own_is_one_file_and_a_word_in_the_list(
     context: BrowserContext, tmp_path: Path
 ) -> None:
     web = copy_web(tmp_path)
     name = add_screen(web)
-    _, environment = runpy.run_path(str(ROOT / "hatch_build.py"))["npm_command"]()
-    for step in (["tsc", "--noEmit"], ["vite", "build"]):
-        done = subprocess.run(
-            [TOOLS / step[0], *step[1:]],
-            cwd=web, env=environment, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stdout + done.stderr
+    run_tool(web, "vite", "build")
     with serving(FakeServer(page=web / "dist")) as address:
         page = context.new_page()
         page.goto(f"{address}/?{WITHOUT_GL}#/{name}")

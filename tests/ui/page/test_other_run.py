@@ -51,6 +51,10 @@ def opened(context: BrowserContext, robot: Robot, query: str = "") -> Page:
     return page
 
 
+@nightly.by_day(
+    "tests/ui/page/test_other_run.py"
+    "::test_a_stop_that_was_pressed_meanwhile_reaches_the_next_run_before_the_page_is_loaded_anew"
+)
 def test_a_page_of_a_run_that_ended_is_loaded_anew_for_the_next_one_and_may_command_it(
     context: BrowserContext, tmp_path: Path
 ) -> None:
@@ -74,8 +78,17 @@ def test_a_stop_that_was_pressed_meanwhile_reaches_the_next_run_before_the_page_
     with served(tmp_path / "next", track=3, port=first.port) as robot:
         robot.wait_for_event("stop")
         until(page, "!window.isOld && window.__agribot?.ready")
+        until(page, "window.__agribot.counters.traj === 3")
+        take_control(page)
+        assert page.evaluate(SAVE) == 200
 
 
+@nightly.by_day(
+    "tests/ui/page/test_first_answer.py"
+    "::test_who_has_not_logged_in_sees_no_stop_that_stops_nothing_and_is_turned_away_once",
+    "tests/ui/test_restart.py"
+    "::test_pages_know_the_run_again_behind_another_server_and_another_run_from_it",
+)
 def test_a_page_on_the_network_asks_for_the_token_of_the_next_run(
     context: BrowserContext, tmp_path: Path
 ) -> None:
