@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import re
+import runpy
 import signal
 import subprocess
 import sys
@@ -10,39 +13,38 @@ from pathlib import Path
 import pytest
 
 from agribot.cli.main import main
-from agribot.ui import wire
+from agribot.ui import panels, wire
+from tests import nightly
 from tests.ui.client import Browser, Page
 from tests.waiting import PATIENCE_S
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "03_panels_of_your_own.py"
 AGRIBOT = (sys.executable, "-m", "agribot.cli")
-RUN = [*AGRIBOT, "run", "farm", "--set", "perception.enabled=false"]
+RUN = ["run", "farm", "--set", "perception.enabled=false"]
 
 
 @pytest.fixture(scope="module")
-def run_in_a_script(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> tuple[Path, subprocess.CompletedProcess[str]]:
+def run_in_a_script(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, str]:
+    """The folder of a short run with its page, its exit status and what it said."""
     out = tmp_path_factory.mktemp("runs") / "run"
-    words = ["--ui", "--port", "0", "--for", "4", "--out", str(out)]
-    done = subprocess.run(
-        [*RUN, *words], capture_output=True, text=True, check=False, timeout=PATIENCE_S
-    )
-    return out, done
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said):
+        status = main([*RUN, "--ui", "--port", "0", "--for", "4", "--out", str(out)])
+    return out, status, said.getvalue()
 
 
 def test_a_run_with_a_page_ends_by_itself_where_nobody_sits_at_a_terminal(
-    run_in_a_script: tuple[Path, subprocess.CompletedProcess[str]],
+    run_in_a_script: tuple[Path, int, str],
 ) -> None:
-    out, done = run_in_a_script
-    assert re.search(r"page: http://127\.0\.0\.1:\d+/", done.stderr), done.stderr
-    assert done.returncode == 1, "the mission was cut short"
+    out, status, said = run_in_a_script
+    assert re.search(r"page: http://127\.0\.0\.1:\d+/", said), said
+    assert status == 1, "the mission was cut short"
     assert (out / "report.json").is_file()
 
 
 def test_a_robot_that_stays_is_driven_by_hand_after_its_mission(tmp_path: Path) -> None:
     words = ["--ui", "--stay", "--port", "0", "--for", "4", "--out", str(tmp_path / "run")]
-    process = subprocess.Popen([*RUN, *words], stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen([*AGRIBOT, *RUN, *words], stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
     try:
         port = 0
@@ -69,12 +71,15 @@ def test_a_robot_that_stays_is_driven_by_hand_after_its_mission(tmp_path: Path) 
         process.communicate()
 
 
+@nightly.by_day("test_a_robot_that_stays_is_driven_by_hand_after_its_mission")
 def test_ctrl_c_at_the_very_address_of_the_page_ends_the_run_with_its_report(
     tmp_path: Path,
 ) -> None:
     out = tmp_path / "run"
     process = subprocess.Popen(
-        [*RUN, "--ui", "--port", "0", "--out", str(out)], stderr=subprocess.PIPE, text=True
+        [*AGRIBOT, *RUN, "--ui", "--port", "0", "--out", str(out)],
+        stderr=subprocess.PIPE,
+        text=True,
     )
     assert process.stderr is not None
     try:
@@ -89,9 +94,9 @@ def test_ctrl_c_at_the_very_address_of_the_page_ends_the_run_with_its_report(
 
 
 def test_a_recording_is_shown_without_a_robot(
-    run_in_a_script: tuple[Path, subprocess.CompletedProcess[str]],
+    run_in_a_script: tuple[Path, int, str],
 ) -> None:
-    out, _ = run_in_a_script
+    out, _, _ = run_in_a_script
     process = subprocess.Popen(
         [sys.executable, "-m", "agribot.cli", "ui", str(out / "run.mcap"), "--port", "0"],
         stderr=subprocess.PIPE,
@@ -118,29 +123,23 @@ def test_a_port_that_is_taken_is_said_before_anything_moves(tmp_path: Path) -> N
     assert main(words) == 2
 
 
-def test_the_example_adds_its_panels() -> None:
-    done = subprocess.run(
-        [sys.executable, str(EXAMPLE)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE_S,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "1 marks" in done.stdout
+def test_the_example_adds_its_panels(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", [str(EXAMPLE)])
+    monkeypatch.setattr(panels, "shared", panels.Panels())
+    for name in ("layer", "button", "form", "image", "plot"):
+        monkeypatch.setattr(panels, name, getattr(panels.shared, name))
+    runpy.run_path(str(EXAMPLE), run_name="__main__")
+    assert "1 marks" in capsys.readouterr().out
 
 
-def test_the_benchmark_counts_states_and_ticks() -> None:
-    done = subprocess.run(
-        [*AGRIBOT, "bench", "ui", "--no-camera", "--json", "--clients", "0,2", "--seconds", "2"],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE_S,
-    )
-    assert done.returncode in {0, 1}, done.stderr  # a busy machine is slower than it should be
-    result = json.loads(done.stdout.splitlines()[-1])
-    assert result["ok"] == (done.returncode == 0) == all(one["ok"] for one in result["limits"])
+def test_the_benchmark_counts_states_and_ticks(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["bench", "ui", "--no-camera", "--json", "--clients", "0,2", "--seconds", "2"]
+    status = main(words)
+    assert status in {0, 1}  # a busy machine is slower than it should be
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert result["ok"] == (status == 0) == all(one["ok"] for one in result["limits"])
     none, two = result["phases"]
     assert none["state_hz"] is None
     assert two["state_hz"] > 0.0
