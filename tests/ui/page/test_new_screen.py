@@ -52,7 +52,7 @@ def add_screen(web: Path) -> str:
 def run_tool(web: Path, name: str, *words: str) -> None:
     _, environment = runpy.run_path(str(ROOT / "hatch_build.py"))["npm_command"]()
     done = subprocess.run(
-        [TOOLS / name, *words],
+        [str(TOOLS / name), *words],
         cwd=web, env=environment, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
