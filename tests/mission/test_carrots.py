@@ -33,7 +33,7 @@ density_per_m2 = 6.0
 
 @pytest.mark.slow
 @nightly.by_day(
-    "tests/lab/train/test_plants_model.py::test_it_tells_each_of_the_five_crops_from_weeds",
+    "tests/lab/train/test_plants_model.py::test_it_tells_seedlings_of_carrots_and_parsley_from_weeds",
     "tests/autonomy/implements/test_spray_and_leaves.py::"
     "test_a_row_that_looks_like_weeds_stays_dry_where_no_stem_explains_its_leaves",
     "tests/autonomy/implements/test_spray_and_leaves.py::"

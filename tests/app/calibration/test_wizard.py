@@ -86,7 +86,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 @nightly.by_day(
     "test_the_compass_is_better_against_the_gyro_after_than_before",
-    "tests/sim/test_drive_calibration.py::test_fit_does_not_believe_a_wrong_description",
+    "tests/sim/test_drive_calibration.py::test_command_says_how_wrong_the_description_is",
     "tests/app/calibration/test_robot_file.py::test_a_run_believes_the_file_and_an_option_more",
 )
 def test_a_wheel_of_another_size_is_found_and_taken_over_by_the_next_run(tmp_path: Path) -> None:
