@@ -14,8 +14,10 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from agribot.ui import wire
+from agribot.ui.server.allowance import MAX_BURST
 from agribot.ui.server.connection_slots import MAX_CONNECTIONS
 from agribot.ui.server.guesses import MAX_GUESSES
+from agribot.ui.server.hub import NOTES_PER_MINUTE
 from agribot.ui.server.page_slots import MAX_VIEWERS
 from tests.ui.client import Never, Page
 from tests.ui.conftest import Robot
@@ -179,11 +181,60 @@ def test_a_flood_of_requests_for_the_seat_pushes_no_answer_out(
     assert_stops(lan, page)
 
 
+def test_refusals_and_points_of_viewers_leave_room_for_what_operators_do(
+    lan: Robot, viewer: Tablet, operator: Tablet
+) -> None:
+    guest = Tablet.__new__(Tablet)
+    guest.robot, guest.origin, guest.cookie = lan, operator.origin, ""
+    assert {guest.ask("GET", "/api/v1/field")[0] for _ in range(NOTES_PER_MINUTE + 10)} == {401}
+    with viewer.page() as onlooker:
+        for _ in range(NOTES_PER_MINUTE + 10):
+            onlooker.send(wire.PointOut(x_map_m=7.0, y_map_m=7.0))
+        onlooker.ask(wire.PointOut(x_map_m=7.0, y_map_m=7.0))
+    with operator.page() as page:
+        page.ask(wire.UseName(name="Bob"))
+        page.take_seat()
+        page.ask(wire.PointOut(x_map_m=1.0, y_map_m=2.0))
+        page.send(wire.LeaveSeat())
+        lan.wait_for_event("note", lambda note: note.text == "leaves the operator's seat")
+    notes = lan.of_kind(wire.EventOrder)
+    assert [note.text for note in notes if note.source == "Bob"] == [
+        "takes the operator's seat",
+        "point: East 1.000 m, North 2.000 m",
+        "leaves the operator's seat",
+    ]
+    assert sum("refused" in note.text for note in notes) <= NOTES_PER_MINUTE
+
+
 def test_text_with_stop_in_it_is_counted_like_any_other(lan: Robot, viewer: Tablet) -> None:
     with viewer.page() as flood, pytest.raises(ConnectionClosed):
         for _ in range(10_000):
             flood.send_text('{"kind":"use_name","name":"press_stop","stop":true}')
         flood.receive(Never)
+
+
+@pytest.mark.parametrize("path", ["/ws/v1?tab=flood", "/ws/cam/main"])
+@pytest.mark.parametrize(
+    "frame",
+    [
+        bytes.fromhex("89840000000061616161"),
+        bytes.fromhex("8a80 00000000"),
+        bytes.fromhex("0080 00000000"),
+        bytes.fromhex("8181 0000000031"),
+        bytes.fromhex("8281 0000000031"),
+    ],
+    ids=["ping", "pong", "empty continuation", "text", "binary"],
+)
+def test_a_flood_of_frames_of_any_kind_costs_that_line_alone(
+    lan: Robot, viewer: Tablet, page: Page, path: str, frame: bytes
+) -> None:
+    flood = Page(lan.port, path=path, additional_headers={"Cookie": viewer.cookie})
+    start = bytes.fromhex("0181 0000000031") if frame[0] == 0 else b""
+    with flood, pytest.raises(ConnectionClosed):
+        with contextlib.suppress(OSError):  # cut while it sends
+            flood.line.socket.sendall(start + frame * 50 * MAX_BURST)
+        flood.receive(Never)
+    assert_stops(lan, page)
 
 
 def test_viewers_that_take_all_their_places_keep_no_operator_out(

@@ -20,7 +20,12 @@ from agribot.ui import small_yaml, wire
 from agribot.ui.hand.stick_table import read_table
 from agribot.ui.server import about_routes
 from agribot.ui.server.access import Caller
-from agribot.ui.server.allowance import MAX_BURST, MAX_MESSAGES_PER_S, Allowance
+from agribot.ui.server.allowance import (
+    MAX_BURST,
+    MAX_FRAMES_PER_S,
+    Allowance,
+    FrameAllowance,
+)
 from agribot.ui.server.answers import Unusable
 from agribot.ui.server.channel import Channel
 from agribot.ui.server.guesses import FORGET_S, MAX_ADDRESSES, MAX_GUESSES, Guesses
@@ -77,7 +82,31 @@ def test_messages_are_allowed_in_a_burst_and_then_at_a_rate() -> None:
     allowance = Allowance(100.0)
     assert all(allowance.take(100.0) for _ in range(MAX_BURST))
     assert not allowance.take(100.0)
-    assert sum(allowance.take(101.0) for _ in range(2 * MAX_BURST)) == MAX_MESSAGES_PER_S
+    assert sum(allowance.take(101.0) for _ in range(2 * MAX_BURST)) == MAX_FRAMES_PER_S
+
+
+PING, START, EMPTY = b"\x89\x80" + bytes(4), b"\x01\x81" + bytes(5), b"\x00\x80" + bytes(4)
+LONG = b"\x81\xfe\xff\xff" + bytes(4 + 0xFFFF)  # a text of 64 kB
+
+
+@pytest.mark.parametrize("frame", [PING, b"\x8a\x80" + bytes(4), EMPTY, b"\x81\x83" + bytes(7)])
+def test_frames_of_every_kind_are_counted_up_to_the_first_above_the_limit(frame: bytes) -> None:
+    frames = FrameAllowance(100.0)
+    assert frames.find_excess(frame * MAX_BURST, 100.0) is None
+    assert frames.find_excess(frame * MAX_FRAMES_PER_S, 101.0) is None
+    assert frames.find_excess(frame * 9, 101.0) == len(frame)
+
+
+def test_frames_are_counted_wherever_the_line_cuts_them() -> None:
+    """64 kB count as 65 frames: with the ping before them, seven such pairs are within it."""
+    frames, pair = FrameAllowance(100.0), PING + LONG
+    assert 7 * 66 < MAX_BURST < 8 * 66
+    for at in range(0, 20 * len(pair), 1001):
+        piece = (pair * 20)[at : at + 1001]
+        end = frames.find_excess(piece, 100.0)
+        if end is not None:
+            break
+    assert at + (end or 0) == 8 * len(pair)
 
 
 def test_wrong_tokens_of_one_address_are_forgotten_and_never_counted_for_another() -> None:

@@ -114,7 +114,10 @@ export class Link {
     this.openBy = performance.now() + OPEN_MS[Math.min(this.attempt, OPEN_MS.length - 1)]
     socket.onopen = () => this.opened()
     socket.onmessage = (event: MessageEvent<unknown>) => this.receive(event.data)
-    socket.onclose = () => this.lost()
+    socket.onclose = (event) => {
+      this.farewell ||= event.reason
+      this.lost()
+    }
   }
 
   private opened(): void {

@@ -19,6 +19,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from agribot.core.messages import ByteArray
 from agribot.ui import wire
+from agribot.ui.server.guarded_connections import POLICY, TOO_MUCH
 from agribot.ui.server.hub import Hub
 
 MAX_VIEWERS = 32
@@ -155,6 +156,8 @@ class Viewer:
             while True:
                 message = await self._socket.receive()
                 if message["type"] == "websocket.disconnect":
+                    if message.get("code") == POLICY:
+                        self._hub.refuse("a viewer of the camera", TOO_MUCH)
                     return
                 self._note_drawing()
         finally:

@@ -178,7 +178,7 @@ class Commands:
     def _point_out(self, message: wire.PointOut) -> None:
         """Put a place that somebody clicked into the recording, as RViz's Publish Point."""
         place = f"East {message.x_map_m:.3f} m, North {message.y_map_m:.3f} m"
-        self._hub.note(self._page.name, f"point: {place}")
+        self._note(f"point: {place}")
         self._answer(message)
 
     def _draw_shape(self, message: wire.DrawShape) -> None:
@@ -187,8 +187,12 @@ class Commands:
         if not 0 < len(corners) <= MAX_CORNERS:
             raise Refused(f"{len(corners)} corners of a shape: it has 1 to {MAX_CORNERS}")
         places = ", ".join(f"{x_m:.2f} {y_m:.2f}" for x_m, y_m in corners)
-        self._hub.note(self._page.name, f"{message.shape} (East North, m): {places}")
+        self._note(f"{message.shape} (East North, m): {places}")
         self._answer(message)
+
+    def _note(self, text: str) -> None:
+        kind = "operator" if self._page.role == "operator" else "viewer"
+        self._hub.note(self._page.name, text, kind)
 
     def _correct_pose(self, message: wire.CorrectPose) -> None:
         """Only a robot at rest believes it."""

@@ -20,7 +20,9 @@ from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.protocol import State
 
+from agribot.ui.server.allowance import MAX_FRAMES_PER_S, FrameAllowance
 from agribot.ui.server.connection_slots import ConnectionSlots, Slot
 
 HEAD_S = 10.0  # for the whole head of a request, and what is left of the one before
@@ -33,6 +35,8 @@ PING_EVERY_S = 2.0
 SILENT_S = 6.0  # a browser answers three pings by then, also with its page asleep
 CLOSE_S = 2.0  # for the goodbyes of both sides
 STUCK_S = 10.0  # in which a page takes not a byte, though it sends
+POLICY = 1008  # the code of RFC 6455 for a page that breaks a rule of the server
+TOO_MUCH = f"more than {MAX_FRAMES_PER_S} frames, or kilobytes, in a second"
 UNSENT_BYTES = 16 * 1024  # waiting in this machine; what is newer waits where it can be left out
 
 
@@ -178,6 +182,8 @@ class GuardedSocket(WebSocketsSansIOProtocol):
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
         self._heard_s = self.loop.time()
+        self._frames = FrameAllowance(self._heard_s)
+        self._is_flooded = False
         self._queued_bytes = 0
         self._look: asyncio.TimerHandle | None = None
         self._stuck: asyncio.TimerHandle | None = None
@@ -206,8 +212,24 @@ class GuardedSocket(WebSocketsSansIOProtocol):
         super().resume_writing()
 
     def data_received(self, data: bytes) -> None:
+        """Take what is within the allowance, and the first frame above it: it may be a STOP."""
         self._heard_s = self.loop.time()
-        super().data_received(data)
+        if not self.handshake_initiated:
+            super().data_received(data)
+        elif not self._is_flooded:
+            end = self._frames.find_excess(data, self._heard_s)
+            super().data_received(data[:end])
+            if end is not None:
+                self._refuse_flood()
+
+    def _refuse_flood(self) -> None:
+        """Read no more, and close the line with the reason once all before is obeyed."""
+        self._is_flooded = True
+        self.queue.put_nowait({"type": "websocket.disconnect", "code": POLICY, "reason": TOO_MUCH})
+        if self.handshake_complete and self.conn.state is State.OPEN:
+            self.conn.send_close(POLICY, TOO_MUCH)
+            self.transport.write(b"".join(self.conn.data_to_send()))
+        self.transport.close()
 
     def on_task_complete(self, task: asyncio.Task[None]) -> None:
         """Cut the connection: a close would wait until all is sent, which may be never."""

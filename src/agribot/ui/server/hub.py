@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import msgspec
 
@@ -21,9 +21,10 @@ from agribot.ui.server.seat import Seat
 from agribot.ui.server.stops import Stops
 
 T = TypeVar("T")
+NoteKind = Literal["operator", "viewer", "refusal"]
 ToRobot = Callable[[wire.RobotOrder], None]
 MAX_REPLAYS = 4  # at a time; whoever started the oldest is shown the robot again
-NOTES_PER_MINUTE = 60
+NOTES_PER_MINUTE = 60  # of each kind
 TELL_SEAT_S = 0.05
 ANSWER_S = 10.0  # of the robot's program
 
@@ -55,7 +56,9 @@ class Hub:
         self._to_robot = to_robot
         self.stops = Stops(lambda source, text: self.event("stop", source, text))
         self._seat_timer: asyncio.TimerHandle | None = None
-        self._noted_s: deque[float] = deque(maxlen=NOTES_PER_MINUTE)
+        self._noted_s: defaultdict[NoteKind, deque[float]] = defaultdict(
+            lambda: deque(maxlen=NOTES_PER_MINUTE)
+        )
 
     @property
     def has_robot(self) -> bool:
@@ -181,15 +184,15 @@ class Hub:
         for socket in self.sockets:
             socket.tell(message)
 
-    def note(self, source: str, text: str) -> None:
-        """Who did what, into the recording; a flood of them is cut."""
-        now_s = time.monotonic()
-        if len(self._noted_s) == NOTES_PER_MINUTE and now_s - self._noted_s[0] < 60.0:
+    def note(self, source: str, text: str, kind: NoteKind = "operator") -> None:
+        """Put who did what into the recording; a flood of one kind is cut, and no other kind."""
+        now_s, noted_s = time.monotonic(), self._noted_s[kind]
+        if len(noted_s) == NOTES_PER_MINUTE and now_s - noted_s[0] < 60.0:
             return
-        self._noted_s.append(now_s)
+        noted_s.append(now_s)
         self.event("note", source, text)
 
     def refuse(self, who: str, reason: str) -> None:
         """Somebody was turned away at the door."""
         self.refusals += 1
-        self.note(who, f"refused: {reason}")
+        self.note(who, f"refused: {reason}", "refusal")

@@ -10,16 +10,15 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from agribot.core.version import __version__
 from agribot.ui import wire
-from agribot.ui.server.allowance import MAX_MESSAGES_PER_S, Allowance
 from agribot.ui.server.channel import Channel
 from agribot.ui.server.client import Client
 from agribot.ui.server.commands import Commands, Refused
+from agribot.ui.server.guarded_connections import POLICY, TOO_MUCH
 from agribot.ui.server.hub import Hub
 from agribot.ui.server.page_slots import make_room
 from agribot.ui.server.window import Window
 
-MAX_STOP_LETTERS = 200
-POLICY, TRY_LATER = 1008, 1013
+TRY_LATER = 1013
 GONE_S = 10.0  # a page that acknowledges is cut where it has not done so for as long
 
 
@@ -36,7 +35,6 @@ class Socket:
         self._socket = socket
         self._commands = Commands(hub, self)
         self.heard_s = time.monotonic()
-        self._allowance = Allowance(self.heard_s)
 
     async def serve(self) -> None:
         hub = self.hub
@@ -119,36 +117,26 @@ class Socket:
         while True:
             message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
+                if message.get("code") == POLICY:
+                    self.hub.refuse(self.name, TOO_MUCH)
                 return
             text = message.get("text")
             if text is None:
                 raise Refused("a binary frame; this line speaks JSON text")
-            self._take(text)
+            self._obey(text)
 
-    def _take(self, text: str) -> None:
-        """Obey within the limit. A stop is obeyed above it, too, but costs the line as well."""
-        self.heard_s = time.monotonic()
-        is_within = self._allowance.take(self.heard_s)
-        if is_within or len(text) <= MAX_STOP_LETTERS:
-            self._obey(text, is_stop_only=not is_within)
-        if not is_within:
-            raise Refused(f"more than {MAX_MESSAGES_PER_S} messages in a second")
-
-    def _obey(self, text: str, *, is_stop_only: bool) -> None:
+    def _obey(self, text: str) -> None:
         """Read a message and do what it asks.
 
         Raises: Refused: nothing that a page says, and nothing to answer it by.
         """
+        self.heard_s = time.monotonic()
         try:
             message = wire.read_page_message(text)
         except wire.BadMessage as error:
-            if is_stop_only:
-                return
             if not error.id:
                 raise Refused(str(error)) from error
             self.tell(wire.Verdict(id=error.id, ok=False, reason=str(error)))
-            return
-        if is_stop_only and not isinstance(message, wire.PressStop):
             return
         try:
             self._commands.obey(message)
