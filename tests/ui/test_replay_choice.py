@@ -15,9 +15,11 @@ from starlette.requests import Request
 
 from agribot.ui import wire
 from agribot.ui.server import run_routes
-from agribot.ui.server.access import Caller
+from agribot.ui.server.access import Caller, Role
+from agribot.ui.server.answers import Unusable
 from agribot.ui.server.hub import Hub
 from agribot.ui.server.replay import Replay
+from agribot.ui.server.replays import MAX_REPLAYS
 from tests.ui.conftest import Robot
 
 
@@ -58,11 +60,13 @@ def hub(tmp_path: Path) -> Iterator[Hub]:
     robot.server.close()
 
 
-def choose(hub: Hub, name: str | None, browser: str = "ann") -> asyncio.Task[Any]:
+def choose(
+    hub: Hub, name: str | None, browser: str = "ann", role: Role = "operator"
+) -> asyncio.Task[Any]:
     async def body() -> bytes:
         return msgspec.json.encode({"name": name})
 
-    caller = Caller(session=browser, role="operator")
+    caller = Caller(session=browser, role=role)
     scope = {"agribot.caller": caller}
     request = SimpleNamespace(app=SimpleNamespace(state=SimpleNamespace(hub=hub)), scope=scope)
     request.body = body
@@ -75,7 +79,7 @@ def choose(hub: Hub, name: str | None, browser: str = "ann") -> asyncio.Task[Any
 
 
 def shown(hub: Hub, browser: str = "ann") -> str | None:
-    replay: Replay | None = hub.replay_of(browser)
+    replay: Replay | None = hub.replays.find(browser)
     return None if replay is None else replay.name
 
 
@@ -115,5 +119,64 @@ def test_what_one_browser_chooses_does_not_end_the_wait_of_another(hub: Hub, she
         assert (await reading).replay.name == "long"
         assert (shown(hub), shown(hub, "ben")) == ("long", None)
         assert not hub.choices
+
+    asyncio.run(work())
+
+
+class FakePage:
+    def __init__(self, hub: Hub, browser: str) -> None:
+        self.session, self.channel = f"{browser}/tab", hub.live
+        self.said: list[str] = []
+
+    def follow(self, channel: Any) -> None:
+        self.channel = channel
+
+    def tell(self, message: Any) -> None:
+        self.said.append(message.reason)
+
+
+def test_replays_of_viewers_give_way_to_each_other_and_never_end_an_operators(
+    hub: Hub, shelf: Shelf
+) -> None:
+    async def work() -> None:
+        shelf.let_go("mine")
+        shelf.let_go("theirs")
+        await choose(hub, "mine", "ann")
+        for number in range(2 * MAX_REPLAYS):
+            await choose(hub, "theirs", f"guest-{number}", "viewer")
+        shown_to_guests = [shown(hub, f"guest-{number}") for number in range(2 * MAX_REPLAYS)]
+        assert shown(hub, "ann") == "mine"
+        assert shown_to_guests == [None] * (MAX_REPLAYS + 1) + ["theirs"] * (MAX_REPLAYS - 1)
+
+    asyncio.run(work())
+
+
+def test_a_viewer_is_refused_a_replay_that_would_end_an_operators_before_it_is_read(
+    hub: Hub, shelf: Shelf
+) -> None:
+    async def work() -> None:
+        shelf.let_go("mine")
+        for number in range(MAX_REPLAYS):
+            await choose(hub, "mine", f"operator-{number}")
+        with pytest.raises(Unusable, match="4 recordings are shown to operators"):
+            await choose(hub, "theirs", "guest", "viewer")
+        assert "theirs" not in shelf.begun
+        assert all(shown(hub, f"operator-{number}") for number in range(MAX_REPLAYS))
+
+    asyncio.run(work())
+
+
+def test_an_operator_whose_replay_gives_way_to_another_operators_is_told(
+    hub: Hub, shelf: Shelf
+) -> None:
+    async def work() -> None:
+        shelf.let_go("mine")
+        pages = [FakePage(hub, f"operator-{number}") for number in range(MAX_REPLAYS + 1)]
+        hub.sockets.update(pages)
+        for number in range(MAX_REPLAYS + 1):
+            await choose(hub, "mine", f"operator-{number}")
+        assert [page.channel is hub.live for page in pages] == [True] + [False] * MAX_REPLAYS
+        assert "gave way to that of another" in pages[0].said[0]
+        assert not any(page.said for page in pages[1:])
 
     asyncio.run(work())

@@ -192,7 +192,7 @@ class Viewer:
         Recorded pictures are few, and sent as they are.
         """
         while True:
-            replay = self._hub.replay_of(self._browser)
+            replay = self._hub.replays.find(self._browser)
             if replay is None:
                 with contextlib.suppress(TimeoutError):
                     before = self._shown[1] if self._is_live else -1

@@ -14,19 +14,23 @@ import msgspec
 from agribot.core.messages import OperatorAction
 from agribot.ui import wire
 from agribot.ui.about import About
-from agribot.ui.server.access import Access
+from agribot.ui.server.access import Access, Role
 from agribot.ui.server.channel import Channel
 from agribot.ui.server.replay import Replay
+from agribot.ui.server.replays import MAX_REPLAYS, Replays
 from agribot.ui.server.seat import Seat
 from agribot.ui.server.stops import Stops
 
 T = TypeVar("T")
 NoteKind = Literal["operator", "viewer", "refusal"]
 ToRobot = Callable[[wire.RobotOrder], None]
-MAX_REPLAYS = 4  # at a time; whoever started the oldest is shown the robot again
 NOTES_PER_MINUTE = 60  # of each kind
 TELL_SEAT_S = 0.05
 ANSWER_S = 10.0  # of the robot's program
+GAVE_WAY = (
+    f"your recording gave way to that of another browser, {MAX_REPLAYS} can be shown at a time; "
+    "this page shows the robot again"
+)
 
 
 class NotWanted(Exception):
@@ -41,7 +45,7 @@ class Hub:
         self.is_robot_gone = False
         self.counts: deque[wire.TickCounts] = deque(maxlen=8)
         self.sockets: set[Any] = set()
-        self._replays: dict[str, Replay] = {}
+        self.replays = Replays()
         self.choices: dict[str, object] = {}  # the last of each browser that waits for it
         self.refusals = 0
         self.visits = 0
@@ -67,27 +71,22 @@ class Hub:
 
     def channel_of(self, session: str) -> Channel:
         """Find the stream that a page looks at: live, unless its browser replays a recording."""
-        return self.replay_of(session.partition("/")[0]) or self.live
+        return self.replays.find(_browser_of(session)) or self.live
 
-    def replay_of(self, browser: str) -> Replay | None:
-        return self._replays.get(browser) or self._replays.get("")
+    def start_replay(self, browser: str, replay: Replay, role: Role | None) -> None:
+        """Show a recording to one browser; whoever it takes the place of is told.
 
-    def start_replay(self, browser: str, replay: Replay) -> None:
-        """For one browser; for all of them where `browser` is empty."""
-        self._replays[browser] = replay
-        while len(self._replays) > MAX_REPLAYS:
-            self.end_replay(next(iter(self._replays)))
+        Raises: NoRoom: see `Replays.start`.
+        """
+        victim = self.replays.start(browser, replay, role)
         self._follow()
+        for socket in self.sockets:
+            if victim is not None and _browser_of(socket.session) == victim:
+                socket.tell(wire.Verdict(id="", ok=False, reason=GAVE_WAY))
 
     def end_replay(self, browser: str) -> None:
-        self._replays.pop(browser, None)
+        self.replays.end(browser)
         self._follow()
-
-    def step_replays(self, wall_s: float) -> None:
-        """Move on those that somebody watches."""
-        for replay in self._replays.values():
-            if replay.clients:
-                replay.step(wall_s)
 
     def cut_gone_pages(self, now_s: float) -> None:
         for socket in self.sockets:
@@ -196,3 +195,7 @@ class Hub:
         """Somebody was turned away at the door."""
         self.refusals += 1
         self.note(who, f"refused: {reason}", "refusal")
+
+
+def _browser_of(session: str) -> str:
+    return session.partition("/")[0]

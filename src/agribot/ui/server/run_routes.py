@@ -28,6 +28,7 @@ from agribot.ui.server.answers import (
 from agribot.ui.server.hub import Hub
 from agribot.ui.server.off_the_loop import run_in_thread
 from agribot.ui.server.replay import MAX_SPEED, MIN_SPEED, Replay
+from agribot.ui.server.replays import NoRoom
 from agribot.ui.settings import live_value
 
 RECORDING = "run.mcap"
@@ -124,12 +125,11 @@ async def replay(request: Request) -> Response:
         raise Unusable(400, f"speed {wanted.speed!r}: 0 (pause) or {MIN_SPEED:g} to {MAX_SPEED:g}")
     if wanted.t_s is not None and wanted.t_s < -1.0:
         raise Unusable(400, f"t_s {wanted.t_s!r}: a time in seconds")
-    player = hub.replay_of(session)
+    player = hub.replays.find(session)
     if player is None or (wanted.name is not None and player.name != wanted.name):
-        player = await _choose(hub, session, str(wanted.name))
+        player = await _choose(hub, request.scope["agribot.caller"], str(wanted.name))
         if player is None:
             return json_answer(_describe_shown(hub, session))
-        hub.start_replay(session, player)
     player.speed = wanted.speed
     if wanted.t_s is not None:
         player.seek(wanted.t_s)
@@ -137,18 +137,25 @@ async def replay(request: Request) -> Response:
 
 
 def _describe_shown(hub: Hub, session: str) -> wire.Shown:
-    player = hub.replay_of(session)
+    player = hub.replays.find(session)
     if player is None:
         return wire.Shown(source=hub.live.source)
     return wire.Shown(source="replay", replay=player.progress)
 
 
-async def _choose(hub: Hub, session: str, name: str) -> Replay | None:
-    """Open a recording; None where the browser asked for something else while it was read."""
+async def _choose(hub: Hub, caller: Caller, name: str) -> Replay | None:
+    """Show a recording; None where the browser asked for something else while it was read."""
+    session = caller.session
     choice = hub.choices[session] = object()
     try:
+        hub.replays.find_victim(session, caller.role)  # before the work of reading it
         player = await run_in_thread(_open, hub, name)
-        return player if hub.choices.get(session) is choice else None
+        if hub.choices.get(session) is not choice:
+            return None
+        hub.start_replay(session, player, caller.role)
+        return player
+    except NoRoom as full:
+        raise Unusable(503, str(full)) from full
     finally:
         if hub.choices.get(session) is choice:
             del hub.choices[session]

@@ -27,6 +27,7 @@ from agribot.ui.server.guarded_connections import GuardedHttp, GuardedSocket, se
 from agribot.ui.server.hub import Hub
 from agribot.ui.server.off_the_loop import run_in_thread
 from agribot.ui.server.replay import STATE_HZ, Replay
+from agribot.ui.server.replays import EVERYBODY
 
 MAX_FRAME_BYTES = 64 * 1024
 ORDERS_KEPT = 500
@@ -84,7 +85,8 @@ async def _serve(
         _read(camera_link, loop, lambda data: camera.show(unpack_pixels(data)), lambda: None)
         if about.recording:  # the watch says meanwhile that the loop goes round
             path = Path(about.recording)
-            hub.start_replay("", await run_in_thread(Replay.load, path, about.current))
+            player = await run_in_thread(Replay.load, path, about.current)
+            hub.start_replay(EVERYBODY, player, "operator")
         hub.order(wire.Ready())
         yield {"slots": ConnectionSlots()}
         for task in tasks:
@@ -178,6 +180,6 @@ async def _watch(hub: Hub) -> None:
 async def _replay(hub: Hub) -> None:
     next_s = time.monotonic()
     while True:
-        hub.step_replays(time.monotonic())
+        hub.replays.step(time.monotonic())
         next_s = max(next_s + 1.0 / STATE_HZ, time.monotonic())
         await asyncio.sleep(next_s - time.monotonic())
