@@ -209,7 +209,6 @@ def test_verify_refuses_a_plan_that_was_changed_by_hand(
         (["--implement-width", "1", "--swath-angle", "north"], "--swath-angle north"),
         (["--implement-width", "1", "--overlap", "2"], "overlap of 2 m leaves nothing"),
         (["--implement-width", "30"], "no place to turn"),
-        ([], "give --field FILE and --implement-width M"),
     ],
 )
 def test_wrong_use_is_told_in_one_line(
@@ -220,6 +219,27 @@ def test_wrong_use_is_told_in_one_line(
     told = capsys.readouterr().err.strip()
     assert message in told
     assert "\n" not in told
+
+
+def test_a_plan_is_made_for_the_robots_own_tool_and_a_wider_one_is_told_what_it_leaves(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, path = written(bad(lambda f: f.pop(2)), tmp_path), tmp_path / "plan.geojson"
+    assert main(["plan", "--field", str(source), "--out", str(path)]) == 0
+    assert json.loads(path.read_text())["agribot"]["request"]["implement_width_m"] == pytest.approx(
+        1.08
+    )
+    assert "warning" not in capsys.readouterr().err
+    assert (
+        main(["plan", "--field", str(source), "--implement-width", "1.5", "--out", str(path)]) == 0
+    )
+    warning = capsys.readouterr().err.splitlines()[0]
+    assert "m2 between the passes stay unworked" in warning
+    assert "that of agribot works 1.08 m" in warning
+    assert main(["plan", "verify", str(path)]) == 0
+    assert capsys.readouterr().err.splitlines()[0] == warning
+    assert main(["plan"]) == 2
+    assert "give --field FILE" in capsys.readouterr().err
 
 
 def test_a_field_with_rows_round_trips_through_the_plan(tmp_path: Path) -> None:

@@ -117,6 +117,13 @@ def test_a_drawn_field_is_planned_with_a_certificate(browser: Browser) -> None:
     assert plan["certificate"]["ok"]
     assert plan["length_m"] > 50.0
     assert all(72.787 < lon < 72.7873 and 21.161 < lat < 21.1613 for lon, lat in plan["path"])
+    assert not plan["warnings"]
+    _, own = browser.ask("POST", "/api/v1/plan", {"field": drawn, "headland_passes": 1})
+    assert own["ok"] and not own["warnings"]
+    assert own["length_m"] < plan["length_m"], "the robot's own tool is wider"
+    _, wide = browser.ask("POST", "/api/v1/plan", {**request, "implement_width_m": 1.5})
+    assert wide["ok"] and "stay unworked" in wide["warnings"][0]
+    assert wide["area_m2"] < 0.8 * own["area_m2"]
     crossed = field([ring[0], ring[2], ring[1], ring[3], ring[0]])
     _, refusal = browser.ask("POST", "/api/v1/plan", {**request, "field": crossed})
     assert not refusal["ok"]

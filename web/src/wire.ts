@@ -632,6 +632,7 @@ export interface Robot {
   max_yaw_rate_radps: number
   camera: CameraInfo | null
   wheel_joints: string[]
+  tool_width_m: number | null
 }
 
 export interface SignalInfo {

@@ -9,6 +9,7 @@ from agribot.autonomy.plan.coverage.area import PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.plan_certificate import Certificate, certify_plan
+from agribot.autonomy.plan.tool_gaps import warn_of_gaps
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.robot import RobotSpec
@@ -52,6 +53,21 @@ def read_work(text: str, name: str, config: RunConfig, robot: RobotSpec) -> Fiel
     return FieldWork(saved.plan, saved.area, shape, saved.request)
 
 
+def choose_width_m(asked_m: float | None, robot: RobotSpec) -> float:
+    """Take the width that is asked for, or that of the robot's own implement.
+
+    Raises: MissionError: the robot has none.
+    """
+    if asked_m is not None:
+        return asked_m
+    if robot.implement is None:
+        raise MissionError(
+            f"{robot.name} has no implement; give the width of the one to be used "
+            "(--implement-width M)"
+        )
+    return robot.implement.width_m
+
+
 def plan_field_file(
     field: Path,
     config: RunConfig,
@@ -64,10 +80,7 @@ def plan_field_file(
     Without a width, it is that of the robot's own implement. `margin_m` is from the footprint to
     every edge, the more, the worse the position is known; None: as the field's file says.
     """
-    if width_m is None:
-        if robot.implement is None:
-            raise MissionError(f"{robot.name} has no implement; give --implement-width M")
-        width_m = robot.implement.width_m
+    width_m = choose_width_m(width_m, robot)
     area, datum = read_field(field, config.field.datum)
     request = PlanRequest(
         implement_width_m=width_m,
@@ -75,5 +88,5 @@ def plan_field_file(
         margin_m=area.choose_margin_m(margin_m),
     )
     shape = measure_footprint(robot, width_m)
-    plan = plan_field(area, shape, request)
+    plan = warn_of_gaps(plan_field(area, shape, request), area, request, robot)
     return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)

@@ -25,6 +25,7 @@ from agribot.autonomy.plan.row_log import RowResult
 from agribot.autonomy.plan.rows import list_row_ends
 from agribot.autonomy.plan.speed import find_most_mps, warn_of_speeds
 from agribot.autonomy.plan.task import Task
+from agribot.autonomy.plan.tool_gaps import describe_gaps
 from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core import config as settings
@@ -162,7 +163,10 @@ class Run:
         """What is odd about the robot or earlier runs, but does not keep it from driving."""
         lost = (f"of the job's earlier runs is lost: {what}" for what in self.job.lacks)
         most_mps = find_most_mps(self.config.safety, self.robot.drive)
-        return (*self.robot.warnings, *lost, *warn_of_speeds(self.config.mission, most_mps))
+        speeds = warn_of_speeds(self.config.mission, most_mps)
+        work = self.task.work
+        gaps = describe_gaps(work.legs, work.area, work.request, self.robot) if work else ()
+        return (*self.robot.warnings, *lost, *speeds, *gaps)
 
     def take_sensors(self, sources: Sequence[SensorSource]) -> None:
         """Let sensors from elsewhere stand in for the platform's own; before the first tick."""
@@ -222,10 +226,13 @@ class Run:
         return self.stack.perception.meter
 
     def worked_area_m2(self, rows: tuple[int, ...]) -> float:
-        """Ground of the given rows, as wide as they are apart or as the implement is."""
+        """Ground of the given rows, as wide as they are apart or as the implement works."""
         work, field = self.task.work, self.config.field
         length_m = sum(row_length_m(row) for row in self.rows if row.index in rows)
-        return length_m * (field.row_pitch_m if work is None else work.request.implement_width_m)
+        if work is None:
+            return length_m * field.row_pitch_m
+        planned_m, implement = work.request.implement_width_m, self.robot.implement
+        return length_m * (planned_m if implement is None else min(planned_m, implement.width_m))
 
     def add_tap(self, tap: Tap) -> None:
         self.stack.taps.append(tap)

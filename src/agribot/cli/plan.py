@@ -40,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--field", metavar="FILE",
                         help="boundary, obstacles, rows: GeoJSON, GeoPackage, KML, KMZ, GPX, "
                              "zipped Shapefile or ISOXML")  # fmt: skip
-    parser.add_argument("--implement-width", type=float, metavar="M", help="width worked in a pass")
+    parser.add_argument("--implement-width", type=float, metavar="M",
+                        help="width worked in a pass (default: the robot's own)")  # fmt: skip
     parser.add_argument("--overlap", type=float, default=0.05, metavar="M", help="default: 0.05")
     parser.add_argument("--headland-passes", type=int, metavar="N", help="default: as few as do")
     parser.add_argument("--tool-offset", type=float, metavar="M",
@@ -185,14 +186,13 @@ def _make_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     from agribot.autonomy.plan.coverage.area import measure_footprint
     from agribot.autonomy.plan.coverage.planner import plan_field
     from agribot.autonomy.plan.plan_certificate import certify_plan
+    from agribot.autonomy.plan.tool_gaps import warn_of_gaps
     from agribot.description.loader import load_robot
     from agribot.gis.field_file import read_field
     from agribot.gis.plan_file import SavedPlan
 
-    if options.field is None or options.implement_width is None:
-        raise MissionError(
-            "give --field FILE and --implement-width M, or 'verify PLAN'; see agribot plan --help"
-        )
+    if options.field is None:
+        raise MissionError("give --field FILE, or 'verify PLAN'; see agribot plan --help")
     area, datum = read_field(Path(options.field))
     frame = MapFrame(datum)
     if options.ab_line:
@@ -207,7 +207,7 @@ def _make_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     robot = load_robot(options.robot)
     request = _make_request(options, area, frame, robot)
     shape = measure_footprint(robot, request.implement_width_m, request.tool_x_m)
-    plan = plan_field(area, shape, request)
+    plan = warn_of_gaps(plan_field(area, shape, request), area, request, robot)
     return SavedPlan(plan, area, request, datum), certify_plan(plan, area, shape, request)
 
 
@@ -218,29 +218,32 @@ def _is_near(point: MapPoint) -> bool:
 def _verify_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
     from agribot.autonomy.plan.coverage.area import measure_footprint
     from agribot.autonomy.plan.plan_certificate import certify_plan
+    from agribot.autonomy.plan.tool_gaps import warn_of_gaps
     from agribot.description.loader import load_robot
     from agribot.gis.plan_file import read_plan
 
     if options.file is None:
         raise MissionError("give the plan to verify: agribot plan verify plan.geojson")
     saved = read_plan(Path(options.file))
-    request = saved.request
-    shape = measure_footprint(
-        load_robot(options.robot), request.implement_width_m, request.tool_x_m
-    )
-    return saved, certify_plan(saved.plan, saved.area, shape, saved.request)
+    request, robot = saved.request, load_robot(options.robot)
+    shape = measure_footprint(robot, request.implement_width_m, request.tool_x_m)
+    plan = warn_of_gaps(saved.plan, saved.area, request, robot)
+    certificate = certify_plan(plan, saved.area, shape, request)
+    return saved._replace(plan=plan), certificate
 
 
 def _make_request(
     options: argparse.Namespace, area: FieldArea, frame: MapFrame, robot: RobotSpec
 ) -> PlanRequest:
+    from agribot.app.field_work import choose_width_m
     from agribot.autonomy.plan.coverage.area import MOST_MARGIN_M, PlanRequest
 
+    width_m = choose_width_m(options.implement_width, robot)
     passes = options.headland_passes
     tool_x_m = robot.tool_x_m if options.tool_offset is None else options.tool_offset
     margin_m = area.choose_margin_m(options.margin)
     for name, value, low, high in (
-        ("--implement-width", options.implement_width, 0.05, 50.0),
+        ("--implement-width", width_m, 0.05, 50.0),
         ("--overlap", options.overlap, 0.0, 50.0),
         ("--margin", margin_m, 0.0, MOST_MARGIN_M),
         ("--headland-passes", passes or 0, 0, 0 if area.rows else 50),
@@ -254,7 +257,7 @@ def _make_request(
         lon_deg, lat_deg = _parse_numbers("--start", options.start, 2)
         start = _place_on_map(lon_deg, lat_deg, frame)
     return PlanRequest(
-        implement_width_m=options.implement_width,
+        implement_width_m=width_m,
         overlap_m=options.overlap,
         margin_m=margin_m,
         headland_passes=passes,

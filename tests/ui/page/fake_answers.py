@@ -30,6 +30,7 @@ def _recording(
     )  # fmt: skip
 
 
+UNWORKED = "38.1 m2 between the passes stay unworked"
 SESSION = wire.SessionInfo(
     version="0.1.0", run=1, profile="farm", source="sim", role="operator", lan_url=None,
     qr_svg=None, camera=True,
@@ -46,6 +47,7 @@ ROBOT = wire.Robot(
         hfov_rad=1.4,
         body_from_camera=[0, -0.64, 0.77, 0.4, -1, 0, 0, 0, 0, -0.77, -0.64, 0.6, 0, 0, 0, 1],
     ),
+    tool_width_m=1.08,
     wheel_joints=[
         f"base_link_to_{wheel}_joint"
         for wheel in ("left_wheel_F", "right_wheel_F", "left_wheel_R", "right_wheel_R")
@@ -147,5 +149,6 @@ def plan() -> wire.PlanReply:
         length_m=412.0,
         area_m2=5120.0,
         time_s=590.0,
+        warnings=[UNWORKED],
         path=[(72.7870533933, 21.1613331649), (72.78728, 21.16134), (72.78728, 21.16138)],
     )

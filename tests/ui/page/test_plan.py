@@ -13,6 +13,7 @@ from agribot.core.geo import Datum, MapFrame
 from agribot.gis.formats.table import WRITERS, read_field_file, write_field_file
 from tests import nightly
 from tests.ui.page.conftest import OpenPage
+from tests.ui.page.fake_answers import ROBOT, UNWORKED
 from tests.ui.page.fake_robot import DATUM
 from tests.ui.page.fake_server import FakeServer
 from tests.waiting import wait_for
@@ -111,6 +112,8 @@ def import_and_export(page: Page, server: FakeServer, ending: str, folder: Path)
     page.get_by_role("button", name="Check plan").click()
     wait_for(lambda: "plan" in server.written, "a plan to check")
     check_drawn(server.written["plan"]["field"])
+    assert server.written["plan"]["implement_width_m"] == ROBOT.tool_width_m
+    expect(page.locator(".side")).to_contain_text(UNWORKED)
     page.get_by_role("button", name="Export").click()
     with page.expect_download() as asked:
         page.get_by_role("dialog").get_by_role("button", name=LABELS[ending], exact=True).click()

@@ -71,7 +71,7 @@ class Editor {
   private readonly redo: HTMLButtonElement
   private readonly apply: HTMLButtonElement
   private readonly tools: HTMLButtonElement[]
-  private readonly width = numberInput(1.5, 0.2, 30, 0.05)
+  private readonly width = numberInput(null, 0.2, 30, 0.01)
   private readonly passes = numberInput(2, 0, 10, 1)
   private readonly recorder: BoundaryRecorder
   private selected: string | null = null
@@ -82,6 +82,7 @@ class Editor {
     private readonly drawing: Drawing,
     side: HTMLElement,
   ) {
+    this.width.value = String(app.robot?.tool_width_m ?? '')
     for (const input of [this.width, this.passes]) input.addEventListener('input', () => this.change())
     this.undo = iconButton('undo', 'Undo', () => this.step(() => kept.undo()))
     this.redo = iconButton('redo', 'Redo', () => this.step(() => kept.redo()))
@@ -192,7 +193,7 @@ class Editor {
   private body(): PlanWish {
     return {
       field: { ...toGeoJson(kept.shapes, this.app.projection) },
-      implement_width_m: Number(this.width.value),
+      implement_width_m: this.width.value ? Number(this.width.value) : null,
       headland_passes: Number(this.passes.value),
     }
   }
@@ -225,10 +226,21 @@ class Editor {
 
 function verdict(reply: PlanReply): HTMLElement[] {
   const figures = `${metres(reply.length_m)} to drive · ${area(reply.area_m2)} · ${duration(reply.time_s)} min`
-  if (reply.ok) return [el('p', { class: 'tag good' }, 'The plan can be driven'), el('p', {}, figures)]
+  if (reply.ok)
+    return [el('p', { class: 'tag good' }, 'The plan can be driven'), el('p', {}, figures), ...leftOut(reply)]
   return [
     el('p', { class: 'tag bad' }, 'The plan cannot be driven'),
     el('ol', { class: 'reasons' }, ...reply.reasons.map(({ text }) => el('li', {}, text))),
+    ...leftOut(reply),
+  ]
+}
+
+/** Ground that the plan does not work, though it can be driven. */
+function leftOut(reply: PlanReply): HTMLElement[] {
+  if (!reply.warnings.length) return []
+  return [
+    el('p', { class: 'tag warn' }, 'Ground is left out'),
+    el('ul', { class: 'reasons' }, ...reply.warnings.map((text) => el('li', {}, text))),
   ]
 }
 
@@ -246,7 +258,7 @@ function describe(): string {
   return `${parts.join(', ')}${inside > 0 ? ` · ${area(inside)}` : ''}${rows > 0 ? ` · rows ${metres(rows)}` : ''}`
 }
 
-function numberInput(value: number, min: number, max: number, step: number): HTMLInputElement {
+function numberInput(value: number | null, min: number, max: number, step: number): HTMLInputElement {
   return el('input', { type: 'number', class: 'field-input', value, min, max, step })
 }
 

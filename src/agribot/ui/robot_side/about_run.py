@@ -87,6 +87,7 @@ def shown_robot(robot: RobotSpec, config: RunConfig) -> wire.Robot:
         max_yaw_rate_radps=min(drive.max_yaw_rate_radps, safety.max_yaw_rate_radps),
         camera=_camera(robot),
         wheel_joints=_wheel_joints(robot),
+        tool_width_m=None if robot.implement is None else round(robot.implement.width_m, 4),
     )
 
 

@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import msgspec
 
+from agribot.app.field_work import choose_width_m
 from agribot.autonomy.plan.coverage.area import PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.autonomy.plan.tool_gaps import measure_gaps_m2, warn_of_gaps
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.geo import MapFrame
@@ -45,7 +47,7 @@ def _plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
     area, datum = parse_field(found, "the field", config.field.datum)
     yaw_deg = wanted.swath_yaw_deg
     request = PlanRequest(
-        implement_width_m=_width_m(wanted, robot),
+        implement_width_m=choose_width_m(wanted.implement_width_m, robot),
         overlap_m=wanted.overlap_m,
         margin_m=area.choose_margin_m(wanted.margin_m),
         headland_passes=wanted.headland_passes,
@@ -53,13 +55,15 @@ def _plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
         tool_x_m=robot.tool_x_m,
     )
     shape = measure_footprint(robot, request.implement_width_m)
-    plan = plan_field(area, shape, request)
+    plan = warn_of_gaps(plan_field(area, shape, request), area, request, robot)
     certificate = certify_plan(plan, area, shape, request)
     frame = MapFrame(datum)
     mission = config.mission
     legs = [
         (leg, mission.speed_mps if leg.tool_on else mission.turn_speed_mps) for leg in plan.legs
     ]
+    gaps_m2 = measure_gaps_m2(plan.legs, area, request, robot)
+    worked_m2 = certificate.covered_area_m2 - gaps_m2
     answer = wire.PlanReply(
         ok=certificate.ok,
         reasons=[
@@ -68,7 +72,7 @@ def _plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
         ],
         warnings=list(plan.warnings),
         length_m=round(certificate.length_m, 2),
-        area_m2=round(certificate.covered_area_m2, 2),
+        area_m2=round(worked_m2, 2),
         time_s=round(sum(leg.length_m / speed_mps for leg, speed_mps in legs), 1),
         path=[point for leg in plan.legs for point in _thin_leg(leg.xy_map_m, frame)],
         certificate=msgspec.to_builtins(certificate),
@@ -78,14 +82,6 @@ def _plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
     rows = FieldWork(plan, area, shape, request).rows
     text = format_plan(SavedPlan(plan, area, request, datum), certificate)
     return Made(answer, text, field_of(config, rows, area=area))
-
-
-def _width_m(wanted: wire.PlanWish, robot: RobotSpec) -> float:
-    if wanted.implement_width_m is not None:
-        return wanted.implement_width_m
-    if robot.implement is None:
-        raise MissionError(f"{robot.name} has no implement; give the width of the one to be used")
-    return robot.implement.width_m
 
 
 def _thin_leg(xy_map_m: FloatArray, frame: MapFrame) -> list[wire.Vec2]:

@@ -43,7 +43,7 @@ class FieldWork:
             )
         self.area, self.request = area, request
         self._shape = shape
-        self._legs = plan.legs
+        self.legs = plan.legs
         self.length_m = length_m
         self.rows, self._row_of_piece = _split_stretches(plan.legs)
         self.bounds = FieldBounds(
@@ -62,9 +62,9 @@ class FieldWork:
 
         Raises: MissionError: the robot stands where no such way begins.
         """
-        start, first = start_pose[:2], self._legs[0].xy_map_m[0]
+        start, first = start_pose[:2], self.legs[0].xy_map_m[0]
         way_in = self._plan_way(start, (float(first[0]), float(first[1])))
-        return sample_legs([*way_in, *self._legs], [*([None] * len(way_in)), *self._row_of_piece])
+        return sample_legs([*way_in, *self.legs], [*([None] * len(way_in)), *self._row_of_piece])
 
     def plan_home(self, start: MapPoint, home: MapPoint, row_ahead: FloatArray) -> Path:
         """Plan to the end of the row under the robot, (N, 2), and around all obstacles home.
