@@ -604,12 +604,17 @@ export interface FieldRow {
   points_map_m: Vec2[]
 }
 
-/** The ground that a map shows. */
+/**
+ * The ground that a map shows.
+ *
+ * `rows` are the task's, swaths of a plan too; `crop_map_m` are all rows of crop that stand there.
+ */
 export interface Field {
   name: string
   datum: DatumPlace
   datum_source: string
   rows: FieldRow[]
+  crop_map_m: Vec2[][]
   boundary_map_m: Vec2[] | null
   obstacles_map_m: Vec2[][]
   waypoints_map_m: Vec2[]
@@ -804,7 +809,8 @@ export interface GoalPlace {
 /**
  * A field (GeoJSON) to be worked, and how; what is left out keeps its default.
  *
- * `margin_m` is left out for that of the field.
+ * `margin_m` is left out for that of the field. The crop rows on the map are kept off, unless
+ * `is_crop_gone`.
  */
 export interface PlanWish {
   field: Record<string, unknown>
@@ -813,6 +819,7 @@ export interface PlanWish {
   overlap_m?: number
   margin_m?: number | null
   swath_yaw_deg?: number | null
+  is_crop_gone?: boolean
 }
 
 /** Why a field or a plan cannot be used, and where. */

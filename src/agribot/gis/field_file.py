@@ -9,6 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from agribot.autonomy.plan.coverage.area import (
     MARGIN_M,
     MOST_MARGIN_M,
@@ -40,7 +42,9 @@ def read_field(path: Path, datum: Datum | None = None) -> tuple[FieldArea, Datum
     """
     other = path.suffix.lower() in READERS.keys() - {".geojson", ".json"}
     root = read_other(path) if other else read_json(path)
-    return parse_field(parse_features(root, path.name), path.name, datum)
+    area, datum = parse_field(parse_features(root, path.name), path.name, datum)
+    left_out = root.get("left_out", "") if other else ""
+    return msgspec.structs.replace(area, left_out=left_out), datum
 
 
 def parse_field(
@@ -58,6 +62,7 @@ def parse_field(
         boundary=_to_map_ring(outline[0], frame),
         holes=tuple(_to_map_ring(ring, frame) for ring in rings),
         rows=tuple(_to_map_line(f.parts[0], frame) for f in kinds["row"]),
+        crop=tuple(_to_map_line(f.parts[0], frame) for f in kinds["crop"]),
         ab_line=_to_map_line(kinds["ab_line"][0].parts[0], frame) if kinds["ab_line"] else (),
         waypoints=tuple(_to_map(f.parts[0][0], frame) for f in kinds["waypoint"]),
         margin_m=_read_margin_m(kinds["boundary"][0]),
@@ -167,10 +172,7 @@ def check_field(area: FieldArea, frame: MapFrame, source_name: str) -> FieldArea
     joined = [h for h in shapely.get_parts(shapely.union_all(holes)) if h.area > 0] if holes else []
     _check_rows(area.rows, outer.difference(shapely.union_all(holes)), source_name, frame)
     rings = tuple(_list_points(hole.exterior) for hole in joined)
-    return FieldArea(
-        boundary=area.boundary, holes=rings, rows=area.rows, ab_line=area.ab_line,
-        waypoints=area.waypoints, margin_m=area.margin_m,
-    )  # fmt: skip
+    return msgspec.structs.replace(area, holes=rings)
 
 
 def _list_points(ring: shapely.LinearRing) -> MapLine:
@@ -195,6 +197,7 @@ def _make_polygon(ring: MapLine, name: str, frame: MapFrame) -> shapely.Polygon:
 
 def _check_lines(area: FieldArea, source_name: str, frame: MapFrame) -> None:
     lines = [*((f"row {n}", row) for n, row in enumerate(area.rows, 1))]
+    lines += [*((f"crop row {n}", row) for n, row in enumerate(area.crop, 1))]
     lines += [("the ab_line", area.ab_line)] if area.ab_line else []
     for name, line in lines:
         length_m = sum(math.dist(a, b) for a, b in pairwise(line))

@@ -17,9 +17,15 @@ if TYPE_CHECKING:
 
 LonLat = tuple[float, float]
 Geometry = dict[str, Any]
-Found = Iterator[tuple[Geometry, dict[str, Any]]]  # geometry and properties of each feature
-KINDS = ("boundary", "obstacle", "row", "ab_line", "waypoint")
+# Geometry and properties of each feature, or None and what was left out (`describe_left_out`).
+Found = Iterator[tuple[Geometry | None, dict[str, Any]]]
+KINDS = ("boundary", "obstacle", "row", "crop", "ab_line", "waypoint")
 MAX_POINTS = 20_000
+
+
+def describe_left_out(what: str) -> tuple[None, dict[str, Any]]:
+    """Say in a few words what a reader found in a file and does not give back."""
+    return None, {"left_out": what}
 
 
 class Feature(NamedTuple):

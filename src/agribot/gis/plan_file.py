@@ -46,9 +46,10 @@ def format_plan(saved: SavedPlan, certificate: Certificate) -> str:
             kind="boundary",
         )
     ]
-    collected += [
-        _make_feature("LineString", _to_degrees(row, frame), kind="row") for row in area.rows
-    ]
+    for kind, lines in (("row", area.rows), ("crop", area.crop)):
+        collected += [
+            _make_feature("LineString", _to_degrees(line, frame), kind=kind) for line in lines
+        ]
     if area.ab_line:
         collected.append(
             _make_feature("LineString", _to_degrees(area.ab_line, frame), kind="ab_line")

@@ -38,11 +38,13 @@ def field_of(
     """
     datum = config.field.datum
     obstacles = [*(area.holes if area else ()), *map(_round, config.field.obstacles_map_m)]
+    lines = [row_points_map_m(row).tolist() for row in rows]
     return wire.Field(
         name=config.world,
         datum=wire.DatumPlace(lat_deg=datum.lat_deg, lon_deg=datum.lon_deg),
         datum_source=config.field.datum_source,
         rows=[_row_of(row) for row in rows],
+        crop_map_m=[_corners(line) for line in (area.standing if area else lines)],
         boundary_map_m=_corners(area.boundary) if area and len(area.boundary) else None,
         obstacles_map_m=[_corners(ring) for ring in obstacles],
         waypoints_map_m=_corners(goals_map_m),

@@ -692,12 +692,16 @@ class FieldRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Field(msgspec.Struct, frozen=True, kw_only=True):
-    """The ground that a map shows."""
+    """The ground that a map shows.
+
+    `rows` are the task's, swaths of a plan too; `crop_map_m` are all rows of crop that stand there.
+    """
 
     name: str
     datum: DatumPlace
     datum_source: str
     rows: list[FieldRow]
+    crop_map_m: list[list[Vec2]]
     boundary_map_m: list[Vec2] | None
     obstacles_map_m: list[list[Vec2]]
     waypoints_map_m: list[Vec2]
@@ -908,7 +912,8 @@ class GoalPlace(msgspec.Struct, frozen=True, kw_only=True):
 class PlanWish(msgspec.Struct, frozen=True, kw_only=True):
     """A field (GeoJSON) to be worked, and how; what is left out keeps its default.
 
-    `margin_m` is left out for that of the field.
+    `margin_m` is left out for that of the field. The crop rows on the map are kept off, unless
+    `is_crop_gone`.
     """
 
     field: dict[str, Any]
@@ -917,6 +922,7 @@ class PlanWish(msgspec.Struct, frozen=True, kw_only=True):
     overlap_m: float = 0.05
     margin_m: float | None = None
     swath_yaw_deg: float | None = None
+    is_crop_gone: bool = False
 
 
 class FieldReason(msgspec.Struct, frozen=True, kw_only=True):

@@ -85,6 +85,7 @@ def field() -> wire.Field:
             )
             for i, (start, end) in enumerate(ends)
         ],
+        crop_map_m=[[start, end] for start, end in ends],
         boundary_map_m=[
             (-3.0, -3.0),
             (ROW_LENGTH_M + 3.0, -3.0),

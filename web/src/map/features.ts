@@ -35,10 +35,12 @@ export function fieldFeatures(
     line(project(projection, row.points_map_m), { index: row.index }),
     point(projection.toLonLat(...before(row.points_map_m[0], row.points_map_m[1])), { label: String(row.index + 1) }),
   ])
+  const worked = new Set(field.rows.map((row) => JSON.stringify(row.points_map_m)))
+  const crop = field.crop_map_m.filter((row) => !worked.has(JSON.stringify(row)))
   return {
     boundary: collection(boundary),
     obstacles: collection((field.obstacles_map_m ?? []).map(area)),
-    rows: collection(rows),
+    rows: collection([...rows, ...crop.map((row) => line(project(projection, row)))]),
   }
 }
 

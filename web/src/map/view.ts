@@ -254,7 +254,12 @@ export class MapView implements DisplayHost {
   private wholeField(): Box | null {
     const { field, store, projection } = this.app
     const points: Vec2[] = field
-      ? [...(field.boundary_map_m ?? []), ...field.rows.flatMap((r) => r.points_map_m), ...field.waypoints_map_m]
+      ? [
+          ...(field.boundary_map_m ?? []),
+          ...field.rows.flatMap((r) => r.points_map_m),
+          ...field.crop_map_m.flat(),
+          ...field.waypoints_map_m,
+        ]
       : []
     if (store.state?.pose) points.push([store.state.pose[0], store.state.pose[1]])
     return boundsOf(points, projection)

@@ -4,7 +4,7 @@ import type { Feature, FeatureCollection, Geometry, Position } from 'geojson'
 import type { Projection } from '../geo.ts'
 import type { Field, Vec2 } from '../wire.ts'
 
-export const KINDS = ['boundary', 'obstacle', 'row', 'ab_line', 'waypoint'] as const
+export const KINDS = ['boundary', 'obstacle', 'row', 'crop', 'ab_line', 'waypoint'] as const
 export type Kind = (typeof KINDS)[number]
 export type ShapeType = 'polygon' | 'line' | 'point'
 export interface Shape {
@@ -23,6 +23,7 @@ export const SHAPE_OF: Record<Kind, ShapeType> = {
   boundary: 'polygon',
   obstacle: 'polygon',
   row: 'line',
+  crop: 'line',
   ab_line: 'line',
   waypoint: 'point',
 }

@@ -25,6 +25,7 @@ const COLOUR: Record<Kind, string> = {
   boundary: 'map-boundary',
   obstacle: 'map-weed',
   row: 'map-row',
+  crop: 'map-row',
   ab_line: 'map-ellipse',
   waypoint: 'map-goal',
 }

@@ -29,6 +29,7 @@ const NAMES: Record<Kind, [one: string, many: string]> = {
   boundary: ['boundary', 'boundaries'],
   obstacle: ['obstacle', 'obstacles'],
   row: ['row', 'rows'],
+  crop: ['crop row to keep off', 'crop rows to keep off'],
   ab_line: ['A–B line', 'A–B lines'],
   waypoint: ['goal', 'goals'],
 }
@@ -73,6 +74,7 @@ class Editor {
   private readonly tools: HTMLButtonElement[]
   private readonly width = numberInput(null, 0.2, 30, 0.01)
   private readonly passes = numberInput(2, 0, 10, 1)
+  private readonly gone = el('input', { type: 'checkbox' })
   private readonly recorder: BoundaryRecorder
   private selected: string | null = null
   private version = 0 // of what is drawn and asked for: an answer counts for its own alone
@@ -83,7 +85,7 @@ class Editor {
     side: HTMLElement,
   ) {
     this.width.value = String(app.robot?.tool_width_m ?? '')
-    for (const input of [this.width, this.passes]) input.addEventListener('input', () => this.change())
+    for (const input of [this.width, this.passes, this.gone]) input.addEventListener('input', () => this.change())
     this.undo = iconButton('undo', 'Undo', () => this.step(() => kept.undo()))
     this.redo = iconButton('redo', 'Redo', () => this.step(() => kept.redo()))
     this.apply = el(
@@ -153,9 +155,17 @@ class Editor {
         el('label', { class: 'field' }, el('span', {}, 'Working width, m'), this.width),
         el('label', { class: 'field' }, el('span', {}, 'Headland passes'), this.passes),
       ),
+      this.cropChoice(),
       el('div', { class: 'button-row' }, check, this.apply),
       this.verdict,
     )
+  }
+
+  /** Rows that stand on the map are kept off, whether they are drawn here or not. */
+  private cropChoice(): HTMLElement | null {
+    const rows = this.app.field?.crop_map_m.length
+    if (!rows) return null
+    return el('label', { class: 'check' }, this.gone, `The ${rows} crop rows on the map are not there any more`)
   }
 
   private choose(kind: Kind): void {
@@ -195,6 +205,7 @@ class Editor {
       field: { ...toGeoJson(kept.shapes, this.app.projection) },
       implement_width_m: this.width.value ? Number(this.width.value) : null,
       headland_passes: Number(this.passes.value),
+      is_crop_gone: this.gone.checked,
     }
   }
 

@@ -91,7 +91,7 @@ def certify_plan(
     target = find_reachable(plan, area, field, shape, request)
     covered, overlap_ratio = find_covered(plan.legs, field, request)
     coverage_ratio, found = _check_coverage(covered, target, request)
-    problems += found
+    problems += found + _check_tool(covered, area)
     working = [leg for leg in plan.legs if leg.tool_on]
     return Certificate(
         ok=not problems,
@@ -126,9 +126,16 @@ def check_ways(
         shapely.Point(start).buffer(2.0 * shape.turn_radius_m)
     )
     _, _, edges = _check_edges(legs, field, shape)
+    return [*edges, *check_crop(legs, area, shape, request, start)]
+
+
+def check_crop(
+    legs: tuple[Leg, ...], area: FieldArea, shape: Footprint, request: PlanRequest, start: MapPoint
+) -> list[PlanProblem]:
+    """Check wheels on crop along ways without work; that under the robot is forgiven."""
     _, rows = _check_rows(legs, area, shape, request)
     away_m = 2.0 * shape.turn_radius_m
-    return [*edges, *(p for p in rows if math.dist((p.east_m, p.north_m), start) > away_m)]
+    return [p for p in rows if math.dist((p.east_m, p.north_m), start) > away_m]
 
 
 def _refuse(problems: list[PlanProblem]) -> Certificate:
@@ -224,9 +231,9 @@ def _check_rows(
     """Wheel edges to crop rows."""
     import shapely
 
-    if not area.rows:
+    if not area.standing:
         return None, []
-    rows = shapely.MultiLineString([list(row) for row in area.rows])
+    rows = shapely.MultiLineString([list(row) for row in area.standing])
     shapely.prepare(rows)
     smallest_m, found = math.inf, []
     for number, leg in enumerate(legs):
@@ -243,6 +250,19 @@ def _check_rows(
                          shapely.get_coordinates(place)[0])
             )  # fmt: skip
     return smallest_m, found
+
+
+def _check_tool(covered: BaseGeometry, area: FieldArea) -> list[PlanProblem]:
+    """Check that a tool that works no rows works no crop."""
+    import shapely
+
+    if area.rows or not area.crop:
+        return []
+    hit = shapely.intersection(covered, shapely.MultiLineString([list(row) for row in area.crop]))
+    if hit.length == 0.0:
+        return []
+    place = shapely.get_coordinates(hit)[0]
+    return [_report("crop", f"the tool works over {hit.length:.2f} m of crop rows", place)]
 
 
 def _check_coverage(

@@ -7,6 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from agribot.autonomy.plan.coverage.area import FieldArea, FieldPlan, Footprint, Leg, PlanRequest
+from agribot.autonomy.plan.coverage.free_space import (
+    draw_crop_strips,
+    measure_crop_clearance_m,
+)
 from agribot.autonomy.plan.plan_sweep import trace_tool
 from agribot.core.messages import FloatArray
 
@@ -34,6 +38,9 @@ def find_reachable(
         )
         return shapely.union_all(strips)
     standing = field.buffer(-(shape.turn_radius_m + request.margin_m), quad_segs=16)
+    if area.crop:
+        clear_m = measure_crop_clearance_m(area, shape, request)
+        standing = standing.difference(draw_crop_strips(area, clear_m))
     parts = shapely.get_parts(standing)
     worked = next((leg for leg in plan.legs if leg.tool_on), None)
     if len(parts) > 1 and worked is not None:

@@ -9,11 +9,12 @@ from agribot.core.geo import Datum, MapFrame
 from agribot.ui import wire
 from agribot.ui.server.answers import Unusable
 
-KINDS = ("boundary", "obstacle", "row", "ab_line", "waypoint", "path")
+KINDS = ("boundary", "obstacle", "row", "crop", "ab_line", "waypoint", "path")
 SHAPES = {
     "boundary": ("Polygon",),
     "obstacle": ("Polygon",),
     "row": ("LineString",),
+    "crop": ("LineString",),
     "ab_line": ("LineString",),
     "waypoint": ("Point",),
     "path": ("LineString",),

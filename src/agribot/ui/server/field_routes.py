@@ -136,6 +136,8 @@ async def apply_plan(request: Request) -> Response:
     refusal = await hub.request(event)
     if refusal:
         raise Unusable(409, refusal)
+    if made.is_crop_gone:
+        hub.note(name_of(request), "takes the crop rows off the map")
     hub.about.field = made.field
     hub.tell_all(wire.FieldChange())
     return json_answer(made.answer)
@@ -144,9 +146,9 @@ async def apply_plan(request: Request) -> Response:
 async def _plan(request: Request) -> Made:
     hub: Hub = request.app.state.hub
     wanted = await read_body(request, wire.PlanWish, 422)
-    config, robot = hub.about.config, hub.about.robot_spec
+    config, robot, crop = hub.about.config, hub.about.robot_spec, hub.about.field.crop_map_m
     return await run_in_process(
-        make_plan, wanted, config, robot, timeout_s=PLAN_TIMEOUT_S, what="field"
+        make_plan, wanted, config, robot, crop, timeout_s=PLAN_TIMEOUT_S, what="field"
     )
 
 

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import msgspec
 
 from agribot.app.field_work import choose_width_m
-from agribot.autonomy.plan.coverage.area import PlanRequest, measure_footprint
+from agribot.autonomy.plan.coverage.area import (
+    FieldArea,
+    MapLine,
+    PlanRequest,
+    measure_footprint,
+)
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.plan_certificate import certify_plan
@@ -25,6 +31,7 @@ from agribot.ui import wire
 from agribot.ui.ground import field_of
 
 SHOWN_STEP_M = 0.2
+SAME_ROW_M = 0.02  # between a row of the map and one that was drawn over it
 
 
 class Made(NamedTuple):
@@ -32,19 +39,27 @@ class Made(NamedTuple):
 
     answer: wire.PlanReply
     text: str = ""
+    is_crop_gone: bool = False
     field: wire.Field | None = None
 
 
-def make_plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
+def make_plan(
+    wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec, crop: Sequence[Sequence[wire.Vec2]]
+) -> Made:
+    """Plan a field among the `crop` rows that stand on the map."""
     try:
-        return _plan(wanted, config, robot)
+        return _plan(wanted, config, robot, crop)
     except MissionError as error:
         return Made(wire.PlanReply(ok=False, reasons=[wire.FieldReason(text=str(error))]))
 
 
-def _plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
+def _plan(
+    wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec, crop: Sequence[Sequence[wire.Vec2]]
+) -> Made:
     found = [f for f in parse_features(wanted.field, "the field") if f.kind in {*KINDS, ""}]
     area, datum = parse_field(found, "the field", config.field.datum)
+    if not wanted.is_crop_gone:
+        area = msgspec.structs.replace(area, crop=(*area.crop, *_find_unworked(crop, area)))
     yaw_deg = wanted.swath_yaw_deg
     request = PlanRequest(
         implement_width_m=choose_width_m(wanted.implement_width_m, robot),
@@ -81,7 +96,18 @@ def _plan(wanted: wire.PlanWish, config: RunConfig, robot: RobotSpec) -> Made:
         return Made(answer)
     rows = FieldWork(plan, area, shape, request).rows
     text = format_plan(SavedPlan(plan, area, request, datum), certificate)
-    return Made(answer, text, field_of(config, rows, area=area))
+    is_crop_gone = wanted.is_crop_gone and bool(crop)
+    return Made(answer, text, is_crop_gone, field_of(config, rows, area=area))
+
+
+def _find_unworked(crop: Sequence[Sequence[wire.Vec2]], area: FieldArea) -> list[MapLine]:
+    """Find the rows on the map that are not those of the field."""
+    import shapely
+
+    known = shapely.union_all(
+        shapely.buffer([shapely.LineString(row) for row in area.standing], SAME_ROW_M)
+    )
+    return [tuple(row) for row in crop if not known.covers(shapely.LineString(row))]
 
 
 def _thin_leg(xy_map_m: FloatArray, frame: MapFrame) -> list[wire.Vec2]:

@@ -22,17 +22,25 @@ MOST_CROP_MARGIN_M = 0.5  # so much of it counts to crop as well, where the robo
 class FieldArea(msgspec.Struct, frozen=True, kw_only=True):
     """A field: outer ring, holes that must not be entered, and what is marked in it.
 
-    Rings do not repeat their first point. `rows` are crop rows to be straddled, `ab_line` two
-    points that the swaths run along. `margin_m` is what a plan keeps from the footprint to every
-    edge where nobody asks for another margin.
+    Rings do not repeat their first point. `rows` are crop rows to be straddled, `crop` rows that
+    stand there, maybe beyond the boundary, and are not worked: no wheel comes near them. `ab_line`
+    is two points that the swaths run along. `margin_m` is what a plan keeps from the footprint to
+    every edge where nobody asks for another margin.
     """
 
     boundary: MapLine
     holes: tuple[MapLine, ...] = ()
     rows: tuple[MapLine, ...] = ()
+    crop: tuple[MapLine, ...] = ()
     ab_line: MapLine = ()
     waypoints: MapLine = ()
     margin_m: float = MARGIN_M
+    left_out: str = ""  # what the file holds and is not here, in one line
+
+    @property
+    def standing(self) -> tuple[MapLine, ...]:
+        """All rows of crop, worked or not."""
+        return (*self.rows, *self.crop)
 
     def choose_margin_m(self, asked_m: float | None) -> float:
         return self.margin_m if asked_m is None else asked_m

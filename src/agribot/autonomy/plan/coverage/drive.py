@@ -16,7 +16,7 @@ from agribot.autonomy.plan.coverage.area import (
 from agribot.autonomy.plan.coverage.free_space import FreeSpace
 from agribot.autonomy.plan.coverage.ways import Ways
 from agribot.autonomy.plan.curves import SPACING_M, Place, make_path
-from agribot.autonomy.plan.plan_certificate import check_ways
+from agribot.autonomy.plan.plan_certificate import check_crop, check_ways
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import FloatArray, MapPoint, Path, Row
@@ -129,7 +129,7 @@ class FieldWork:
             return "lies beyond the boundary of the field"
         if any(shapely.Polygon(hole).covers(here) for hole in self.area.holes):
             return "lies in an obstacle"
-        rows = [shapely.LineString(row) for row in self.area.rows]
+        rows = [shapely.LineString(row) for row in self.area.standing]
         if rows and shapely.MultiLineString(rows).distance(here) < self._row_clearance_m:
             return "lies in the crop rows"
         return "is too near to an edge or an obstacle for the robot to turn there"
@@ -138,12 +138,9 @@ class FieldWork:
         import shapely
 
         space = FreeSpace(self.area, self._shape, self.request)
-        if self.area.rows:
-            space.remove(
-                shapely.union_all(
-                    [shapely.LineString(r).buffer(self._row_clearance_m) for r in self.area.rows]
-                )
-            )
+        if self.area.standing:
+            rows = [shapely.LineString(row) for row in self.area.standing]
+            space.remove(shapely.union_all(shapely.buffer(rows, self._row_clearance_m)))
         return space
 
     def _plan_way(self, start: MapPoint, goal: MapPoint) -> list[Leg]:
@@ -165,7 +162,14 @@ class FieldWork:
                 )
         corners = np.array([start, *Ways(space.region, space.drivable).way(*inner), goal])
         steps_m = np.hypot(*np.diff(corners, axis=0).T)
-        return [Leg(kind="link", xy_map_m=corners[np.concatenate([[True], steps_m > 1e-6])])]
+        way = Leg(kind="link", xy_map_m=corners[np.concatenate([[True], steps_m > 1e-6])])
+        crushed = check_crop((way,), self.area, self._shape, self.request, start)
+        if crushed:
+            raise MissionError(
+                f"the way would cross crop: {crushed[0].message}; drive it by hand to where "
+                "none lies in between"
+            )
+        return [way]
 
     @property
     def _row_clearance_m(self) -> float:

@@ -25,14 +25,21 @@ TOUCH_M = 1e-4
 class FreeSpace:
     """The connected part of the field that is planned, for a robot seen as its turning circle."""
 
-    def __init__(self, area: FieldArea, shape: Footprint, request: PlanRequest) -> None:
+    def __init__(
+        self,
+        area: FieldArea,
+        shape: Footprint,
+        request: PlanRequest,
+        keep_out: BaseGeometry | None = None,
+    ) -> None:
         """Find the room to turn. Raises: MissionError: there is none anywhere in the field."""
         import shapely
 
         self.field = shapely.Polygon(area.boundary, area.holes)
         depth_m = shape.turn_radius_m + max(request.margin_m, measure_spent_m(shape))
         rounded = self.field.buffer(-depth_m, quad_segs=QUARTER_SEGMENTS)
-        parts = list_polygons(rounded.simplify(SIMPLIFY_M))
+        free = rounded.simplify(SIMPLIFY_M)
+        parts = list_polygons(free if keep_out is None else free.difference(keep_out))
         if not parts:
             raise MissionError(
                 f"the field has no place to turn: the robot with its implement needs "
@@ -69,6 +76,23 @@ class FreeSpace:
         self.region = max(parts, key=lambda part: part.area)
         self.drivable = self.region.buffer(TOUCH_M, join_style="mitre")
         shapely.prepare(self.drivable)
+
+
+def draw_crop_strips(area: FieldArea, clear_m: float) -> BaseGeometry:
+    """Draw the ground within `clear_m` of any row of crop."""
+    import shapely
+
+    lines = [shapely.LineString(row) for row in area.standing]
+    return shapely.union_all(shapely.buffer(lines, clear_m, cap_style="square", join_style="mitre"))
+
+
+def measure_crop_clearance_m(area: FieldArea, shape: Footprint, request: PlanRequest) -> float:
+    """Measure from a row of crop to the middle of a robot that turns in place beside it.
+
+    Where no rows are worked, neither does its tool reach them.
+    """
+    tool_m = 0.0 if area.rows else request.implement_width_m / 2.0
+    return max(shape.wheel_turn_radius_m, tool_m) + request.turn_clearance_m
 
 
 def measure_spent_m(shape: Footprint) -> float:

@@ -17,7 +17,12 @@ from agribot.autonomy.plan.coverage.area import (
     PlanRequest,
     TurnStyle,
 )
-from agribot.autonomy.plan.coverage.free_space import FreeSpace, list_polygons
+from agribot.autonomy.plan.coverage.free_space import (
+    FreeSpace,
+    draw_crop_strips,
+    list_polygons,
+    measure_crop_clearance_m,
+)
 from agribot.autonomy.plan.coverage.swaths import (
     add_room,
     group_cells,
@@ -63,9 +68,11 @@ def plan_field(area: FieldArea, shape: Footprint, request: PlanRequest) -> Field
             f"{len(area.holes)} obstacles in the field are more than the limit of {MAX_HOLES}; "
             "draw one area around those that stand close together, or split the field"
         )
-    space = FreeSpace(area, shape, request)
+    clear_m = measure_crop_clearance_m(area, shape, request)
+    strips = draw_crop_strips(area, clear_m)
+    space = FreeSpace(area, shape, request, None if area.rows else strips)
     if area.rows:
-        swath_yaw_rad, tasks = _make_row_tasks(area, shape, request, space)
+        swath_yaw_rad, tasks = _make_row_tasks(area, clear_m, strips, space)
     else:
         swath_yaw_rad, tasks = _make_area_tasks(area, request, space)
     ways = Ways(space.region, space.drivable)
@@ -75,9 +82,8 @@ def plan_field(area: FieldArea, shape: Footprint, request: PlanRequest) -> Field
         legs = _number(legs, [task for task, _ in working])
     else:
         legs = _number(legs, list(range(len(working))))
-    return FieldPlan(
-        legs=tuple(legs), swath_yaw_rad=swath_yaw_rad, warnings=_describe_left_out(space)
-    )
+    warnings = (*([area.left_out] if area.left_out else ()), *_describe_left_out(space))
+    return FieldPlan(legs=tuple(legs), swath_yaw_rad=swath_yaw_rad, warnings=warnings)
 
 
 def _describe_left_out(space: FreeSpace) -> tuple[str, ...]:
@@ -145,16 +151,10 @@ def _choose_direction(
 
 
 def _make_row_tasks(
-    area: FieldArea, shape: Footprint, request: PlanRequest, space: FreeSpace
+    area: FieldArea, clear_m: float, strips: BaseGeometry, space: FreeSpace
 ) -> tuple[float, list[CoverageTask]]:
-    """Make tasks of the rows, their strips taken out of the ground on which the robot may turn."""
+    """Make tasks of the rows, all crop taken out of the ground on which the robot may turn."""
     import shapely
-
-    clear_m = shape.wheel_turn_radius_m + request.turn_clearance_m
-    lines = [shapely.LineString(row) for row in area.rows]
-    strips = shapely.union_all(
-        shapely.buffer(lines, clear_m, cap_style="square", join_style="mitre")
-    )
 
     whole_m = math.hypot(*np.ptp(np.reshape(strips.bounds, (2, 2)), axis=0))
 
