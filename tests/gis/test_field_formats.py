@@ -145,7 +145,7 @@ def test_task_data_of_farm_software_gives_its_partfield(tmp_path: Path) -> None:
         <PLN A="1"><LSG A="1">{outline}</LSG></PLN>
         <PLN A="6"><LSG A="1">{shed}</LSG></PLN>
         <PLN A="10"><LSG A="1">{shed}</LSG></PLN>
-        <LSG A="7">{shed}</LSG><PNT A="5" C="52.1" D="11.6"/></PFD></XFC>"""
+        <LSG A="4">{shed}</LSG><PNT A="5" C="52.1" D="11.5"/></PFD></XFC>"""
     main_file = '<ISO11783_TaskData VersionMajor="3"><XFR A="PFD00007" B="1"/><CTR A="CTR1"/>'
     path = task_data(tmp_path, TASKDATA=f"{main_file}</ISO11783_TaskData>", PFD00007=field)
     area, _ = read_field(path, HERE)

@@ -71,6 +71,11 @@ async function ask<T>(method: string, path: string, body: unknown): Promise<T> {
 
 const name = encodeURIComponent
 
+/** What a field file holds; `left_out` names in one line what is not in it. */
+interface ImportedField extends FeatureCollection {
+  left_out?: string
+}
+
 export const api = {
   session: () => get<SessionInfo>('/api/v1/session', { signal: AbortSignal.timeout(SESSION_MS) }),
   login: (token: string) => write('POST', '/api/v1/login', { token } satisfies Login),
@@ -103,9 +108,9 @@ export const api = {
   loadField: (id: string) => get<FeatureCollection>(`/api/v1/fields/${name(id)}`),
   saveField: (id: string, field: FeatureCollection) => write('PUT', `/api/v1/fields/${name(id)}`, field),
   deleteField: (id: string) => request(`/api/v1/fields/${name(id)}`, { method: 'DELETE' }),
-  importField: async (file: File): Promise<FeatureCollection> => {
+  importField: async (file: File): Promise<ImportedField> => {
     const path = `/api/v1/fields/import?filename=${name(file.name)}`
-    return (await request(path, { method: 'POST', body: file })).json() as Promise<FeatureCollection>
+    return (await request(path, { method: 'POST', body: file })).json() as Promise<ImportedField>
   },
   exportField: async (ending: string, field: FeatureCollection): Promise<Blob> =>
     (await write('POST', `/api/v1/fields/export?format=${ending}`, field)).blob(),

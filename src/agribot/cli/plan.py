@@ -151,6 +151,8 @@ def _convert(options: argparse.Namespace) -> int:
     write_file(out, write_field_file(find_ending(out.name), field))
     features = len(field["features"])
     sys.stderr.write(f"{out}: {features} features\n")
+    if "left_out" in field:
+        sys.stderr.write(f"warning: {field['left_out']}\n")
     if options.json:
         sys.stdout.write(msgspec.json.encode({"path": str(out), "features": features}).decode())
         sys.stdout.write("\n")

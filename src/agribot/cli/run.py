@@ -251,6 +251,8 @@ def _plan_field(config: RunConfig, options: argparse.Namespace) -> str:
     if not certificate.ok:
         problem = certificate.problems[0]
         raise MissionError(f"{options.field}: {problem.rule}: {problem.message}")
+    if saved.area.left_out:
+        sys.stderr.write(f"warning: {saved.area.left_out}\n")
     return format_plan(saved, certificate)
 
 

@@ -36,7 +36,9 @@ export function fileCard(app: App, document: Document): HTMLElement {
     if (!chosen) return
     const field = await app.attempt(api.importField(chosen))
     file.value = ''
-    if (field) document.open(field)
+    if (!field) return
+    document.open(field)
+    if (field.left_out) app.toasts.show('warn', field.left_out)
   }
   const button = (name: Parameters<typeof icon>[0], text: string, action: () => void): HTMLElement =>
     el('button', { type: 'button', class: 'button', onclick: action }, icon(name, 20), text)

@@ -6,7 +6,7 @@ import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
 
-from agribot.gis.geojson import Feature, Found, split_layers
+from agribot.gis.geojson import Feature, Found, describe_left_out, split_layers
 from agribot.gis.mbtiles import limit_work
 
 WGS84_SRS = 4326
@@ -53,7 +53,9 @@ def read_geopackage(data: bytes) -> Found:
             for row in cursor:
                 values = dict(zip(columns, row, strict=True))
                 blob = values.pop(column)
-                if blob is not None:
+                if blob is None:
+                    yield describe_left_out(f"a row of layer '{table[:40]}' without a place")
+                else:
                     shape = wkb.loads(extract_wkb(blob))
                     plain = {k: v for k, v in values.items() if isinstance(v, str | int | float)}
                     yield dict(mapping(shape)), plain

@@ -5,22 +5,29 @@ A partfield has its boundary and obstacles as polygons, its rows and A-B line as
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import PurePosixPath
 from typing import Any
 
-from agribot.core.geo import Datum, MapFrame
+from agribot.gis.formats.partfield_ground import PartfieldGround, frame_at, make_area
 from agribot.gis.formats.untrusted import encode_xml, get_local_name, pack, parse_xml, unpack
-from agribot.gis.geojson import Feature, Found, Geometry, LonLat, close_ring
+from agribot.gis.geojson import Feature, Found, LonLat, close_ring, describe_left_out
 
 MAIN_FILE = "TASKDATA.XML"
-# Attribute A of polygon, line string, guidance pattern and point (ISO 11783-10, annex D).
-_AREAS = {"1": "boundary", "3": "obstacle", "4": "obstacle", "6": "obstacle"}
-_OUTER, _INNER, _TRAMLINE, _PATTERN = "1", "2", "3", "5"
-_AB, _CURVE = "1", "3"
+# Attribute A of polygon, line string and point, C of guidance pattern (ISO 11783-10, annex D).
+# What is none of these, in the field and of an unknown or no type, is an obstacle.
+_BOUNDARY = "1"
+_OBSTACLES = {"3", "4", "6"}  # water, building, obstacle
+_ZONES = {"2": "treatment zone", "7": "flag", "9": "main field", "10": "headland"}
+_OUTER, _INNER = "1", "2"
+_TRAMLINE, _PATTERN = "3", "5"
+_ROUTES = {"4": "sampling route", "8": "flag"}
+_AB, _A_PLUS, _CURVE = "1", "2", "3"
 _OTHER_POINT, _POINT_A, _POINT_B, _POINT_BETWEEN = "2", "6", "7", "9"
 _PLACES = {"1", "2", "3", "4", "10", "11"}
+A_PLUS_M = 100.0  # from A to the B of an A-B line of the same heading
 
 
 def holds_task_data(names: Sequence[str]) -> bool:
@@ -32,51 +39,106 @@ def read_isoxml(data: bytes) -> Found:
     files = unpack(data, ".xml")
     trees = {PurePosixPath(name).stem.upper(): parse_xml(text) for name, text in files.items()}
     for field in (e for tree in trees.values() for e in tree.iter() if get_local_name(e) == "PFD"):
+        ground = PartfieldGround([_read_positions(ring) for ring in _find_outlines(field)])
         for element in field:
             name = element.get("B") or field.get("C") or ""
-            for kind, geometry in _read_shapes(element):
-                yield geometry, {"kind": kind, **({"name": name} if name else {})}
+            read = _SHAPES.get(get_local_name(element), _read_none)
+            for geometry, properties in read(element, ground):
+                yield geometry, {**properties, **({"name": name} if name and geometry else {})}
 
 
-def _read_shapes(element: ET.Element) -> Iterator[tuple[str, Geometry]]:
-    if get_local_name(element) == "PLN":
-        yield from _read_area(element)
-    elif get_local_name(element) == "LSG":
-        yield from _read_line(element)
-    elif get_local_name(element) == "GGP":
-        yield from _read_patterns(element)
-    elif get_local_name(element) == "PNT" and element.get("A") in _PLACES:
-        yield "waypoint", {"type": "Point", "coordinates": _read_position(element)}
+def _find_outlines(field: ET.Element) -> Iterator[ET.Element]:
+    for polygon in field:
+        if get_local_name(polygon) == "PLN" and polygon.get("A") == _BOUNDARY:
+            yield from (e for e in polygon if get_local_name(e) == "LSG" and e.get("A") != _INNER)
 
 
-def _read_area(polygon: ET.Element) -> Iterator[tuple[str, Geometry]]:
-    kind = _AREAS.get(polygon.get("A", ""))
-    rings = {
-        side: [
-            _read_positions(ring)
-            for ring in polygon
-            if get_local_name(ring) == "LSG" and ring.get("A") == side
-        ]
-        for side in (_OUTER, _INNER)
-    }
-    if kind is None:
-        return
-    for number, ring in enumerate(rings[_OUTER]):
-        inner = rings[_INNER] if number == 0 else []
-        sides = [close_ring(points) for points in (ring, *inner)]
-        yield kind, {"type": "Polygon", "coordinates": sides}
+def _read_none(element: ET.Element, ground: PartfieldGround) -> Found:
+    yield from ()
 
 
-def _read_line(line: ET.Element, kind: str = "row") -> Iterator[tuple[str, Geometry]]:
-    if line.get("A") in {_TRAMLINE, _PATTERN}:
-        yield kind, {"type": "LineString", "coordinates": _read_positions(line)}
+def _read_area(polygon: ET.Element, ground: PartfieldGround) -> Found:
+    """Read a boundary with its holes; every ring of whatever stands in a field is an obstacle."""
+    kind = polygon.get("A", "")
+    rings = [
+        (ring.get("A", ""), close_ring(_read_positions(ring)))
+        for ring in polygon
+        if get_local_name(ring) == "LSG"
+    ]
+    if kind in _ZONES:
+        yield describe_left_out(f"{_ZONES[kind]} {polygon.get('B', '')[:40]}".strip())
+    elif kind in _OBSTACLES:
+        for _, ring in rings:
+            yield make_area("obstacle", ring)
+    elif kind != _BOUNDARY:
+        for _, ring in rings:
+            yield from ground.draw_obstacle(ring, is_area=True)
+    else:
+        yield from _read_boundary(rings)
 
 
-def _read_patterns(group: ET.Element) -> Iterator[tuple[str, Geometry]]:
+def _read_boundary(rings: Sequence[tuple[str, list[LonLat]]]) -> Found:
+    """Read the rings of a boundary: those that are not marked are outer ones if none is."""
+    is_marked = any(side in (_OUTER, _INNER) for side, _ in rings)
+    outer = [ring for side, ring in rings if side == _OUTER or not is_marked]
+    other = [ring for side, ring in rings if side != _OUTER and is_marked]
+    for number, ring in enumerate(outer):
+        yield make_area("boundary", ring, *(other if number == 0 else ()))
+    for ring in other if not outer else ():
+        yield make_area("obstacle", ring)
+
+
+def _read_line(line: ET.Element, ground: PartfieldGround, kind: str = "row") -> Found:
+    positions, type = _read_positions(line), line.get("A", "")
+    if type in {_TRAMLINE, _PATTERN}:
+        yield {"type": "LineString", "coordinates": positions}, {"kind": kind}
+    elif type in _ROUTES:
+        yield describe_left_out(f"{_ROUTES[type]} {line.get('B', '')[:40]}".strip())
+    elif positions:  # drainage, fence, obstacle
+        yield from ground.draw_obstacle(positions, float(line.get("C") or 0.0) / 2000.0)
+
+
+def _read_point(point: ET.Element, ground: PartfieldGround) -> Found:
+    position = _read_position(point)
+    if point.get("A") in _PLACES:
+        yield {"type": "Point", "coordinates": position}, {"kind": "waypoint"}
+    else:
+        yield from ground.draw_obstacle([position])
+
+
+def _read_patterns(group: ET.Element, ground: PartfieldGround) -> Found:
     for pattern in (e for e in group if get_local_name(e) == "GPN"):
-        kind = {_AB: "ab_line", _CURVE: "row"}.get(pattern.get("C", ""))
-        for line in (e for e in pattern if get_local_name(e) == "LSG" and kind):
-            yield from _read_line(line, str(kind))
+        type = pattern.get("C", "")
+        lines = [e for e in pattern if get_local_name(e) == "LSG"]
+        if type not in (_AB, _A_PLUS, _CURVE):
+            what = f"of type {type}" if type else "without a type"
+            yield describe_left_out(f"guidance line {pattern.get('B', '')[:40]} {what}")
+        for line in lines if type in (_AB, _CURVE) else ():
+            yield from _read_line(line, ground, "ab_line" if type == _AB else "row")
+        for line in lines if type == _A_PLUS else ():
+            yield from _read_heading(line, pattern.get("G"))
+
+
+def _read_heading(line: ET.Element, heading: str | None) -> Found:
+    """Read an A+ line, which has one point and a compass heading, as an A-B line."""
+    positions = _read_positions(line)
+    if heading is None or not positions:
+        yield describe_left_out("A+ line without a point or heading")
+        return
+    east, north = math.sin(math.radians(float(heading))), math.cos(math.radians(float(heading)))
+    lat_deg, lon_deg, _ = frame_at(positions[0]).geodetic_from_map(
+        A_PLUS_M * east, A_PLUS_M * north
+    )
+    ends = [positions[0], (lon_deg, lat_deg)]
+    yield {"type": "LineString", "coordinates": ends}, {"kind": "ab_line"}
+
+
+_SHAPES: dict[str, Callable[[ET.Element, PartfieldGround], Found]] = {
+    "PLN": _read_area,
+    "LSG": _read_line,
+    "GGP": _read_patterns,
+    "PNT": _read_point,
+}
 
 
 def _read_positions(line: ET.Element) -> list[LonLat]:
@@ -114,8 +176,7 @@ def write_isoxml(features: Sequence[Feature]) -> bytes:
 def _compute_area_m2(feature: Feature) -> float:
     from shapely.geometry import Polygon
 
-    lon_deg, lat_deg = feature.parts[0][0]
-    frame = MapFrame(Datum(lat_deg=lat_deg, lon_deg=lon_deg))
+    frame = frame_at(feature.parts[0][0])
     rings = [[frame.map_from_geodetic(y, x, 0.0)[:2] for x, y in ring] for ring in feature.parts]
     return float(Polygon(rings[0], rings[1:]).area)
 

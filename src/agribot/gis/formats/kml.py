@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 from agribot.gis.formats.untrusted import (
     encode_xml,
@@ -13,7 +13,7 @@ from agribot.gis.formats.untrusted import (
     read_text,
     unpack,
 )
-from agribot.gis.geojson import Feature, Found, Geometry, LonLat
+from agribot.gis.geojson import Feature, Found, Geometry, LonLat, describe_left_out
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
 
@@ -23,8 +23,10 @@ def read_kml(data: bytes) -> Found:
         if get_local_name(mark) == "Placemark":
             fields = {"name": read_text(mark, "name"), "kind": _read_kind(mark)}
             properties = {key: value for key, value in fields.items() if value}
-            for geometry in _read_shapes(mark):
-                yield geometry, properties
+            for element in mark:
+                yield from _read_shape(element, properties)
+        elif get_local_name(mark) in _WITHOUT_SHAPE:
+            yield describe_left_out(get_local_name(mark))
 
 
 def read_kmz(data: bytes) -> Found:
@@ -43,15 +45,57 @@ def _read_kind(mark: ET.Element) -> str:
     return next((read_text(e, "value") or (e.text or "").strip() for e in kinds), "")
 
 
-def _read_shapes(mark: ET.Element) -> Iterator[Geometry]:
-    for element in mark.iter():
-        kind = get_local_name(element)
-        if kind in {"Point", "LineString"}:
-            points = _read_points(element)
-            yield {"type": kind, "coordinates": points[0] if kind == "Point" else points}
-        elif kind == "Polygon":
-            rings = [ring for ring in element.iter() if get_local_name(ring) == "LinearRing"]
-            yield {"type": "Polygon", "coordinates": [_read_points(ring) for ring in rings]}
+def _read_shape(element: ET.Element, properties: dict[str, str]) -> Found:
+    """Read a geometry, or all of them in a collection; a ring that stands alone is an area."""
+    kind = get_local_name(element)
+    if kind in _COLLECTIONS:
+        for part in element:
+            yield from _read_shape(part, properties)
+    elif kind in _SHAPES:
+        shape = _SHAPES[kind](element)
+        where = f" of '{properties['name'][:40]}'" if "name" in properties else ""
+        yield (shape, properties) if shape else describe_left_out(f"{kind} without a place{where}")
+
+
+def _read_point(element: ET.Element) -> Geometry | None:
+    points = _read_points(element)
+    return {"type": "Point", "coordinates": points[0]} if points else None
+
+
+def _read_line(element: ET.Element) -> Geometry | None:
+    points = _read_points(element)
+    return {"type": "LineString", "coordinates": points} if points else None
+
+
+def _read_track(element: ET.Element) -> Geometry | None:
+    """Read gx:Track, whose places are `lon lat altitude` each."""
+    places = [(e.text or "").split()[:2] for e in element if get_local_name(e) == "coord"]
+    points = [[float(number) for number in place] for place in places if place]
+    return {"type": "LineString", "coordinates": points} if points else None
+
+
+def _read_area(element: ET.Element) -> Geometry | None:
+    """Read a polygon with its outer ring first, wherever it stands in the file."""
+    sides = sorted(element, key=lambda side: get_local_name(side) == "innerBoundaryIs")
+    rings = [ring for side in sides for ring in side.iter() if get_local_name(ring) == "LinearRing"]
+    return {"type": "Polygon", "coordinates": [_read_points(r) for r in rings]} if rings else None
+
+
+def _read_ring(element: ET.Element) -> Geometry | None:
+    points = _read_points(element)
+    return {"type": "Polygon", "coordinates": [points]} if points else None
+
+
+_SHAPES: dict[str, Callable[[ET.Element], Geometry | None]] = {
+    "Point": _read_point,
+    "LineString": _read_line,
+    "LinearRing": _read_ring,
+    "Polygon": _read_area,
+    "Track": _read_track,
+    "Model": lambda _: None,
+}
+_COLLECTIONS = {"MultiGeometry", "MultiTrack"}
+_WITHOUT_SHAPE = {"NetworkLink", "GroundOverlay", "PhotoOverlay", "ScreenOverlay"}
 
 
 def _read_points(element: ET.Element) -> list[list[float]]:

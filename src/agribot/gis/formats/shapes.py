@@ -10,7 +10,7 @@ from typing import Any
 
 from agribot.core.errors import ConfigError
 from agribot.gis.formats.untrusted import pack, unpack
-from agribot.gis.geojson import Feature, Found, split_layers
+from agribot.gis.geojson import Feature, Found, describe_left_out, split_layers
 
 WGS84 = (
     'GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],'
@@ -39,7 +39,9 @@ def read_shapefiles(data: bytes) -> Found:
                 plain = {
                     k: v for k, v in fields.items() if isinstance(v, str | int | float) and v != ""
                 }
-                if record.shape.shapeType != shapefile.NULL:
+                if record.shape.shapeType == shapefile.NULL:
+                    yield describe_left_out(f"a record of layer '{layer[:40]}' without a place")
+                else:
                     yield dict(record.shape.__geo_interface__), plain
 
 

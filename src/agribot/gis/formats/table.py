@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path, PurePath
 from typing import Any
@@ -18,11 +19,13 @@ from agribot.gis.geojson import (
     Feature,
     Found,
     Geometry,
+    describe_left_out,
     find_other_crs,
     parse_features,
     read_position,
 )
 
+MAX_NAMED = 8  # of the things that a file holds and that are left out
 _KIND_OF = {"LineString": "row", "Point": "waypoint"}
 
 
@@ -38,8 +41,12 @@ def read_field_file(name: str, data: bytes) -> dict[str, Any]:
     if reader is None:
         raise MissionError(f"{shown}: files that can be read end with {', '.join(sorted(READERS))}")
     found: list[dict[str, Any]] = []
+    left_out: Counter[str] = Counter()
     try:
         for geometry, properties in reader(data):
+            if geometry is None:
+                left_out[properties["left_out"]] += 1
+                continue
             for shape in _split_multi(geometry, shown):
                 found.append({"type": "Feature", "geometry": shape, "properties": {**properties}})
     except AgribotError:
@@ -50,7 +57,28 @@ def read_field_file(name: str, data: bytes) -> dict[str, Any]:
     if not found:
         raise MissionError(f"{shown} holds no point, line or polygon")
     _give_kinds(found)
-    return {"type": "FeatureCollection", "features": found}
+    told = _name_left_out(name, left_out, _count_bare_points(found))
+    more = {"left_out": told} if told else {}
+    return {"type": "FeatureCollection", "features": found, **more}
+
+
+def _count_bare_points(found: Sequence[dict[str, Any]]) -> int:
+    return sum("is_guessed" in each and each.pop("is_guessed") for each in found)
+
+
+def _name_left_out(name: str, left_out: Counter[str], points: int) -> str:
+    """Name in one line what was left out, and which points plans do not keep off."""
+    told = []
+    if left_out:
+        some = [f"{count} x {what}" if count > 1 else what for what, count in left_out.items()]
+        more = [f"{len(some) - MAX_NAMED} more"] if len(some) > MAX_NAMED else []
+        told.append(f"left out: {', '.join([*some[:MAX_NAMED], *more])}")
+    if points:
+        told.append(
+            f"points without a kind: {points}, taken for goals, which plans do not keep off; draw "
+            "what stands there as an area"
+        )
+    return f"{name[:80]}: {'; '.join(told)}" if told else ""
 
 
 def read_other(path: Path) -> dict[str, Any]:
@@ -109,6 +137,8 @@ def _give_kinds(found: Sequence[dict[str, Any]]) -> None:
     for feature in found:
         shape = feature["geometry"]["type"]
         area = "obstacle" if bounded else "boundary"
+        if shape == "Point" and not feature["properties"].get("kind"):
+            feature["is_guessed"] = True
         feature["properties"].setdefault("kind", _KIND_OF.get(shape, area))
         bounded = bounded or feature["properties"]["kind"] == "boundary"
 
@@ -124,7 +154,9 @@ def _read_geojson(data: bytes) -> Found:
     else:
         members = [tree if kind == "Feature" else {"geometry": tree}]
     for member in members:
-        if member["geometry"] is not None:
+        if member["geometry"] is None:
+            yield describe_left_out("a feature without a place")
+        else:
             yield member["geometry"], member.get("properties") or {}
 
 
