@@ -152,9 +152,14 @@ def test_a_robot_that_has_done_its_work_does_it_once_more(tmp_path: Path) -> Non
         session.inbox.post(OperatorEvent(t_s=0.0, action="start", source="Ada"))
         again = [next(record for record in session.idle() if record.status.state == "running")]
         again += itertools.takewhile(lambda record: not is_done(record), session.idle())
+        next(iter(session.idle()))
+        assert session.recording.name == "", "the recording ends with the mission"
         truth = session.simulator.truth()
     assert report.ok, report.reason
     assert again[0].status.rows_done == ()
     assert again[-1].status.rows_done == (0,)
     x_m, y_m = session.rows[0].start_map_m  # there it began the first time
     assert math.dist((truth.x_map_m, truth.y_map_m), (x_m, y_m)) < 1.5
+    recorded = [tick.batch.t_s for tick in read_ticks(tmp_path / "run-2" / "run.mcap")]
+    assert recorded[0] <= again[0].batch.t_s
+    assert recorded[-1] >= again[-1].batch.t_s

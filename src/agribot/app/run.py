@@ -15,7 +15,7 @@ from agribot.app.mission_file import MissionFile
 from agribot.app.report_card import report_card
 from agribot.app.run_clock import Clock
 from agribot.app.run_folder import RunFolder
-from agribot.app.run_recording import RunRecording, files_to_run_again
+from agribot.app.run_recording import ENDED, RunRecording, files_to_run_again
 from agribot.app.run_setup import PLAN_FILE, RunSetup
 from agribot.app.unattended import Unattended
 from agribot.app.whole_job import WholeJob
@@ -50,7 +50,6 @@ from agribot.record.run_figures import HURRIED, explain_absence
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, RunSeries, SeriesTap
 
-ENDED = ("done", "cancelled", "failed")
 COMING_TO_REST_S = 2.0
 REST_TICKS = 5  # a robot that rocks back passes through standstill
 

@@ -24,6 +24,7 @@ PLANTS_ATTACHMENT = "crop plants"
 SAVED_ATTACHMENT = "resumed.json"  # null in a run that began anew
 EARLIER_ATTACHMENT = "earlier_plants.json"  # of the weed map that a run took over
 TRUTH_PERIOD_S = 0.1
+ENDED = ("done", "cancelled", "failed")  # states of a mission
 Pose = tuple[float, float, float]
 
 
@@ -51,7 +52,8 @@ class Recorded(Protocol):
 class RunRecording:
     """A tap. The recording in the folder of the run begins with it and can be run again.
 
-    One that begins later shows what happened from then on. It lies in a folder of its own beside
+    One that begins later shows what happened from then on: when an operator says so, or from the
+    start of a mission after the first to its end. It lies in a folder of its own beside
     that of the run: `first`, `first-2`, `first-3`. `say` hears when one cannot be made, and when
     one ends early because of the disk.
     """
@@ -73,6 +75,7 @@ class RunRecording:
         self._ended_because = ""
         self.folder: FilePath | None = None
         self._recorder: RunRecorder | None = None
+        self._has_ended = self._is_of_mission = False
         if run.config.record.enabled:
             self._begin(run.out_dir)
 
@@ -80,12 +83,19 @@ class RunRecording:
         for event in record.batch.events:
             if event.action == "start_recording":
                 self._start(record.batch.t_s)
+            if event.action == "start" and self._has_ended and self._run.config.record.enabled:
+                is_new = not self.name
+                self._start(record.batch.t_s)
+                self._is_of_mission = is_new
         if self._recorder is not None:
             self._follow_path(record.batch.t_s, self._recorder)
             self._recorder(record)
             self._now_s = record.batch.t_s
             self._tell_its_end(self._recorder)
-        if any(event.action == "stop_recording" for event in record.batch.events):
+        ended = self._has_ended
+        self._has_ended = record.status.state in ENDED
+        is_over = self._is_of_mission and self._has_ended and not ended
+        if is_over or any(event.action == "stop_recording" for event in record.batch.events):
             self.close()
 
     @property
@@ -118,7 +128,7 @@ class RunRecording:
         if self._recorder is not None:
             self._recorder.close()
             self._tell_its_end(self._recorder)
-        self._recorder = None
+        self._recorder, self._is_of_mission = None, False
 
     def _tell_its_end(self, recorder: RunRecorder) -> None:
         if recorder.ended_because and not self._ended_because:

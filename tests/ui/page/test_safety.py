@@ -334,8 +334,10 @@ def test_driving_by_hand_asks_before_it_interrupts_a_mission(
 def test_old_data_are_grey_below_a_red_banner(open_page: OpenPage, server: FakeServer) -> None:
     page = open_page()
     expect(page.locator("#main")).not_to_have_class("main is-stale")
+    ground = page.locator(".map-host").bounding_box()
     server.silent = True
     expect(page.locator(".banner.bad", has_text="old")).to_be_visible()
+    assert page.locator(".map-host").bounding_box() == ground, "the map moved under a finger"
     expect(page.locator("#main")).to_have_class("main is-stale")
     for each in (page.locator(".mode"), *page.locator(".chip", has_text="Battery").all()):
         expect(each).to_have_css("filter", GREY)

@@ -4,6 +4,7 @@ import type { AddLayerObject, Map as MapLibre } from 'maplibre-gl'
 import type { LayerGroup } from '../displays/host.ts'
 import { EMPTY, SOURCE_MAXZOOM } from '../geojson.ts'
 import type { Palette } from '../shell/palette.ts'
+import { type ByZoom, byPlant } from './plant-size.ts'
 
 /** What can be shown and hidden, from top to bottom. */
 export function layerGroups(): LayerGroup[] {
@@ -50,7 +51,7 @@ const OPACITY: Record<string, string[]> = {
   circle: ['circle-opacity', 'circle-stroke-opacity'],
 }
 
-function byZoom(...stops: number[]): ['interpolate', ['exponential', number], ['zoom'], ...number[]] {
+function byZoom(...stops: number[]): ByZoom {
   return ['interpolate', ['exponential', 1.6], ['zoom'], ...stops]
 }
 
@@ -106,11 +107,12 @@ function liveLayers(c: Palette): AddLayerObject[] {
       type: 'circle',
       source: 'weeds',
       paint: {
-        'circle-radius': byZoom(15, 1, 19, 2.4, 22, 9),
+        // Weeds are discs, crops larger rings: colour alone does not tell them apart for everybody.
+        'circle-radius': byPlant(byZoom(15, 1, 19, 2.4, 22, 9), [1.5, 3.8, 14]),
         'circle-color': ['match', ['get', 'plant'], 0, c.weed, c.crop],
-        'circle-opacity': ['case', ['get', 'treated'], 0.35, 0.9],
+        'circle-opacity': ['match', ['get', 'plant'], 0, ['case', ['get', 'treated'], 0.35, 0.9], 0],
         'circle-stroke-color': ['match', ['get', 'plant'], 0, c.weed, c.crop],
-        'circle-stroke-width': ['case', ['get', 'treated'], 1.5, 0],
+        'circle-stroke-width': ['match', ['get', 'plant'], 0, ['case', ['get', 'treated'], 1.5, 0], 2],
       },
     },
     {

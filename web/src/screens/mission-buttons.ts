@@ -78,7 +78,7 @@ export class MissionButtons {
     const state = this.app.store.state
     const count = state?.mission?.rows_total ?? 0
     const rows = count ? `: ${count} ${count === 1 ? 'row' : 'rows'}` : ''
-    const unrecorded = state?.recording ? '' : ' Nothing is recorded now; begin a recording first where you want one.'
+    const unrecorded = state?.recording ? '' : ' A recording of its own begins with it where runs are recorded.'
     const body =
       action.action === 'cancel'
         ? 'The robot stops where it is and the mission ends. The recording is kept.'

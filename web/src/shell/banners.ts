@@ -59,9 +59,15 @@ export class Banners {
       this.replay.node,
     )
     this.release.addEventListener('click', () => this.onRelease?.())
+    new ResizeObserver(() => this.tellHeight()).observe(this.node)
     setInterval(() => this.update(), UPDATE_MS)
     store.on('stale', () => this.update())
     store.on('link', () => this.update())
+  }
+
+  /** What lies below may keep out of the way. */
+  private tellHeight(): void {
+    this.node.parentElement?.style.setProperty('--banners', `${this.node.offsetHeight}px`)
   }
 
   private update(): void {
