@@ -15,7 +15,7 @@ from agribot.cli.main import main
 from agribot.core.geo import Datum, MapFrame
 from agribot.gis.field_file import read_field
 from agribot.gis.formats.geopackage import write_geopackage
-from agribot.gis.formats.table import read_field_file
+from agribot.gis.formats.table import read_field_file, write_field_file
 from agribot.gis.geojson import parse_features
 
 FRAME = MapFrame(Datum(lat_deg=51.0, lon_deg=7.0))
@@ -113,6 +113,31 @@ def test_a_fence_along_the_edge_and_a_windbreak_across_it_are_cut_to_the_field(
     areas_m2 = sorted(shapely.Polygon(hole).area for hole in found.holes)
     assert areas_m2 == pytest.approx([60.0 * 0.5, 10.0 * 10.0], rel=0.06)
     assert found.left_out == "f.zip: left out: obstacle beyond the boundary"
+
+
+def test_crop_that_is_kept_off_is_an_obstacle_in_task_data_and_never_a_row_to_work(
+    tmp_path: Path,
+) -> None:
+    lines = (("boundary", "Polygon", [*FIELD, FIELD[0]]), ("crop", "LineString", POND[:2]))
+    members = [
+        {
+            "type": "Feature",
+            "properties": {"kind": kind},
+            "geometry": {
+                "type": shape,
+                "coordinates": [[*map(place, points)]]
+                if shape == "Polygon"
+                else [*map(place, points)],
+            },
+        }
+        for kind, shape, points in lines
+    ]
+    file = tmp_path / "f.zip"
+    collection = {"type": "FeatureCollection", "features": members}
+    file.write_bytes(write_field_file(".isoxml.zip", collection))
+    found, _ = read_field(file, FRAME.datum)
+    assert (len(found.holes), found.rows) == (1, ())
+    assert shapely.Polygon(found.holes[0]).contains(shapely.LineString(POND[:2]))
 
 
 def test_a_guidance_line_of_a_point_and_a_heading_is_an_ab_line(tmp_path: Path) -> None:

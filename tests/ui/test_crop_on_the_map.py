@@ -10,6 +10,7 @@ pytest.importorskip("starlette")
 from agribot.app.field_work import read_work
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import load
+from agribot.core.errors import MissionError
 from agribot.core.geo import MapFrame
 from agribot.description.loader import load_robot
 from agribot.ui import wire
@@ -52,6 +53,17 @@ def test_a_boundary_drawn_over_the_crop_is_worked_around_it_and_the_map_keeps_it
     assert len(made.field.crop_map_m) == len(ROWS)
     work = read_work(made.text, "the plan", CONFIG, ROBOT)
     assert len(work.area.crop) == len(ROWS), "a run that goes on keeps off it as well"
+
+
+def test_a_robot_between_rows_is_not_led_across_them_into_a_field_beside_them() -> None:
+    beside = [(EAST, SOUTH), (EAST + 12.0, SOUTH), (EAST + 12.0, NORTH), (EAST, NORTH)]
+    (x0_m, y0_m), *_, (x1_m, y1_m) = ROWS[0]
+    in_row = ((x0_m + x1_m) / 2.0, (y0_m + y1_m) / 2.0, 0.0)
+    made = plan(feature("boundary", beside))
+    with pytest.raises(MissionError, match="the way would cross crop"):
+        read_work(made.text, "the plan", CONFIG, ROBOT).plan_from(in_row)
+    gone = plan(feature("boundary", beside), is_crop_gone=True)
+    read_work(gone.text, "the plan", CONFIG, ROBOT).plan_from(in_row)
 
 
 def test_crop_that_somebody_says_is_gone_is_planned_over_and_leaves_the_map() -> None:

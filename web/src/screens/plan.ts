@@ -165,7 +165,7 @@ class Editor {
   private cropChoice(): HTMLElement | null {
     const rows = this.app.field?.crop_map_m.length
     if (!rows) return null
-    return el('label', { class: 'check' }, this.gone, `The ${rows} crop rows on the map are not there any more`)
+    return el('label', { class: 'check' }, this.gone, `The crop on the map (rows: ${rows}) is not there any more`)
   }
 
   private choose(kind: Kind): void {

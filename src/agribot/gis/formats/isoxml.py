@@ -22,7 +22,7 @@ _BOUNDARY = "1"
 _OBSTACLES = {"3", "4", "6"}  # water, building, obstacle
 _ZONES = {"2": "treatment zone", "7": "flag", "9": "main field", "10": "headland"}
 _OUTER, _INNER = "1", "2"
-_TRAMLINE, _PATTERN = "3", "5"
+_TRAMLINE, _PATTERN, _OBSTACLE = "3", "5", "9"
 _ROUTES = {"4": "sampling route", "8": "flag"}
 _AB, _A_PLUS, _CURVE = "1", "2", "3"
 _OTHER_POINT, _POINT_A, _POINT_B, _POINT_BETWEEN = "2", "6", "7", "9"
@@ -165,7 +165,9 @@ def write_isoxml(features: Sequence[Feature]) -> bytes:
     for feature in features:
         if feature.geometry == "Point":
             _write_point(field, _OTHER_POINT, feature.parts[0][0], B=feature.name[:32])
-    lines = [f for f in features if f.geometry == "LineString"]
+    for feature in (f for f in features if f.kind == "crop"):
+        _write_line(ET.SubElement(field, "LSG", A=_OBSTACLE), feature)
+    lines = [f for f in features if f.geometry == "LineString" and f.kind != "crop"]
     if lines:
         group = ET.SubElement(field, "GGP", A="GGP1", B="Rows and lines")
         for number, feature in enumerate(lines, 1):
@@ -194,7 +196,10 @@ def _write_pattern(group: ET.Element, number: int, feature: Feature) -> None:
     kind = _AB if feature.kind == "ab_line" else _CURVE
     fields = {"A": f"GPN{number}", "B": feature.name[:32], "C": kind}
     pattern = ET.SubElement(group, "GPN", _drop_empty(fields))
-    line = ET.SubElement(pattern, "LSG", A=_PATTERN)
+    _write_line(ET.SubElement(pattern, "LSG", A=_PATTERN), feature)
+
+
+def _write_line(line: ET.Element, feature: Feature) -> None:
     last = len(feature.parts[0]) - 1
     for index, position in enumerate(feature.parts[0]):
         ends = {0: _POINT_A, last: _POINT_B}
