@@ -46,9 +46,9 @@ def format_plan(saved: SavedPlan, certificate: Certificate) -> str:
             kind="boundary",
         )
     ]
-    for kind, lines in (("row", area.rows), ("crop", area.crop)):
+    for kind, rows in (("row", area.rows), ("crop", area.crop)):
         collected += [
-            _make_feature("LineString", _to_degrees(line, frame), kind=kind) for line in lines
+            _make_feature("LineString", _to_degrees(row, frame), kind=kind) for row in rows
         ]
     if area.ab_line:
         collected.append(

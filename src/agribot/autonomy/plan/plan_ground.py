@@ -37,7 +37,7 @@ def find_reachable(
             np.array([shapely.LineString(row) for row in area.rows]), half_m, cap_style="flat"
         )
         return shapely.union_all(strips)
-    standing = field.buffer(-(shape.turn_radius_m + request.margin_m), quad_segs=16)
+    standing: BaseGeometry = field.buffer(-(shape.turn_radius_m + request.margin_m), quad_segs=16)
     if area.crop:
         clear_m = measure_crop_clearance_m(area, shape, request)
         standing = standing.difference(draw_crop_strips(area, clear_m))

@@ -11,7 +11,7 @@ from agribot.autonomy.plan.errand import STANDING_MPS
 from agribot.core.messages import OperatorAction
 from agribot.ui import wire
 from agribot.ui.server.channel import Channel
-from agribot.ui.server.hub import Hub
+from agribot.ui.server.hub import Hub, NoteKind
 
 MAX_NAME = 40
 MAX_TEXT = 500
@@ -191,7 +191,7 @@ class Commands:
         self._answer(message)
 
     def _note(self, text: str) -> None:
-        kind = "operator" if self._page.role == "operator" else "viewer"
+        kind: NoteKind = "operator" if self._page.role == "operator" else "viewer"
         self._hub.note(self._page.name, text, kind)
 
     def _correct_pose(self, message: wire.CorrectPose) -> None:
