@@ -70,7 +70,7 @@ def plan_field(area: FieldArea, shape: Footprint, request: PlanRequest) -> Field
         )
     clear_m = measure_crop_clearance_m(area, shape, request)
     strips = draw_crop_strips(area, clear_m)
-    space = FreeSpace(area, shape, request, None if area.rows else strips)
+    space = FreeSpace(area, shape, request, strips if area.crop and not area.rows else None)
     if area.rows:
         swath_yaw_rad, tasks = _make_row_tasks(area, clear_m, strips, space)
     else:
