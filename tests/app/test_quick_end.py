@@ -32,7 +32,9 @@ def run_until(signum: signal.Signals, out: Path, monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.figures
 @pytest.mark.parametrize(
-    ("signum", "figures"), [(signal.SIGTERM, set()), (signal.SIGINT, FIGURES)], ids=str
+    ("signum", "figures"),
+    [(signal.SIGTERM, set()), (signal.SIGINT, FIGURES)],
+    ids=["terminated", "interrupted"],
 )
 def test_a_run_that_is_to_end_writes_what_it_has_time_for(
     signum: signal.Signals, figures: set[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
