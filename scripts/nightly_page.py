@@ -1,4 +1,4 @@
-"""Print docs/contribute/nightly.md: the tests that `make test` leaves to the night.
+"""Print docs/nightly.md: the tests that `make test` leaves to the night.
 
 They are read from the decorators of tests/nightly.py, the last results from
 tests/nightly-results.csv. `make pages` writes all such pages.
@@ -14,7 +14,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 HEAD = """# What runs at night
 
-Written by `make pages` from the decorators of [`tests/nightly.py`](../../tests/nightly.py).
+Written by `make pages` from the decorators of [`tests/nightly.py`](../tests/nightly.py).
 
 `make test` proves every behaviour once, in its cheapest form. `make nightly` runs what is left:
 statistics, long drives, whole missions and browser journeys, in shards that can be run alone
@@ -38,7 +38,7 @@ BY_DAY = """
 
 
 def page() -> str:
-    files = {path: read_file(path) for path in sorted((ROOT / "tests").rglob("test_*.py"))}
+    files = read_files()
     counts = [row for path, tree in files.items() for row in _list_counts(path, tree)]
     moved = [
         f"| `{_name(path)}`: {_say(test)} | {', '.join(_link(day) for day in days)} |\n"
@@ -48,8 +48,10 @@ def page() -> str:
     return HEAD + "".join(counts) + BY_DAY + "".join(moved)
 
 
-def read_file(path: Path) -> ast.Module:
-    return ast.parse(path.read_text("utf-8"))
+def read_files() -> dict[Path, ast.Module]:
+    """Read the files of tests that leave something to the night."""
+    texts = {path: path.read_text("utf-8") for path in sorted((ROOT / "tests").rglob("test_*.py"))}
+    return {path: ast.parse(text) for path, text in texts.items() if "nightly." in text}
 
 
 def list_by_day(tree: ast.Module) -> dict[str, list[str]]:

@@ -73,7 +73,7 @@ def run_tests(folder: Path, tests: str, *, require_all: bool) -> tuple[int, str]
 @pytest.mark.parametrize(
     ("tests", "least"),
     [
-        (f"{PAGE_TESTS}/test_mapviz.py", 1),
+        (f"{PAGE_TESTS}/test_places.py", 1),
         pytest.param(PAGE_TESTS, 100, marks=pytest.mark.nightly),
     ],
     ids=["a file", "all"],
@@ -91,7 +91,7 @@ def test_without_a_browser_its_tests_are_skipped_with_the_line_that_installs_it(
 
 
 def test_where_everything_is_required_a_missing_browser_fails(tmp_path: Path) -> None:
-    status, said = run_tests(tmp_path, f"{PAGE_TESTS}/test_mapviz.py", require_all=True)
+    status, said = run_tests(tmp_path, f"{PAGE_TESTS}/test_places.py", require_all=True)
     assert status == 1
     assert "chromium-headless-shell is missing (apt-get install chromium-headless-shell)" in said
 

@@ -7,8 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
+from tests import nightly
 from tests.second_chance import KNOWN, MOST_FLAKY, read_known
 
 ROOT = Path(__file__).parents[1]
@@ -34,7 +33,7 @@ def run_tests(folder: Path, *words: str) -> tuple[int, str]:
     return done.returncode, done.stdout
 
 
-@pytest.mark.parametrize("workers", ["0", "2"])
+@nightly.one_by_one("workers", ["2", "0"], in_suite=1)
 def test_a_test_that_passes_when_repeated_alone_is_reported_and_does_not_fail_the_run(
     workers: str, tmp_path: Path
 ) -> None:
@@ -44,6 +43,10 @@ def test_a_test_that_passes_when_repeated_alone_is_reported_and_does_not_fail_th
     assert "\nflaky: 1\n" in said
     assert "the first failure" in said
     assert re.search(r"^1 passed, 1 flaky in", said, re.M), said
+    (printed,) = re.findall(r"^\[\[flaky\]\]\n(?:.+ = .+\n)+", said, re.M)
+    known = tmp_path / "flaky.toml"
+    known.write_text(printed)
+    assert "test_it.py::test_that_fails_every_second_time[0]" in read_known(known)
 
 
 def test_a_test_that_fails_twice_fails_the_run_beside_one_that_is_flaky(tmp_path: Path) -> None:
@@ -63,10 +66,11 @@ def test_more_flaky_tests_than_the_limit_fail_the_run(tmp_path: Path) -> None:
 
 def test_a_flaky_test_that_is_known_fails_the_run(tmp_path: Path) -> None:
     (tmp_path / "test_it.py").write_text(EVERY_SECOND_TIME.format(count=1) + SOUND)
-    _, said = run_tests(tmp_path)
-    (printed,) = re.findall(r"^\[\[flaky\]\]\n(?:.+ = .+\n)+", said, re.M)
     known = tmp_path / "flaky.toml"
-    known.write_text(printed)
+    known.write_text(
+        '[[flaky]]\ntest = "test_it.py::test_that_fails_every_second_time[0]"\n'
+        'date = 2026-11-28\ncause = "not known yet"\n'
+    )
     status, said = run_tests(tmp_path, "--flaky-file", str(known))
     assert status == 1
     assert re.search(r"was flaky before \(\d{4}-\d\d-\d\d: not known yet\); fix it", said), said

@@ -13,7 +13,7 @@ from agribot.drivers.rtcm import RtcmDecoder
 from agribot.drivers.ubx import UbxDecoder
 from tests.drivers import codecs, fuzzing
 
-TRIES = 400
+TRIES = 200
 NIGHTLY_CPU_S = 600.0  # of each codec
 LINES = 50  # that a codec has to read while one of them speaks without a pause
 

@@ -20,7 +20,17 @@ from agribot.record.replay import read_ticks
 from tests import machine, nightly
 from tests.mission.conftest import start_before_a_row
 
-pytestmark = pytest.mark.slow
+pytestmark = [
+    pytest.mark.slow,
+    nightly.by_day(
+        "tests/firmware/test_firmware_platform.py::"
+        "test_the_same_mission_through_bytes_and_firmware_is_decided_as_on_the_simulator",
+        "tests/firmware/test_firmware_platform.py::"
+        "test_a_run_on_firmware_repeats_bit_by_bit_and_so_does_its_replay",
+        "tests/firmware/test_firmware_platform.py::"
+        "test_noise_on_the_line_costs_frames_and_makes_no_false_number",
+    ),
+]
 OPTIONS = ("--set", "perception.enabled=false", "--sensors", "rtk", "--headless")
 FIELDS = ((1, 2.0), (6, 10.0))  # rows and their length, m
 each_field = nightly.one_by_one("field", FIELDS, in_suite=1)

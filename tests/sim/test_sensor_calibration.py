@@ -96,6 +96,11 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(run_files, write, lambda *_: None)
 
 
+@nightly.by_day(
+    "test_the_iron_of_robots_is_found_and_taken_off",
+    "test_the_antenna_is_found_where_it_was_mounted",
+    "test_a_drive_without_pictures_shows_nothing_of_the_camera",
+)
 @pytest.mark.usefixtures("undrawn")
 def test_the_recording_of_a_mission_serves_as_well(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

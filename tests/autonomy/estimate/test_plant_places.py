@@ -148,6 +148,9 @@ def test_where_all_plants_stand_like_all_others_it_says_that_it_does_not_know() 
     assert "no position yet" in driven.estimates[-1].reason
 
 
+@nightly.by_day(
+    "test_where_all_plants_stand_like_all_others_it_says_that_it_does_not_know",
+)
 def test_on_a_map_of_another_field_it_takes_nothing_for_its_place() -> None:
     other = grow(FIELD, SPACING_M, PLANTED, np.random.default_rng(9))
     driven = drive(4, ANYWHERE, has_gnss=False, mapped=other, duration_s=14.0)

@@ -8,14 +8,17 @@ import pytest
 from agribot.autonomy.plan.errand import BATTERY, LOST, MISSION, STUCK, restore_errand, save_errand
 from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.core.messages import SENSOR_WATCH, Goal, OperatorAction, OperatorEvent
+from tests import nightly
 from tests.autonomy.plan.planting import point_at
 from tests.autonomy.plan.test_mission_errands import HEADLAND, Drive
 
 # What the program itself shows as who asked, the kinds of errands, and what names hide in texts.
 NAMES = (
-    BATTERY, LOST, STUCK, MISSION, SENSOR_WATCH, *ErrandKind, "operator", "start-up", "session",
-    "", " ", "stopped", "Ada; resume goes on", "\N{FLEXED BICEPS}", "0.5 m",
+    LOST, STUCK, BATTERY, SENSOR_WATCH, "", "Ada; resume goes on",
+    MISSION, *ErrandKind, "operator", "start-up", "session", " ", "stopped", "\N{FLEXED BICEPS}",
+    "0.5 m",
 )  # fmt: skip
+each_name = nightly.one_by_one("name", NAMES, in_suite=6)
 
 
 def follow(action: OperatorAction, name: str, *numbers: float) -> list[Goal]:
@@ -38,7 +41,7 @@ def describe(goals: list[Goal]) -> list[tuple[object, ...]]:
 
 
 @pytest.mark.parametrize("action", ["goto", "return_home", "pause", "cancel", "stop"])
-@pytest.mark.parametrize("name", NAMES)
+@each_name
 def test_a_request_by_any_name_ends_as_one_by_ada(action: OperatorAction, name: str) -> None:
     numbers = HEADLAND if action == "goto" else ()
     asked, by_ada = follow(action, name, *numbers), follow(action, "Ada", *numbers)
@@ -46,7 +49,7 @@ def test_a_request_by_any_name_ends_as_one_by_ada(action: OperatorAction, name: 
     assert asked[-1].status.reason == by_ada[-1].status.reason.replace("Ada", name)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each_name
 def test_a_goal_of_any_name_is_kept_as_a_goal_by_a_run_that_is_cut_off(name: str) -> None:
     drive = Drive()
     drive.ask(

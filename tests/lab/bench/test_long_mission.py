@@ -54,6 +54,9 @@ def test_a_plan_is_about_as_long_as_asked_for_and_a_mission_takes_it(km: float) 
     assert path.s_m[-1] >= work.length_m
 
 
+@nightly.by_day(
+    "test_a_mission_that_is_cut_off_twice_goes_on_and_is_one_job",
+)
 @pytest.mark.usefixtures("small_field")
 def test_a_short_one_is_driven_to_its_end_and_is_not_driven_twice(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -12,6 +12,7 @@ from agribot.lab.train.blend import blend_weights
 from agribot.lab.train.export import export_onnx
 from agribot.lab.train.network import CropWeedNet
 from agribot.lab.train.start import read_convolutions
+from tests import nightly
 from tests.lab.train.changed_norms import change_norms
 from tests.lab.train.command_line import parsed
 
@@ -39,6 +40,9 @@ def test_at_either_end_of_a_blend_is_one_of_the_two_networks(tmp_path: Path) -> 
         assert torch.allclose(answer(blended, x), answer(expected, x), rtol=1e-3, atol=1e-3)
 
 
+@nightly.by_day(
+    "test_at_either_end_of_a_blend_is_one_of_the_two_networks",
+)
 def test_half_way_every_weight_is_the_mean_of_both(tmp_path: Path) -> None:
     networks, files = [make_network(seed) for seed in (1, 2)], []
     for index, network in enumerate(networks):

@@ -64,6 +64,10 @@ def test_a_temperature_makes_confidence_the_share_that_is_right() -> None:
     assert calibration_error(logits / BOASTFUL, truth) < 0.015
 
 
+@nightly.by_day(
+    "test_each_class_has_the_temperature_of_the_pixels_called_so",
+    "test_what_a_single_image_brings_is_not_measured",
+)
 def test_a_network_is_calibrated_on_images_set_aside_and_judged_on_others() -> None:
     def images(first: int) -> Iterator[LabelledImage]:
         return (large_image(seed) for seed in range(first, first + 3))

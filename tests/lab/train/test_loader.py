@@ -11,6 +11,7 @@ from torch import Tensor
 from agribot.lab.train.fit import Trainer, TrainingPlan
 from agribot.lab.train.loader import AHEAD, BatchLoader
 from agribot.lab.train.photo_batches import PhotoBatches
+from tests import nightly
 from tests.lab.train.drawn_images import batch_of_four, drawn_image
 
 STEPS = 9
@@ -59,6 +60,9 @@ def test_what_a_worker_cannot_read_stops_the_training_with_its_reason() -> None:
     loader.close()
 
 
+@nightly.by_day(
+    "test_workers_change_no_batch_whichever_step_comes_first",
+)
 def test_a_training_with_workers_ends_with_the_same_weights(tmp_path: Path) -> None:
     plan = TrainingPlan(steps=3, batch_size=4, crop_px=64, bf16=False)
     one, other = (

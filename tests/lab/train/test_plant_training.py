@@ -165,6 +165,10 @@ def test_photographs_teach_no_stems_to_weights_that_find_none(
         run(parsed(*PLANTS, *photos, *words, "--out", str(tmp_path / "out")))
 
 
+@nightly.by_day(
+    "test_classes_and_stems_learn_together",
+    "test_stems_alone_learn_where_the_classes_are_to_be_kept",
+)
 def test_photographs_teach_classes_and_drawn_fields_keep_the_stems(tmp_path: Path) -> None:
     folder = photo_folder(tmp_path / "photos", 2)
     words = ("--data", "cwfid", "--data-dir", str(folder), "--start", "agribot-plants")

@@ -15,6 +15,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.ui.page.conftest import hold_map_still, new_context, until
+from tests.ui.page.fake_answers import ROBOT
 from tests.ui.page.fake_server import FakeServer, serving
 from tests.ui.page.test_plan import drawn, import_and_export, lonlat
 from tests.waiting import wait_for
@@ -103,17 +104,17 @@ def test_the_plan_is_checked_by_the_robot_and_its_reasons_are_on_the_map(
     page: Page, server: FakeServer
 ) -> None:
     page.get_by_role("button", name="Check plan").click()
-    expect(page.locator(".reasons")).to_contain_text("Row 3 leaves the boundary")
+    expect(page.locator("ol.reasons")).to_contain_text("Row 3 leaves the boundary")
     expect(page.locator(".reason-pin")).to_have_text("1")
     sent = server.written["plan"]
     kinds = [feature["properties"]["kind"] for feature in sent["field"]["features"]]
     assert kinds.count("row") == 6
-    assert sent["implement_width_m"] == pytest.approx(1.5)
+    assert sent["implement_width_m"] == ROBOT.tool_width_m
     expect(page.get_by_role("button", name="Use this plan")).to_be_disabled()
     width = page.get_by_label("Working width, m")
     width.fill("2")
     expect(page.locator(".reasons, .reason-pin")).to_have_count(0)  # those of another plan
-    width.fill("1.5")
+    width.fill(f"{ROBOT.tool_width_m}")
 
 
 def test_a_field_file_is_imported_drawn_and_exported_again(
