@@ -34,7 +34,7 @@ pytest_plugins = [
 
 def pytest_xdist_auto_num_workers() -> int:
     """Of `-n auto`; more would not find room in the memory of a small machine."""
-    return min((os.cpu_count() or 1) + 1, 4)
+    return min((os.cpu_count() or 1) + 2, 4)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -84,7 +84,7 @@ class SecondChance:
 
     def _passes_alone(self, test: str) -> bool:
         root = self._config.rootpath  # node ids are relative to it
-        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", root / test]
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(root / test)]
         if expression := self._config.getoption("markexpr"):
             command += ["-m", expression]
         try:

@@ -103,9 +103,7 @@ def make_work_errand(task: Task, job: MissionJob | None) -> Errand:
         raise MissionError("nothing was planned yet")
     _check_ways(task)
     place = job.place_to_go_on
-    return Errand(
-        ErrandKind.WORK, MISSION, lambda here: task.plan_back(here, place), (), place[:2]
-    )
+    return Errand(ErrandKind.WORK, MISSION, lambda here: task.plan_back(here, place), (), place[:2])
 
 
 def make_back_errand(
