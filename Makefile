@@ -30,7 +30,7 @@ unexport PYTHONDONTWRITEBYTECODE
 run: $(VENV)/.run
 	$(BIN)/agribot run farm --ui --speed 1
 
-# One worker more than there are cores (tests/conftest.py); a file's tests stay together, and slow
+# Two workers more than cores, up to four (tests/conftest.py); a file's tests stay together, and slow
 # files come first. What fails is repeated once, alone (tests/second_chance.py).
 # Part of it: `make test TESTS=tests/gis`; the dearest twenty: `make test TESTS='--cpu-times 20'`.
 test: $(VENV)/.dev

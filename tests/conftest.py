@@ -2,7 +2,7 @@
 
 A worker computes on one core, as do the processes that it starts: threads of several workers
 would wait for each other on the same cores, and burn them. A fifth of the time it waits for a
-clock, a line or a browser, so that there is one worker more than there are cores.
+clock, a line or a browser, so that there are two workers more than cores, up to four.
 
 Where a machine must run everything (AGRIBOT_REQUIRE_ALL=1), a skip is a failure. Not so for tests
 marked `elsewhere`: they need what no package manager of that machine has, such as an installed
@@ -15,6 +15,7 @@ import gc
 import os
 from collections import Counter
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 from _pytest.terminal import TerminalReporter
@@ -30,6 +31,9 @@ pytest_plugins = [
     "tests.second_chance",
     "tests.nightly_results",
 ]
+
+
+WAITING = {"drivers", "ros", "ui"}  # folders of tests
 
 
 def pytest_xdist_auto_num_workers() -> int:
@@ -58,17 +62,29 @@ def may_lack(reason: str) -> bool:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with the files that hold `slow` tests, so that no worker ends alone with one of them.
-
-    The cases marked `nightly` are left to those who ask for them: `pytest -m nightly`.
-    """
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+    """Leave the cases marked `nightly` to `pytest -m nightly`, and order the others."""
+    order = rank_files(items)
+    items.sort(key=lambda item: order[item.path])
     if "nightly" in config.getoption("markexpr"):
         return
     left_out = [item for item in items if item.get_closest_marker("nightly")]
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if not item.get_closest_marker("nightly")]
+
+
+def rank_files(items: list[pytest.Item]) -> dict[Path, float]:
+    """Rank the files of tests; the lowest begin.
+
+    Files that hold `slow` tests begin, so that no worker ends alone with one of them. Those that
+    wait for a line or a browser are spread among those that compute, which fill their pauses.
+    """
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    ranks = dict.fromkeys(slow, -1.0)
+    others = [path for path in dict.fromkeys(item.path for item in items) if path not in slow]
+    for waits in (True, False):
+        files = [path for path in others if WAITING.isdisjoint(path.parts) is not waits]
+        ranks |= {path: (number + 0.5) / len(files) for number, path in enumerate(files)}
+    return ranks
 
 
 def pytest_collection_finish() -> None:
