@@ -11,7 +11,7 @@ from rosbags import rosbag1
 
 from agribot.record.bag.convert import ConvertOptions, convert
 from agribot.record.bag.sinks import Compression
-from tests import nightly
+from tests import machine, nightly
 from tests.record.bag import bag_samples as samples
 
 PYTHON = "/usr/bin/python3"
@@ -19,7 +19,7 @@ HAS_ROSBAG = Path("/usr/lib/python3/dist-packages/rosbag").is_dir()
 PEER = Path(__file__).parent / "rosbag_peer.py"
 
 
-@pytest.mark.skipif(not HAS_ROSBAG, reason="needs Debian's ROS 1: see apt-packages.txt")
+@pytest.mark.skipif(not HAS_ROSBAG, reason=machine.missing("roscore"))
 @nightly.one_by_one("compression", ("lz4", "none", "bz2"), in_suite=1)
 def test_ros_1_reads_every_message_of_a_bag_of_ours(
     tmp_path: Path, compression: Compression
