@@ -1,7 +1,8 @@
-"""The last result of every nightly file: `tests/nightly-results.csv`, written by `make nightly`.
+"""The last result of every nightly file: `pytest -m nightly --nightly-results FILE.csv`.
 
-A session of `-m nightly` writes a row for each file that it ran whole, so that shards that are run
-alone keep each other's rows, and lists at its end what was not run lately.
+A session writes a row for each file that it ran whole, so that shards that are run alone keep each
+other's rows, and lists at its end what did not run for two weeks. `make nightly` keeps them in
+`tests/nightly-results.csv`.
 """
 
 from __future__ import annotations
@@ -17,8 +18,6 @@ from pathlib import Path
 import pytest
 from _pytest.terminal import TerminalReporter
 
-ROOT = Path(__file__).parents[1]
-RESULTS = Path(__file__).with_name("nightly-results.csv")
 COLUMNS = ("file", "passed", "failed", "skipped", "busy_s", "date", "commit", "machine")
 LATELY = timedelta(days=14)
 Row = dict[str, str]
@@ -35,8 +34,8 @@ def pytest_terminal_summary(terminalreporter: TerminalReporter, config: pytest.C
     is_part = config.getoption("keyword") or any("::" in word for word in config.args)
     if path is None or is_part:
         return
-    rows = read_rows(path) | count_by_file(terminalreporter, describe_run())
-    rows = {file: row for file, row in rows.items() if (ROOT / file).is_file()}
+    rows = read_rows(path) | count_by_file(terminalreporter, describe_run(config.rootpath))
+    rows = {file: row for file, row in rows.items() if (config.rootpath / file).is_file()}
     write_rows(path, rows)
     limit = (date.today() - LATELY).isoformat()
     late = [file for file, row in sorted(rows.items()) if row["date"] < limit]
@@ -68,9 +67,9 @@ def count_by_file(reporter: TerminalReporter, run: Row) -> dict[str, Row]:
     }
 
 
-def describe_run() -> Row:
+def describe_run(root: Path) -> Row:
     describe = ["git", "describe", "--always", "--dirty", "--exclude=*"]
-    commit = subprocess.run(describe, cwd=ROOT, capture_output=True, text=True, check=False)
+    commit = subprocess.run(describe, cwd=root, capture_output=True, text=True, check=False)
     return {
         "date": date.today().isoformat(),
         "commit": commit.stdout.strip() or "unknown",

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests import nightly_results
 from tests.nightly import mean_square_band
 
 ROOT = Path(__file__).parents[1]
@@ -58,6 +59,26 @@ def test_each_test_that_is_left_to_the_night_names_tests_that_prove_it_by_day() 
         return is_there and name not in left and "*" not in left
 
     assert [entry for entry in sorted(named) if not runs_by_day(entry[2])] == []
+
+
+def test_shards_that_run_alone_keep_each_others_results_and_name_what_did_not_run_lately(
+    tmp_path: Path,
+) -> None:
+    text = "import pytest\n@pytest.mark.nightly\ndef test_it(): pass\n"
+    for name in ("test_old.py", "test_new.py"):
+        (tmp_path / name).write_text(text)
+    results = tmp_path / "results.csv"
+    old, gone = (f"test_{name}.py,3,0,0,12,2020-01-01,abc,a machine" for name in ("old", "gone"))
+    results.write_text(f"{','.join(nightly_results.COLUMNS)}\n{old}\n{gone}\n")
+    said = run_pytest(
+        "-p", "tests.nightly_results", "-m", "nightly", "-W", "ignore",
+        "--nightly-results", str(results), str(tmp_path / "test_new.py"),
+    )  # fmt: skip
+    rows = nightly_results.read_rows(results)
+    assert {name: row["passed"] for name, row in rows.items()} == {
+        "test_new.py": "1", "test_old.py": "3",
+    }  # fmt: skip
+    assert "nightly: test_old.py last ran on 2020-01-01" in said
 
 
 @pytest.mark.parametrize(("count", "freedom"), [(1, 3), (12, 2), (50, 1)])
