@@ -68,13 +68,20 @@ def count_by_file(reporter: TerminalReporter, run: Row) -> dict[str, Row]:
 
 
 def describe_run(root: Path) -> Row:
-    describe = ["git", "describe", "--always", "--dirty", "--exclude=*"]
-    commit = subprocess.run(describe, cwd=root, capture_output=True, text=True, check=False)
+    """Describe when, where and what runs; "+" after the commit for files that are changed."""
+    changed = ask_git(root, "status", "--porcelain", "--", ".", ":!tests/nightly-results.csv")
+    commit = ask_git(root, "rev-parse", "--short", "HEAD") or "unknown"
     return {
         "date": date.today().isoformat(),
-        "commit": commit.stdout.strip() or "unknown",
+        "commit": f"{commit}{'+' * bool(changed)}",
         "machine": f"{platform.machine()} with {os.cpu_count()} cores",
     }
+
+
+def ask_git(root: Path, *words: str) -> str:
+    """Return what git says; nothing where there is no repository."""
+    done = subprocess.run(["git", *words], cwd=root, capture_output=True, text=True, check=False)
+    return done.stdout.strip()
 
 
 def read_rows(path: Path) -> dict[str, Row]:
