@@ -38,7 +38,7 @@ REACTIONS: dict[Reaction, str] = {
     "slow": "slows down",
     "tool off": "tool off",
     "home": "turns home",
-    "tell": "is told",
+    "tell": "is reported",
 }
 FOR_HAND: dict[ForHand, str] = {"yes": "yes", "until cleared": "until it is cleared", "no": "no"}
 WHERE = """

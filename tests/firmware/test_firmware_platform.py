@@ -277,7 +277,7 @@ def test_a_board_cuts_the_motors_off_by_itself_where_nobody_else_looks_at_the_ba
 
 
 @nightly.one_by_one("late_s", [0.25, 0.1], in_suite=1)
-def test_readings_of_the_imu_that_wait_on_the_line_keep_their_times_and_are_told(
+def test_readings_of_the_imu_that_wait_on_the_line_keep_their_times_and_are_reported(
     late_s: float, tmp_path: Path
 ) -> None:
     ticks, _ = drive(tmp_path / "run", "firmware", 4.5, f"faults=imu.late={late_s}@2")

@@ -146,7 +146,7 @@ def test_fragments_of_weeds_do_not_count_as_crop(seeds: Sequence[int]) -> None:
 
 
 @nightly.all_or_first("seeds", range(5), in_suite=1)
-def test_a_pose_beside_its_row_is_found_out_and_mended(seeds: Sequence[int]) -> None:
+def test_a_pose_beside_its_row_is_noticed_and_corrected(seeds: Sequence[int]) -> None:
     """Put down 0.4 m beside a mark that is said to be exact, the robot would crush a row."""
     for seed in seeds:
         believed = (START[0] + 0.4, START[1])

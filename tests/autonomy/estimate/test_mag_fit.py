@@ -111,9 +111,7 @@ def late_headings(errors: Errors, seeds: Sequence[int], *, learns: bool) -> tupl
 
 @nightly.all_or_first("seeds", range(5), in_suite=1)
 @pytest.mark.parametrize("errors", [RTK, M8N], ids=["rtk", "m8n"])
-def test_iron_that_nobody_calibrated_is_learnt_between_the_rows(
-    errors: Errors, seeds: Sequence[int]
-) -> None:
+def test_uncalibrated_iron_is_learnt_between_the_rows(errors: Errors, seeds: Sequence[int]) -> None:
     """Seventeen degrees of hard iron, where five are expected."""
     uncalibrated = msgspec.structs.replace(errors, hard_iron_rad=0.3)
     plain_deg, _ = late_headings(uncalibrated, seeds, learns=False)

@@ -42,7 +42,7 @@ def test_a_cheap_receiver_starts_from_the_mark() -> None:
 
 
 @nightly.all_or_first("seeds", range(20), in_suite=3)
-def test_what_the_mark_gave_is_lost_again_as_honestly_as_it_came(seeds: Sequence[int]) -> None:
+def test_the_stated_error_grows_honestly_after_the_mark(seeds: Sequence[int]) -> None:
     normalised, stds = [], []
     for seed in seeds:
         recording = record(rows, 40.0, seed=seed, errors=M8N, start=START)

@@ -51,9 +51,7 @@ def first_accusing(estimates: list[Estimate], sensor: str) -> Estimate:
 
 @pytest.mark.parametrize("errors", [Errors(), M8N])
 @nightly.all_or_first("seeds", range(3), in_suite=1)
-def test_nobody_is_accused_while_all_sensors_are_in_order(
-    errors: Errors, seeds: Sequence[int]
-) -> None:
+def test_no_sensor_is_accused_while_all_are_in_order(errors: Errors, seeds: Sequence[int]) -> None:
     for seed in seeds:
         _, estimates = play_with(record(rows, 45.0, seed=seed, errors=errors), lambda batch: batch)
         assert {name for e in estimates for name in accused(e)} == set()
@@ -229,7 +227,7 @@ def with_gyro(bias_radps: float) -> Change:
 
 
 @nightly.one_by_one("bias_radps", [0.05, -0.05], in_suite=1)
-def test_a_gyro_whose_bias_steps_is_outvoted_by_compass_and_wheels_and_mended(
+def test_a_gyro_whose_bias_steps_is_outvoted_by_compass_and_wheels_and_corrected(
     bias_radps: float,
 ) -> None:
     recording = record(north, 24.0, seed=6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -149,6 +150,20 @@ def open_page(context: BrowserContext, server: FakeServer) -> OpenPage:
         return page
 
     return go
+
+
+@contextmanager
+def shared_page(
+    browser: Browser, address: str, size: tuple[int, int] = (1280, 800)
+) -> Iterator[Page]:
+    """Open a page that serves all tests of a file, once the robot's data are there."""
+    width, height = size
+    context = new_context(browser, viewport={"width": width, "height": height}, locale="en")
+    page = context.new_page()
+    page.goto(address)
+    until(page, "window.__agribot?.ready")
+    yield page
+    context.close()
 
 
 def until(page: Page, expression: str, patience_s: float = PATIENCE_S) -> Any:

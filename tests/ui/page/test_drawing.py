@@ -20,7 +20,7 @@ from tests.ui.page.fake_server import FakeServer, serving
 from tests.ui.page.test_plan import drawn, import_and_export, lonlat
 from tests.waiting import wait_for
 
-# Data may be old for a time on a busy machine: the banner would move the map under the pointer.
+# Data may be old for a time on a busy machine: the banner would lie over what is tapped.
 STEADY = ".banners { display: none }"
 NEAR_M = 0.06  # as near as a pixel of the map
 BESIDE = (10.0, -14.0)  # ground without anything

@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, CDPSession, Page, expect
 
 from agribot.ui import wire
 from tests import nightly
-from tests.ui.page.conftest import hand_over, new_context, take_control, until
+from tests.ui.page.conftest import hand_over, new_context, shared_page, take_control, until
 from tests.ui.page.fake_server import FakeServer, serving
 from tests.ui.page.test_safety import commands
 from tests.waiting import wait_for
@@ -30,13 +30,9 @@ def shared_server() -> Iterator[FakeServer]:
 
 
 @pytest.fixture(scope="module")
-def shared_page(browser: Browser, shared_server: FakeServer) -> Iterator[Page]:
-    context = new_context(browser, viewport={"width": 900, "height": 600}, locale="en")
-    page = context.new_page()
-    page.goto(f"{shared_server.address}/?{MAP_ONLY}#/drive")
-    until(page, "window.__agribot?.ready")
-    yield page
-    context.close()
+def open_once(browser: Browser, shared_server: FakeServer) -> Iterator[Page]:
+    with shared_page(browser, f"{shared_server.address}/?{MAP_ONLY}#/drive", (900, 600)) as page:
+        yield page
 
 
 @pytest.fixture
@@ -49,15 +45,15 @@ def server(shared_server: FakeServer) -> FakeServer:
 
 
 @pytest.fixture
-def page(shared_page: Page, server: FakeServer) -> Iterator[Page]:
+def page(open_once: Page, server: FakeServer) -> Iterator[Page]:
     """Without a proposal, a tool and the seat."""
-    yield shared_page
-    for cancel in shared_page.locator(".map-proposal:visible").get_by_text("Cancel").all():
+    yield open_once
+    for cancel in open_once.locator(".map-proposal:visible").get_by_text("Cancel").all():
         cancel.click()
-    for tool in shared_page.locator(".map-button[aria-pressed=true]").all():
+    for tool in open_once.locator(".map-button[aria-pressed=true]").all():
         if tool.get_attribute("aria-label") in {GOAL, POSE}:
             tool.click()
-    hand_over(shared_page)
+    hand_over(open_once)
 
 
 def middle_of_map(page: Page) -> Point:

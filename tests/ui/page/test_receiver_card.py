@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from tests.ui.page.conftest import WITHOUT_GL, new_context, until
+from tests.ui.page.conftest import WITHOUT_GL, shared_page
 from tests.ui.page.fake_robot import SATELLITES, make_receiver
 from tests.ui.page.fake_server import FakeServer, serving
 from tests.ui.page.test_layout import check
@@ -33,13 +33,9 @@ def shared_server() -> Iterator[FakeServer]:
 
 
 @pytest.fixture(scope="module")
-def shared_page(browser: Browser, shared_server: FakeServer) -> Iterator[Page]:
-    context = new_context(browser, viewport={"width": 1280, "height": 800}, locale="en")
-    page = context.new_page()
-    page.goto(f"{shared_server.address}/?{WITHOUT_GL}#/health")
-    until(page, "window.__agribot?.ready")
-    yield page
-    context.close()
+def open_once(browser: Browser, shared_server: FakeServer) -> Iterator[Page]:
+    with shared_page(browser, f"{shared_server.address}/?{WITHOUT_GL}#/health") as page:
+        yield page
 
 
 @pytest.fixture
@@ -50,10 +46,10 @@ def server(shared_server: FakeServer) -> FakeServer:
 
 
 @pytest.fixture
-def page(shared_page: Page, server: FakeServer) -> Page:
-    expect(fact(shared_page, "Last fix")).to_have_text("0.1 s ago, 10 per second")
-    expect(card_of(shared_page).get_by_role("status")).to_have_text("RTK fixed")
-    return shared_page
+def page(open_once: Page, server: FakeServer) -> Page:
+    expect(fact(open_once, "Last fix")).to_have_text("0.1 s ago, 10 per second")
+    expect(card_of(open_once).get_by_role("status")).to_have_text("RTK fixed")
+    return open_once
 
 
 def card_of(page: Page) -> Locator:

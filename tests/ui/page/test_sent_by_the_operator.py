@@ -18,7 +18,7 @@ from agribot.core.geo import MapFrame
 from tests import nightly
 from tests.ui.page.conftest import (
     hold_map_still,
-    new_context,
+    shared_page,
     show,
     take_control,
     until,
@@ -43,14 +43,11 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 
 @pytest.fixture(scope="module")
 def page(browser: Browser, robot: Robot) -> Iterator[Page]:
-    context = new_context(browser, viewport={"width": 1280, "height": 800}, locale="en")
-    page = context.new_page()
-    page.goto(f"{robot.address}/?off=scene,camera#/drive")
-    until(page, "window.__agribot?.ready && window.__agribot.map?.loaded()")
-    take_control(page)
-    hold_map_still(page)
-    yield page
-    context.close()
+    with shared_page(browser, f"{robot.address}/?off=scene,camera#/drive") as page:
+        until(page, "window.__agribot.map?.loaded()")
+        take_control(page)
+        hold_map_still(page)
+        yield page
 
 
 def at(page: Page, east_m: float, north_m: float) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, Page, expect
 from agribot.lab.dataset.check import check
 from agribot.lab.dataset.layouts import find_layout
 from tests import nightly
-from tests.ui.page.conftest import WITHOUT_GL, new_context, show, until, wait_for_toast
+from tests.ui.page.conftest import WITHOUT_GL, shared_page, show, until, wait_for_toast
 from tests.ui.page.robots import Robot, robot_with_page
 from tests.ui.page.test_with_the_robot import in_charge, on_its_mission
 from tests.waiting import wait_for
@@ -53,12 +53,8 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
 
 @pytest.fixture(scope="module")
 def page(browser: Browser, robot: Robot) -> Iterator[Page]:
-    context = new_context(browser, viewport={"width": 1280, "height": 800}, locale="en")
-    page = context.new_page()
-    page.goto(f"{robot.address}/?{WITHOUT_GL}#/drive")
-    until(page, "window.__agribot?.ready")
-    yield page
-    context.close()
+    with shared_page(browser, f"{robot.address}/?{WITHOUT_GL}#/drive") as page:
+        yield page
 
 
 @nightly.by_day(

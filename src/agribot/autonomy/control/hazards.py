@@ -305,7 +305,7 @@ HAZARDS = (
            limit="`safety.camera_timeout_s`", reaction="tool off",
            find=lambda now: now.camera_fault, check="camera",
            faults=("camera.off", "camera.late", "network.hung")),
-    Hazard(name="runaway, with what to do", seen_by="as above",
+    Hazard(name="runaway, and what to do about it", seen_by="as above",
            limit="as above", reaction="tell", for_hand="yes", find=_runs_away, at_rest=True,
            faults=("motor.runaway",)),
     Hazard(name="one of two contactors is welded", seen_by="their auxiliary contacts",
