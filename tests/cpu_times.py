@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Generator
-from pathlib import Path
 
 import pytest
 from _pytest.terminal import TerminalReporter
 
+from tests.processes import find_descendants
+
 OUTSIDE = "outside of tests: imports, collection, workers"
-PARENT, FIRST_TIME, AFTER_TIMES = 1, 11, 15  # fields of /proc/PID/stat behind the name
+FIRST_TIME, AFTER_TIMES = 11, 15  # fields of /proc/PID/stat behind the name
 TICKS_PER_S = float(os.sysconf("SC_CLK_TCK"))
 PROPERTY = "cpu_s"  # of a report; so it travels from a worker
 LAST, SPENT = pytest.StashKey[float](), pytest.StashKey[float]()
@@ -42,20 +43,10 @@ def cpu_s() -> float:
 
 
 def living_descendants_s(pid: int) -> list[float]:
-    children: dict[int, list[tuple[int, int]]] = {}
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = path.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue  # it has just ended
-        ticks = sum(map(int, fields[FIRST_TIME:AFTER_TIMES]))
-        children.setdefault(int(fields[PARENT]), []).append((int(path.parent.name), ticks))
-    found, waiting = [], [pid]
-    while waiting:
-        for child, ticks in children.get(waiting.pop(), ()):
-            found.append(ticks / TICKS_PER_S)
-            waiting.append(child)
-    return found
+    return [
+        sum(map(int, fields[FIRST_TIME:AFTER_TIMES])) / TICKS_PER_S
+        for fields in find_descendants(pid).values()
+    ]
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
