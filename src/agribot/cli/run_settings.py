@@ -45,7 +45,9 @@ def add_setting_arguments(parser: argparse.ArgumentParser) -> None:
         "follow it: 'rover.urdf.xacro wheels:=4'",
     )
     parser.add_argument(
-        "--sensors", metavar="PRESET", help="legacy, seed, m8n, rtk, rtk-dual, ideal"
+        "--sensors",
+        metavar="PRESET",
+        help="rtk, rtk-1, rtk-dual, rtk-trees, m8n, m8n-1, m8n-urban, legacy, seed, ideal",
     )
     parser.add_argument(
         "--preset",

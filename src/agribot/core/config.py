@@ -247,7 +247,7 @@ class SourceConfig(Config, frozen=True):
 class SimConfig(Config, frozen=True):
     # Physics: in steps of 8 ms the packaged robot's tyres, stiff against roll, would shake it.
     step_s: Annotated[float, msgspec.Meta(ge=0.0005, le=0.005)] = 0.002
-    # Preset of sensor errors: ideal, rtk, rtk-dual, m8n, seed, legacy, or a file.
+    # Preset of sensor errors: rtk, rtk-1, rtk-dual, rtk-trees, m8n, m8n-1, m8n-urban, ...
     sensors: str = "rtk"
     # In place of the world's own.
     weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None

@@ -207,7 +207,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
     tyre: TyreSpec
     imu: SensorMount
     gnss: SensorMount
-    mag: SensorMount
+    mag: SensorMount | None = None  # many robots have none: motors disturb it
     camera: CameraSpec | None = None
     implement: ImplementSpec | None = None
     warnings: tuple[str, ...] = ()  # what the description left out and what is used instead

@@ -35,12 +35,13 @@ class SensorKind(NamedTuple):
     types: tuple[str, ...]
     words: tuple[str, ...]  # in the name of a link that is meant for it
     rate_hz: float
+    is_optional: bool = False  # a robot without it is a good robot
 
 
 SENSORS = (
     SensorKind("IMU", IMU_PLUGINS, ("imu",), ("imu",), 100.0),
     SensorKind("GNSS receiver", GNSS_PLUGINS, ("gps", "navsat"), ("gps", "gnss", "navsat"), 5.0),
-    SensorKind("magnetometer", MAG_PLUGINS, ("magnetometer",), ("mag", "compass"), 10.0),
+    SensorKind("magnetometer", MAG_PLUGINS, ("magnetometer",), ("mag", "compass"), 10.0, True),
 )
 
 
@@ -154,7 +155,10 @@ def _add_sensor(
         return
     found = find_sensor(root, kind.types)
     if found is None:
-        link = next((x.name for x in links if _has_word(x.name, kind.words)), "base_link")
+        link = next((x.name for x in links if _has_word(x.name, kind.words)), "")
+        if not link and kind.is_optional:
+            return
+        link = link or "base_link"
         source.warn(f"no {kind.what}; one at {kind.rate_hz:g} Hz on '{link}' is used")
         block = ET.SubElement(root, "gazebo", {"reference": link})
         name = {"name": kind.types[-1], "type": kind.types[-1]}

@@ -113,14 +113,21 @@ def read_tyre(root: ET.Element, joints: Sequence[Joint], source: SourceFile) -> 
 
 def read_mounts(
     root: ET.Element, links: Sequence[Link], source: SourceFile
-) -> tuple[SensorMount, SensorMount, SensorMount]:
-    """Read the mounts of IMU, GNSS receiver and magnetometer."""
+) -> tuple[SensorMount, SensorMount, SensorMount | None]:
+    """Read the mounts of IMU, GNSS receiver and magnetometer; None where there is no such."""
     known = {link.name for link in links}
     return (
         _read_mount(root, IMU_PLUGINS, ("imu",), "IMU", known, source),
         _read_mount(root, GNSS_PLUGINS, ("gps", "navsat"), "GNSS receiver", known, source),
-        _read_mount(root, MAG_PLUGINS, ("magnetometer",), "magnetometer", known, source),
+        _read_magnetometer(root, known, source),
     )
+
+
+def _read_magnetometer(root: ET.Element, known: set[str], source: SourceFile) -> SensorMount | None:
+    types = ("magnetometer",)
+    if find_plugin(root, MAG_PLUGINS, source) is None and find_sensor(root, types) is None:
+        return None
+    return _read_mount(root, MAG_PLUGINS, types, "magnetometer", known, source)
 
 
 def read_camera(root: ET.Element, links: Sequence[Link], source: SourceFile) -> CameraSpec | None:

@@ -123,7 +123,8 @@ def _add_joints(model: ET.Element, robot: RobotSpec, carriers: dict[str, str]) -
 def _add_sensors(heavy: dict[str, ET.Element], robot: RobotSpec, carriers: dict[str, str]) -> None:
     mounts = (("imu", robot.imu), ("navsat", robot.gnss), ("magnetometer", robot.mag))
     for kind, mount in mounts:
-        _add_sensor(heavy, robot, carriers, mount.link, kind, mount.rate_hz)
+        if mount is not None:
+            _add_sensor(heavy, robot, carriers, mount.link, kind, mount.rate_hz)
     if robot.camera is not None:
         camera = robot.camera
         sensor = _add_sensor(heavy, robot, carriers, camera.link, "camera", camera.rate_hz)

@@ -119,7 +119,7 @@ class SimPlatform:
             t_s=t_s,
             wheels=sensors.wheels.take_samples(first, last, history),
             imu=sensors.imu.take_samples(first, last, history),
-            mag=sensors.mag.take_samples(first, last, history),
+            mag=sensors.mag.take_samples(first, last, history) if sensors.mag else (),
             gnss=sensors.gnss.take_samples(first, last, history, t_s),
             frames=self._frames.take_samples(first, last, history) if self._frames else (),
             events=events,

@@ -176,21 +176,12 @@ class Compass(Correction[MagSample]):
         self._first_count += 1
         if self._first_count < FIRST_SAMPLES:
             return
-        ekf, start = self.pose.ekf, self.pose.start
+        ekf = self.pose.ekf
         yaw_rad = wrap_rad(cmath.phase(self._first_sum) + turned_rad)
         bias_rad2 = ekf.cov[GYRO_BIAS, GYRO_BIAS]
         variance = self._noise.variance / self._first_count + float(bias_rad2)
-        residual_rad = 0.0
-        if start.yaw_map_rad is None:
-            ekf.reset(YAW, yaw_rad, math.pi**2)
-        else:
-            ekf.reset(YAW, wrap_rad(start.yaw_map_rad + turned_rad), start.yaw_std_rad**2)
-            residual_rad = wrap_rad(yaw_rad - ekf.x[YAW])
-            compass_std_rad = math.sqrt(variance + self._bias_std_rad**2)
-            self.misplaced = start.heading_fault(residual_rad, compass_std_rad)
         ekf.reset(MAG_BIAS, 0.0, self._bias_std_rad**2)
-        ekf.update(_ROW, residual_rad, variance)
-        self.pose.known.add("yaw")
+        self.pose.first_heading.begin(yaw_rad, variance, "compass", _ROW)
 
     def ageing(self, dt_s: float, turn_abs_rad: float) -> Sequence[tuple[int, float, float]]:
         """Say how the bias ages; its spread stays what the config states."""

@@ -22,6 +22,7 @@ from agribot.autonomy.estimate.ekf import (
     X,
     Y,
 )
+from agribot.autonomy.estimate.first_heading import FIRST_STD_RAD
 from agribot.autonomy.estimate.fix_watch import MAX_JUMP_M, JumpWatch, RepeatWatch
 from agribot.autonomy.estimate.gate import Gate, Verdict
 from agribot.autonomy.estimate.gnss_noise import (
@@ -34,8 +35,10 @@ from agribot.autonomy.estimate.gnss_noise import (
     widen,
 )
 from agribot.autonomy.estimate.gnss_velocity import GnssVelocity, has_usable_velocity
+from agribot.autonomy.estimate.gnss_wander import GnssWander
 from agribot.autonomy.estimate.history import Epoch, Motion
 from agribot.autonomy.estimate.measurement import Measurement
+from agribot.autonomy.estimate.motion_heading import Course, Place
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.sensor_ranges import MAX_ALT_M, MAX_POS_STD_M
 from agribot.autonomy.estimate.spin_watch import ahead_and_aside
@@ -72,7 +75,7 @@ class Gnss(Correction[GnssFix]):
     difference corrects where the robot is now.
     """
 
-    needs = "yaw"
+    needs = None
 
     def __init__(self, pose: PoseFilter) -> None:
         super().__init__(pose)
@@ -82,7 +85,10 @@ class Gnss(Correction[GnssFix]):
         self.off_m = (0.0, 0.0)  # where the last fix puts the robot, from where the filter has it
         self.repeats, self.jump, self.drift = RepeatWatch(), JumpWatch(), DriftWatch()
         self.position_noise, self.velocity = PositionNoise(), GnssVelocity(pose)
+        self.wander = GnssWander()
         self._driven_m = self._moved_m = self._turned_rad = self._unguided_m = 0.0
+        # What turning the way, that was drawn before the heading was known, moves the robot by.
+        self._turned_m = 0j
         self._rejected_fix: Measurement | None = None
         self._receiver_m = (0.0, 0.0)
         self.quality = GnssQuality.NONE
@@ -94,7 +100,7 @@ class Gnss(Correction[GnssFix]):
         self._position_gate = Gate(config.gate_sigma, config.recover_after, "gnss outlier")
         self._first: list[tuple[float, float]] = []
         self._noise: FixNoise[float] | None = None
-        self._is_corrected = self._is_differential = False
+        self._is_corrected = self._is_differential = self._is_wide = False
         self._sure: _Sure | None = None
         self.elsewhere = ""  # why the first fixes are too far from the map; empty if they are not
 
@@ -171,17 +177,23 @@ class Gnss(Correction[GnssFix]):
         if sample.velocity_mps is not None and not has_usable_velocity(sample):
             self.pose.rejected["velocity not usable"] += 1
             sample = msgspec.structs.replace(sample, velocity_mps=None)
+        self.last_t_s, self.quality = sample.t_s, sample.quality
+        if not self.pose.first_heading.is_known:
+            self._learn_heading(sample, epoch)
+            return
         differential = take_off_base_error(sample, self.pose)
         fix = differential or sample
+        self.quality = fix.quality
         since_last_s = min(epoch.since_last_s, FLOAT_MEMORY_S)
         lever_m = _level(self._antenna_body_m, self.pose.up_body)
         antenna_m, arm_m = self._find_antenna(fix, lever_m, epoch)
         then_m = complex(epoch.then.x_m, epoch.then.y_m)
         self.position_noise.add(fix.t_s, antenna_m - arm_m - then_m, fix.pos_std_m)
         noise = widen(FLOATS, fix_noise(fix, since_last_s), self.position_noise.std_m)
+        if fix.quality not in CORRECTED:
+            apart_m, is_vouched = antenna_m - arm_m - then_m, differential is not None
+            noise = self._learn_wander(fix, apart_m, noise, is_vouched=is_vouched)
         self._noise = noise
-        self.last_t_s = fix.t_s
-        self.quality = fix.quality
         self._follow_quality(noise, differential is not None)
         yield from self._position(fix, noise, (antenna_m, arm_m), epoch)
         if fix.velocity_mps is not None and "position" in self.pose.known:
@@ -192,6 +204,44 @@ class Gnss(Correction[GnssFix]):
         if fix.quality is GnssQuality.RTK_FIXED:
             self._compare_with_camera(fix.t_s)
         self._watch_drift(fix, noise, antenna_m, lever_m, epoch)
+
+    def _learn_wander(
+        self, fix: GnssFix, apart_m: complex, noise: FixNoise[float], *, is_vouched: bool
+    ) -> FixNoise[float]:
+        """Widen what is believed of a receiver without corrections by what is learnt of it."""
+        cov = self.pose.ekf.cov
+        lost_ratio = math.sqrt(cov[YAW, YAW] + cov[WHEEL_SCALE, WHEEL_SCALE])
+        self.wander.add(fix.t_s, apart_m, self._driven_m, lost_ratio, math.sqrt(noise.variance_m2))
+        return self._widen(fix, noise, is_vouched=is_vouched)
+
+    def _widen(
+        self, fix: GnssFix, noise: FixNoise[float], *, is_vouched: bool = False
+    ) -> FixNoise[float]:
+        """Widen the noise of a fix; its velocity or a base near by vouch for what it states."""
+        is_vouched = is_vouched or fix.velocity_mps is not None
+        self._is_wide = self.wander.is_wide(noise, is_vouched=is_vouched)
+        return self.wander.widen(noise, is_vouched=is_vouched)
+
+    def _learn_heading(self, fix: GnssFix, epoch: Epoch) -> None:
+        """Lay what fixes show of the way over what wheels and gyro drew in their own frame."""
+        then, lever_m = epoch.then, _level(self._antenna_body_m, self.pose.up_body)
+        arm_m = complex(*Pose2(0.0, 0.0, then.yaw_rad).rotate(*lever_m))
+        noise = fix_noise(fix, FLOAT_MEMORY_S)
+        if fix.quality not in CORRECTED:
+            noise = self._widen(fix, noise)
+        place = Place(
+            fix.t_s, self._find_place(fix), complex(then.x_m, then.y_m) + arm_m, self._moved_m,
+            math.sqrt(noise.variance_m2), noise.bias_std_m, noise.bias_walk_m_per_sqrt_s,
+        )  # fmt: skip
+        course = None
+        if fix.velocity_mps is not None:
+            led_mps = cmath.rect(then.wheel_mps, then.yaw_rad) + 1j * then.yaw_rate_radps * arm_m
+            seen_mps = complex(*fix.velocity_mps[:2])
+            course = Course(fix.t_s, seen_mps, led_mps, fix.velocity_std_mps)
+        turn = self.pose.first_heading.add_fix(place, course)
+        if turn is not None:
+            led_m = complex(epoch.now.x_m, epoch.now.y_m)
+            self._turned_m = led_m * (turn - 1.0)
 
     def ageing(self, dt_s: float, turn_abs_rad: float) -> Sequence[tuple[int, float, float]]:
         return [] if self._noise is None else bias_ageing(FLOATS, self._noise, dt_s)
@@ -259,10 +309,13 @@ class Gnss(Correction[GnssFix]):
         self, fix: GnssFix, lever_m: tuple[float, float], epoch: Epoch
     ) -> tuple[complex, complex]:
         """Find where a fix puts the antenna in the map, and the antenna from the robot's middle."""
+        yaw_rad = self.pose.ekf.x[YAW] - (epoch.now.yaw_rad - epoch.then.yaw_rad)
+        return self._find_place(fix), complex(*Pose2(0.0, 0.0, yaw_rad).rotate(*lever_m))
+
+    def _find_place(self, fix: GnssFix) -> complex:
         alt_m = fix.alt_m if abs(fix.alt_m) <= MAX_ALT_M else self._frame.datum.alt_m
         east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, alt_m)
-        yaw_rad = self.pose.ekf.x[YAW] - (epoch.now.yaw_rad - epoch.then.yaw_rad)
-        return complex(east_m, north_m), complex(*Pose2(0.0, 0.0, yaw_rad).rotate(*lever_m))
+        return complex(east_m, north_m)
 
     def _position(
         self, fix: GnssFix, noise: FixNoise[float], antenna: tuple[complex, complex], epoch: Epoch
@@ -308,11 +361,11 @@ class Gnss(Correction[GnssFix]):
         y_m = statistics.median(p[1] for p in self._first) + now.y_m
         at_m, at_m2 = (x_m, y_m), UNKNOWN_M2
         if start.xy_map_m is not None:
-            mark_m = (start.xy_map_m[0] + now.x_m, start.xy_map_m[1] + now.y_m)
+            mark_m = _sum(start.xy_map_m, (now.x_m, now.y_m))
+            mark_m = _sum(mark_m, (self._turned_m.real, self._turned_m.imag))
             fix_std_m = math.sqrt(variance_m2 + float(ekf.cov[GNSS_BIAS_X, GNSS_BIAS_X]))
-            # What was driven before the heading was known led anywhere.
             self.misplaced = start.position_fault(
-                complex(*at_m) - complex(*mark_m), fix_std_m, 2.0 * self._unguided_m,
+                complex(*at_m) - complex(*mark_m), fix_std_m, self._unguided_m * FIRST_STD_RAD,
                 is_fixed=is_fixed,
             )  # fmt: skip
             if not is_fixed:
@@ -377,13 +430,18 @@ class Gnss(Correction[GnssFix]):
     def _follow(self, measured: Measurement) -> None:
         """With corrections the fix is right and the robot is elsewhere (carried, or slid).
 
-        Without them it is the fix that jumped; the bias, which fades, must not be left with that.
+        Without them the slow error of the receiver is larger than it was believed to be; the pose
+        of one that wanders by metres may have been led off by it, too.
         """
-        residuals, variance_m2 = _pair(measured.residuals), measured.variance
+        residuals = _pair(measured.residuals)
         if not self._is_corrected:
-            self.shift(residuals)
-            self.pose.ekf.inflate(GNSS_BIAS_X, variance_m2)
-            self.pose.ekf.inflate(GNSS_BIAS_Y, variance_m2)
+            error_m = math.hypot(*residuals)
+            self.wander.enlarge(error_m)
+            states = (
+                (GNSS_BIAS_X, GNSS_BIAS_Y, X, Y) if self._is_wide else (GNSS_BIAS_X, GNSS_BIAS_Y)
+            )
+            opens = tuple((state, error_m**2 / 2.0) for state in states)
+            self.pose.open_for(measured._replace(opens=opens, is_retaken=True))
             return
         self.moved_m = _sum(self.moved_m, residuals)
         self._open(measured)

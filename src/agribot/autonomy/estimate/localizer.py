@@ -91,6 +91,8 @@ class Localizer:
         for step in self._odometry.steps(batch.wheels, batch.imu, batch.t_s):
             self._advance(step)
         self.pose.up_body = self._odometry.up_body
+        if not self.pose.first_heading.is_known:
+            self.pose.first_heading.wait(batch.t_s, self._motion.yaw_rad)
         for ladder in self.ladders.values():
             ladder.update_all(batch)
         for event in batch.events:
@@ -362,11 +364,17 @@ class Localizer:
             return _silent("wheel encoders", wheels_s, config.wheel_timeout_s, "motor board")
         if not imu_s <= config.imu_timeout_s:
             return _silent("IMU", imu_s, config.imu_timeout_s, "IMU and its cable")
-        if "yaw" not in self.pose.known:
-            return "no heading yet: waiting for the magnetometer"
+        return self._misplacement()
+
+    def _misplacement(self) -> str:
+        """Why it is not known where the robot is, or why it cannot be there; empty otherwise."""
+        first = self.pose.first_heading
+        if self._gnss.elsewhere or not first.is_known:
+            return self._gnss.elsewhere or first.reason
         if "position" not in self.pose.known:
-            return self._gnss.elsewhere or "no position yet: waiting for GNSS fixes"
-        return next((each.misplaced for each in self._corrections if each.misplaced), "")
+            return "no position yet: waiting for GNSS fixes"
+        misplaced = (each.misplaced for each in (first, *self._corrections))
+        return next(filter(None, misplaced), "")
 
 
 def is_pose(numbers: tuple[float, ...]) -> bool:

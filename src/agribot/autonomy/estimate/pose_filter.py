@@ -8,6 +8,7 @@ from typing import Literal
 
 from agribot.autonomy.estimate.ekf import ROW_BIAS, ROW_OFFSET, YAW, Ekf, X, Y
 from agribot.autonomy.estimate.field_rows import FieldRows, Rows
+from agribot.autonomy.estimate.first_heading import FirstHeading
 from agribot.autonomy.estimate.gate import Verdict
 from agribot.autonomy.estimate.history import Epoch, MotionHistory
 from agribot.autonomy.estimate.measurement import Measurement
@@ -48,6 +49,9 @@ class PoseFilter:
         self.line_noise = RowLineNoise()
         self.turns = TurnWatch(config.mag_bias_std_rad)
         self.known: set[Known] = set()
+        self.first_heading = FirstHeading(
+            self.ekf, self.start, self.known, has_compass=robot.mag is not None
+        )
         self.up_body: Vec3 = (0.0, 0.0, 1.0)
         self.base: BaseFix | None = None
         self.is_receiver_frozen = False  # its heading of two antennas is then an old one, too

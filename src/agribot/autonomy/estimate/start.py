@@ -61,13 +61,13 @@ class StartMark(msgspec.Struct, frozen=True, kw_only=True):
             "may have moved or field.datum is wrong"
         )
 
-    def heading_fault(self, off_rad: float, compass_std_rad: float) -> str:
-        """Why the compass says that the robot looks elsewhere; empty when it may well not."""
-        limit_rad = MISPLACED_SIGMA * math.hypot(self.yaw_std_rad, compass_std_rad)
+    def heading_fault(self, off_rad: float, std_rad: float, source: str = "compass") -> str:
+        """Why a source says that the robot looks elsewhere; empty when it may well not."""
+        limit_rad = MISPLACED_SIGMA * math.hypot(self.yaw_std_rad, std_rad)
         if abs(off_rad) <= limit_rad:
             return ""
         return (
-            f"the robot does not face as marked at the start: the compass is "
+            f"the robot does not face as marked at the start: the {source} is "
             f"{math.degrees(abs(off_rad)):.0f} deg > {math.degrees(limit_rad):.0f} deg off; "
             "turn it, or correct field.start_yaw_deg"
         )

@@ -8,7 +8,7 @@ Yaw is counter-clockwise from East, radians, in (-pi, pi].
 `t_s` is the capture time on the platform clock, never the time a value was read.
 """
 
-from agribot.core.messages.arrays import ByteArray, FloatArray, Four, MapPoint, Vec3
+from agribot.core.messages.arrays import ByteArray, ComplexArray, FloatArray, Four, MapPoint, Vec3
 from agribot.core.messages.command import STOP, DriveCommand, ImplementCommand, RobotCommand
 from agribot.core.messages.estimate import (
     ALL_FINE,
@@ -71,8 +71,8 @@ from agribot.core.messages.tick import TickRecord, Tracking
 __all__ = [
     "ALL_FINE", "FINE", "INBOX_LIMIT", "LIVE_SETTINGS", "SENSOR_WATCH", "STOP", "WHEEL_NAMES",
     "BaseFix", "BatterySample", "BoardSample", "BumperSample", "ByteArray", "CameraFrame", "Check",
-    "ContactorSample",
-    "CropCover", "DriveCommand", "Estimate", "FloatArray", "Four", "GateState", "GateStatus",
+    "ComplexArray", "ContactorSample", "CropCover", "DriveCommand", "Estimate",
+    "FloatArray", "Four", "GateState", "GateStatus",
     "GnssFix", "GnssHeading", "GnssQuality", "GnssStatus", "Goal", "GroundPlant", "HandDrive",
     "ImplementCommand", "ImuSample", "Inbox", "MagSample", "MapPoint", "MappedPlant",
     "MissionState", "MissionStatus", "OperatorAction", "OperatorEvent", "OtherSample", "Path",

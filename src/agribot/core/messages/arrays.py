@@ -9,4 +9,5 @@ MapPoint = tuple[float, float]  # East and North, m
 Vec3 = tuple[float, float, float]
 Four = tuple[float, float, float, float]
 FloatArray = npt.NDArray[np.float64]
+ComplexArray = npt.NDArray[np.complex128]
 ByteArray = npt.NDArray[np.uint8]

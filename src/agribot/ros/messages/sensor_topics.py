@@ -43,8 +43,9 @@ class SensorTopicWriter:
             wheels = batch.wheels[-1]
             t_ns = rosmsg.to_nanoseconds(wheels.t_s)
             self._send(topics.JOINT_STATES, now_ns, self._joints(t_ns, wheels), t_ns)
+        mount = self._robot.mag or self._robot.imu
         for mag in batch.mag:
-            field = rosmsg.make_magnetic_field(mag, self._robot.mag.link)
+            field = rosmsg.make_magnetic_field(mag, mount.link)
             self._write(topics.MAGNETIC, now_ns, field, mag.t_s)
             heading = math.degrees(math.atan2(mag.field_t[1], mag.field_t[0])) % 360.0
             self._send(topics.HEADING_RAW, now_ns, self._number(heading), now_ns)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, Vec3
 from agribot.sim.attitude import rotate
 from agribot.sim.random_streams import NormalRows, make_stream
 from agribot.sim.sensors.noise import GaussMarkov, HectorNoise
-from agribot.sim.sensors.presets import FloatOutages, HectorGnss, PhysicalGnss
+from agribot.sim.sensors.presets import FloatOutages, HectorGnss, PhysicalGnss, Steps
 from agribot.sim.sensors.tuning import Tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 
@@ -101,6 +103,7 @@ class Receiver:
             )
             for index, wander in enumerate(errors.wander)
         ]
+        self._steps = None if errors.steps is None else StepProcess(errors.steps, ratio, seed)
         self._normal = NormalRows(make_stream(seed, "gnss"), 6)
         self._outages = (
             None if errors.outages is None else OutageProcess(errors.outages, ratio, seed)
@@ -124,6 +127,8 @@ class Receiver:
         normal = self._normal.take(1)[0].tolist()
         errors = [std * n for std, n in zip(self._white, normal, strict=False)]
         terms = [wander.step(dt_s) for wander in self._wander]
+        if self._steps is not None:
+            terms.append(self._steps.step(t_s, dt_s))
         quality, std_m = self._errors.quality, self._errors.reported_std_m
         if self._outages is not None and (term := self._outages.step(t_s, dt_s)) is not None:
             terms.append(term)
@@ -132,7 +137,7 @@ class Receiver:
         de, dn, du = (error + sum(t[axis] for t in terms) for axis, error in enumerate(errors))
         seen_m = self.tuning.apply(t_s, (east + de, north + dn, up + du))
         lat_deg, lon_deg, alt_m = self._antenna.to_geodetic(*seen_m)
-        speed = self._errors.velocity_std_mps
+        speed, has_velocity = self._errors.velocity_std_mps, self._errors.has_velocity
         ve, vn, vu = (v + speed * n for v, n in zip(velocity, normal[3:], strict=True))
         return GnssFix(
             t_s=t_s,
@@ -141,7 +146,7 @@ class Receiver:
             alt_m=alt_m,
             pos_std_m=std_m,
             quality=quality,
-            velocity_mps=self.velocity_tuning.apply(t_s, (ve, vn, vu)),
+            velocity_mps=self.velocity_tuning.apply(t_s, (ve, vn, vu)) if has_velocity else None,
             velocity_std_mps=max(speed, BEST_VELOCITY_STD_MPS),
         )
 
@@ -151,6 +156,25 @@ def _make_tunings(seed: int) -> tuple[Tuning, Tuning]:
     return Tuning(make_stream(seed, "tuning gnss")), Tuning(
         make_stream(seed, "tuning gnss velocity")
     )
+
+
+class StepProcess:
+    """Steps of the position that fade: satellites and reflections come and go."""
+
+    def __init__(self, steps: Steps, vertical_ratio: float, seed: int) -> None:
+        self._steps = steps
+        self._rng = make_stream(seed, "gnss steps")
+        self._std_m = steps.std_m * np.array([1.0, 1.0, vertical_ratio])
+        self._value_m = np.zeros(3)
+        self._next_s = self._rng.exponential(steps.mean_gap_s)
+
+    def step(self, t_s: float, dt_s: float) -> Vec3:
+        self._value_m *= math.exp(-dt_s / self._steps.tau_s)
+        while t_s >= self._next_s:
+            self._value_m += self._std_m * self._rng.standard_normal(3)
+            self._next_s += self._rng.exponential(self._steps.mean_gap_s)
+        x_m, y_m, z_m = self._value_m.tolist()
+        return x_m, y_m, z_m
 
 
 class OutageProcess:

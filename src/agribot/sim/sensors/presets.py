@@ -1,10 +1,13 @@
-"""Named sets of sensor errors, one TOML file each in the folder `presets`."""
+"""Named sets of sensor errors, one TOML file each in the folder `presets`.
+
+A file may state only what differs from that of another preset, which `like` names.
+"""
 
 from __future__ import annotations
 
 import tomllib
 from importlib import resources
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -38,6 +41,18 @@ class Wander(Settings, frozen=True, kw_only=True):
     common: bool = False
 
 
+class Steps(Settings, frozen=True, kw_only=True):
+    """Steps of the position when satellites or reflections come and go.
+
+    They come after exponential times, with this standard deviation per horizontal axis, and
+    fade with `tau_s`.
+    """
+
+    mean_gap_s: float
+    std_m: float
+    tau_s: float
+
+
 class FloatOutages(Settings, frozen=True, kw_only=True):
     """Spells without integer ambiguities: exponential gaps, uniform durations."""
 
@@ -63,7 +78,9 @@ class PhysicalGnss(Settings, frozen=True, kw_only=True, tag_field="model", tag="
     reported_std_m: float
     white_std_m: float = 0.0
     wander: tuple[Wander, ...] = ()
+    steps: Steps | None = None
     velocity_std_mps: float = 0.0
+    has_velocity: bool = True
     vertical_ratio: float = 1.8
     latency_s: float = 0.0
     outages: FloatOutages | None = None
@@ -117,7 +134,7 @@ class SensorPreset(Settings, frozen=True, kw_only=True):
     about: str
     gnss: HectorGnss | PhysicalGnss
     imu: ImuErrors = ImuErrors()
-    mag: HectorMag | PhysicalMag = PhysicalMag()
+    mag: HectorMag | PhysicalMag | Literal["none"] = PhysicalMag()
     wheels: WheelErrors = WheelErrors()
 
 
@@ -158,4 +175,6 @@ def _read_preset(folder: str, name: str, setting: str) -> dict[str, Any]:
             f"{setting}: unknown sensor preset '{name}'{hint}; known: {', '.join(known)}"
         )
     path = resources.files("agribot.sim.sensors") / folder / f"{name}.toml"
-    return tomllib.loads(path.read_text(encoding="utf-8"))
+    read = tomllib.loads(path.read_text(encoding="utf-8"))
+    base = read.pop("like", "")
+    return {**_read_preset(folder, base, setting), **read} if base else read

@@ -139,10 +139,8 @@ class SensorSuite:
         tunings = self._tunings["accel"], self._tunings["gyro"]
         imu = Imu(imu_errors, imu_hz, make_stream(seed, "imu"), tunings)
         self.imu: SampledSensor[ImuSample] = SampledSensor(imu, imu_hz, physics_step_ns)
-        self.mag: SampledSensor[MagSample] = SampledSensor(
-            _make_magnetometer(preset, config, world, self._tunings["mag"]),
-            _choose_rate_hz(preset.mag.rate_hz, robot.mag, DEFAULT_MAG_HZ),
-            physics_step_ns,
+        self.mag = _make_magnetometer(
+            preset, config, robot, world, self._tunings["mag"], physics_step_ns
         )
         receiver = _make_receiver(preset, robot, world, seed)
         self._tunings |= {"gnss": receiver.tuning, "gnss_velocity": receiver.velocity_tuning}
@@ -166,15 +164,27 @@ def _choose_rate_hz(preset_hz: float | None, mount: SensorMount, default_hz: flo
 
 
 def _make_magnetometer(
-    preset: SensorPreset, config: RunConfig, world: WorldSpec, tuning: Tuning
-) -> Magnetometer | HectorMagnetometer:
+    preset: SensorPreset,
+    config: RunConfig,
+    robot: RobotSpec,
+    world: WorldSpec,
+    tuning: Tuning,
+    physics_step_ns: int,
+) -> SampledSensor[MagSample] | None:
+    """Build the magnetometer, unless the preset or the robot has none."""
+    errors = preset.mag
+    if errors == "none" or robot.mag is None:
+        return None
     rng, declination_deg = make_stream(config.seed, "mag"), config.sim.declination_deg
-    if isinstance(preset.mag, HectorMag):
-        turned_deg = preset.mag.declination_deg + declination_deg
-        errors = msgspec.structs.replace(preset.mag, declination_deg=turned_deg)
-        return HectorMagnetometer(errors, world.field_enu_t, rng, tuning)
-    field_t = turn_field(world.field_enu_t, declination_deg)
-    return Magnetometer(preset.mag, field_t, rng, tuning)
+    sensor: SensorModel[MagSample]
+    if isinstance(errors, HectorMag):
+        turned_deg = errors.declination_deg + declination_deg
+        errors = msgspec.structs.replace(errors, declination_deg=turned_deg)
+        sensor = HectorMagnetometer(errors, world.field_enu_t, rng, tuning)
+    else:
+        sensor = Magnetometer(errors, turn_field(world.field_enu_t, declination_deg), rng, tuning)
+    rate_hz = _choose_rate_hz(errors.rate_hz, robot.mag, DEFAULT_MAG_HZ)
+    return SampledSensor(sensor, rate_hz, physics_step_ns)
 
 
 def _make_receiver(

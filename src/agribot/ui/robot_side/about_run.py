@@ -150,9 +150,10 @@ def expected_rates_hz(robot: RobotSpec, config: RunConfig) -> dict[str, float]:
     rates = {
         "wheels": robot.drive.rate_hz,
         "imu": robot.imu.rate_hz,
-        "mag": robot.mag.rate_hz,
         "gnss": robot.gnss.rate_hz,
     }
+    if robot.mag is not None:
+        rates["mag"] = robot.mag.rate_hz
     if config.perception.enabled and robot.camera is not None:
         rates["frames"] = config.perception.camera_rate_hz
     return rates
