@@ -231,7 +231,7 @@ def test_without_gnss_dead_reckoning_goes_on_while_it_is_worth_something() -> No
 
 
 def test_there_is_no_pose_before_there_is_a_heading_and_a_position() -> None:
-    recording = record(rows, 6.0, seed=1)
+    recording = record(stand, 6.0, seed=1)
     reasons = [
         play(msgspec.structs.replace(recording, **{name: []}))[-1]
         for name in ("mag", "fixes", "wheels", "imu")

@@ -86,6 +86,14 @@ class FilterStates(Generic[Number]):
             self.cov[place, way] += variance_m2
             self.cov[way, place] += variance_m2
 
+    def doubt_fixes(self, variance_m2: Number | float) -> None:
+        """Doubt where fixes have put the robot: the receiver's bias may be off by so much more."""
+        for place, bias in ((X, GNSS_BIAS_X), (Y, GNSS_BIAS_Y)):
+            self.inflate(place, variance_m2)
+            self.inflate(bias, variance_m2)
+            self.cov[place, bias] -= variance_m2
+            self.cov[bias, place] -= variance_m2
+
     def forget_way(self) -> None:
         """Begin another way, which is believed."""
         for way in (WAY_X, WAY_Y):

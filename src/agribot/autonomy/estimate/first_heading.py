@@ -22,6 +22,8 @@ FIRST_STD_RAD = math.radians(10.0)
 COMPASS_PATIENCE_S = 2.0
 # Largest difference of fixes and velocities on one heading, in joint sigmas.
 AGREE_SIGMA = 4.0
+# 1 sigma of the way driven with which it has the last word on a mark.
+CHECK_STD_RAD = math.radians(5.0)
 # Way after which a heading is known with any receiver in order.
 DRIVE_M = 3.0
 YAW_ROW: Row = ((YAW, 1.0),)
@@ -33,7 +35,8 @@ class FirstHeading:
     A compass is heard within a second where there is one. Without one, a marked start gives the
     heading at once, and so do two antennas; otherwise it follows from the first metres driven:
     the turn between what the receiver saw of them and what wheels and gyro drew. Wheels know
-    whether the robot drives backwards.
+    whether the robot drives backwards. A mark that nothing else confirms is held against the
+    first metres, too.
     """
 
     def __init__(
@@ -46,10 +49,16 @@ class FirstHeading:
         self._turn: Turn | None = None
         self._since_s = self._now_s = math.inf
         self._turned_rad = 0.0
+        self._is_unconfirmed = False
 
     @property
     def is_known(self) -> bool:
         return "yaw" in self._known
+
+    @property
+    def wants_fixes(self) -> bool:
+        """Whether the heading is not known, or only from a mark."""
+        return not self.is_known or self._is_unconfirmed
 
     @property
     def is_compass_awaited(self) -> bool:
@@ -65,6 +74,8 @@ class FirstHeading:
         if self._start.yaw_map_rad is not None and not self.is_compass_awaited:
             self._set_as_marked(self._start.yaw_map_rad)
             self._known.add("yaw")
+            self._is_unconfirmed = True
+            self._motion, self._course = MotionHeading(), CourseHeading()
 
     def begin(self, yaw_rad: float, variance: float, source: str, row: Row = YAW_ROW) -> None:
         """Begin with a heading of now, in the map, and its variance.
@@ -96,22 +107,33 @@ class FirstHeading:
         if course is not None:
             self._course.add(course)
         turn = self._turn = _join(self._motion.fit(), self._course.fit())
+        if self.is_known:
+            self._confirm(turn)
+            return None
         if turn is None or turn.std_rad > FIRST_STD_RAD or self.is_compass_awaited:
             return None
         self.begin(turn.rad + self._turned_rad, turn.std_rad**2, "way driven")
         return complex(math.cos(turn.rad), math.sin(turn.rad))
+
+    def _confirm(self, off: Turn | None) -> None:
+        """Hold the mark against the way driven, which is in the axes of the map by now."""
+        if off is not None:
+            self.misplaced = self._start.heading_fault(off.rad, off.std_rad, "way driven")
+            self._is_unconfirmed = off.std_rad > CHECK_STD_RAD
 
     @property
     def reason(self) -> str:
         """Why the heading is not known, and what to do."""
         if self.is_compass_awaited:
             return "no heading yet: waiting for the magnetometer"
-        todo = f"drive {DRIVE_M:.0f} m straight ahead by hand, or start on a mark"
         known = "" if self._turn is None else f" to {math.degrees(self._turn.std_rad):.0f} deg"
         driven_m = self._motion.extent_m
-        after = f" after {driven_m:.1f} m of way" if driven_m else ""
-        silent = "; the magnetometer is silent" if self._has_compass else ""
-        return f"no heading yet{known and f': known{known}'}{after}{silent}; {todo}"
+        after = f", known{known} after {driven_m:.1f} m" if known else ""
+        silent = ", the magnetometer is silent" if self._has_compass else ""
+        return (
+            f"no heading yet{after}{silent}; drive {DRIVE_M:.0f} m straight ahead by hand, or "
+            "start on a mark with field.start_yaw_deg"
+        )
 
 
 def _join(of_places: Turn | None, of_courses: Turn | None) -> Turn | None:

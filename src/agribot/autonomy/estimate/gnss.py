@@ -89,6 +89,7 @@ class Gnss(Correction[GnssFix]):
         self._driven_m = self._moved_m = self._turned_rad = self._unguided_m = 0.0
         # What turning the way, that was drawn before the heading was known, moves the robot by.
         self._turned_m = 0j
+        self._widest_m2 = 0.0  # largest slow error that was believed of the receiver, squared
         self._rejected_fix: Measurement | None = None
         self._receiver_m = (0.0, 0.0)
         self.quality = GnssQuality.NONE
@@ -178,8 +179,9 @@ class Gnss(Correction[GnssFix]):
             self.pose.rejected["velocity not usable"] += 1
             sample = msgspec.structs.replace(sample, velocity_mps=None)
         self.last_t_s, self.quality = sample.t_s, sample.quality
-        if not self.pose.first_heading.is_known:
+        if self.pose.first_heading.wants_fixes:
             self._learn_heading(sample, epoch)
+        if not self.pose.first_heading.is_known:
             return
         differential = take_off_base_error(sample, self.pose)
         fix = differential or sample
@@ -212,7 +214,13 @@ class Gnss(Correction[GnssFix]):
         cov = self.pose.ekf.cov
         lost_ratio = math.sqrt(cov[YAW, YAW] + cov[WHEEL_SCALE, WHEEL_SCALE])
         self.wander.add(fix.t_s, apart_m, self._driven_m, lost_ratio, math.sqrt(noise.variance_m2))
-        return self._widen(fix, noise, is_vouched=is_vouched)
+        widened = self._widen(fix, noise, is_vouched=is_vouched)
+        if self._is_wide and "position" in self.pose.known:
+            # What was believed of the fixes so far was too much.
+            size_m2 = float(widened.bias_std_m) ** 2
+            self.pose.ekf.doubt_fixes(max(0.0, size_m2 - self._widest_m2))
+            self._widest_m2 = max(self._widest_m2, size_m2)
+        return widened
 
     def _widen(
         self, fix: GnssFix, noise: FixNoise[float], *, is_vouched: bool = False
@@ -225,7 +233,9 @@ class Gnss(Correction[GnssFix]):
     def _learn_heading(self, fix: GnssFix, epoch: Epoch) -> None:
         """Lay what fixes show of the way over what wheels and gyro drew in their own frame."""
         then, lever_m = epoch.then, _level(self._antenna_body_m, self.pose.up_body)
-        arm_m = complex(*Pose2(0.0, 0.0, then.yaw_rad).rotate(*lever_m))
+        # Until the heading is known this is the frame of the odometry, then the map.
+        yaw_rad = self.pose.ekf.x[YAW] - (epoch.now.yaw_rad - then.yaw_rad)
+        arm_m = complex(*Pose2(0.0, 0.0, yaw_rad).rotate(*lever_m))
         noise = fix_noise(fix, FLOAT_MEMORY_S)
         if fix.quality not in CORRECTED:
             noise = self._widen(fix, noise)
@@ -235,7 +245,7 @@ class Gnss(Correction[GnssFix]):
         )  # fmt: skip
         course = None
         if fix.velocity_mps is not None:
-            led_mps = cmath.rect(then.wheel_mps, then.yaw_rad) + 1j * then.yaw_rate_radps * arm_m
+            led_mps = cmath.rect(then.wheel_mps, yaw_rad) + 1j * then.yaw_rate_radps * arm_m
             seen_mps = complex(*fix.velocity_mps[:2])
             course = Course(fix.t_s, seen_mps, led_mps, fix.velocity_std_mps)
         turn = self.pose.first_heading.add_fix(place, course)
@@ -374,6 +384,7 @@ class Gnss(Correction[GnssFix]):
             ekf.reset(state, value, at_m2)
         rows = (((X, 1.0), (GNSS_BIAS_X, 1.0)), ((Y, 1.0), (GNSS_BIAS_Y, 1.0)))
         ekf.update_pair(rows, (x_m - at_m[0], y_m - at_m[1]), variance_m2)
+        self._widest_m2 = float(ekf.cov[GNSS_BIAS_X, GNSS_BIAS_X])
         self.pose.known.add("position")
 
     def _conclude(self, measured: Measurement, verdict: Verdict) -> None:
