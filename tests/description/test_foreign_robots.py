@@ -213,7 +213,10 @@ GZ_SIM = """
 
 def test_plugins_and_sensors_of_gz_sim_are_read(tmp_path: Path) -> None:
     robot = load_robot(_file(tmp_path, BODY + _wheels() + GZ_SIM))
+    assert robot.mag is not None
     assert (robot.imu.rate_hz, robot.gnss.rate_hz, robot.mag.rate_hz) == (150.0, 4.0, 10.0)
+    without = GZ_SIM.replace('  <sensor name="m" type="magnetometer"/>', "")
+    assert load_robot(_file(tmp_path, BODY + _wheels() + without)).mag is None  # none made up
     assert (robot.drive.plugin_diameter_m, robot.drive.plugin_separation_m) == (0.34, 0.57)
 
 

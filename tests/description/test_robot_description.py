@@ -148,6 +148,7 @@ def test_friction_is_the_smaller_of_tyre_and_ground(tmp_path: Path, robot: Robot
 
 
 def test_sensor_rates_come_from_the_tags(robot: RobotSpec) -> None:
+    assert robot.mag is not None
     assert (robot.imu.rate_hz, robot.gnss.rate_hz, robot.mag.rate_hz) == (200.0, 5.0, 5.0)
     assert (robot.imu.link, robot.gnss.link, robot.mag.link) == (
         "imu_link", "gps_link", "magnetometer_link",

@@ -131,6 +131,7 @@ def test_sensors_of_the_new_gazebo_are_understood(tmp_path: Path) -> None:
     robot = load_robot(str(file))
     assert (robot.imu.link, robot.imu.rate_hz) == ("imu_link", 100.0)
     assert (robot.gnss.link, robot.gnss.rate_hz) == ("gps_link", 2.0)
+    assert robot.mag is not None
     assert (robot.mag.link, robot.mag.rate_hz) == ("magnetometer_link", 20.0)
 
 

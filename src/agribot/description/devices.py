@@ -119,15 +119,8 @@ def read_mounts(
     return (
         _read_mount(root, IMU_PLUGINS, ("imu",), "IMU", known, source),
         _read_mount(root, GNSS_PLUGINS, ("gps", "navsat"), "GNSS receiver", known, source),
-        _read_magnetometer(root, known, source),
+        _find_mount(root, MAG_PLUGINS, ("magnetometer",), "magnetometer", known, source),
     )
-
-
-def _read_magnetometer(root: ET.Element, known: set[str], source: SourceFile) -> SensorMount | None:
-    types = ("magnetometer",)
-    if find_plugin(root, MAG_PLUGINS, source) is None and find_sensor(root, types) is None:
-        return None
-    return _read_mount(root, MAG_PLUGINS, types, "magnetometer", known, source)
 
 
 def read_camera(root: ET.Element, links: Sequence[Link], source: SourceFile) -> CameraSpec | None:
@@ -266,6 +259,20 @@ def _read_mount(
     links: set[str],
     source: SourceFile,
 ) -> SensorMount:
+    mount = _find_mount(root, plugins, kinds, what, links, source)
+    if mount is None:
+        raise source.fail("sensors", f"no {what}; there are: {list_plugin_names(root)}")
+    return mount
+
+
+def _find_mount(
+    root: ET.Element,
+    plugins: tuple[str, ...],
+    kinds: tuple[str, ...],
+    what: str,
+    links: set[str],
+    source: SourceFile,
+) -> SensorMount | None:
     plugin = find_plugin(root, plugins, source)
     if plugin is not None and "updaterate" in plugin.tags:
         link = plugin.tags.get("bodyname") or plugin.link
@@ -274,7 +281,7 @@ def _read_mount(
         return SensorMount(link=link, rate_hz=rate_hz, tags=plugin.tags)
     found = find_sensor(root, kinds)
     if found is None:
-        raise source.fail("sensors", f"no {what}; there are: {list_plugin_names(root)}")
+        return None
     link, sensor = found
     block = TagBlock(sensor, f"sensor '{sensor.get('name')}'", source, link)
     _check_link(link, links, what, source)

@@ -44,6 +44,7 @@ def test_the_camera_turns_and_rises_over_its_place_and_nothing_else_moves(
     np.testing.assert_allclose(after[:2, 3], before[:2, 3], atol=1e-12)
     assert after[2, 3] == pytest.approx(0.95)
     np.testing.assert_allclose(after[:3, :3], rotation_from_rpy(*RPY_RAD), atol=1e-12)
+    assert mounted.mag is not None
     for link in (mounted.gnss.link, mounted.imu.link, mounted.mag.link):
         assert np.array_equal(mounted.body_from_link(link), moved.body_from_link(link))
 

@@ -112,6 +112,7 @@ def test_the_antenna_moves_and_nothing_else() -> None:
     after = moved.body_from_link(moved.gnss.link)[:3, 3]
     assert after[:2] == pytest.approx([0.31, -0.07])
     assert after[2] == pytest.approx(before[2])
+    assert robot.mag is not None
     for link in (robot.imu.link, robot.mag.link):
         assert np.array_equal(robot.body_from_link(link), moved.body_from_link(link))
     assert apply_calibration(robot, CalibrationConfig()) is robot

@@ -18,7 +18,7 @@ from agribot.core.messages import (
     SensorBatch,
     WheelSample,
 )
-from tests.autonomy.estimate.noisy_rover import Recording, record, rows
+from tests.autonomy.estimate.noisy_rover import Recording, record, rows, stand
 from tests.autonomy.estimate.playback import batches, error, localizer, play
 
 LAT_PER_M, LON_PER_M = 1.0 / 110719.0, 1.0 / 103858.0

@@ -13,10 +13,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Generator, Sequence
 from typing import ClassVar, Generic, Protocol, TypeVar
 
+from agribot.autonomy.estimate.first_heading import Known
 from agribot.autonomy.estimate.gate import Verdict
 from agribot.autonomy.estimate.history import UNMOVED, Epoch
 from agribot.autonomy.estimate.measurement import Measurement
-from agribot.autonomy.estimate.pose_filter import Known, PoseFilter
+from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.core.messages import SensorBatch
 
 

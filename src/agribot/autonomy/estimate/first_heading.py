@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import MutableSet
+from typing import Literal
 
 from agribot.autonomy.estimate.ekf import YAW, Ekf, Row
 from agribot.autonomy.estimate.motion_heading import (
@@ -19,7 +19,7 @@ from agribot.core.geo import wrap_rad
 # 1 sigma of a heading that is good enough to begin with; measurements go on to correct it.
 FIRST_STD_RAD = math.radians(10.0)
 # Time that a compass of the robot's description has for its first samples.
-COMPASS_PATIENCE_S = 2.0
+COMPASS_PATIENCE_S = 3.0
 # Largest difference of fixes and velocities on one heading, in joint sigmas.
 AGREE_SIGMA = 4.0
 # 1 sigma of the way driven with which it has the last word on a mark.
@@ -27,6 +27,9 @@ CHECK_STD_RAD = math.radians(5.0)
 # Way after which a heading is known with any receiver in order.
 DRIVE_M = 3.0
 YAW_ROW: Row = ((YAW, 1.0),)
+
+# What has been measured once.
+Known = Literal["yaw", "position"]
 
 
 class FirstHeading:
@@ -39,9 +42,7 @@ class FirstHeading:
     first metres, too.
     """
 
-    def __init__(
-        self, ekf: Ekf, start: StartMark, known: MutableSet[str], *, has_compass: bool
-    ) -> None:
+    def __init__(self, ekf: Ekf, start: StartMark, known: set[Known], *, has_compass: bool) -> None:
         self.misplaced = ""  # why the robot cannot face as it is marked to; empty where it can
         self._ekf, self._start, self._known = ekf, start, known
         self._has_compass = has_compass
@@ -69,9 +70,11 @@ class FirstHeading:
         """Go on until `t_s` without a heading; the robot has turned so far since the start."""
         self._now_s, self._since_s = t_s, min(self._since_s, t_s)
         self._turned_rad = turned_rad
+        if self.is_compass_awaited:
+            return
         # What is learnt of the gyro at standstill must not turn what is drawn of the way.
         self._ekf.reset(YAW, wrap_rad(turned_rad), math.pi**2)
-        if self._start.yaw_map_rad is not None and not self.is_compass_awaited:
+        if self._start.yaw_map_rad is not None:
             self._set_as_marked(self._start.yaw_map_rad)
             self._known.add("yaw")
             self._is_unconfirmed = True

@@ -186,7 +186,8 @@ class Gnss(Correction[GnssFix]):
         differential = take_off_base_error(sample, self.pose)
         fix = differential or sample
         self.quality = fix.quality
-        since_last_s = min(epoch.since_last_s, FLOAT_MEMORY_S)
+        is_first = self._noise is None
+        since_last_s = FLOAT_MEMORY_S if is_first else min(epoch.since_last_s, FLOAT_MEMORY_S)
         lever_m = _level(self._antenna_body_m, self.pose.up_body)
         antenna_m, arm_m = self._find_antenna(fix, lever_m, epoch)
         then_m = complex(epoch.then.x_m, epoch.then.y_m)

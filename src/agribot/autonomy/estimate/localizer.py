@@ -373,8 +373,8 @@ class Localizer:
             return self._gnss.elsewhere or first.reason
         if "position" not in self.pose.known:
             return "no position yet: waiting for GNSS fixes"
-        misplaced = (each.misplaced for each in (first, *self._corrections))
-        return next(filter(None, misplaced), "")
+        of_sensors = (each.misplaced for each in self._corrections if each.misplaced)
+        return first.misplaced or next(of_sensors, "")
 
 
 def is_pose(numbers: tuple[float, ...]) -> bool:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from typing import Literal
 
 from agribot.autonomy.estimate.ekf import ROW_BIAS, ROW_OFFSET, YAW, Ekf, X, Y
 from agribot.autonomy.estimate.field_rows import FieldRows, Rows
-from agribot.autonomy.estimate.first_heading import FirstHeading
+from agribot.autonomy.estimate.first_heading import FirstHeading, Known
 from agribot.autonomy.estimate.gate import Verdict
 from agribot.autonomy.estimate.history import Epoch, MotionHistory
 from agribot.autonomy.estimate.measurement import Measurement
@@ -23,8 +22,6 @@ from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import BaseFix, Vec3
 from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
-
-Known = Literal["yaw", "position"]
 
 
 class PoseFilter:
