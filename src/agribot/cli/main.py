@@ -35,6 +35,11 @@ COMMANDS = {
         "run the stack again on a recording and compare every command",
         "agribot replay runs/first/run.mcap",
     ),
+    "localize": (
+        "agribot.cli.localize",
+        "poses from a log of any robot, by the robot's own filter, and how good they are",
+        "agribot localize drive.bag --out poses --json",
+    ),
     "bag": (
         "agribot.cli.bag",
         "look into, convert and export recordings: ROS 1 .bag, ROS 2 .db3, .mcap",

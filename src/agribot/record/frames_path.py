@@ -106,3 +106,20 @@ def _make_matrix(transform: Any) -> FloatArray | None:
     matrix[:3, :3] = rotation_from_quaternion(w, x, y, z)
     matrix[:3, 3] = at.x, at.y, at.z
     return matrix
+
+
+def read_static_frames(bag: Bag) -> dict[str, tuple[str, FloatArray]]:
+    """Read the fixed frames of /tf_static: child -> parent and `parent_from_child` (4, 4)."""
+    names = frozenset(
+        topic.name
+        for topic in bag.topics
+        if topic.ros_type in TF_TYPES and "static" in topic.name and bag.knows(topic)
+    )
+    frames: dict[str, tuple[str, FloatArray]] = {}
+    for message in bag.messages(names) if names else ():
+        for stamped in bag.value(message).transforms:
+            pose = _make_matrix(stamped.transform)
+            if pose is not None:
+                parent = _clean_name(stamped.header.frame_id)
+                frames[_clean_name(stamped.child_frame_id)] = parent, pose
+    return frames

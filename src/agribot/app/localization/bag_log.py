@@ -1,0 +1,110 @@
+"""ROS 1 bags, rosbag2 and MCAP of any robot as a log."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from agribot.app.localization.bag_messages import (
+    ODOMETRY,
+    ONLY_NAMED,
+    READERS,
+    ReadMessage,
+    read_frame,
+    read_stamp_s,
+)
+from agribot.app.localization.log import LOG_SENSORS, LogChannel, LogEntry, LogSensor
+from agribot.core.errors import BridgeError, RecordingError
+from agribot.core.messages import FloatArray
+from agribot.record.bag.opening import open_bag
+from agribot.record.bag.source import Bag, BagTopic
+from agribot.record.frames_path import read_static_frames
+
+# Odometry of other filters, of cameras and of GNSS is no measurement of the wheels.
+_NOT_WHEELS = ("filter", "gps", "gnss", "map", "global", "vis", "slam", "truth", "icp", "lidar",
+               "estimate")  # fmt: skip
+_WHEELS = ("wheel", "velocity_controller", "base_controller", "diff_drive")
+
+
+class BagLog:
+    """A bag; `topics` names those of the sensors whose topic is not chosen by its type."""
+
+    def __init__(self, path: Path, topics: Mapping[LogSensor, str]) -> None:
+        """Choose the topics.
+
+        Raises: RecordingError: no bag, or no such topic.
+        """
+        self.path = path
+        self.notes: list[str] = []
+        with open_bag(path) as bag:
+            self.notes += bag.notes
+            found = {sensor: _choose(bag, sensor, topics.get(sensor)) for sensor in LOG_SENSORS}
+        self.channels = tuple(channel for channel in found.values() if channel is not None)
+
+    def entries(self) -> Iterator[LogEntry]:
+        readers = {each.source: (each.sensor, _reader(each)) for each in self.channels}
+        refused: Counter[str] = Counter()
+        with open_bag(self.path) as bag:
+            for message in bag.messages(frozenset(readers)):
+                sensor, read = readers[message.topic.name]
+                value = bag.value(message)
+                logged_s = message.log_ns * 1e-9
+                try:
+                    sample = read(value)
+                except BridgeError as error:
+                    refused[f"{message.topic.name}: {error}"] += 1
+                    continue
+                stamp_s = read_stamp_s(value) or logged_s
+                yield LogEntry(sensor, stamp_s, logged_s, read_frame(value), sample)
+        self._note_refused(refused)
+
+    def read_transforms(self) -> dict[str, tuple[str, FloatArray]]:
+        with open_bag(self.path) as bag:
+            return read_static_frames(bag)
+
+    def _note_refused(self, refused: Counter[str]) -> None:
+        for why, count in refused.most_common(3):
+            note = f"{count} messages left out, such as {why}"
+            if note not in self.notes:
+                self.notes.append(note)
+
+
+def _reader(channel: LogChannel) -> ReadMessage:
+    return READERS[channel.sensor][channel.kind]
+
+
+def _choose(bag: Bag, sensor: LogSensor, name: str | None) -> LogChannel | None:
+    """Choose the topic of a sensor: the named one, or the most trusted type; None without one."""
+    kinds = READERS[sensor]
+    if name is not None:
+        topic = bag.find(name)
+        if topic.ros_type not in kinds:
+            raise RecordingError(
+                f"{bag.path}: {name} is {topic.ros_type or topic.encoding}, which is no "
+                f"{sensor}; {sensor} is read from {', '.join(kinds)}"
+            )
+        return LogChannel(sensor=sensor, source=name, kind=topic.ros_type)
+    able = [
+        topic
+        for topic in bag.topics
+        if topic.count > 1 and topic.ros_type in kinds and topic.ros_type not in ONLY_NAMED
+        and bag.knows(topic)
+    ]  # fmt: skip
+    if sensor == "odom":
+        able = [topic for topic in able if not _is_of_no_wheels(topic)] or able
+    able.sort(key=lambda topic: (_rank(topic, tuple(kinds)), -topic.count, topic.name))
+    if not able:
+        return None
+    others = tuple(topic.name for topic in able[1:])
+    return LogChannel(sensor=sensor, source=able[0].name, kind=able[0].ros_type, others=others)
+
+
+def _is_of_no_wheels(topic: BagTopic) -> bool:
+    name = topic.name.lower()
+    return topic.ros_type == ODOMETRY and any(word in name for word in _NOT_WHEELS)
+
+
+def _rank(topic: BagTopic, kinds: tuple[str, ...]) -> tuple[int, int]:
+    is_wheels = any(word in topic.name.lower() for word in _WHEELS)
+    return kinds.index(topic.ros_type), 0 if is_wheels else 1

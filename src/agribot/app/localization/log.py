@@ -1,0 +1,76 @@
+"""A log of a robot as sensor samples, whatever file they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal, NamedTuple, Protocol
+
+import msgspec
+
+from agribot.core.messages import (
+    BaseFix,
+    FloatArray,
+    GnssFix,
+    GnssHeading,
+    ImuSample,
+    MagSample,
+    WheelSample,
+)
+
+LogSensor = Literal["gnss", "imu", "odom", "mag"]
+LOG_SENSORS: tuple[LogSensor, ...] = ("gnss", "imu", "odom", "mag")
+
+
+class TwistSample(msgspec.Struct, frozen=True, kw_only=True):
+    """Speed of a base that reports its motion instead of its wheels."""
+
+    t_s: float
+    v_mps: float
+    yaw_rate_radps: float
+
+
+LogSample = GnssFix | GnssHeading | BaseFix | ImuSample | MagSample | WheelSample | TwistSample
+
+
+class LogEntry(NamedTuple):
+    """A sample with its stamp, when it was logged, and the frame that it speaks of.
+
+    Both times are seconds of the log, usually since 1970; `t_s` of the sample is not set. Without a
+    sample, as of a receiver without a fix, the entry still counts as a message.
+    """
+
+    sensor: LogSensor
+    stamp_s: float
+    logged_s: float
+    frame: str
+    sample: LogSample | None
+
+
+class LogChannel(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a sensor was read: a topic or a file; `others` are those that could have been."""
+
+    sensor: LogSensor
+    source: str
+    kind: str
+    others: tuple[str, ...] = ()
+
+
+class RobotLog(Protocol):
+    """One or more files of a drive. `notes` are complete after a whole pass of `entries`."""
+
+    channels: tuple[LogChannel, ...]
+    notes: list[str]
+
+    def entries(self) -> Iterator[LogEntry]:
+        """Iterate over all samples in the order in which they were logged."""
+        ...
+
+    def read_transforms(self) -> dict[str, tuple[str, FloatArray]]:
+        """Read the fixed frames: child -> parent and `parent_from_child` (4, 4)."""
+        ...
+
+
+def list_missing(log: RobotLog) -> tuple[LogSensor, ...]:
+    """List the sensors that the log has not, in the order of LOG_SENSORS."""
+    has = {channel.sensor for channel in log.channels}
+    return tuple(sensor for sensor in LOG_SENSORS if sensor not in has)

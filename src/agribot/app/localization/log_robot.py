@@ -1,0 +1,51 @@
+"""The robot of a log: a description, or wheels and antenna as stated."""
+
+from __future__ import annotations
+
+import msgspec
+
+from agribot.core.messages import Vec3
+from agribot.core.robot import DriveSpec, Joint, Link, Origin, RobotSpec, SensorMount
+
+ANTENNA_LINK = "log_antenna"
+# Room above the fastest reading of a log, so that none counts as an encoder that restarted.
+SPEED_ROOM_RATIO = 1.2
+
+
+def set_wheels(robot: RobotSpec, track_m: float | None, radius_m: float | None) -> RobotSpec:
+    """Return the robot with stated wheels; a stated track is the effective one."""
+    drive = robot.drive
+    if radius_m is not None:
+        drive = msgspec.structs.replace(drive, wheel_radius_m=radius_m)
+    if track_m is not None:
+        drive = msgspec.structs.replace(drive, track_m=track_m, yaw_multiplier=1.0)
+    return msgspec.structs.replace(robot, drive=drive)
+
+
+def set_antenna(robot: RobotSpec, antenna_body_m: Vec3) -> RobotSpec:
+    """Return the robot with its antenna at a place in the body frame, on the ground below it."""
+    x_m, y_m, z_m = antenna_body_m
+    origin = Origin(xyz_m=(x_m, y_m, z_m - robot.base_height_m))
+    joint = Joint(
+        name=ANTENNA_LINK, kind="fixed", parent="base_link", child=ANTENNA_LINK, origin=origin
+    )
+    return msgspec.structs.replace(
+        robot,
+        links=(*robot.links, Link(name=ANTENNA_LINK)),
+        joints=(*robot.joints, joint),
+        gnss=SensorMount(link=ANTENNA_LINK, rate_hz=robot.gnss.rate_hz),
+    )
+
+
+def allow_speeds(drive: DriveSpec, most_mps: float, most_radps: float) -> DriveSpec:
+    """Return the drive with limits that no reading of the log exceeds."""
+    return msgspec.structs.replace(
+        drive,
+        max_speed_mps=max(drive.max_speed_mps, SPEED_ROOM_RATIO * most_mps),
+        max_yaw_rate_radps=max(drive.max_yaw_rate_radps, SPEED_ROOM_RATIO * most_radps),
+    )
+
+
+def find_antenna_m(robot: RobotSpec) -> Vec3:
+    x_m, y_m, z_m = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
+    return x_m, y_m, z_m

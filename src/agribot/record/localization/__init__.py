@@ -1,0 +1,1 @@
+"""What a log gave as poses: numbers, files, figures and the page."""
