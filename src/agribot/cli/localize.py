@@ -3,54 +3,210 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import math
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
+from agribot.cli.counting import CountProgress
+from agribot.core import extras
+from agribot.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from agribot.app.localization.study import Study, StudyOptions
+    from agribot.core.messages import Vec3
+    from agribot.record.localization.result import LocalizationRun
+
+_SENSORS = ("odom", "imu", "gnss", "mag")
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="bag or recording")
-    for sensor in ("odom", "imu", "gnss", "mag"):
-        parser.add_argument(f"--{sensor}", metavar="TOPIC|FILE", help="default: chosen by its type")
+    parser.add_argument(
+        "logs", type=Path, nargs="+", metavar="LOG",
+        help="ROS bag, MCAP, recording of ours, NMEA, UBX, CSV, or a folder of them",
+    )  # fmt: skip
+    for sensor in _SENSORS:
+        parser.add_argument(
+            f"--{sensor}", metavar="TOPIC|FILE", help="default: by the type of the topic"
+        )
+    _add_robot(parser)
     parser.add_argument(
         "--outage", action="append", default=[], metavar="A-B",
         help="withhold the fixes from A to B, seconds from the first message; repeatable",
     )  # fmt: skip
-    parser.add_argument("--out", type=Path, metavar="DIR")
+    parser.add_argument(
+        "--set", action="append", default=[], dest="settings", metavar="A.B=C",
+        help="a setting of the filter; repeatable",
+    )  # fmt: skip
+    parser.add_argument(
+        "--with", action="append", default=[], dest="changes", metavar="A.B=C",
+        help="run a second time with this setting, side by side; repeatable",
+    )  # fmt: skip
+    parser.add_argument(
+        "--stamps", choices=("header", "log"), default="header",
+        help="times of the messages' headers, or of the recorder (default: header)",
+    )  # fmt: skip
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--gpx", action="store_true", help="write poses.gpx as well")
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
 
-def run(options: argparse.Namespace) -> int:
-    from agribot.app.localization.bag_log import BagLog
-    from agribot.app.localization.batches import make_batches
-    from agribot.app.localization.localize import LogPass, localize
-    from agribot.app.localization.log_robot import allow_speeds, set_antenna
-    from agribot.app.localization.log_scan import scan_log
-    from agribot.app.localization.time_order import order_by_stamp
-    from agribot.core.config import RunConfig
-    from agribot.core.geo import Datum
-    from agribot.description.loader import load_robot
-
-    named = {s: getattr(options, s) for s in ("odom", "imu", "gnss", "mag") if getattr(options, s)}
-    log = BagLog(options.logs[0], named)
-    robot = set_antenna(load_robot(), (0.0, 0.0, 0.0))
-    scan = scan_log(log, robot.drive)
-    robot = msgspec.structs.replace(
-        robot, drive=allow_speeds(robot.drive, scan.most_mps, scan.most_radps)
+def _add_robot(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--robot", metavar="FILE", help="description of the robot of the log")
+    parser.add_argument("--track", type=_read_length, metavar="M", help="between left and right")
+    parser.add_argument("--radius", type=_read_length, metavar="M", help="of the wheels")
+    parser.add_argument(
+        "--antenna", metavar="X,Y,Z", help="forward, left and above the ground (default: 0,0,0)"
     )
-    mount, fix = scan.mount.solve(), scan.first_fix
-    assert mount is not None and fix is not None
-    sys.stderr.write(f"IMU: {mount.axes} ({mount.how})\n")
-    config = RunConfig(profile="log")
-    datum = Datum(lat_deg=fix.lat_deg, lon_deg=fix.lon_deg, alt_m=fix.alt_m)
-    field = msgspec.structs.replace(config.field, datum=datum)
-    config = msgspec.structs.replace(config, field=field)
-    outages = [tuple(map(float, text.split("-"))) for text in options.outage]
-    first = LogPass(config, robot, outages)
-    batches = make_batches(order_by_stamp(log.entries()), scan.start_s, mount, robot.drive)
-    localize(batches, [first])
-    done = first.finish(scan.sensors["gnss"].samples)
-    sys.stderr.write(f"rejected: {done.rejected}\n")
-    sys.stdout.write(msgspec.json.encode(done.result).decode() + "\n")
-    return 0 if done.result.started_after_s is not None else 1
+    parser.add_argument(
+        "--imu-rpy-deg", metavar="R,P,Y",
+        help="turns the IMU's axes into the body's: fixed axes x, y, z (default: found)",
+    )  # fmt: skip
+    parser.add_argument("--ticks-per-turn", type=_read_length, metavar="N", help="of encoders")
+
+
+def _read_length(text: str) -> float:
+    value = float(text)
+    if not (math.isfinite(value) and value > 0.0):
+        raise ValueError(text)
+    return value
+
+
+def run(options: argparse.Namespace) -> int:
+    extras.require("report", "agribot localize")
+    from agribot.app.localization.study import open_study
+
+    stated = _read_options(options)
+    study = open_study(options.logs, stated, lambda total: _show_progress(total, "read"))
+    _tell_facts(study)
+    runs = _localize(study, options)
+    _print_result(runs, options)
+    return 0 if runs[0].result.started_after_s is not None else 1
+
+
+def _show_progress(total: int, what: str) -> Callable[[int], None]:
+    """Show how much of a log is done; nothing where its files do not say how much it is."""
+    if not total:
+        return lambda done: None
+    progress = CountProgress(total, f"messages {what}")
+
+    def show(done: int) -> None:
+        progress(done)
+        if done == total:
+            progress.close()
+
+    return show
+
+
+def _read_options(options: argparse.Namespace) -> StudyOptions:
+    """Read what is stated. Raises: ConfigError: it cannot be meant."""
+    from agribot.app.localization.study import StudyOptions
+
+    if options.robot is not None and (options.track or options.radius):
+        raise ConfigError("--robot brings track and radius; leave out --track and --radius")
+    return StudyOptions(
+        named={name: value for name in _SENSORS if (value := getattr(options, name)) is not None},
+        robot=options.robot,
+        track_m=options.track,
+        radius_m=options.radius,
+        antenna_body_m=_read_three("--antenna", options.antenna, "X,Y,Z in metres"),
+        imu_rpy_deg=_read_three("--imu-rpy-deg", options.imu_rpy_deg, "R,P,Y in degrees"),
+        ticks_per_turn=options.ticks_per_turn,
+        outages=tuple(_read_outage(text) for text in options.outage),
+        settings=tuple(options.settings),
+        uses_log_times=options.stamps == "log",
+    )
+
+
+def _read_three(option: str, text: str | None, what: str) -> Vec3 | None:
+    if text is None:
+        return None
+    with contextlib.suppress(ValueError):
+        x, y, z = (float(word) for word in text.split(","))
+        if math.isfinite(x + y + z):
+            return x, y, z
+    raise ConfigError(f"{option} {text}: write {what}, as in {option} 0.1,0,0.5")
+
+
+def _read_outage(text: str) -> tuple[float, float]:
+    with contextlib.suppress(ValueError):
+        from_s, to_s = (float(word) for word in text.split("-"))
+        if math.isfinite(from_s + to_s) and from_s < to_s:
+            return from_s, to_s
+    raise ConfigError(f"--outage {text}: write two times, as in --outage 100-160")
+
+
+def _tell_facts(study: Study) -> None:
+    facts = study.facts
+    for each in facts.sources:
+        sys.stderr.write(
+            f"{each.sensor}: {each.source} ({each.kind}), {each.measurements} of {each.messages} "
+            f"messages, {each.from_s:.1f} to {each.to_s:.1f} s\n"
+        )
+    lines = [f"IMU: the body's axes are {facts.mount}", *facts.robot]
+    lines += [f"note: {note}" for note in facts.notes]
+    sys.stderr.write("".join(f"{line}\n" for line in lines))
+
+
+def _localize(study: Study, options: argparse.Namespace) -> list[LocalizationRun]:
+    from agribot.app.localization.localize import LocalizedTick
+    from agribot.app.localization.study import run_study
+    from agribot.record.localization.page import write_localization_page
+    from agribot.record.localization.pose_files import EstimateMcap, PoseFiles
+
+    out, start_s = options.out, study.facts.start_stamp_s
+    with (
+        PoseFiles(out, study.config.field.datum, start_s, has_gpx=options.gpx) as poses,
+        contextlib.closing(EstimateMcap(out / "estimate.mcap", study.robot, start_s)) as mcap,
+    ):
+
+        def write(tick: LocalizedTick) -> None:
+            mcap.add(tick.batch, tick.estimate)
+            if tick.estimate is not None:
+                poses.add(tick.estimate)
+
+        total = sum(each.messages for each in study.facts.sources)
+        shown = _show_progress(total, "through the filter")
+        runs = run_study(study, options.changes, (write,), shown)
+        poses.write_gpx(study.facts.name)
+    write_localization_page(out / "report.html", runs, study.facts)
+    return runs
+
+
+def _print_result(runs: list[LocalizationRun], options: argparse.Namespace) -> None:
+    if options.json:
+        line = msgspec.to_builtins(runs[0].result)
+        if len(runs) > 1:
+            line["with"] = {"settings": options.changes, **msgspec.to_builtins(runs[1].result)}
+        sys.stdout.write(msgspec.json.encode(line).decode() + "\n")
+        return
+    for one in runs:
+        sys.stdout.write(_format_run(one) + "\n")
+    sys.stdout.write(f"{options.out}/report.html\n")
+
+
+def _format_run(one: LocalizationRun) -> str:
+    r = one.result
+    named = f"with {', '.join(one.settings)}: " if one.settings else ""
+    if r.started_after_s is None:
+        return f"{named}{r.reason}"
+    lines = [
+        f"{named}began after {r.started_after_s:.1f} s and {r.started_after_m:.1f} m; "
+        f"{r.used} of {r.fixes} fixes used; {_format(r.rms_to_fixes_m)} m RMS to the fixes from "
+        f"60 s on; {_format(r.within_3_sigma_ratio)} within 3 sigma; normalised innovation "
+        f"{_format(r.nis_mean)} in the mean (2 is honest); {r.reason}"
+    ]
+    lines += [
+        f"outage {each.from_s:g} to {each.to_s:g} s: {_format(each.driven_m)} m driven, "
+        f"{_format(each.error_m)} m off, {_format(each.sigma_m)} m stated"
+        for each in r.outages
+    ]
+    return "\n".join(lines)
+
+
+def _format(value: float | None) -> str:
+    return "no" if value is None else f"{value:.2f}"

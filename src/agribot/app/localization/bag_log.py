@@ -84,7 +84,7 @@ def _choose(bag: Bag, sensor: LogSensor, name: str | None) -> LogChannel | None:
                 f"{bag.path}: {name} is {topic.ros_type or topic.encoding}, which is no "
                 f"{sensor}; {sensor} is read from {', '.join(kinds)}"
             )
-        return LogChannel(sensor=sensor, source=name, kind=topic.ros_type)
+        return LogChannel(sensor=sensor, source=name, kind=topic.ros_type, count=topic.count)
     able = [
         topic
         for topic in bag.topics
@@ -97,7 +97,10 @@ def _choose(bag: Bag, sensor: LogSensor, name: str | None) -> LogChannel | None:
     if not able:
         return None
     others = tuple(topic.name for topic in able[1:])
-    return LogChannel(sensor=sensor, source=able[0].name, kind=able[0].ros_type, others=others)
+    return LogChannel(
+        sensor=sensor, source=able[0].name, kind=able[0].ros_type, others=others,
+        count=able[0].count,
+    )  # fmt: skip
 
 
 def _is_of_no_wheels(topic: BagTopic) -> bool:

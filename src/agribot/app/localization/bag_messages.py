@@ -1,4 +1,4 @@
-"""ROS messages of foreign robots as log samples: fixes, IMU, magnetometer, all kinds of odometry."""
+"""ROS messages of foreign robots as log samples: fixes, IMU, magnetometer, odometry of any kind."""
 
 from __future__ import annotations
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
+import msgspec
+
 from agribot.app.localization.figures import FixFigures, OutageFigures, ThinTable
 from agribot.app.localization.log_robot import find_antenna_m
 from agribot.autonomy.estimate.localizer import Localizer
@@ -146,15 +148,13 @@ class LogPass:
 
 def withhold(batch: SensorBatch, outages: Sequence[OutageFigures]) -> SensorBatch:
     """Return the batch without what a receiver reported in an outage."""
-    from msgspec.structs import replace
-
     if not outages:
         return batch
 
     def keep(samples: tuple) -> tuple:
         return tuple(s for s in samples if not any(outage.has(s.t_s) for outage in outages))
 
-    return replace(
+    return msgspec.structs.replace(
         batch, gnss=keep(batch.gnss), headings=keep(batch.headings), base=keep(batch.base)
     )
 

@@ -53,6 +53,7 @@ class LogChannel(msgspec.Struct, frozen=True, kw_only=True):
     source: str
     kind: str
     others: tuple[str, ...] = ()
+    count: int = 0  # of messages, where the file says it
 
 
 class RobotLog(Protocol):

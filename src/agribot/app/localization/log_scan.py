@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 from agribot.app.localization.log import LogEntry, LogSensor, RobotLog, TwistSample
 from agribot.app.localization.time_order import order_by_stamp
 from agribot.autonomy.estimate.imu_mount import MountFit
+from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import GnssFix, GnssQuality, ImuSample, Vec3, WheelSample
 from agribot.core.robot import DriveSpec
 
 # IMU and wheels are compared over pieces of this length, s; longer ones than the second are gaps.
 PIECE_S, LONGEST_PIECE_S = 0.1, 0.5
+REPORT_EVERY = 1000  # entries, of progress
 STANDING_MPS, STANDING_RADPS = 1e-3, 1e-3
+# Ways of wheels and fixes are compared over so long, s, and where one is so long, m; the sum counts
+# from the last on.
+WAY_S, LEAST_PIECE_M, WAY_SIGMA, LEAST_WAY_M = 5.0, 1.0, 4.0, 20.0
 
 
 class SensorScan:
@@ -29,10 +35,17 @@ class SensorScan:
         self.longest_gap_s = 0.0
         self.frames: Counter[str] = Counter()
         self._before_s = -math.inf
+        self._delays_s = 0.0
+
+    @property
+    def delay_s(self) -> float:
+        """Mean time from a stamp until it was logged."""
+        return self._delays_s / max(self.count, 1)
 
     def add(self, entry: LogEntry) -> None:
         stamp_s = entry.stamp_s
         self.count += 1
+        self._delays_s += entry.logged_s - stamp_s
         self.samples += entry.sample is not None
         step_s = stamp_s - self._before_s
         if step_s < 0.0:
@@ -55,8 +68,9 @@ class LogScan:
         self.sensors: dict[LogSensor, SensorScan] = {}
         self.mount = MountFit()
         self.first_fix: GnssFix | None = None
-        self.most_mps = self.most_radps = self.driven_m = 0.0
+        self.most_mps = self.most_radps = self.most_gyro_radps = self.driven_m = 0.0
         self._pieces = _Pieces(self.mount)
+        self._ways = _Ways()
 
     @property
     def start_s(self) -> float:
@@ -67,6 +81,11 @@ class LogScan:
     def end_s(self) -> float:
         return max((scan.last_s for scan in self.sensors.values()), default=0.0)
 
+    def main_frame(self, sensor: LogSensor) -> str:
+        """Find the frame of most of a sensor's samples."""
+        frames = self.sensors[sensor].frames if sensor in self.sensors else Counter[str]()
+        return max(frames, key=lambda name: (frames[name], name), default="")
+
     def note(self, entry: LogEntry) -> None:
         """Note the times of a message, in the order of the log."""
         self.sensors.setdefault(entry.sensor, SensorScan()).add(entry)
@@ -76,13 +95,21 @@ class LogScan:
         sample = entry.sample
         if isinstance(sample, GnssFix) and sample.quality is not GnssQuality.NONE:
             self.first_fix = self.first_fix or sample
+            self._ways.add_fix(entry.stamp_s, sample)
         elif isinstance(sample, ImuSample):
+            self.most_gyro_radps = max(self.most_gyro_radps, *map(abs, sample.gyro_radps))
             self._pieces.add_imu(sample.gyro_radps, sample.accel_mps2)
         elif isinstance(sample, WheelSample | TwistSample):
             v_mps, yaw_radps = find_twist(sample, self._drive)
             self.most_mps = max(self.most_mps, abs(v_mps))
             self.most_radps = max(self.most_radps, abs(yaw_radps))
             self.driven_m += self._pieces.add_twist(entry.stamp_s, v_mps, yaw_radps)
+            self._ways.add_twist(entry.stamp_s, v_mps, yaw_radps)
+
+    @property
+    def way_ratio(self) -> float | None:
+        """How many times as far as the fixes the wheels moved; None of too short a way."""
+        return self._ways.ratio
 
 
 def find_twist(sample: WheelSample | TwistSample, drive: DriveSpec) -> tuple[float, float]:
@@ -93,6 +120,48 @@ def find_twist(sample: WheelSample | TwistSample, drive: DriveSpec) -> tuple[flo
     right_mps = drive.wheel_radius_m * (rear_right + front_right) / 2.0
     left_mps = drive.wheel_radius_m * (rear_left + front_left) / 2.0
     return (right_mps + left_mps) / 2.0, (right_mps - left_mps) / drive.effective_separation_m
+
+
+class _Ways:
+    """Ways of wheels and fixes, from where each was some seconds before, as the crow flies."""
+
+    def __init__(self) -> None:
+        self._frame: MapFrame | None = None
+        self._place_m = 0j
+        self._yaw_rad = 0.0
+        self._last: tuple[float, float] | None = None
+        self._mark: tuple[float, complex, complex] | None = None  # time, by fixes, by wheels
+        self._fixes_m = self._wheels_m = 0.0
+
+    @property
+    def ratio(self) -> float | None:
+        if max(self._fixes_m, self._wheels_m) < LEAST_WAY_M:
+            return None
+        return self._wheels_m / max(self._fixes_m, 1e-9)
+
+    def add_twist(self, t_s: float, v_mps: float, yaw_radps: float) -> None:
+        if self._last is not None and 0.0 < t_s - self._last[0] < 1.0:
+            dt_s = t_s - self._last[0]
+            self._place_m += cmath.rect(v_mps * dt_s, self._yaw_rad + yaw_radps * dt_s / 2.0)
+            self._yaw_rad += yaw_radps * dt_s
+        self._last = t_s, v_mps
+
+    def add_fix(self, t_s: float, fix: GnssFix) -> None:
+        if self._frame is None:
+            datum = Datum(lat_deg=fix.lat_deg, lon_deg=fix.lon_deg, alt_m=fix.alt_m)
+            self._frame = MapFrame(datum)
+        east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m)
+        here_m = complex(east_m, north_m)
+        if self._mark is None or t_s - self._mark[0] >= WAY_S:
+            if self._mark is not None:
+                self._count(abs(here_m - self._mark[1]), abs(self._place_m - self._mark[2]), fix)
+            self._mark = t_s, here_m, self._place_m
+
+    def _count(self, fixes_m: float, wheels_m: float, fix: GnssFix) -> None:
+        """Count a way that is more than the scatter of the fixes."""
+        if max(fixes_m, wheels_m) > max(LEAST_PIECE_M, WAY_SIGMA * fix.pos_std_m):
+            self._fixes_m += fixes_m
+            self._wheels_m += wheels_m
 
 
 class _Pieces:
@@ -148,11 +217,22 @@ def scan_log(
     scan = LogScan(drive)
 
     def note_all() -> Iterator[LogEntry]:
-        for count, entry in enumerate(log.entries()):
-            on_progress(count)
+        for entry in log.entries():
             scan.note(entry)
             yield entry
 
-    for entry in order_by_stamp(note_all()):
+    for entry in order_by_stamp(count_entries(note_all(), on_progress)):
         scan.add(entry)
     return scan
+
+
+def count_entries(
+    entries: Iterable[LogEntry], on_progress: Callable[[int], None]
+) -> Iterator[LogEntry]:
+    """Pass entries on, and report how many came."""
+    count = 0
+    for count, entry in enumerate(entries, 1):
+        if count % REPORT_EVERY == 0:
+            on_progress(count)
+        yield entry
+    on_progress(count)

@@ -61,3 +61,29 @@ class LocalizationRun(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     settings: tuple[str, ...] = ()
     rejected: dict[str, int] = {}
     stops: tuple[tuple[float, str], ...] = ()
+
+
+class SourceFact(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a sensor was read; times count from the first message of the log."""
+
+    sensor: str
+    source: str
+    kind: str
+    messages: int
+    measurements: int
+    from_s: float
+    to_s: float
+
+
+class LogFacts(msgspec.Struct, frozen=True, kw_only=True):
+    """What a log holds and how it was taken; `start_stamp_s` is the stamp of its first message.
+
+    `notes` say what is not used, not known or assumed, in words.
+    """
+
+    name: str
+    start_stamp_s: float
+    sources: tuple[SourceFact, ...]
+    mount: str
+    robot: tuple[str, ...]
+    notes: tuple[str, ...] = ()

@@ -1,0 +1,239 @@
+"""A log from its files to its figures: scan, checks, mounting, robot, and passes of the filter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from agribot.app.calibration.recorded_robot import read_measured_robot
+from agribot.app.localization.batches import make_batches
+from agribot.app.localization.localize import LogPass, Tap, localize
+from agribot.app.localization.log import LogChannel, LogEntry, LogSensor, RobotLog
+from agribot.app.localization.log_checks import check_scan
+from agribot.app.localization.log_files import find_own_recording, open_log
+from agribot.app.localization.log_robot import (
+    allow_speeds,
+    find_antenna_m,
+    set_antenna,
+    set_wheels,
+)
+from agribot.app.localization.log_scan import LogScan, count_entries, scan_log
+from agribot.app.localization.mounting import (
+    Frames,
+    choose_mount,
+    find_in_base,
+    list_mount_notes,
+)
+from agribot.app.localization.time_order import order_by_stamp
+from agribot.autonomy.estimate.imu_mount import ImuMount
+from agribot.core.config import RunConfig, assign, drop_none, from_tree
+from agribot.core.errors import ConfigError
+from agribot.core.geo import Datum
+from agribot.core.messages import SensorBatch, Vec3
+from agribot.core.robot import RobotSpec
+from agribot.description.loader import load_robot
+from agribot.record.localization.result import LocalizationRun, LogFacts, SourceFact
+from agribot.record.replay import read_config
+
+Progress = Callable[[int], None]
+DEFAULT_ROBOT = "agribot"
+# Our own recordings hold the IMU in the body's axes.
+IN_BODY = ImuMount(body_from_imu=np.eye(3), how="of the recording")
+_GROUPS = ("estimate", "field")  # of settings that the filter has
+
+
+class StudyOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What a person states of a log and of its robot; None: found, or the default."""
+
+    named: dict[LogSensor, str] = {}
+    robot: str | None = None
+    track_m: float | None = None
+    radius_m: float | None = None
+    antenna_body_m: Vec3 | None = None
+    imu_rpy_deg: Vec3 | None = None
+    ticks_per_turn: float | None = None
+    outages: tuple[tuple[float, float], ...] = ()
+    settings: tuple[str, ...] = ()
+    uses_log_times: bool = False
+
+
+class Study(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """A log that was scanned, with all that its passes need."""
+
+    log: RobotLog
+    scan: LogScan
+    mount: ImuMount
+    robot: RobotSpec
+    config: RunConfig
+    options: StudyOptions
+    facts: LogFacts
+    base: RunConfig | None = None  # of a recording of ours
+
+
+class RestampedLog:
+    """A log by the times of its recorder instead of its stamps."""
+
+    def __init__(self, log: RobotLog) -> None:
+        self._log = log
+        self.channels: tuple[LogChannel, ...] = log.channels
+        self.read_transforms = log.read_transforms
+
+    @property
+    def notes(self) -> list[str]:
+        return self._log.notes
+
+    def entries(self) -> Iterator[LogEntry]:
+        return (entry._replace(stamp_s=entry.logged_s) for entry in self._log.entries())
+
+
+def open_study(
+    paths: Sequence[Path],
+    options: StudyOptions,
+    make_progress: Callable[[int], Progress] = lambda total: lambda done: None,
+) -> Study:
+    """Open and scan a log.
+
+    Raises: RecordingError: no log, or one of which no pose can be made. ConfigError,
+    DescriptionError: what is stated does not fit.
+    """
+    own = find_own_recording(paths)
+    base = None if own is None else read_config(own)
+    config = make_config(options.settings, base)
+    log = open_log(paths, options.named, options.ticks_per_turn)
+    log = RestampedLog(log) if options.uses_log_times else log
+    robot = set_wheels(_load_robot(options, own, base), options.track_m, options.radius_m)
+    scan = scan_log(log, robot.drive, make_progress(sum(each.count for each in log.channels)))
+    notes = check_scan(log, scan)
+    frames = log.read_transforms()
+    mount = IN_BODY if own is not None else choose_mount(scan, options.imu_rpy_deg, frames, notes)
+    robot, antenna = _place_antenna(robot, options, frames, scan, is_own=own is not None)
+    drive = allow_speeds(robot.drive, scan.most_mps, scan.most_radps)
+    robot = msgspec.structs.replace(robot, drive=drive)
+    facts = LogFacts(
+        name=", ".join(path.name for path in paths),
+        start_stamp_s=scan.start_s,
+        sources=tuple(_list_sources(log, scan)),
+        mount=f"{mount.axes} ({mount.how})",
+        robot=(_describe_wheels(robot, options, own), antenna),
+        notes=tuple(dict.fromkeys([*log.notes, *notes, *list_mount_notes(mount)])),
+    )
+    study = Study(
+        log=log, scan=scan, mount=mount, robot=robot, options=options, facts=facts, base=base,
+        config=config,
+    )  # fmt: skip
+    return msgspec.structs.replace(study, config=_put_datum(config, study))
+
+
+def _load_robot(options: StudyOptions, own: Path | None, base: RunConfig | None) -> RobotSpec:
+    if options.robot is None and own is not None and base is not None:
+        return read_measured_robot(own, base)
+    return load_robot(options.robot or DEFAULT_ROBOT)
+
+
+def _place_antenna(
+    robot: RobotSpec, options: StudyOptions, frames: Frames, scan: LogScan, *, is_own: bool
+) -> tuple[RobotSpec, str]:
+    """Put the antenna where it is stated, or by its frame; return the robot and that in words."""
+    pose = find_in_base(frames, scan.main_frame("gnss"))
+    if options.antenna_body_m is not None:
+        place_m, how = options.antenna_body_m, "as stated"
+    elif options.robot is not None or is_own:
+        place_m, how = find_antenna_m(robot), f"of robot {robot.name}"
+    elif pose is not None:
+        x_m, y_m, z_m = pose[:3, 3].tolist()
+        place_m, how = (x_m, y_m, z_m), f"frame {scan.main_frame('gnss')}"
+    else:
+        place_m, how = (0.0, 0.0, 0.0), "assumed; state --antenna X,Y,Z"
+    where = ", ".join(f"{part:.2f}" for part in place_m)
+    return set_antenna(robot, place_m), f"antenna at {where} m of the body ({how})"
+
+
+def _describe_wheels(robot: RobotSpec, options: StudyOptions, own: Path | None) -> str:
+    drive = robot.drive
+    how = "of the recording" if own is not None else f"of robot {robot.name}"
+    if options.robot is None and own is None:
+        stated = options.track_m is not None or options.radius_m is not None
+        how = "as stated" if stated else "assumed; state --robot, or --track and --radius"
+    return (
+        f"wheels of {drive.wheel_radius_m:.3f} m radius, {drive.effective_separation_m:.2f} m "
+        f"apart ({how}); odometry that states speeds does not need them"
+    )
+
+
+def _list_sources(log: RobotLog, scan: LogScan) -> Iterator[SourceFact]:
+    for channel in log.channels:
+        times = scan.sensors.get(channel.sensor)
+        if times is not None:
+            yield SourceFact(
+                sensor=channel.sensor,
+                source=channel.source,
+                kind=channel.kind,
+                messages=times.count,
+                measurements=times.samples,
+                from_s=times.first_s - scan.start_s,
+                to_s=times.last_s - scan.start_s,
+            )
+
+
+def run_study(
+    study: Study,
+    changes: Sequence[str] = (),
+    taps: Sequence[Tap] = (),
+    on_progress: Progress = lambda done: None,
+) -> list[LocalizationRun]:
+    """Run the filter over the log: as it is and, where there are `changes`, with these as well.
+
+    Raises: RecordingError: the log cannot be read to its end. ConfigError: no such setting.
+    """
+    configs = [study.config]
+    if changes:
+        settings = (*study.options.settings, *changes)
+        configs.append(_put_datum(make_config(settings, study.base), study))
+    passes = [LogPass(config, study.robot, study.options.outages) for config in configs]
+    localize(_make_batches(study, on_progress), passes, taps)
+    fixes = study.scan.sensors["gnss"].samples
+    base = study.options.settings
+    return [
+        one.finish(fixes, settings)
+        for one, settings in zip(passes, (base, (*base, *changes)), strict=False)
+    ]
+
+
+def _make_batches(study: Study, on_progress: Progress) -> Iterator[SensorBatch]:
+    frame, frames = study.scan.main_frame("gnss"), study.scan.sensors["gnss"].frames
+    entries = (
+        entry
+        for entry in order_by_stamp(count_entries(study.log.entries(), on_progress))
+        if len(frames) < 2 or entry.sensor != "gnss" or entry.frame == frame
+    )
+    return make_batches(entries, study.scan.start_s, study.mount, study.robot.drive)
+
+
+def make_config(settings: Sequence[str], base: RunConfig | None = None) -> RunConfig:
+    """Make the settings of the filter, those of a recording or the defaults, with `a.b=c` on top.
+
+    Raises: ConfigError: no such setting, or one that the filter has not.
+    """
+    tree = drop_none(msgspec.to_builtins(base or RunConfig(profile="log")))
+    for setting in settings:
+        group = setting.partition("=")[0].split(".")[0].strip()
+        if group not in _GROUPS:
+            raise ConfigError(
+                f"{setting}: it has no effect on a log; settings of the filter begin with "
+                f"{' or '.join(f'{each}.' for each in _GROUPS)}"
+            )
+        assign(tree, setting)
+    return from_tree(tree, " ".join(settings))
+
+
+def _put_datum(config: RunConfig, study: Study) -> RunConfig:
+    """Put the origin of the map at the first fix; a recording of ours has one."""
+    fix = study.scan.first_fix
+    if fix is None or study.base is not None:
+        return config
+    datum = Datum(lat_deg=fix.lat_deg, lon_deg=fix.lon_deg, alt_m=fix.alt_m)
+    field = msgspec.structs.replace(config.field, datum=datum)
+    return msgspec.structs.replace(config, field=field)

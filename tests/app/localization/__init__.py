@@ -1,0 +1,1 @@
+"""Logs through the filter."""
