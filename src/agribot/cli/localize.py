@@ -17,11 +17,12 @@ from agribot.core import extras
 from agribot.core.errors import ConfigError
 
 if TYPE_CHECKING:
+    from agribot.app.localization.log import LogSensor
     from agribot.app.localization.study import Study, StudyOptions
     from agribot.core.messages import Vec3
     from agribot.record.localization.result import LocalizationRun
 
-_SENSORS = ("odom", "imu", "gnss", "mag")
+_SENSORS: tuple[LogSensor, ...] = ("odom", "imu", "gnss", "mag")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

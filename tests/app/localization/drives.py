@@ -260,7 +260,9 @@ def find_error_m(folder: Path, drive: Drive) -> FloatArray:
     poses = np.loadtxt(folder / "poses.tum", ndmin=2)
     # The map's origin is the first fix, the truth's is where the drive began.
     offset = drive.fixes[0, 1:3]
-    return np.hypot(*(poses[:, 1:3] + offset - drive.places(poses[:, 0] - START_S)).T)
+    off_m = poses[:, 1:3] + offset - drive.places(poses[:, 0] - START_S)
+    error_m: FloatArray = np.hypot(off_m[:, 0], off_m[:, 1])
+    return error_m
 
 
 def rotation_deg(roll: float, pitch: float, yaw: float) -> FloatArray:

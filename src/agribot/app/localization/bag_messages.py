@@ -7,12 +7,22 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from agribot.app.localization.log import LogSample, LogSensor, TwistSample
+from agribot.app.localization.places import check_place
+from agribot.app.localization.wheel_ticks import TickWheels
 from agribot.core.errors import BridgeError
-from agribot.core.messages import WheelSample
+from agribot.core.geo import wrap_rad
+from agribot.core.messages import GnssFix, WheelSample
+from agribot.core.pose import Pose2
 from agribot.ros.messages.gps_types import GPSFIX_ROS1, GPSFIX_ROS2, read_gps_fix
 from agribot.ros.messages.sensor_readers import read_fix, read_imu, read_mag, to_seconds
 
-ReadMessage = Callable[[Any], LogSample | None]
+# Takes a message and its stamp, s.
+ReadMessage = Callable[[Any, float], LogSample | None]
+# Makes a reader for one pass over a log: some remember the message before.
+MakeReader = Callable[[], ReadMessage]
+
+# A pose that moves on by more in a step began anew: s, m/s.
+LONGEST_STEP_S, FASTEST_MPS = 1.0, 30.0
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 STAMPED_TWIST = "geometry_msgs/msg/TwistStamped"
@@ -27,6 +37,50 @@ def read_twist(twist: Any) -> TwistSample:
     if not math.isfinite(v_mps + yaw_rate_radps):
         raise BridgeError(f"a twist of {v_mps} m/s and {yaw_rate_radps} rad/s is not finite")
     return TwistSample(t_s=0.0, v_mps=v_mps, yaw_rate_radps=yaw_rate_radps)
+
+
+class OdometryReader:
+    """Reads the twist; where that is zero, how far the pose moved since the message before."""
+
+    def __init__(self) -> None:
+        self._last: tuple[float, Pose2] | None = None
+
+    def __call__(self, message: Any, t_s: float) -> TwistSample:
+        stated = read_twist(message.twist.twist)
+        pose, last = _read_pose(message.pose.pose), self._last
+        self._last = t_s, pose
+        if stated.v_mps or stated.yaw_rate_radps or last is None:
+            return stated
+        dt_s = t_s - last[0]
+        if not 0.0 < dt_s < LONGEST_STEP_S:
+            return stated
+        ahead_m, _ = last[1].locate(pose.x_m, pose.y_m)
+        turned_rad = wrap_rad(pose.yaw_rad - last[1].yaw_rad)
+        if not abs(ahead_m) < FASTEST_MPS * dt_s:  # begun anew
+            return stated
+        return TwistSample(t_s=0.0, v_mps=ahead_m / dt_s, yaw_rate_radps=turned_rad / dt_s)
+
+
+def _read_pose(pose: Any) -> Pose2:
+    q, at = pose.orientation, pose.position
+    yaw_rad = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
+    return Pose2(float(at.x), float(at.y), yaw_rad)
+
+
+class CountReader:
+    """Reads the encoder counts of a left and a right wheel, each of a topic of its own."""
+
+    def __init__(self, ticks_per_turn: float) -> None:
+        self._wheels = TickWheels(ticks_per_turn)
+        self._left: float | None = None
+
+    def read_left(self, message: Any, _: float) -> None:
+        self._left = float(message.data)
+
+    def read_right(self, message: Any, t_s: float) -> WheelSample | None:
+        if self._left is None:
+            return None
+        return self._wheels.turn(t_s, self._left, float(message.data))
 
 
 def read_joints(message: Any) -> WheelSample | None:
@@ -66,26 +120,41 @@ def _mean_wheel(message: Any, at: list[int], side: str) -> tuple[float, float]:
     return angle_rad, speed_radps
 
 
+def read_named_fix(message: Any) -> GnssFix | None:
+    """Read a NavSatFix; the unit of a place that is none is named."""
+    if message.status.status >= 0:
+        check_place(float(message.latitude), float(message.longitude))
+    return read_fix(message, 0.0)
+
+
+def _make(read: Callable[[Any], LogSample | None]) -> MakeReader:
+    return lambda: lambda message, _: read(message)
+
+
 # By sensor, the types that are read, the most trusted first.
-READERS: Mapping[LogSensor, Mapping[str, ReadMessage]] = {
+READERS: Mapping[LogSensor, Mapping[str, MakeReader]] = {
     "gnss": {
-        "sensor_msgs/msg/NavSatFix": lambda m: read_fix(m, 0.0),
-        GPSFIX_ROS1: lambda m: read_gps_fix(m, 0.0),
-        GPSFIX_ROS2: lambda m: read_gps_fix(m, 0.0),
+        "sensor_msgs/msg/NavSatFix": _make(read_named_fix),
+        GPSFIX_ROS1: _make(lambda m: read_gps_fix(m, 0.0)),
+        GPSFIX_ROS2: _make(lambda m: read_gps_fix(m, 0.0)),
     },
-    "imu": {"sensor_msgs/msg/Imu": lambda m: read_imu(m, 0.0)},
+    "imu": {"sensor_msgs/msg/Imu": _make(lambda m: read_imu(m, 0.0))},
     "odom": {
-        ODOMETRY: lambda m: read_twist(m.twist.twist),
-        COVARIANCE_TWIST: lambda m: read_twist(m.twist.twist),
-        STAMPED_TWIST: lambda m: read_twist(m.twist),
-        JOINTS: read_joints,
-        TWIST: read_twist,
+        ODOMETRY: OdometryReader,
+        COVARIANCE_TWIST: _make(lambda m: read_twist(m.twist.twist)),
+        STAMPED_TWIST: _make(lambda m: read_twist(m.twist)),
+        JOINTS: _make(read_joints),
+        TWIST: _make(read_twist),
     },
     "mag": {
-        "sensor_msgs/msg/MagneticField": lambda m: read_mag(m.magnetic_field, 0.0),
-        "geometry_msgs/msg/Vector3Stamped": lambda m: read_mag(m.vector, 0.0),
+        "sensor_msgs/msg/MagneticField": _make(lambda m: read_mag(m.magnetic_field, 0.0)),
+        "geometry_msgs/msg/Vector3Stamped": _make(lambda m: read_mag(m.vector, 0.0)),
     },
 }
+COUNTS = tuple(
+    f"std_msgs/msg/{name}"
+    for name in ("Int16", "Int32", "Int64", "UInt32", "UInt64", "Float32", "Float64")
+)
 # A command and any vector have the same types: these are read only where their topic is named.
 ONLY_NAMED = frozenset({TWIST, "geometry_msgs/msg/Vector3Stamped"})
 

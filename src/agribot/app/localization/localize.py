@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import msgspec
 
-from agribot.app.localization.figures import FixFigures, OutageFigures, ThinTable
+from agribot.app.localization.figures import FixFigures, Offset, OutageFigures, ThinTable
 from agribot.app.localization.log_robot import find_antenna_m
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import RunConfig
 from agribot.core.geo import MapFrame
-from agribot.core.messages import Estimate, GnssFix, SensorBatch
+from agribot.core.messages import BaseFix, Estimate, GnssFix, GnssHeading, SensorBatch
 from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
 from agribot.record.localization.result import (
@@ -23,6 +23,8 @@ from agribot.record.localization.result import (
 
 MOST_STOPS = 200
 BEGUN = {"yaw", "position"}
+
+Sample = TypeVar("Sample", GnssFix, GnssHeading, BaseFix)
 
 
 class LocalizedTick(NamedTuple):
@@ -67,30 +69,25 @@ class LogPass:
         for fix in batch.gnss:
             self._add_fix(fix, judged)
         self._end_s = batch.t_s
-        return LocalizedTick(given, self._note(estimate) if has_begun else self._wait(estimate))
+        self._note(estimate, has_begun=has_begun)
+        return LocalizedTick(given, estimate if has_begun else None)
 
-    def _add_fix(self, fix: GnssFix, judged: dict[int, object]) -> None:
+    def _add_fix(self, fix: GnssFix, judged: dict[int, Offset | None]) -> None:
         is_given = id(fix) in judged
         pose: Pose2 | None = self.localizer.place(fix.t_s) if self._before is not None else None
-        off_m = self._fixes.add(fix, pose, judged.get(id(fix)), is_given=is_given)  # type: ignore[arg-type]
+        off_m = self._fixes.add(fix, pose, judged.get(id(fix)), is_given=is_given)
         for outage in self._outages:
             outage.add(fix.t_s, off_m)
 
-    def _note(self, estimate: Estimate) -> Estimate:
-        if self._begun is None:
-            self._begun = estimate.t_s, self._driven_m
+    def _note(self, estimate: Estimate, *, has_begun: bool) -> None:
         e = estimate
-        self._poses.append((e.t_s, e.x_map_m, e.y_map_m, e.yaw_map_rad, e.pos_std_m))
         self._note_reason(e)
-        self._before = e
         for outage in self._outages:
-            outage.move(e.t_s, self._driven_m, e)
-        return e
-
-    def _wait(self, estimate: Estimate) -> None:
-        self._note_reason(estimate)
-        for outage in self._outages:
-            outage.move(estimate.t_s, self._driven_m, None)
+            outage.move(e.t_s, self._driven_m, e if has_begun else None)
+        if has_begun:
+            self._begun = self._begun or (e.t_s, self._driven_m)
+            self._poses.append((e.t_s, e.x_map_m, e.y_map_m, e.yaw_map_rad, e.pos_std_m))
+            self._before = e
 
     def _note_reason(self, estimate: Estimate) -> None:
         """Note why the pose is not good, whenever that changes but for its numbers."""
@@ -151,7 +148,7 @@ def withhold(batch: SensorBatch, outages: Sequence[OutageFigures]) -> SensorBatc
     if not outages:
         return batch
 
-    def keep(samples: tuple) -> tuple:
+    def keep(samples: tuple[Sample, ...]) -> tuple[Sample, ...]:
         return tuple(s for s in samples if not any(outage.has(s.t_s) for outage in outages))
 
     return msgspec.structs.replace(

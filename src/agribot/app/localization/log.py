@@ -59,8 +59,15 @@ class LogChannel(msgspec.Struct, frozen=True, kw_only=True):
 class RobotLog(Protocol):
     """One or more files of a drive. `notes` are complete after a whole pass of `entries`."""
 
-    channels: tuple[LogChannel, ...]
-    notes: list[str]
+    @property
+    def channels(self) -> tuple[LogChannel, ...]:
+        """Where its sensors are read, one for each."""
+        ...
+
+    @property
+    def notes(self) -> list[str]:
+        """What is wrong with the files, in words."""
+        ...
 
     def entries(self) -> Iterator[LogEntry]:
         """Iterate over all samples in the order in which they were logged."""

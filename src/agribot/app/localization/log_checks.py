@@ -11,7 +11,6 @@ from agribot.app.localization.log import LogSensor, RobotLog
 from agribot.app.localization.log_scan import LogScan, SensorScan
 from agribot.autonomy.estimate.imu_mount import GRAVITY_MPS2, LEAST_GRAVITY_MPS2, SURE_RAD
 from agribot.core.errors import RecordingError
-from agribot.core.messages import FloatArray
 
 NEEDED: dict[LogSensor, str] = {
     "odom": "odometry: Odometry, TwistStamped or JointState; the wheels carry the pose",
@@ -25,8 +24,9 @@ DEGREES_PER_RAD = 180.0 / math.pi
 # Of a ratio that should be one, the range that no wrong unit reaches.
 LEAST_RATIO, MOST_RATIO = 0.4, 2.5
 MOST_RADPS = 40.0  # the range of gyros ends at 2000 degrees a second
-_FACTORS = {1e-3: "km", 1e3: "mm", 1e2: "cm", 3.6: "km/h", 1.0 / 0.3048: "feet",
-            DEGREES_PER_RAD: "radians instead of degrees"}  # fmt: skip
+_FACTORS = {1e-3: "km", 1e3: "mm", 1e2: "cm", 3.6: "km/h", 1.0 / 0.3048: "feet"}
+# A degree of longitude is shorter than one of latitude, as a robot drives both.
+LEAST_RADIANS_RATIO = 0.2 * DEGREES_PER_RAD
 
 
 def check_scan(log: RobotLog, scan: LogScan) -> list[str]:
@@ -146,12 +146,24 @@ def _check_way(log: RobotLog, scan: LogScan) -> None:
     ratio = scan.way_ratio
     if ratio is None or LEAST_RATIO < ratio < MOST_RATIO:
         return
+    _check_radians(log, scan, ratio)
     unit = next((unit for by, unit in _FACTORS.items() if 0.8 < ratio / by < 1.25), None)
     looks = f"they look like {unit}" if unit else "one of them has a wrong unit or size of wheel"
     raise RecordingError(
         f"{_name(log, 'odom')}: the wheels drove {ratio:.3g} times as far as {_name(log, 'gnss')} "
         f"moved; {looks}; write metres, and check --radius"
     )
+
+
+def _check_radians(log: RobotLog, scan: LogScan, ratio: float) -> None:
+    fix = scan.first_fix
+    assert fix is not None
+    is_small = abs(fix.lat_deg) <= math.pi / 2.0 and abs(fix.lon_deg) <= math.pi
+    if is_small and LEAST_RADIANS_RATIO < ratio < 1.25 * DEGREES_PER_RAD:
+        raise RecordingError(
+            f"{_name(log, 'gnss')}: latitude {fix.lat_deg:.6f}, longitude {fix.lon_deg:.6f} are "
+            f"radians: the wheels drove {ratio:.0f} times as far; write degrees"
+        )
 
 
 def _list_notes(log: RobotLog, scan: LogScan) -> Iterator[str]:
@@ -173,9 +185,9 @@ def _list_notes(log: RobotLog, scan: LogScan) -> Iterator[str]:
     if np.linalg.norm(scan.mount.gravity_mps2) < LEAST_GRAVITY_MPS2:
         yield f"{_name(log, 'imu')}: it subtracts gravity; slopes are not seen"
     slope = scan.mount.fit_turns()[0]
-    gain: FloatArray = np.linalg.norm(slope)
+    gain = float(np.linalg.norm(slope))
     if gain > 0.0 and not 0.8 < gain < 1.25:
         yield (
-            f"the gyro turns {float(gain):.2f} times as fast as the wheels; state --track, or the "
+            f"the gyro turns {gain:.2f} times as fast as the wheels; state --track, or the "
             "wheels skid"
         )

@@ -122,10 +122,10 @@ def _open_file(
     sensors: Sequence[LogSensor],
 ) -> RobotLog:  # fmt: skip
     if path.is_dir():
-        return BagLog(path, names)
+        return BagLog(path, names, ticks_per_turn)
     start = _read_start(path)
     if start.startswith(_BAG_STARTS):
-        return OwnLog(path) if _has_ticks(path) else BagLog(path, names)
+        return OwnLog(path) if _has_ticks(path) else BagLog(path, names, ticks_per_turn)
     if _UBX_SYNC in start or _has_sentences(start):
         return ReceiverLog(path)
     first_line = start.decode("utf-8-sig", "replace").partition("\n")[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from agribot.app.localization.log_scan import LogScan
 from agribot.core.messages import Vec3
 from agribot.core.robot import DriveSpec, Joint, Link, Origin, RobotSpec, SensorMount
 
@@ -49,3 +50,25 @@ def allow_speeds(drive: DriveSpec, most_mps: float, most_radps: float) -> DriveS
 def find_antenna_m(robot: RobotSpec) -> Vec3:
     x_m, y_m, z_m = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
     return x_m, y_m, z_m
+
+
+def fit_wheels(
+    robot: RobotSpec, scan: LogScan, *, has_radius: bool, has_track: bool
+) -> tuple[RobotSpec, tuple[str, ...]]:
+    """Find what is not stated of wheels that tell their turns: by the fixes and by the gyro.
+
+    Returns: the robot, and in words what was found.
+    """
+    drive, words = robot.drive, []
+    ratio, gain = scan.way_ratio, scan.turn_gain
+    radius_m = drive.wheel_radius_m
+    if not has_radius and ratio is not None:
+        radius_m /= ratio
+        words.append(f"wheel radius of {radius_m:.3f} m found from the fixes")
+    if not has_track and gain is not None:
+        grown = radius_m / drive.wheel_radius_m
+        track_m = drive.effective_separation_m * grown / gain
+        words.append(f"effective track of {track_m:.2f} m found from the gyro")
+        drive = msgspec.structs.replace(drive, track_m=track_m, yaw_multiplier=1.0)
+    drive = msgspec.structs.replace(drive, wheel_radius_m=radius_m)
+    return msgspec.structs.replace(robot, drive=drive), tuple(words)

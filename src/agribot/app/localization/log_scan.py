@@ -18,6 +18,7 @@ from agribot.core.robot import DriveSpec
 
 # IMU and wheels are compared over pieces of this length, s; longer ones than the second are gaps.
 PIECE_S, LONGEST_PIECE_S = 0.1, 0.5
+GAIN_STD_RATIO = 0.05  # 1 sigma of a gain that is known
 REPORT_EVERY = 1000  # entries, of progress
 STANDING_MPS, STANDING_RADPS = 1e-3, 1e-3
 # Ways of wheels and fixes are compared over so long, s, and where one is so long, m; the sum counts
@@ -68,6 +69,7 @@ class LogScan:
         self.sensors: dict[LogSensor, SensorScan] = {}
         self.mount = MountFit()
         self.first_fix: GnssFix | None = None
+        self.has_wheels = False  # their turns are told, not the robot's speed
         self.most_mps = self.most_radps = self.most_gyro_radps = self.driven_m = 0.0
         self._pieces = _Pieces(self.mount)
         self._ways = _Ways()
@@ -100,11 +102,19 @@ class LogScan:
             self.most_gyro_radps = max(self.most_gyro_radps, *map(abs, sample.gyro_radps))
             self._pieces.add_imu(sample.gyro_radps, sample.accel_mps2)
         elif isinstance(sample, WheelSample | TwistSample):
+            self.has_wheels = isinstance(sample, WheelSample)
             v_mps, yaw_radps = find_twist(sample, self._drive)
             self.most_mps = max(self.most_mps, abs(v_mps))
             self.most_radps = max(self.most_radps, abs(yaw_radps))
             self.driven_m += self._pieces.add_twist(entry.stamp_s, v_mps, yaw_radps)
             self._ways.add_twist(entry.stamp_s, v_mps, yaw_radps)
+
+    @property
+    def turn_gain(self) -> float | None:
+        """How many times as fast as the wheels the gyro turns; None of too few turns."""
+        slope, std = self.mount.fit_turns()
+        gain = float(np.linalg.norm(slope))
+        return gain if std < GAIN_STD_RATIO * gain else None
 
     @property
     def way_ratio(self) -> float | None:

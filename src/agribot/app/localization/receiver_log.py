@@ -22,7 +22,9 @@ class ReceiverLog:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.notes: list[str] = []
-        self.channels = (LogChannel(sensor="gnss", source=path.name, kind="NMEA or UBX"),)
+        self.channels: tuple[LogChannel, ...] = (
+            LogChannel(sensor="gnss", source=path.name, kind="NMEA or UBX"),
+        )
 
     def entries(self) -> Iterator[LogEntry]:
         decoder, dates = ReceiverDecoder(self._note), _Dates()
@@ -33,6 +35,8 @@ class ReceiverLog:
                     dates.feed(data)
                     for told_s, sample in decoder.feed(data):
                         stamp_s = told_s if told_s > _EPOCH_S else dates.add_to(told_s)
+                        if isinstance(sample, GnssHeading):
+                            stamp_s = logged_s  # of two antennas, by a clock without a date
                         logged_s = max(logged_s, stamp_s)
                         if stamp_s and isinstance(sample, GnssFix | GnssHeading):
                             yield LogEntry("gnss", stamp_s, logged_s, "", sample)

@@ -17,6 +17,7 @@ from agribot.app.localization.log_files import find_own_recording, open_log
 from agribot.app.localization.log_robot import (
     allow_speeds,
     find_antenna_m,
+    fit_wheels,
     set_antenna,
     set_wheels,
 )
@@ -105,8 +106,16 @@ def open_study(
     log = open_log(paths, options.named, options.ticks_per_turn)
     log = RestampedLog(log) if options.uses_log_times else log
     robot = set_wheels(_load_robot(options, own, base), options.track_m, options.radius_m)
-    scan = scan_log(log, robot.drive, make_progress(sum(each.count for each in log.channels)))
-    notes = check_scan(log, scan)
+    progress = make_progress(sum(each.count for each in log.channels))
+    scan = scan_log(log, robot.drive, progress)
+    fitted: tuple[str, ...] = ()
+    if scan.has_wheels and own is None and options.robot is None:
+        robot, fitted = fit_wheels(
+            robot, scan, has_radius=options.radius_m is not None,
+            has_track=options.track_m is not None,
+        )  # fmt: skip
+        scan = scan_log(log, robot.drive, progress) if fitted else scan
+    notes = [*check_scan(log, scan), *fitted]
     frames = log.read_transforms()
     mount = IN_BODY if own is not None else choose_mount(scan, options.imu_rpy_deg, frames, notes)
     robot, antenna = _place_antenna(robot, options, frames, scan, is_own=own is not None)
@@ -117,7 +126,7 @@ def open_study(
         start_stamp_s=scan.start_s,
         sources=tuple(_list_sources(log, scan)),
         mount=f"{mount.axes} ({mount.how})",
-        robot=(_describe_wheels(robot, options, own), antenna),
+        robot=(_describe_wheels(robot, scan, options, own), antenna),
         notes=tuple(dict.fromkeys([*log.notes, *notes, *list_mount_notes(mount)])),
     )
     study = Study(
@@ -151,15 +160,19 @@ def _place_antenna(
     return set_antenna(robot, place_m), f"antenna at {where} m of the body ({how})"
 
 
-def _describe_wheels(robot: RobotSpec, options: StudyOptions, own: Path | None) -> str:
+def _describe_wheels(
+    robot: RobotSpec, scan: LogScan, options: StudyOptions, own: Path | None
+) -> str:
+    if not scan.has_wheels:
+        return "wheels: the odometry states speeds, their size is not needed"
     drive = robot.drive
     how = "of the recording" if own is not None else f"of robot {robot.name}"
     if options.robot is None and own is None:
-        stated = options.track_m is not None or options.radius_m is not None
-        how = "as stated" if stated else "assumed; state --robot, or --track and --radius"
+        is_stated = options.track_m is not None and options.radius_m is not None
+        how = "as stated" if is_stated else "found; state --robot, or --track and --radius"
     return (
         f"wheels of {drive.wheel_radius_m:.3f} m radius, {drive.effective_separation_m:.2f} m "
-        f"apart ({how}); odometry that states speeds does not need them"
+        f"apart ({how})"
     )
 
 
@@ -194,7 +207,7 @@ def run_study(
         configs.append(_put_datum(make_config(settings, study.base), study))
     passes = [LogPass(config, study.robot, study.options.outages) for config in configs]
     localize(_make_batches(study, on_progress), passes, taps)
-    fixes = study.scan.sensors["gnss"].samples
+    fixes = study.scan.sensors["gnss"].frames[study.scan.main_frame("gnss")]
     base = study.options.settings
     return [
         one.finish(fixes, settings)

@@ -19,11 +19,11 @@ Names = Mapping[str, float]
 class Column(NamedTuple):
     """Where a value stands, and its factor to SI."""
 
-    index: int
+    at: int
     factor: float
 
     def read(self, cells: Sequence[str]) -> float:
-        return float(cells[self.index]) * self.factor
+        return float(cells[self.at]) * self.factor
 
 
 TIMES: Names = {

@@ -7,8 +7,9 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TextIO
 
-from agribot.app.localization import table_columns as at
+from agribot.app.localization import table_columns
 from agribot.app.localization.log import LogChannel, LogEntry, LogSample, LogSensor, TwistSample
 from agribot.app.localization.places import check_place
 from agribot.app.localization.table_columns import Column, Columns, TimeColumn
@@ -91,7 +92,7 @@ class TableLog:
     def read_transforms(self) -> dict[str, tuple[str, FloatArray]]:
         return {}
 
-    def _open(self):  # type: ignore[no-untyped-def]
+    def _open(self) -> TextIO:
         try:
             return self.path.open(newline="", encoding="utf-8-sig")
         except OSError as error:
@@ -115,11 +116,14 @@ def make_readers(ticks_per_turn: float | None) -> dict[LogSensor, MakeReader]:
 
 
 def read_fixes(columns: Columns) -> ReadRow | None:
-    lat, lon = columns.find(at.LATITUDE), columns.find(at.LONGITUDE)
+    lat, lon = columns.find(table_columns.LATITUDE), columns.find(table_columns.LONGITUDE)
     if lat is None or lon is None:
         return None
-    alt, std, variance = (columns.find(names) for names in (at.ALTITUDE, at.STD, at.VARIANCE))
-    quality, status = columns.find(at.QUALITY), columns.find(at.STATUS)
+    alt, std, variance = (
+        columns.find(names)
+        for names in (table_columns.ALTITUDE, table_columns.STD, table_columns.VARIANCE)
+    )
+    quality, status = columns.find(table_columns.QUALITY), columns.find(table_columns.STATUS)
 
     def read(_: float, cells: Sequence[str]) -> GnssFix | None:
         known = _read_quality(cells, quality, status)
@@ -128,13 +132,13 @@ def read_fixes(columns: Columns) -> ReadRow | None:
         lat_deg, lon_deg = lat.read(cells), lon.read(cells)
         check_place(lat_deg, lon_deg)
         std_m = USUAL_STD_M
-        if std is not None and cells[std.index].strip():
+        if std is not None and cells[std.at].strip():
             std_m = std.read(cells)
         elif variance is not None and variance.read(cells) > 0.0:
             std_m = math.sqrt(variance.read(cells))
         return GnssFix(
             t_s=0.0, lat_deg=lat_deg, lon_deg=lon_deg,
-            alt_m=alt.read(cells) if alt is not None and cells[alt.index].strip() else 0.0,
+            alt_m=alt.read(cells) if alt is not None and cells[alt.at].strip() else 0.0,
             pos_std_m=std_m, quality=known,
         )  # fmt: skip
 
@@ -144,7 +148,7 @@ def read_fixes(columns: Columns) -> ReadRow | None:
 def _read_quality(
     cells: Sequence[str], quality: Column | None, status: Column | None
 ) -> GnssQuality:
-    if quality is not None and cells[quality.index].strip():
+    if quality is not None and cells[quality.at].strip():
         number = int(quality.read(cells))
         return GnssQuality(number) if number in set(GnssQuality) else GnssQuality.SINGLE
     if status is not None:
@@ -153,7 +157,10 @@ def _read_quality(
 
 
 def read_imu(columns: Columns) -> ReadRow | None:
-    gyro, accel = columns.find_parts(at.GYRO, AXES), columns.find_parts(at.ACCEL, AXES)
+    gyro, accel = (
+        columns.find_parts(table_columns.GYRO, AXES),
+        columns.find_parts(table_columns.ACCEL, AXES),
+    )
     if not gyro or not accel:
         return None
 
@@ -168,7 +175,7 @@ def read_imu(columns: Columns) -> ReadRow | None:
 
 
 def read_mag(columns: Columns) -> ReadRow | None:
-    mag = columns.find_parts(at.MAG, AXES)
+    mag = columns.find_parts(table_columns.MAG, AXES)
     if not mag:
         return None
 
@@ -182,20 +189,20 @@ def read_mag(columns: Columns) -> ReadRow | None:
 
 
 def read_wheels(columns: Columns, ticks_per_turn: float | None) -> ReadRow | None:
-    speed, yaw_rate = columns.find(at.SPEED), columns.find(at.YAW_RATE)
+    speed, yaw_rate = columns.find(table_columns.SPEED), columns.find(table_columns.YAW_RATE)
     if speed is not None and yaw_rate is not None:
         return lambda _, cells: (
             None
             if _is_empty(cells, (speed, yaw_rate))
             else TwistSample(t_s=0.0, v_mps=speed.read(cells), yaw_rate_radps=yaw_rate.read(cells))
         )
-    pairs: list[tuple[at.Names, Callable[[float, float, float], LogSample]]] = [
-        (at.RADPS, SpeedWheels().turn),
-        (at.RAD, TickWheels(math.tau).turn_angles),
-        (at.TICKS, _count_ticks(ticks_per_turn)),
+    pairs: list[tuple[table_columns.Names, Callable[[float, float, float], LogSample]]] = [
+        (table_columns.RADPS, SpeedWheels().turn),
+        (table_columns.RAD, TickWheels(math.tau).turn_angles),
+        (table_columns.TICKS, _count_ticks(ticks_per_turn)),
     ]
     for names, turn in pairs:
-        sides = columns.find_parts(names, at.SIDES)
+        sides = columns.find_parts(names, table_columns.SIDES)
         if sides:
             return _read_pair(sides, turn)
     return None
@@ -221,7 +228,7 @@ def _count_ticks(ticks_per_turn: float | None) -> Callable[[float, float, float]
 
 
 def _is_empty(cells: Sequence[str], columns: Sequence[Column]) -> bool:
-    return any(len(cells) <= column.index or not cells[column.index].strip() for column in columns)
+    return any(len(cells) <= column.at or not cells[column.at].strip() for column in columns)
 
 
 def has_header(first_line: str) -> bool:

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
 from agribot.core.messages import FloatArray
 from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure, sample_every
 from agribot.record.localization.result import LocalizationRun
-from agribot.record.map_figure import add_scale_bar
 
 COLOURS = (BLUE, ORANGE)
 NAMES = ("estimate", "with the changes")
@@ -33,9 +33,6 @@ def draw_map(runs: Sequence[LocalizationRun]) -> Figure:
     for run, colour, name in zip(runs, COLOURS, NAMES, strict=False):
         if len(run.poses):
             _draw_way(axes, run.poses, colour, name)
-    x_min, width_m = _find_extent(fixes[:, 1], [run.poses[:, 1] for run in runs])
-    y_min, _ = _find_extent(fixes[:, 2], [run.poses[:, 2] for run in runs])
-    add_scale_bar(axes, x_min, y_min, width_m)
     axes.set(xlabel="East of the first fix (m)", ylabel="North of the first fix (m)")
     axes.set_aspect("equal", adjustable="datalim")
     _place_legend(axes)
@@ -43,8 +40,6 @@ def draw_map(runs: Sequence[LocalizationRun]) -> Figure:
 
 
 def _draw_way(axes: Axes, poses: FloatArray, colour: str, name: str) -> None:
-    from matplotlib.patches import Circle
-
     way = sample_every(poses, 4000)
     axes.plot(way[:, 1], way[:, 2], color=colour, linewidth=1.8, label=name, zorder=4)
     axes.plot(
@@ -109,11 +104,6 @@ def _shade_outages(axes: Axes, run: LocalizationRun) -> None:
             outage.from_s, outage.to_s, color=RED, alpha=0.08, linewidth=0,
             label=None if number else "fixes withheld",
         )  # fmt: skip
-
-
-def _find_extent(first: FloatArray, others: Sequence[FloatArray]) -> tuple[float, float]:
-    values = np.concatenate([first, *others])
-    return float(values.min()), float(np.ptp(values))
 
 
 def _place_legend(axes: Axes) -> None:
