@@ -164,6 +164,21 @@ class Messages:
             np.zeros(9),
         )  # fmt: skip
 
+    def frame(self, parent: str, child: str, roll_deg: float, yaw_deg: float) -> Any:
+        """A fixed frame, 0.3 m ahead of its parent and 1.2 m above it."""
+        roll, yaw = np.radians([roll_deg, yaw_deg]) / 2.0
+        turn = (
+            np.sin(roll) * np.cos(yaw), np.sin(roll) * np.sin(yaw),
+            np.cos(roll) * np.sin(yaw), np.cos(roll) * np.cos(yaw),
+        )  # fmt: skip
+        return self.make(
+            "geometry_msgs/msg/TransformStamped", self.header(0.0, parent), child,
+            self.make(
+                "geometry_msgs/msg/Transform", self.vector(0.3, 0.0, 1.2),
+                self.make("geometry_msgs/msg/Quaternion", *map(float, turn)),
+            ),
+        )  # fmt: skip
+
     def list(self) -> list[Message]:
         """All messages in the order of their times."""
         drive = self.drive

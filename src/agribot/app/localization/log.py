@@ -17,8 +17,10 @@ from agribot.core.messages import (
     WheelSample,
 )
 
-LogSensor = Literal["gnss", "imu", "odom", "mag"]
+LogSensor = Literal["gnss", "imu", "odom", "mag", "base", "heading"]
+# Those that have a channel of their own; a base and the heading of two antennas come with GNSS.
 LOG_SENSORS: tuple[LogSensor, ...] = ("gnss", "imu", "odom", "mag")
+WITH_GNSS: tuple[LogSensor, ...] = ("base", "heading")
 
 
 class TwistSample(msgspec.Struct, frozen=True, kw_only=True):
@@ -76,9 +78,3 @@ class RobotLog(Protocol):
     def read_transforms(self) -> dict[str, tuple[str, FloatArray]]:
         """Read the fixed frames: child -> parent and `parent_from_child` (4, 4)."""
         ...
-
-
-def list_missing(log: RobotLog) -> tuple[LogSensor, ...]:
-    """List the sensors that the log has not, in the order of LOG_SENSORS."""
-    has = {channel.sensor for channel in log.channels}
-    return tuple(sensor for sensor in LOG_SENSORS if sensor not in has)

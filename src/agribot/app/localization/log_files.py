@@ -7,7 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from agribot.app.localization.bag_log import BagLog
-from agribot.app.localization.log import LOG_SENSORS, LogChannel, LogEntry, LogSensor, RobotLog
+from agribot.app.localization.log import (
+    LOG_SENSORS,
+    WITH_GNSS,
+    LogChannel,
+    LogEntry,
+    LogSensor,
+    RobotLog,
+)
 from agribot.app.localization.own_log import OwnLog
 from agribot.app.localization.receiver_log import ReceiverLog
 from agribot.app.localization.table_log import TableLog, has_header
@@ -27,7 +34,8 @@ class SelectedLog:
     """Some of the sensors of a log."""
 
     def __init__(self, log: RobotLog, sensors: frozenset[LogSensor]) -> None:
-        self._log, self._sensors = log, sensors
+        self._log = log
+        self._sensors = sensors.union(WITH_GNSS if "gnss" in sensors else ())
         self.channels = tuple(each for each in log.channels if each.sensor in sensors)
         self.notes = log.notes
 

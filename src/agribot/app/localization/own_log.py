@@ -36,5 +36,6 @@ def _list_samples(batch: SensorBatch) -> Iterator[tuple[LogSensor, LogSample]]:
     yield from (("imu", sample) for sample in batch.imu)
     yield from (("odom", sample) for sample in batch.wheels)
     yield from (("mag", sample) for sample in batch.mag)
-    for each in (batch.base, batch.gnss, batch.headings):
-        yield from (("gnss", sample) for sample in each)
+    yield from (("base", sample) for sample in batch.base)
+    yield from (("gnss", sample) for sample in batch.gnss)
+    yield from (("heading", sample) for sample in batch.headings)

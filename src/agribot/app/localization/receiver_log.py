@@ -13,6 +13,7 @@ from agribot.drivers import nmea
 from agribot.drivers.receiver import ReceiverDecoder
 
 BLOCK_BYTES = 4096
+DATE_BYTES = 1 << 20  # of the beginning, in which a date is sought
 _EPOCH_S = 10 * 365 * nmea.DAY_S  # stamps above it have a date
 
 
@@ -27,25 +28,32 @@ class ReceiverLog:
         )
 
     def entries(self) -> Iterator[LogEntry]:
-        decoder, dates = ReceiverDecoder(self._note), _Dates()
+        decoder = ReceiverDecoder(self._note)
+        midnight_s = _find_midnight(next(self._read(DATE_BYTES), b""))
         logged_s = 0.0
+        for data in self._read(BLOCK_BYTES):
+            for told_s, sample in decoder.feed(data):
+                if isinstance(sample, GnssFix):
+                    # Without a date a stamp counts from the midnight before the first, and a day.
+                    has_date = told_s > _EPOCH_S
+                    stamp_s = told_s if has_date else told_s - nmea.DAY_S + midnight_s
+                    logged_s = max(logged_s, stamp_s)
+                    yield LogEntry("gnss", stamp_s, logged_s, "", sample)
+                elif isinstance(sample, GnssHeading) and logged_s:
+                    # Of the same epoch, by a clock without a date.
+                    yield LogEntry("heading", logged_s, logged_s, "", sample)
+        if decoder.broken:
+            self._note(f"{decoder.broken} messages with a wrong checksum left out")
+
+    def _read(self, size: int) -> Iterator[bytes]:
         try:
             with self.path.open("rb") as file:
-                while data := file.read(BLOCK_BYTES):
-                    dates.feed(data)
-                    for told_s, sample in decoder.feed(data):
-                        stamp_s = told_s if told_s > _EPOCH_S else dates.add_to(told_s)
-                        if isinstance(sample, GnssHeading):
-                            stamp_s = logged_s  # of two antennas, by a clock without a date
-                        logged_s = max(logged_s, stamp_s)
-                        if stamp_s and isinstance(sample, GnssFix | GnssHeading):
-                            yield LogEntry("gnss", stamp_s, logged_s, "", sample)
+                while data := file.read(size):
+                    yield data
         except OSError as error:
             raise RecordingError(
                 f"cannot read {self.path}: {error.strerror or error}; check the path"
             ) from error
-        if decoder.broken:
-            self._note(f"{decoder.broken} messages with a wrong checksum left out")
 
     def read_transforms(self) -> dict[str, tuple[str, FloatArray]]:
         return {}
@@ -56,21 +64,11 @@ class ReceiverLog:
             self.notes.append(note)
 
 
-class _Dates:
-    """The day of sentences, from RMC or ZDA."""
-
-    def __init__(self) -> None:
-        self._sentences = nmea.SentenceDecoder()
-        self._midnight_s: float | None = None
-
-    def feed(self, data: bytes) -> None:
-        for sentence in self._sentences.feed(data):
-            if self._midnight_s is None and sentence.kind in ("RMC", "ZDA"):
-                self._midnight_s = _read_midnight(sentence)
-
-    def add_to(self, stamp_s: float) -> float:
-        """Put the first day in front of a stamp, which counts on from it, less one day."""
-        return stamp_s - nmea.DAY_S + (self._midnight_s or 0.0) if stamp_s else 0.0
+def _find_midnight(data: bytes) -> float:
+    """Find the first date of a receiver, as seconds since 1970; 0 without one."""
+    sentences = nmea.SentenceDecoder().feed(data)
+    dates = (_read_midnight(each) for each in sentences if each.kind in ("RMC", "ZDA"))
+    return next((date for date in dates if date is not None), 0.0)
 
 
 def _read_midnight(sentence: nmea.Sentence) -> float | None:

@@ -40,6 +40,8 @@ from agribot.record.localization.result import LocalizationRun, LogFacts, Source
 from agribot.record.replay import read_config
 
 Progress = Callable[[int], None]
+# Passes over a log for wheels that nobody stated, and the change of their radius that ends them.
+FIT_ROUNDS, FITTED_RATIO = 3, 0.01
 DEFAULT_ROBOT = "agribot"
 # Our own recordings hold the IMU in the body's axes.
 IN_BODY = ImuMount(body_from_imu=np.eye(3), how="of the recording")
@@ -110,11 +112,7 @@ def open_study(
     scan = scan_log(log, robot.drive, progress)
     fitted: tuple[str, ...] = ()
     if scan.has_wheels and own is None and options.robot is None:
-        robot, fitted = fit_wheels(
-            robot, scan, has_radius=options.radius_m is not None,
-            has_track=options.track_m is not None,
-        )  # fmt: skip
-        scan = scan_log(log, robot.drive, progress) if fitted else scan
+        robot, scan, fitted = _fit_wheels(log, robot, scan, options, progress)
     notes = [*check_scan(log, scan), *fitted]
     frames = log.read_transforms()
     mount = IN_BODY if own is not None else choose_mount(scan, options.imu_rpy_deg, frames, notes)
@@ -134,6 +132,25 @@ def open_study(
         config=config,
     )  # fmt: skip
     return msgspec.structs.replace(study, config=_put_datum(config, study))
+
+
+def _fit_wheels(
+    log: RobotLog, robot: RobotSpec, scan: LogScan, options: StudyOptions, progress: Progress
+) -> tuple[RobotSpec, LogScan, tuple[str, ...]]:
+    """Find wheels that nobody stated; the better the track, the better the radius."""
+    words: tuple[str, ...] = ()
+    for _ in range(FIT_ROUNDS):
+        before = robot.drive
+        robot, words = fit_wheels(
+            robot, scan, has_radius=options.radius_m is not None,
+            has_track=options.track_m is not None,
+        )  # fmt: skip
+        if not words:
+            break
+        scan = scan_log(log, robot.drive, progress)
+        if abs(robot.drive.wheel_radius_m / before.wheel_radius_m - 1.0) < FITTED_RATIO:
+            break
+    return robot, scan, words
 
 
 def _load_robot(options: StudyOptions, own: Path | None, base: RunConfig | None) -> RobotSpec:
