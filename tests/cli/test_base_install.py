@@ -24,6 +24,7 @@ COMMANDS = {
     "run": ("--out {out}/run", "sim"),
     "sim": ("--for 1 --out {out}/sim", "sim"),
     "report": ("{run}/run.mcap -o {out}/report", "report"),
+    "localize": ("{run} --out {out}/poses", "report"),
     "replay": ("{run}/run.mcap --check", ""),
     "bag info": ("{run}/run.mcap", ""),
     "bag convert": ("{run}/run.mcap {out}/run.bag", ""),

@@ -28,6 +28,8 @@ def test_a_bag_with_fixes_only_shows_its_track_and_says_what_is_missing(
     assert result["distance"] == {"driven, by /fix": 50}
     assert any("raw heading" in word for word in result["missing"])
     assert any("speed" in word for word in result["missing"])
+    assert any(word.startswith("poses: the log has no odometry") for word in result["missing"])
+    assert result["localization"] is None
     assert "missing: speed" in said.err
     names = {p.name for p in out.iterdir()}
     assert names == {"report.html", "report.json", "track.png", "distance.png"}

@@ -17,7 +17,7 @@ from agribot.app.tasks import TakenPlans
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core import extras
 from agribot.core.config import RunConfig
-from agribot.core.errors import RecordingError
+from agribot.core.errors import AgribotError, RecordingError
 from agribot.core.messages import Row
 from agribot.core.platforms import find_platform
 from agribot.record.events import EventLog
@@ -27,6 +27,7 @@ from agribot.record.series import RunData, SeriesTap
 if TYPE_CHECKING:
     from agribot.autonomy.implements.zones import ZoneMap
     from agribot.record.bag.source import Bag
+    from agribot.record.foreign_page import Localized
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -136,7 +137,10 @@ def _report_foreign(options: argparse.Namespace) -> int:
     from agribot.record.foreign_page import write_foreign_report
 
     data = read_foreign(options.recording)
-    summary = write_foreign_report(options.out, options.recording, data)
+    localized, why = _try_filter(options.recording)
+    if why:
+        data = msgspec.structs.replace(data, missing=(*data.missing, f"poses: {why}"))
+    summary = write_foreign_report(options.out, options.recording, data, localized)
     for word in (*data.missing, *data.notes):
         sys.stderr.write(f"missing: {word}\n" if word in data.missing else f"note: {word}\n")
     if options.json:
@@ -144,3 +148,14 @@ def _report_foreign(options: argparse.Namespace) -> int:
     else:
         sys.stdout.write(f"{options.out}/report.html\n")
     return 0
+
+
+def _try_filter(recording: Path) -> tuple[Localized | None, str]:
+    """Run the filter over a recording; return what came of it, or why it could not be done."""
+    from agribot.app.localization.study import StudyOptions, open_study, run_study
+
+    try:
+        study = open_study([recording], StudyOptions())
+        return (run_study(study), study.facts), ""
+    except AgribotError as error:
+        return None, str(error)

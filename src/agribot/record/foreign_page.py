@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -22,15 +23,23 @@ from agribot.record.drawing import (
     sample_every,
 )
 from agribot.record.foreign import ForeignData, PlotLine
+from agribot.record.localization.page import render_sections
+from agribot.record.localization.result import LocalizationRun, LogFacts
 from agribot.record.report import write_file
 
 _COLOURS = (BLUE, ORANGE, GREEN, RED, GREY)
 
 
-def write_foreign_report(folder: Path, recording: Path, data: ForeignData) -> dict[str, object]:
+Localized = tuple[Sequence[LocalizationRun], LogFacts]
+
+
+def write_foreign_report(
+    folder: Path, recording: Path, data: ForeignData, localized: Localized | None = None
+) -> dict[str, object]:
     """Write report.html, report.json, heading.png, distance.png, speed.png and track.png.
 
-    A plot without data is not written. Returns what report.json says.
+    A plot without data is not written; `localized` is what the filter made of the recording.
+    Returns what report.json says.
     Raises: RecordingError: a file cannot be written.
     """
     figures = {
@@ -43,9 +52,10 @@ def write_foreign_report(folder: Path, recording: Path, data: ForeignData) -> di
         if figure is not None:
             write_file(folder / f"{name}.png", encode_png(figure))
     summary = _summarise(recording, data)
+    summary["localization"] = None if localized is None else localized[0][0].result
     text = msgspec.json.format(msgspec.json.encode(summary), indent=2)
     write_file(folder / "report.json", text + b"\n")
-    write_file(folder / "report.html", _render_page(recording, data, figures).encode())
+    write_file(folder / "report.html", _render_page(recording, data, figures, localized).encode())
     return summary
 
 
@@ -109,7 +119,12 @@ def _draw_track(lines: tuple[PlotLine, ...]) -> Figure | None:
     return figure
 
 
-def _render_page(recording: Path, data: ForeignData, figures: dict[str, Figure | None]) -> str:
+def _render_page(
+    recording: Path,
+    data: ForeignData,
+    figures: dict[str, Figure | None],
+    localized: Localized | None,
+) -> str:
     css = resources.files("agribot.record").joinpath("report.css").read_text("utf-8")
     name = escape(recording.name)
     cards = "".join(
@@ -126,5 +141,11 @@ def _render_page(recording: Path, data: ForeignData, figures: dict[str, Figure |
         f"<title>{name}</title>\n<style>\n{css}</style>\n</head>\n<body>\n<main>\n"
         f'<header><p class="eyebrow">Recording without the report of a run</p>\n<h1>{name}</h1>\n'
         f"<p>{data.messages} messages in {data.duration_s:.1f} s</p></header>\n"
-        f"{missing}\n{cards}</main>\n</body>\n</html>\n"
+        f"{missing}\n{cards}{_render_poses(localized)}</main>\n</body>\n</html>\n"
     )
+
+
+def _render_poses(localized: Localized | None) -> str:
+    if localized is None:
+        return ""
+    return f"<h2>Poses by the robot's filter</h2>\n{render_sections(*localized)}\n"

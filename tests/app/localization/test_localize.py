@@ -19,8 +19,9 @@ from agribot.cli.main import main
 from agribot.core import topics
 from agribot.core.config import load
 from agribot.core.errors import ConfigError
+from agribot.core.geo import MapFrame
 from agribot.description.loader import export_urdf, load_robot
-from agribot.record.bag.definitions import ros2_store
+from agribot.record.bag.definitions import ros1_store, ros2_store
 from agribot.record.bag.opening import open_bag
 from agribot.record.recorder import RunRecorder
 from tests.app.localization import drives
@@ -117,7 +118,7 @@ def test_poses_stand_in_three_files_with_the_stamps_of_the_log(ran: Ran) -> None
     stated = np.array([float(row["yaw_map_rad"]) for row in rows])
     assert np.exp(1j * yaw_rad) == pytest.approx(np.exp(1j * stated), abs=1e-4)
     last = ran.drive.truth[-1]
-    frame = drives.MapFrame(drives.DATUM)
+    frame = MapFrame(drives.DATUM)
     east_m, north_m, _ = frame.map_from_geodetic(
         float(rows[-1]["lat_deg"]), float(rows[-1]["lon_deg"]), drives.DATUM.alt_m
     )
@@ -247,6 +248,18 @@ def test_a_thin_table_keeps_its_ends_and_a_bounded_number_of_rows() -> None:
     rows = table.to_array()
     assert len(rows) <= 100 and rows[0, 0] == 0.0
     assert len(set(np.diff(rows[:, 0]))) == 1 and rows[-1, 0] > 9_800.0
+
+
+def test_a_report_of_a_foreign_bag_shows_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = make_drive(duration_s=25.0)
+    drives.write_ros1(tmp_path / "a.bag", Messages(drive, ros1_store()).list())
+    assert main(["report", str(tmp_path / "a.bag"), "-o", str(tmp_path / "out"), "--json"]) == 0
+    line = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert list(line["localization"]) == KEYS
+    assert line["localization"]["fixes"] == len(drive.fixes)
+    assert "Fixes and estimate" in (tmp_path / "out" / "report.html").read_text()
 
 
 HUSKY = Path(os.environ.get("AGRIBOT_DATA", "")) / "husky-log" / "husky.bag"

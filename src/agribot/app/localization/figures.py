@@ -39,7 +39,7 @@ class ThinTable:
         return np.array(self._rows, dtype=float).reshape(-1, self._columns)
 
 
-class Offset(NamedTuple):
+class FixOffset(NamedTuple):
     """How far a fix lies off a pose, m, and its squared distance by both sigmas."""
 
     off_m: float
@@ -62,7 +62,7 @@ class FixFigures:
         east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m)
         return east_m, north_m
 
-    def judge(self, fix: GnssFix, before: Estimate | None) -> Offset | None:
+    def judge(self, fix: GnssFix, before: Estimate | None) -> FixOffset | None:
         """Hold a fix that is given against the estimate before it."""
         self.given += 1
         if before is None:
@@ -74,7 +74,7 @@ class FixFigures:
         return offset
 
     def add(
-        self, fix: GnssFix, pose: Pose2 | None, judged: Offset | None, *, is_given: bool
+        self, fix: GnssFix, pose: Pose2 | None, judged: FixOffset | None, *, is_given: bool
     ) -> float | None:
         """Add a fix with the pose of its time that came of it; return how far it lies off, m."""
         x_m, y_m = self.locate(fix)
@@ -87,7 +87,7 @@ class FixFigures:
         self.table.append((fix.t_s, x_m, y_m, fix.pos_std_m, off, nis, float(is_given)))
         return off_m
 
-    def compare(self, fix: GnssFix, pose: Pose2, estimate: Estimate) -> Offset:
+    def compare(self, fix: GnssFix, pose: Pose2, estimate: Estimate) -> FixOffset:
         x_m, y_m = self._find_antenna(pose)
         east_m, north_m = self.locate(fix)
         off = np.array([east_m - x_m, north_m - y_m])
@@ -95,7 +95,7 @@ class FixFigures:
         by_pose = np.array([[1.0, 0.0, -lever[1]], [0.0, 1.0, lever[0]]])
         cov = by_pose @ np.reshape(estimate.pose_cov, (3, 3)) @ by_pose.T
         cov += np.eye(2) * fix.pos_std_m**2
-        return Offset(float(np.linalg.norm(off)), float(off @ np.linalg.solve(cov, off)))
+        return FixOffset(float(np.linalg.norm(off)), float(off @ np.linalg.solve(cov, off)))
 
     def _find_antenna(self, pose: Pose2) -> tuple[float, float]:
         ahead_m, left_m = pose.rotate(*self._antenna_body_m[:2])

@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeVar
 
 import msgspec
 
-from agribot.app.localization.figures import FixFigures, Offset, OutageFigures, ThinTable
+from agribot.app.localization.figures import FixFigures, FixOffset, OutageFigures, ThinTable
 from agribot.app.localization.log_robot import find_antenna_m
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import RunConfig
@@ -72,7 +72,7 @@ class LogPass:
         self._note(estimate, has_begun=has_begun)
         return LocalizedTick(given, estimate if has_begun else None)
 
-    def _add_fix(self, fix: GnssFix, judged: dict[int, Offset | None]) -> None:
+    def _add_fix(self, fix: GnssFix, judged: dict[int, FixOffset | None]) -> None:
         is_given = id(fix) in judged
         pose: Pose2 | None = self.localizer.place(fix.t_s) if self._before is not None else None
         off_m = self._fixes.add(fix, pose, judged.get(id(fix)), is_given=is_given)

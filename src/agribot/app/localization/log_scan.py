@@ -11,7 +11,7 @@ import numpy as np
 
 from agribot.app.localization.log import LogEntry, LogSensor, RobotLog, TwistSample
 from agribot.app.localization.time_order import order_by_stamp
-from agribot.autonomy.estimate.imu_mount import MountFit
+from agribot.autonomy.estimate.imu_mount import ImuMountFit
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import GnssFix, GnssQuality, ImuSample, Vec3, WheelSample
 from agribot.core.robot import DriveSpec
@@ -67,7 +67,7 @@ class LogScan:
     def __init__(self, drive: DriveSpec) -> None:
         self._drive = drive
         self.sensors: dict[LogSensor, SensorScan] = {}
-        self.mount = MountFit()
+        self.mount = ImuMountFit()
         self.first_fix: GnssFix | None = None
         self.has_wheels = False  # their turns are told, not the robot's speed
         self.most_mps = self.most_radps = self.most_gyro_radps = self.driven_m = 0.0
@@ -177,7 +177,7 @@ class _Ways:
 class _Pieces:
     """Means of IMU and wheels over short pieces of time."""
 
-    def __init__(self, fit: MountFit) -> None:
+    def __init__(self, fit: ImuMountFit) -> None:
         self._fit = fit
         self._gyro, self._accel = np.zeros(3), np.zeros(3)
         self._count = 0

@@ -61,7 +61,7 @@ class ImuMount(msgspec.Struct, frozen=True, kw_only=True, eq=False):
         return ", ".join(f"{name} = {_name_axis(row)}" for name, row in rows)
 
 
-class MountFit:
+class ImuMountFit:
     """Sums over a drive of which the mount follows; memory does not grow."""
 
     def __init__(self) -> None:
