@@ -267,7 +267,7 @@ HUSKY = Path(os.environ.get("AGRIBOT_DATA", "")) / "husky-log" / "husky.bag"
 
 @pytest.mark.skipif(not HUSKY.is_file(), reason="AGRIBOT_DATA holds no husky-log/husky.bag")
 def test_the_log_of_a_husky_is_scanned_as_it_was_mounted() -> None:
-    """By its own tf (robot_localization, test1), the IMU is turned by 90, 0, -90 degrees."""
+    """A test of robot_localization states roll 90 and yaw -90 degrees for its IMU."""
     found = open_study([HUSKY], StudyOptions())
     assert found.mount.body_from_imu == pytest.approx(rotation_deg(90.0, 0.0, -90.0), abs=1e-9)
     assert found.mount.turn_gain == pytest.approx(1.02, abs=0.02)

@@ -118,7 +118,7 @@ class ImuMountFit:
         sources = ("gravity",) * has_gravity + ("turns",) * has_turned
         return ImuMount(
             body_from_imu=body_from_imu,
-            how="found from " + " and ".join(sources + ("accelerations",) * has_heading),
+            how=_name_sources(sources + ("accelerations",) * has_heading),
             has_heading=has_heading,
             has_gravity=has_gravity,
             accel_sign=accel_sign,
@@ -220,3 +220,8 @@ def _name_axis(row: FloatArray) -> str:
     if abs(row[largest]) > 1.0 - 1e-6:
         return f"imu {'-' if row[largest] < 0.0 else ''}{'xyz'[largest]}"
     return "imu (" + ", ".join(f"{part:.2f}" for part in row.tolist()) + ")"
+
+
+def _name_sources(sources: tuple[str, ...]) -> str:
+    *first, last = sources
+    return f"found from {', '.join(first)} and {last}" if first else f"found from {last}"

@@ -130,8 +130,8 @@ def _render_unused(run: LocalizationRun, facts: LogFacts) -> str:
     body = [[cause, str(count)] for cause, count in sorted(run.rejected.items())]
     table = render_table(("Left out by the filter", "Count"), body) if body else ""
     notes = "".join(f"<p>{escape(note)}.</p>" for note in facts.notes)
-    stops = [[reason, f"{t_s:.1f}"] for t_s, reason in run.stops]
-    why = render_table(("No good pose, because", "From (s)"), stops) if stops else ""
+    stops = "".join(f"<li>from {t_s:.1f} s: {escape(why)}</li>" for t_s, why in run.stops)
+    why = f"<h3>No good pose</h3>\n<ul>{stops}</ul>" if stops else ""
     nothing = "" if table or notes or why else '<p class="none">Everything was used.</p>'
     return "<h2>What was not used, and why</h2>\n" + notes + table + why + nothing
 
