@@ -235,6 +235,44 @@ def test_columns_may_be_in_other_units_that_their_names_state(drive: Drive, tmp_
     assert found == pytest.approx(drive.imu, abs=1e-6)
 
 
+def test_empty_cells_are_no_measurements_so_that_one_table_may_hold_all(tmp_path: Path) -> None:
+    (tmp_path / "all.csv").write_text(
+        "t_s;v_mps;yaw_rate_radps;lat_deg;lon_deg;note\n"
+        "1.0;0.5;0.1;;;begins\n1.1;;;49.5;8.1;\n1.2;nan;nan;49.6;8.2;\n\n1.3;0.6;0.2;;;ends\n"
+    )
+    entries = entries_of([tmp_path / "all.csv"])
+    assert [(entry.sensor, entry.stamp_s) for entry in entries] == [
+        ("odom", 1.0), ("gnss", 1.1), ("gnss", 1.2), ("odom", 1.3),
+    ]  # fmt: skip
+    (tmp_path / "bad.csv").write_text("t_s,v_mps,yaw_rate_radps\n1.0,0.5,0.1\n1.1,fast,0.1\n")
+    with pytest.raises(RecordingError, match=r"bad\.csv:3: could not convert .*'fast'"):
+        entries_of([tmp_path / "bad.csv"])
+    (tmp_path / "inf.csv").write_text("t_s,v_mps,yaw_rate_radps\n1.0,inf,0.1\n")
+    with pytest.raises(RecordingError, match=r"inf\.csv:2: inf is not finite"):
+        entries_of([tmp_path / "inf.csv"])
+
+
+def test_velocities_of_a_receiver_and_odometry_of_a_filter_are_no_wheels(
+    drive: Drive, tmp_path: Path
+) -> None:
+    ros = Messages(drive, ros2_store())
+    renamed: list[Message] = [
+        (t_s, "/odometry/filtered" if topic == "/odom" else topic, kind, message)
+        for t_s, topic, kind, message in ros.list()
+    ]
+    kind = "geometry_msgs/msg/TwistStamped"
+    renamed += [
+        (fix.t_s, "/vel", kind, ros.make(kind, ros.header(fix.t_s, "gps"), ros.twist(1.0, 0.0)))
+        for fix in drives.list_fixes(drive)
+    ]
+    drives.write_ros2(tmp_path / "bag", renamed, StoragePlugin.MCAP)
+    log = open_log([tmp_path / "bag"], {})
+    assert "odom" not in {channel.sensor for channel in log.channels}
+    assert log.notes[0].startswith("/odometry/filtered, /vel may be no measurement of the wheels")
+    named = open_log([tmp_path / "bag"], {"odom": "/odometry/filtered"})
+    assert {channel.sensor for channel in named.channels} == {"gnss", "imu", "odom", "mag"}
+
+
 def test_a_table_that_agribot_bag_csv_wrote_is_read(drive: Drive, tmp_path: Path) -> None:
     from agribot.record.bag.table import write_table
 

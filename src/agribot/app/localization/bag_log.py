@@ -8,7 +8,7 @@ from pathlib import Path
 
 from agribot.app.localization.bag_messages import (
     COUNTS,
-    ODOMETRY,
+    JOINTS,
     ONLY_NAMED,
     READERS,
     CountReader,
@@ -23,9 +23,13 @@ from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag, BagTopic
 from agribot.record.frames_path import read_static_frames
 
-# Odometry of other filters, of cameras and of GNSS is no measurement of the wheels.
-_NOT_WHEELS = ("filter", "gps", "gnss", "map", "global", "vis", "slam", "truth", "icp", "lidar",
-               "estimate")  # fmt: skip
+# Odometry of other filters, of cameras and of GNSS is no measurement of the wheels, nor are the
+# velocities of receivers.
+_NOT_WHEELS = (
+    "filter", "gps", "gnss", "fix", "navsat", "ublox", "map", "global", "vis", "slam", "truth",
+    "icp", "lidar", "estimate",
+)  # fmt: skip
+_NMEA_VELOCITY = "/vel"  # of nmea_navsat_driver
 _WHEELS = ("wheel", "velocity_controller", "base_controller", "diff_drive")
 
 
@@ -45,7 +49,17 @@ class BagLog:
         with open_bag(path) as bag:
             self.notes += bag.notes
             found = {sensor: _choose(bag, sensor, topics.get(sensor)) for sensor in LOG_SENSORS}
+            if found["odom"] is None:
+                self._note_unused_odometry(bag)
         self.channels = tuple(channel for channel in found.values() if channel is not None)
+
+    def _note_unused_odometry(self, bag: Bag) -> None:
+        kinds = READERS["odom"]
+        unused = [topic.name for topic in bag.topics if topic.ros_type in kinds and topic.count > 1]
+        if unused:
+            self.notes.append(
+                f"{', '.join(unused)} may be no measurement of the wheels; name it with --odom"
+            )
 
     def entries(self) -> Iterator[LogEntry]:
         readers = self._make_readers()
@@ -117,7 +131,7 @@ def _choose(bag: Bag, sensor: LogSensor, name: str | None) -> LogChannel | None:
         and bag.knows(topic)
     ]  # fmt: skip
     if sensor == "odom":
-        able = [topic for topic in able if not _is_of_no_wheels(topic)] or able
+        able = [topic for topic in able if not _is_of_no_wheels(topic)]
     able.sort(key=lambda topic: (_rank(topic, tuple(kinds)), -topic.count, topic.name))
     if not able:
         return None
@@ -148,7 +162,8 @@ def _choose_counts(bag: Bag, names: str) -> LogChannel:
 
 def _is_of_no_wheels(topic: BagTopic) -> bool:
     name = topic.name.lower()
-    return topic.ros_type == ODOMETRY and any(word in name for word in _NOT_WHEELS)
+    is_named_so = name == _NMEA_VELOCITY or any(word in name for word in _NOT_WHEELS)
+    return topic.ros_type != JOINTS and is_named_so
 
 
 def _rank(topic: BagTopic, kinds: tuple[str, ...]) -> tuple[int, int]:

@@ -14,6 +14,7 @@ from agribot.record.localization.result import FIX_COLUMNS, OutageResult
 
 AFTER_S = 60.0  # of the log; until then a filter finds its heading
 LAST_S = 3.0  # of an outage, in which its error is measured
+LONGEST_GAP_S = 1.0  # over which an estimate is moved on to a fix
 LIMIT_SIGMA2 = 9.0  # 3 sigma, squared
 
 
@@ -65,7 +66,7 @@ class FixFigures:
     def judge(self, fix: GnssFix, before: Estimate | None) -> FixOffset | None:
         """Hold a fix that is given against the estimate before it."""
         self.given += 1
-        if before is None:
+        if before is None or abs(fix.t_s - before.t_s) > LONGEST_GAP_S:
             return None
         offset = self.compare(fix, move_to(before, fix.t_s), before)
         self._judged += 1

@@ -23,7 +23,10 @@ class Column(NamedTuple):
     factor: float
 
     def read(self, cells: Sequence[str]) -> float:
-        return float(cells[self.at]) * self.factor
+        value = float(cells[self.at]) * self.factor
+        if not math.isfinite(value):
+            raise ValueError(f"{cells[self.at]} is not finite")
+        return value
 
 
 TIMES: Names = {

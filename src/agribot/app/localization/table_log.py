@@ -17,6 +17,8 @@ from agribot.app.localization.wheel_ticks import SpeedWheels, TickWheels
 from agribot.core.errors import BridgeError, RecordingError
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, ImuSample, MagSample
 
+EMPTY = ("", "nan", "null", "none")
+DELIMITERS = (",", ";", "\t")
 AXES = ("x", "y", "z")
 # 1 sigma of a fix without a stated one: a receiver without corrections, m.
 USUAL_STD_M = 2.5
@@ -59,7 +61,7 @@ class TableLog:
 
     def entries(self) -> Iterator[LogEntry]:
         with self._open() as file:
-            rows = csv.reader(file)
+            rows = csv.reader(file, delimiter=self._delimiter)
             columns = Columns(next(rows, []))
             time = TimeColumn(columns, str(self.path))
             readers = [
@@ -102,7 +104,9 @@ class TableLog:
 
     def _read_names(self) -> list[str]:
         with self._open() as file:
-            return next(csv.reader(file), [])
+            line = file.readline()
+        self._delimiter = find_delimiter(line)
+        return split_names(line)
 
 
 def make_readers(ticks_per_turn: float | None) -> dict[LogSensor, MakeReader]:
@@ -228,11 +232,21 @@ def _count_ticks(ticks_per_turn: float | None) -> Callable[[float, float, float]
 
 
 def _is_empty(cells: Sequence[str], columns: Sequence[Column]) -> bool:
-    return any(len(cells) <= column.at or not cells[column.at].strip() for column in columns)
+    return any(
+        len(cells) <= column.at or cells[column.at].strip().lower() in EMPTY for column in columns
+    )
+
+
+def find_delimiter(line: str) -> str:
+    """Find what stands between the names of the columns."""
+    return max(DELIMITERS, key=line.count)
+
+
+def split_names(line: str) -> list[str]:
+    return next(csv.reader([line], delimiter=find_delimiter(line)), [])
 
 
 def has_header(first_line: str) -> bool:
     """Tell whether a line of text may be the names of a CSV file's columns."""
-    names = next(csv.reader([first_line]), [])
-    words = list(itertools.takewhile(lambda name: name.strip(), names))
+    words = list(itertools.takewhile(lambda name: name.strip(), split_names(first_line)))
     return len(words) > 2 and not any(word.strip().lstrip("-+")[:1].isdigit() for word in words)
