@@ -71,10 +71,11 @@ def _add_robot(parser: argparse.ArgumentParser) -> None:
 
 
 def _read_length(text: str) -> float:
-    value = float(text)
-    if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(text)
-    return value
+    with contextlib.suppress(ValueError):
+        value = float(text)
+        if math.isfinite(value) and value > 0.0:
+            return value
+    raise argparse.ArgumentTypeError(f"{text}: write a number above 0")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -181,7 +181,7 @@ def test_the_mount_is_that_of_tf_static_unless_gravity_contradicts_it(tmp_path: 
     right = study("right", 0.0, 30.0)
     assert right.mount.how == "frame imu_link"
     assert right.mount.body_from_imu == pytest.approx(rotation_deg(0.0, 0.0, 30.0), abs=1e-9)
-    assert "antenna at 0.30, 0.00, 1.20 m of the body (frame gps)" in right.facts.robot
+    assert "antenna at 0.30, 0.00, 1.20 m of the body (by its frame)" in right.facts.robot
     wrong = study("wrong", 90.0, 30.0)
     assert wrong.mount.how.startswith("found from gravity")
     assert any("the frame is not used" in note for note in wrong.facts.notes)

@@ -53,7 +53,7 @@ class FixFigures:
     def __init__(self, frame: MapFrame, antenna_body_m: Vec3) -> None:
         self._frame, self._antenna_body_m = frame, antenna_body_m
         self.table = ThinTable(len(FIX_COLUMNS))
-        self.given = self.used = 0
+        self.used = 0
         self._late_count, self._late_m2 = 0, 0.0
         self._judged = self._within = 0
         self._nis = 0.0
@@ -65,7 +65,6 @@ class FixFigures:
 
     def judge(self, fix: GnssFix, before: Estimate | None) -> FixOffset | None:
         """Hold a fix that is given against the estimate before it."""
-        self.given += 1
         if before is None or abs(fix.t_s - before.t_s) > LONGEST_GAP_S:
             return None
         offset = self.compare(fix, move_to(before, fix.t_s), before)

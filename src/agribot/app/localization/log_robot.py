@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from agribot.app.localization.log_scan import LogScan
-from agribot.core.messages import Vec3
+from agribot.core.messages import FloatArray, Vec3
 from agribot.core.robot import DriveSpec, Joint, Link, Origin, RobotSpec, SensorMount
 
 ANTENNA_LINK = "log_antenna"
@@ -36,6 +36,26 @@ def set_antenna(robot: RobotSpec, antenna_body_m: Vec3) -> RobotSpec:
         joints=(*robot.joints, joint),
         gnss=SensorMount(link=ANTENNA_LINK, rate_hz=robot.gnss.rate_hz),
     )
+
+
+def place_antenna(
+    robot: RobotSpec, stated_m: Vec3 | None, base_from_antenna: FloatArray | None, *, is_known: bool
+) -> tuple[RobotSpec, str]:
+    """Put the antenna where it is stated, by the robot, or by its frame; return that in words, too.
+
+    `is_known` says that the robot's own description counts.
+    """
+    if stated_m is not None:
+        place_m, how = stated_m, "as stated"
+    elif is_known:
+        place_m, how = find_antenna_m(robot), f"of robot {robot.name}"
+    elif base_from_antenna is not None:
+        x_m, y_m, z_m = base_from_antenna[:3, 3].tolist()
+        place_m, how = (x_m, y_m, z_m), "by its frame"
+    else:
+        place_m, how = (0.0, 0.0, 0.0), "assumed; state --antenna X,Y,Z"
+    where = ", ".join(f"{part:.2f}" for part in place_m)
+    return set_antenna(robot, place_m), f"antenna at {where} m of the body ({how})"
 
 
 def allow_speeds(drive: DriveSpec, most_mps: float, most_radps: float) -> DriveSpec:

@@ -17,7 +17,7 @@ from agribot.core.messages import GnssFix, GnssQuality, ImuSample, Vec3, WheelSa
 from agribot.core.robot import DriveSpec
 
 # IMU and wheels are compared over pieces of this length, s; longer ones than the second are gaps.
-PIECE_S, LONGEST_PIECE_S = 0.1, 0.5
+PIECE_S, LONGEST_PIECE_S = 0.1, 1.0
 GAIN_STD_RATIO = 0.05  # 1 sigma of a gain that is known
 REPORT_EVERY = 1000  # entries, of progress
 STANDING_MPS, STANDING_RADPS = 1e-3, 1e-3
@@ -68,11 +68,11 @@ class LogScan:
         self._drive = drive
         self.sensors: dict[LogSensor, SensorScan] = {}
         self.mount = ImuMountFit()
-        self.first_fix: GnssFix | None = None
         self.has_wheels = False  # their turns are told, not the robot's speed
         self.most_mps = self.most_radps = self.most_gyro_radps = self.driven_m = 0.0
         self._pieces = _Pieces(self.mount)
-        self._ways = _Ways()
+        self._way = _WheelWay()
+        self._ways: dict[str, _FixWays] = {}  # by the frame of the receiver
 
     @property
     def start_s(self) -> float:
@@ -96,8 +96,9 @@ class LogScan:
         """Add a sample, in the order of the stamps."""
         sample = entry.sample
         if isinstance(sample, GnssFix) and sample.quality is not GnssQuality.NONE:
-            self.first_fix = self.first_fix or sample
-            self._ways.add_fix(entry.stamp_s, sample)
+            if entry.frame not in self._ways:
+                self._ways[entry.frame] = _FixWays(sample)
+            self._ways[entry.frame].add(entry.stamp_s, sample, self._way.place_m)
         elif isinstance(sample, ImuSample):
             self.most_gyro_radps = max(self.most_gyro_radps, *map(abs, sample.gyro_radps))
             self._pieces.add_imu(sample.gyro_radps, sample.accel_mps2)
@@ -107,7 +108,7 @@ class LogScan:
             self.most_mps = max(self.most_mps, abs(v_mps))
             self.most_radps = max(self.most_radps, abs(yaw_radps))
             self.driven_m += self._pieces.add_twist(entry.stamp_s, v_mps, yaw_radps)
-            self._ways.add_twist(entry.stamp_s, v_mps, yaw_radps)
+            self._way.add(entry.stamp_s, v_mps, yaw_radps)
 
     @property
     def turn_gain(self) -> float | None:
@@ -119,7 +120,14 @@ class LogScan:
     @property
     def way_ratio(self) -> float | None:
         """How many times as far as the fixes the wheels moved; None of too short a way."""
-        return self._ways.ratio
+        ways = self._ways.get(self.main_frame("gnss"))
+        return None if ways is None else ways.ratio
+
+    @property
+    def first_fix(self) -> GnssFix | None:
+        """The first fix of the receiver that is used."""
+        ways = self._ways.get(self.main_frame("gnss"))
+        return None if ways is None else ways.first
 
 
 def find_twist(sample: WheelSample | TwistSample, drive: DriveSpec) -> tuple[float, float]:
@@ -132,40 +140,47 @@ def find_twist(sample: WheelSample | TwistSample, drive: DriveSpec) -> tuple[flo
     return (right_mps + left_mps) / 2.0, (right_mps - left_mps) / drive.effective_separation_m
 
 
-class _Ways:
-    """Ways of wheels and fixes, from where each was some seconds before, as the crow flies."""
+class _WheelWay:
+    """Where the wheels alone lead, from where the log begins."""
 
     def __init__(self) -> None:
-        self._frame: MapFrame | None = None
-        self._place_m = 0j
+        self.place_m = 0j
         self._yaw_rad = 0.0
-        self._last: tuple[float, float] | None = None
+        self._last_s = -math.inf
+
+    def add(self, t_s: float, v_mps: float, yaw_radps: float) -> None:
+        dt_s = t_s - self._last_s
+        self._last_s = t_s
+        if 0.0 < dt_s < LONGEST_PIECE_S:
+            self.place_m += cmath.rect(v_mps * dt_s, self._yaw_rad + yaw_radps * dt_s / 2.0)
+            self._yaw_rad += yaw_radps * dt_s
+
+
+class _FixWays:
+    """Ways of one receiver and of the wheels, each from where it was some seconds before."""
+
+    def __init__(self, first: GnssFix) -> None:
+        self.first = first
+        datum = Datum(lat_deg=first.lat_deg, lon_deg=first.lon_deg, alt_m=first.alt_m)
+        self._frame = MapFrame(datum)
         self._mark: tuple[float, complex, complex] | None = None  # time, by fixes, by wheels
         self._fixes_m = self._wheels_m = 0.0
 
     @property
     def ratio(self) -> float | None:
+        """How many times as far as the fixes the wheels moved; None of too short a way."""
         if max(self._fixes_m, self._wheels_m) < LEAST_WAY_M:
             return None
         return self._wheels_m / max(self._fixes_m, 1e-9)
 
-    def add_twist(self, t_s: float, v_mps: float, yaw_radps: float) -> None:
-        if self._last is not None and 0.0 < t_s - self._last[0] < 1.0:
-            dt_s = t_s - self._last[0]
-            self._place_m += cmath.rect(v_mps * dt_s, self._yaw_rad + yaw_radps * dt_s / 2.0)
-            self._yaw_rad += yaw_radps * dt_s
-        self._last = t_s, v_mps
-
-    def add_fix(self, t_s: float, fix: GnssFix) -> None:
-        if self._frame is None:
-            datum = Datum(lat_deg=fix.lat_deg, lon_deg=fix.lon_deg, alt_m=fix.alt_m)
-            self._frame = MapFrame(datum)
+    def add(self, t_s: float, fix: GnssFix, wheels_m: complex) -> None:
+        if self._mark is not None and t_s - self._mark[0] < WAY_S:
+            return
         east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m)
         here_m = complex(east_m, north_m)
-        if self._mark is None or t_s - self._mark[0] >= WAY_S:
-            if self._mark is not None:
-                self._count(abs(here_m - self._mark[1]), abs(self._place_m - self._mark[2]), fix)
-            self._mark = t_s, here_m, self._place_m
+        if self._mark is not None:
+            self._count(abs(here_m - self._mark[1]), abs(wheels_m - self._mark[2]), fix)
+        self._mark = t_s, here_m, wheels_m
 
     def _count(self, fixes_m: float, wheels_m: float, fix: GnssFix) -> None:
         """Count a way that is more than the scatter of the fixes."""

@@ -11,24 +11,22 @@ import numpy as np
 from agribot.app.calibration.recorded_robot import read_measured_robot
 from agribot.app.localization.batches import make_batches
 from agribot.app.localization.localize import LogPass, Tap, localize
-from agribot.app.localization.log import LogChannel, LogEntry, LogSensor, RobotLog
+from agribot.app.localization.log import LogSensor, RobotLog
 from agribot.app.localization.log_checks import check_scan
 from agribot.app.localization.log_files import find_own_recording, open_log
 from agribot.app.localization.log_robot import (
     allow_speeds,
-    find_antenna_m,
     fit_wheels,
-    set_antenna,
+    place_antenna,
     set_wheels,
 )
 from agribot.app.localization.log_scan import LogScan, count_entries, scan_log
 from agribot.app.localization.mounting import (
-    Frames,
     choose_mount,
     find_in_base,
     list_mount_notes,
 )
-from agribot.app.localization.time_order import order_by_stamp
+from agribot.app.localization.time_order import RestampedLog, order_by_stamp
 from agribot.autonomy.estimate.imu_mount import ImuMount
 from agribot.core.config import RunConfig, assign, drop_none, from_tree
 from agribot.core.errors import ConfigError
@@ -76,22 +74,6 @@ class Study(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     base: RunConfig | None = None  # of a recording of ours
 
 
-class RestampedLog:
-    """A log by the times of its recorder instead of its stamps."""
-
-    def __init__(self, log: RobotLog) -> None:
-        self._log = log
-        self.channels: tuple[LogChannel, ...] = log.channels
-        self.read_transforms = log.read_transforms
-
-    @property
-    def notes(self) -> list[str]:
-        return self._log.notes
-
-    def entries(self) -> Iterator[LogEntry]:
-        return (entry._replace(stamp_s=entry.logged_s) for entry in self._log.entries())
-
-
 def open_study(
     paths: Sequence[Path],
     options: StudyOptions,
@@ -116,7 +98,9 @@ def open_study(
     notes = [*check_scan(log, scan), *fitted]
     frames = log.read_transforms()
     mount = IN_BODY if own is not None else choose_mount(scan, options.imu_rpy_deg, frames, notes)
-    robot, antenna = _place_antenna(robot, options, frames, scan, is_own=own is not None)
+    is_known = options.robot is not None or own is not None
+    pose = None if is_known else find_in_base(frames, scan.main_frame("gnss"))
+    robot, antenna = place_antenna(robot, options.antenna_body_m, pose, is_known=is_known)
     drive = allow_speeds(robot.drive, scan.most_mps, scan.most_radps)
     robot = msgspec.structs.replace(robot, drive=drive)
     facts = LogFacts(
@@ -124,7 +108,7 @@ def open_study(
         start_stamp_s=scan.start_s,
         sources=tuple(_list_sources(log, scan)),
         mount=f"{mount.axes} ({mount.how})",
-        robot=(_describe_wheels(robot, scan, options, own), antenna),
+        robot=(_describe_wheels(robot, scan, options, is_known=is_known), antenna),
         notes=tuple(dict.fromkeys([*log.notes, *notes, *list_mount_notes(mount)])),
     )
     study = Study(
@@ -159,34 +143,16 @@ def _load_robot(options: StudyOptions, own: Path | None, base: RunConfig | None)
     return load_robot(options.robot or DEFAULT_ROBOT)
 
 
-def _place_antenna(
-    robot: RobotSpec, options: StudyOptions, frames: Frames, scan: LogScan, *, is_own: bool
-) -> tuple[RobotSpec, str]:
-    """Put the antenna where it is stated, or by its frame; return the robot and that in words."""
-    pose = find_in_base(frames, scan.main_frame("gnss"))
-    if options.antenna_body_m is not None:
-        place_m, how = options.antenna_body_m, "as stated"
-    elif options.robot is not None or is_own:
-        place_m, how = find_antenna_m(robot), f"of robot {robot.name}"
-    elif pose is not None:
-        x_m, y_m, z_m = pose[:3, 3].tolist()
-        place_m, how = (x_m, y_m, z_m), f"frame {scan.main_frame('gnss')}"
-    else:
-        place_m, how = (0.0, 0.0, 0.0), "assumed; state --antenna X,Y,Z"
-    where = ", ".join(f"{part:.2f}" for part in place_m)
-    return set_antenna(robot, place_m), f"antenna at {where} m of the body ({how})"
-
-
 def _describe_wheels(
-    robot: RobotSpec, scan: LogScan, options: StudyOptions, own: Path | None
+    robot: RobotSpec, scan: LogScan, options: StudyOptions, *, is_known: bool
 ) -> str:
     if not scan.has_wheels:
         return "wheels: the odometry states speeds, their size is not needed"
+    is_stated = options.track_m is not None and options.radius_m is not None
+    how = "as stated" if is_stated else "found; state --robot, or --track and --radius"
+    if is_known:
+        how = f"of robot {robot.name}"
     drive = robot.drive
-    how = "of the recording" if own is not None else f"of robot {robot.name}"
-    if options.robot is None and own is None:
-        is_stated = options.track_m is not None and options.radius_m is not None
-        how = "as stated" if is_stated else "found; state --robot, or --track and --radius"
     return (
         f"wheels of {drive.wheel_radius_m:.3f} m radius, {drive.effective_separation_m:.2f} m "
         f"apart ({how})"

@@ -6,7 +6,7 @@ import heapq
 import math
 from collections.abc import Iterable, Iterator
 
-from agribot.app.localization.log import LogEntry
+from agribot.app.localization.log import LogChannel, LogEntry, RobotLog
 
 # Longest that a driver takes from measurement to log, s.
 WAIT_S = 2.0
@@ -29,3 +29,19 @@ def order_by_stamp(entries: Iterable[LogEntry], wait_s: float = WAIT_S) -> Itera
             yield ordered
     while waiting:
         yield heapq.heappop(waiting)[2]
+
+
+class RestampedLog:
+    """A log by the times of its recorder instead of its stamps."""
+
+    def __init__(self, log: RobotLog) -> None:
+        self._log = log
+        self.channels: tuple[LogChannel, ...] = log.channels
+        self.read_transforms = log.read_transforms
+
+    @property
+    def notes(self) -> list[str]:
+        return self._log.notes
+
+    def entries(self) -> Iterator[LogEntry]:
+        return (entry._replace(stamp_s=entry.logged_s) for entry in self._log.entries())
