@@ -13,6 +13,7 @@ from rosbags.rosbag2 import StoragePlugin
 from agribot.app.localization.log import LogEntry, LogSensor, TwistSample
 from agribot.app.localization.log_files import open_log
 from agribot.app.localization.time_order import order_by_stamp
+from agribot.core import topics
 from agribot.core.errors import RecordingError
 from agribot.core.messages import (
     FloatArray,
@@ -22,6 +23,7 @@ from agribot.core.messages import (
     MagSample,
     WheelSample,
 )
+from agribot.record.bag.convert import ConvertOptions, convert
 from agribot.record.bag.definitions import ros1_store, ros2_store
 from tests.app.localization import drives
 from tests.app.localization.drives import START_S, Drive, Message, Messages, make_drive
@@ -126,6 +128,18 @@ def test_a_recording_of_ours_gives_the_very_samples_that_the_robot_had(tmp_path:
     entries = entries_of([tmp_path])
     assert {entry.sensor for entry in entries} >= {"imu", "odom", "gnss"}
     assert all(entry.stamp_s == entry.sample.t_s for entry in entries if entry.sample)
+
+
+def test_a_recording_of_ours_as_a_bag_of_another_format_is_read_by_its_topics(
+    tmp_path: Path,
+) -> None:
+    write_run(tmp_path / "run.mcap", count=20)
+    convert(tmp_path / "run.mcap", tmp_path / "a.bag", ConvertOptions())
+    sources = {each.sensor: each.source for each in open_log([tmp_path / "a.bag"], {}).channels}
+    assert sources == {
+        "gnss": topics.FIX.name, "imu": topics.IMU.name, "odom": topics.JOINT_STATES.name,
+        "mag": topics.MAGNETIC.name,
+    }  # fmt: skip
 
 
 class OtherOdometry(Messages):

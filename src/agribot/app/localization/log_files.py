@@ -149,7 +149,8 @@ def _open_file(
 
 def _has_ticks(path: Path) -> bool:
     with open_bag(path) as bag:
-        return any(topic.name == topics.TICK.name and topic.count for topic in bag.topics)
+        ticks = [topic for topic in bag.topics if topic.name == topics.TICK.name]
+        return any(topic.count and not topic.is_ros for topic in ticks)
 
 
 def _has_sentences(start: bytes) -> bool:

@@ -81,14 +81,17 @@ def fit_wheels(
     """
     drive, words = robot.drive, []
     ratio, gain = scan.way_ratio, scan.turn_gain
-    radius_m = drive.wheel_radius_m
+    radius_m, separation_m = drive.wheel_radius_m, drive.effective_separation_m
     if not has_radius and ratio is not None:
         radius_m /= ratio
         words.append(f"wheel radius of {radius_m:.3f} m found from the fixes")
+    elif not has_radius:
+        words.append(f"wheel radius of {radius_m:.3f} m assumed, the way is short; state --radius")
     if not has_track and gain is not None:
-        grown = radius_m / drive.wheel_radius_m
-        track_m = drive.effective_separation_m * grown / gain
-        words.append(f"effective track of {track_m:.2f} m found from the gyro")
-        drive = msgspec.structs.replace(drive, track_m=track_m, yaw_multiplier=1.0)
+        separation_m *= radius_m / drive.wheel_radius_m / gain
+        words.append(f"effective track of {separation_m:.2f} m found from the gyro")
+        drive = msgspec.structs.replace(drive, track_m=separation_m, yaw_multiplier=1.0)
+    elif not has_track:
+        words.append(f"track of {separation_m:.2f} m assumed, it hardly turns; state --track")
     drive = msgspec.structs.replace(drive, wheel_radius_m=radius_m)
     return msgspec.structs.replace(robot, drive=drive), tuple(words)

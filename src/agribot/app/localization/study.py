@@ -149,7 +149,7 @@ def _describe_wheels(
     if not scan.has_wheels:
         return "wheels: the odometry states speeds, their size is not needed"
     is_stated = options.track_m is not None and options.radius_m is not None
-    how = "as stated" if is_stated else "found; state --robot, or --track and --radius"
+    how = "as stated" if is_stated else "see the notes"
     if is_known:
         how = f"of robot {robot.name}"
     drive = robot.drive
