@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from datetime import timedelta
 from pathlib import Path
 
 import msgspec
@@ -23,6 +24,7 @@ from agribot.core.messages import (
     MagSample,
     WheelSample,
 )
+from agribot.drivers.ubx_writer import RUN_BEGINS
 from agribot.record.bag.convert import ConvertOptions, convert
 from agribot.record.bag.definitions import ros1_store, ros2_store
 from tests.app.localization import drives
@@ -121,6 +123,23 @@ def test_each_format_gives_the_samples_of_the_drive(
     assert np.delete(found, [1, 2], 1) == pytest.approx(np.delete(fixes, [1, 2], 1), abs=0.0101)
     qualities = {e.sample.quality for e in entries if isinstance(e.sample, GnssFix)}
     assert qualities == {GnssQuality.DGNSS}
+
+
+def test_reports_of_gpsd_are_fixes(drive: Drive, tmp_path: Path) -> None:
+    fixes = list(drives.list_fixes(drive))
+    lines = [
+        {
+            "class": "TPV", "device": "/dev/ttyACM0", "mode": 3, "lat": fix.lat_deg,
+            "lon": fix.lon_deg, "altHAE": fix.alt_m, "epx": 0.7, "epy": 0.7,
+            "time": (RUN_BEGINS + timedelta(seconds=fix.t_s)).isoformat().replace("+00:00", "Z"),
+        }
+        for fix in fixes
+    ]  # fmt: skip
+    (tmp_path / "gpsd.json").write_bytes(b"\n".join(msgspec.json.encode(each) for each in lines))
+    found = table(entries_of([tmp_path / "gpsd.json"]), "gnss")
+    wanted = [(fix.t_s, fix.lat_deg, fix.lon_deg) for fix in fixes]
+    assert found[:, :3] == pytest.approx(np.array(wanted)[: len(found)], abs=1e-6)
+    assert len(found) >= len(fixes) - 1
 
 
 def test_a_recording_of_ours_gives_the_very_samples_that_the_robot_had(tmp_path: Path) -> None:

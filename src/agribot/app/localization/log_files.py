@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -27,6 +28,8 @@ from agribot.record.mcap_records import MAGIC
 OWN_RECORDING = "run.mcap"
 SNIFF_BYTES = 65536
 _UBX_SYNC = b"\xb5\x62"
+_SENTENCE = re.compile(rb"\$[A-Z]{3,6},[^\r\n]*\*[0-9A-Fa-f]{2}")
+_GPSD_REPORT = b'{"class":'
 _BAG_STARTS = (MAGIC, b"#ROSBAG", b"SQLite format 3", b"\x28\xb5\x2f\xfd")
 
 
@@ -134,8 +137,10 @@ def _open_file(
     start = _read_start(path)
     if start.startswith(_BAG_STARTS):
         return OwnLog(path) if _has_ticks(path) else BagLog(path, names, ticks_per_turn)
-    if _UBX_SYNC in start or _has_sentences(start):
+    if _UBX_SYNC in start or _SENTENCE.search(start):
         return ReceiverLog(path)
+    if _GPSD_REPORT in start:
+        return ReceiverLog(path, is_gpsd=True)
     first_line = start.decode("utf-8-sig", "replace").partition("\n")[0]
     if has_header(first_line):
         return TableLog(path, ticks_per_turn, sensors)
@@ -151,10 +156,6 @@ def _has_ticks(path: Path) -> bool:
     with open_bag(path) as bag:
         ticks = [topic for topic in bag.topics if topic.name == topics.TICK.name]
         return any(topic.count and not topic.is_ros for topic in ticks)
-
-
-def _has_sentences(start: bytes) -> bool:
-    return any(line.startswith((b"$G", b"$P", b"$B")) for line in start.splitlines())
 
 
 def _read_start(path: Path) -> bytes:

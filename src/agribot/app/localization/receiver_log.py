@@ -1,4 +1,4 @@
-"""Bytes of a receiver, NMEA or UBX, as a log by UTC."""
+"""What a receiver or gpsd sent, as a log by UTC."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from agribot.app.localization.log import LogChannel, LogEntry
 from agribot.core.errors import RecordingError
 from agribot.core.messages import FloatArray, GnssFix, GnssHeading
 from agribot.drivers import nmea
-from agribot.drivers.receiver import ReceiverDecoder
+from agribot.drivers.receiver import GpsdDecoder, ReceiverDecoder
 
 BLOCK_BYTES = 4096
 DATE_BYTES = 1 << 20  # of the beginning, in which a date is sought
@@ -20,15 +20,18 @@ _EPOCH_S = 10 * 365 * nmea.DAY_S  # stamps above it have a date
 class ReceiverLog:
     """What a receiver sent. Sentences tell the time of the day, and RMC or ZDA the date."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, is_gpsd: bool = False) -> None:
+        """`is_gpsd` says that the file holds reports of gpsd, as of `gpspipe -w`."""
         self.path = path
         self.notes: list[str] = []
+        self._make_decoder = GpsdDecoder if is_gpsd else ReceiverDecoder
+        kind = "reports of gpsd" if is_gpsd else "NMEA or UBX"
         self.channels: tuple[LogChannel, ...] = (
-            LogChannel(sensor="gnss", source=path.name, kind="NMEA or UBX"),
+            LogChannel(sensor="gnss", source=path.name, kind=kind),
         )
 
     def entries(self) -> Iterator[LogEntry]:
-        decoder = ReceiverDecoder(self._note)
+        decoder = self._make_decoder(self._note)
         midnight_s = _find_midnight(next(self._read(DATE_BYTES), b""))
         logged_s = 0.0
         for data in self._read(BLOCK_BYTES):
@@ -43,7 +46,7 @@ class ReceiverLog:
                     # Of the same epoch, by a clock without a date.
                     yield LogEntry("heading", logged_s, logged_s, "", sample)
         if decoder.broken:
-            self._note(f"{decoder.broken} messages with a wrong checksum left out")
+            self._note(f"{decoder.broken} messages left out that are broken")
 
     def _read(self, size: int) -> Iterator[bytes]:
         try:
