@@ -182,6 +182,11 @@ def test_the_mount_is_that_of_tf_static_unless_gravity_contradicts_it(tmp_path: 
     assert right.mount.how == "frame imu_link"
     assert right.mount.body_from_imu == pytest.approx(rotation_deg(0.0, 0.0, 30.0), abs=1e-9)
     assert "antenna at 0.30, 0.00, 1.20 m of the body (by its frame)" in right.facts.robot
+    assert np.array_equal(right.mag_mount.body_from_imu, right.mount.body_from_imu)
+    across = study("across", 0.0, 120.0)
+    assert across.mount.how == "frame imu_link"
+    (note,) = (note for note in across.facts.notes if "forward lies" in note)
+    assert int(note.split("forward lies ")[1].split()[0]) == pytest.approx(90, abs=10)
     wrong = study("wrong", 90.0, 30.0)
     assert wrong.mount.how.startswith("found from gravity")
     assert any("the frame is not used" in note for note in wrong.facts.notes)

@@ -51,9 +51,15 @@ class TwistWheels:
 
 
 def make_batches(
-    entries: Iterable[LogEntry], start_s: float, mount: ImuMount, drive: DriveSpec
+    entries: Iterable[LogEntry],
+    start_s: float,
+    mounts: tuple[ImuMount, ImuMount],
+    drive: DriveSpec,
 ) -> Iterator[SensorBatch]:
-    """Make the batches of all ticks with samples, in body axes, times from `start_s` on."""
+    """Make the batches of all ticks with samples, in body axes, times from `start_s` on.
+
+    `mounts` are those of IMU and magnetometer.
+    """
     wheels = TwistWheels(drive)
     waiting: dict[str, list[Any]] = {}
     tick = 0
@@ -66,7 +72,7 @@ def make_batches(
             yield _make_batch(tick, waiting)
             waiting = {}
         tick = max(tick, due)
-        sample = _place(entry.sample, t_s, mount, wheels)
+        sample = _place(entry.sample, t_s, mounts, wheels)
         waiting.setdefault(_FIELDS[type(sample)], []).append(sample)
     if waiting:
         yield _make_batch(tick, waiting)
@@ -77,15 +83,18 @@ def _make_batch(tick: int, samples: dict[str, list[Any]]) -> SensorBatch:
     return SensorBatch(t_s=tick * TICK_S, **parts)
 
 
-def _place(sample: Any, t_s: float, mount: ImuMount, wheels: TwistWheels) -> msgspec.Struct:
+def _place(
+    sample: Any, t_s: float, mounts: tuple[ImuMount, ImuMount], wheels: TwistWheels
+) -> msgspec.Struct:
     """Put a sample on the run's clock and into the body's axes."""
     if isinstance(sample, TwistSample):
         return wheels.turn(t_s, sample)
+    mount, mag_mount = mounts
     if isinstance(sample, ImuSample):
         x, y, z = mount.turn(sample.accel_mps2)
         accel: Vec3 = (x * mount.accel_sign, y * mount.accel_sign, z * mount.accel_sign)
         return ImuSample(t_s=t_s, gyro_radps=mount.turn(sample.gyro_radps), accel_mps2=accel)
     if isinstance(sample, MagSample):
-        return MagSample(t_s=t_s, field_t=mount.turn(sample.field_t))
+        return MagSample(t_s=t_s, field_t=mag_mount.turn(sample.field_t))
     placed: msgspec.Struct = msgspec.structs.replace(sample, t_s=t_s)
     return placed

@@ -32,6 +32,7 @@ def choose_mount(scan: LogScan, rpy_deg: Vec3 | None, frames: Frames, notes: lis
         mount = _keep_found(ImuMount(body_from_imu=pose[:3, :3], how=f"frame {frame}"), found)
         off_rad = find_tilt(mount, scan)
         if off_rad < AGREE_RAD or found is None:
+            notes += _compare_forward(mount, found, frame)
             return mount
         notes.append(
             f"IMU: by the frame {frame} it lies {math.degrees(off_rad):.0f} degrees off gravity; "
@@ -55,6 +56,31 @@ def _take_stated(rpy_deg: Vec3, found: ImuMount | None, scan: LogScan) -> ImuMou
         f"--imu-rpy-deg {text}: gravity then lies {math.degrees(off_rad):.0f} degrees off the "
         f"vertical; by the log it is {format_rpy(found)}, or leave the option out"
     )
+
+
+def _compare_forward(mount: ImuMount, found: ImuMount | None, frame: str) -> list[str]:
+    """Say where accelerations contradict a frame about the vertical."""
+    if found is None or not found.has_heading:
+        return []
+    cosine = float(mount.body_from_imu[0] @ found.body_from_imu[0])
+    if cosine > math.cos(math.radians(45.0)):
+        return []
+    off_deg = math.degrees(math.acos(max(cosine, -1.0)))
+    return [
+        f"IMU: by the frame {frame} forward lies {off_deg:.0f} degrees off that of the wheels' "
+        f"accelerations ({found.axes}); turns are right, roll and pitch may not be"
+    ]
+
+
+def choose_mag_mount(scan: LogScan, mount: ImuMount, frames: Frames, notes: list[str]) -> ImuMount:
+    """Choose the mount of a magnetometer: that of its frame, else the IMU's."""
+    frame = scan.main_frame("mag")
+    pose = find_in_base(frames, frame)
+    if pose is not None:
+        return ImuMount(body_from_imu=pose[:3, :3], how=f"frame {frame}")
+    if "mag" in scan.sensors and frame != scan.main_frame("imu"):
+        notes.append("magnetometer: it is taken to be mounted as the IMU is")
+    return mount
 
 
 def _keep_found(mount: ImuMount, found: ImuMount | None) -> ImuMount:

@@ -22,6 +22,7 @@ from agribot.app.localization.log_robot import (
 )
 from agribot.app.localization.log_scan import LogScan, count_entries, scan_log
 from agribot.app.localization.mounting import (
+    choose_mag_mount,
     choose_mount,
     find_in_base,
     list_mount_notes,
@@ -67,6 +68,7 @@ class Study(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     log: RobotLog
     scan: LogScan
     mount: ImuMount
+    mag_mount: ImuMount
     robot: RobotSpec
     config: RunConfig
     options: StudyOptions
@@ -98,6 +100,7 @@ def open_study(
     notes = [*check_scan(log, scan), *fitted]
     frames = log.read_transforms()
     mount = IN_BODY if own is not None else choose_mount(scan, options.imu_rpy_deg, frames, notes)
+    mag_mount = mount if own is not None else choose_mag_mount(scan, mount, frames, notes)
     is_known = options.robot is not None or own is not None
     pose = None if is_known else find_in_base(frames, scan.main_frame("gnss"))
     robot, antenna = place_antenna(robot, options.antenna_body_m, pose, is_known=is_known)
@@ -112,8 +115,8 @@ def open_study(
         notes=tuple(dict.fromkeys([*log.notes, *notes, *list_mount_notes(mount)])),
     )
     study = Study(
-        log=log, scan=scan, mount=mount, robot=robot, options=options, facts=facts, base=base,
-        config=config,
+        log=log, scan=scan, mount=mount, mag_mount=mag_mount, robot=robot, options=options,
+        facts=facts, base=base, config=config,
     )  # fmt: skip
     return msgspec.structs.replace(study, config=_put_datum(config, study))
 
@@ -205,7 +208,8 @@ def _make_batches(study: Study, on_progress: Progress) -> Iterator[SensorBatch]:
         for entry in order_by_stamp(count_entries(study.log.entries(), on_progress))
         if len(frames) < 2 or entry.sensor != "gnss" or entry.frame == frame
     )
-    return make_batches(entries, study.scan.start_s, study.mount, study.robot.drive)
+    mounts = study.mount, study.mag_mount
+    return make_batches(entries, study.scan.start_s, mounts, study.robot.drive)
 
 
 def make_config(settings: Sequence[str], base: RunConfig | None = None) -> RunConfig:
