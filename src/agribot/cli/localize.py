@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import math
 import sys
 from collections.abc import Callable
@@ -80,9 +81,15 @@ def _read_length(text: str) -> float:
 
 def run(options: argparse.Namespace) -> int:
     extras.require("report", "agribot localize")
-    from agribot.app.localization.study import open_study
+    from agribot.app.localization.study import make_config, open_study
+    from agribot.record.bag.opening import check_target
+    from agribot.record.localization.result import OUTPUT_NAMES
 
     stated = _read_options(options)
+    make_config((*options.settings, *options.changes))  # what is wrong is said before the work
+    for path, name in itertools.product(options.logs, OUTPUT_NAMES):
+        if path.is_file():
+            check_target(path, options.out / name, "result")
     study = open_study(options.logs, stated, lambda total: _show_progress(total, "read"))
     _tell_facts(study)
     runs = _localize(study, options)

@@ -18,7 +18,7 @@ from agribot.app.localization.study import StudyOptions, open_study, run_study
 from agribot.cli.main import main
 from agribot.core import topics
 from agribot.core.config import load
-from agribot.core.errors import ConfigError
+from agribot.core.errors import ConfigError, RecordingError
 from agribot.core.geo import MapFrame
 from agribot.description.loader import export_urdf, load_robot
 from agribot.record.bag.definitions import ros1_store, ros2_store
@@ -239,13 +239,29 @@ def test_only_settings_that_the_filter_has_are_tried(tmp_path: Path, drive: Driv
         (["--antenna", "1,2"], "--antenna 1,2: write X,Y,Z in metres"),
         (["--imu-rpy-deg", "a,b,c"], "--imu-rpy-deg a,b,c: write R,P,Y in degrees"),
         (["--robot", "agribot", "--track", "1"], "--robot brings track and radius"),
+        (["--radius", "-0.1"], "-0.1: write a number above 0"),
+        (["--with", "estimate.gate_sigm=1"], "did you mean 'gate_sigma'"),
     ],
 )
 def test_options_that_cannot_be_meant_are_refused(
     words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["localize", "no.bag", "--out", str(tmp_path), *words]) == 2
-    assert said in capsys.readouterr().err
+    try:
+        status = main(["localize", "no.bag", "--out", str(tmp_path / "out"), *words])
+    except SystemExit as error:  # of the parser
+        status = error.code if isinstance(error.code, int) else 1
+    assert status == 2 and said in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_results_are_no_log_and_never_written_over_the_log_that_is_read(
+    ran: Ran, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(RecordingError, match="the log has no odometry"):
+        open_study([ran.out], StudyOptions())
+    mcap = ran.out / "estimate.mcap"
+    assert main(["localize", str(mcap), "--out", str(ran.out)]) == 2
+    assert "estimate.mcap is the recording itself" in capsys.readouterr().err
 
 
 def test_a_thin_table_keeps_its_ends_and_a_bounded_number_of_rows() -> None:

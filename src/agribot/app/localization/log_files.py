@@ -23,6 +23,7 @@ from agribot.core import topics
 from agribot.core.errors import RecordingError
 from agribot.core.messages import FloatArray
 from agribot.record.bag.opening import open_bag
+from agribot.record.localization.result import OUTPUT_NAMES
 from agribot.record.mcap_records import MAGIC
 
 OWN_RECORDING = "run.mcap"
@@ -111,7 +112,8 @@ def _list_files(paths: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
         elif (path / OWN_RECORDING).is_file():
             yield path / OWN_RECORDING, False
         else:
-            yield from ((file, True) for file in sorted(path.iterdir()) if file.is_file())
+            files = (file for file in sorted(path.iterdir()) if file.is_file())
+            yield from ((file, True) for file in files if file.name not in OUTPUT_NAMES)
 
 
 def _try_file(
