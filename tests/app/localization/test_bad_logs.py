@@ -146,6 +146,7 @@ def test_wrong_units_of_an_imu_are_named(
     [
         ((1e3, 1.0), "the wheels drove .* times as far.*they look like mm"),
         ((1.0, np.degrees(1.0)), "their yaw rate is in degrees a second"),
+        ((1.0, -1.0), "turn to the right where .* turns to the left; left and right are swapped"),
     ],
 )
 def test_wrong_units_of_the_odometry_are_named(

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
 from agribot.app.localization.log import LogEntry, TwistSample
 from agribot.app.localization.log_scan import LogScan
+from agribot.app.localization.mounting import list_mount_notes
 from agribot.autonomy.estimate.imu_mount import SQUARE, ImuMount
 from agribot.core.messages import FloatArray, ImuSample
 from agribot.core.robot import DriveSpec
@@ -89,15 +91,21 @@ def test_gravity_that_points_down_is_taken_with_the_other_sign(
 ) -> None:
     turned = drive.imu.copy()
     turned[:, 4:] *= -1.0
-    mount = scan(
-        Drive(
-            truth=drive.truth, odom=drive.odom, imu=turned, fixes=drive.fixes, mag=drive.mag,
-            fix_std_m=drive.fix_std_m,
-        ),
-        wheels, np.eye(3),
-    )  # fmt: skip
+    mount = scan(msgspec.structs.replace(drive, imu=turned), wheels, np.eye(3))
     assert mount is not None and mount.accel_sign == -1.0
     assert mount.body_from_imu == pytest.approx(np.eye(3), abs=1e-9)
+
+
+def test_a_gyro_with_other_axes_than_its_accelerometer_is_noticed(
+    drive: Drive, wheels: DriveSpec
+) -> None:
+    turned = drive.imu.copy()
+    turned[:, 1:4] = turned[:, [3, 1, 2]]
+    other = msgspec.structs.replace(drive, imu=turned)
+    mount = scan(other, wheels, np.eye(3))
+    assert mount is not None
+    assert math.degrees(mount.apart_rad) == pytest.approx(90.0, abs=3.0)
+    assert any("an axis 90 degrees off gravity" in note for note in list_mount_notes(mount))
 
 
 def test_a_robot_that_only_stands_shows_the_vertical_alone(wheels: DriveSpec) -> None:

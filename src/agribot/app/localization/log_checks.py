@@ -23,6 +23,7 @@ MOST_CLOCK_OFF_S = 1.0  # of the stamps of two sensors against the recorder's cl
 DEGREES_PER_RAD = 180.0 / math.pi
 # Of a ratio that should be one, the range that no wrong unit reaches.
 LEAST_RATIO, MOST_RATIO = 0.4, 2.5
+MIRRORED = -0.5  # agreement of turns below which wheels and fixes are mirrored
 MOST_RADPS = 40.0  # the range of gyros ends at 2000 degrees a second
 _FACTORS = {1e-3: "km", 1e3: "mm", 1e2: "cm", 3.6: "km/h", 1.0 / 0.3048: "feet"}
 # A degree of longitude is shorter than one of latitude, as a robot drives both.
@@ -42,6 +43,7 @@ def check_scan(log: RobotLog, scan: LogScan) -> list[str]:
     _check_gyro(log, scan)
     _check_accel(log, scan)
     _check_way(log, scan)
+    _check_sides(log, scan)
     return list(_list_notes(log, scan))
 
 
@@ -153,6 +155,15 @@ def _check_way(log: RobotLog, scan: LogScan) -> None:
         f"{_name(log, 'odom')}: the wheels drove {ratio:.3g} times as far as {_name(log, 'gnss')} "
         f"moved; {looks}; write metres, and check --radius"
     )
+
+
+def _check_sides(log: RobotLog, scan: LogScan) -> None:
+    if scan.turn_agreement < MIRRORED:
+        raise RecordingError(
+            f"{_name(log, 'odom')}: the wheels turn to the right where {_name(log, 'gnss')} turns "
+            "to the left; left and right are swapped, or the sign of the yaw rate is wrong; "
+            "positive is to the left"
+        )
 
 
 def _check_radians(log: RobotLog, scan: LogScan, ratio: float) -> None:

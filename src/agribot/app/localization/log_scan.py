@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
+from agribot.app.localization.fix_ways import FixWays, WheelWay
 from agribot.app.localization.log import LogEntry, LogSensor, RobotLog, TwistSample
 from agribot.app.localization.time_order import order_by_stamp
 from agribot.autonomy.estimate.imu_mount import ImuMountFit
-from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import GnssFix, GnssQuality, ImuSample, Vec3, WheelSample
 from agribot.core.robot import DriveSpec
 
@@ -21,9 +20,6 @@ PIECE_S, LONGEST_PIECE_S = 0.1, 1.0
 GAIN_STD_RATIO = 0.05  # 1 sigma of a gain that is known
 REPORT_EVERY = 1000  # entries, of progress
 STANDING_MPS, STANDING_RADPS = 1e-3, 1e-3
-# Ways of wheels and fixes are compared over so long, s, and where one is so long, m; the sum counts
-# from the last on.
-WAY_S, LEAST_PIECE_M, WAY_SIGMA, LEAST_WAY_M = 5.0, 1.0, 4.0, 20.0
 
 
 class SensorScan:
@@ -71,8 +67,8 @@ class LogScan:
         self.has_wheels = False  # their turns are told, not the robot's speed
         self.most_mps = self.most_radps = self.most_gyro_radps = self.driven_m = 0.0
         self._pieces = _Pieces(self.mount)
-        self._way = _WheelWay()
-        self._ways: dict[str, _FixWays] = {}  # by the frame of the receiver
+        self._way = WheelWay()
+        self._ways: dict[str, FixWays] = {}  # by the frame of the receiver
 
     @property
     def start_s(self) -> float:
@@ -97,7 +93,7 @@ class LogScan:
         sample = entry.sample
         if isinstance(sample, GnssFix) and sample.quality is not GnssQuality.NONE:
             if entry.frame not in self._ways:
-                self._ways[entry.frame] = _FixWays(sample)
+                self._ways[entry.frame] = FixWays(sample)
             self._ways[entry.frame].add(entry.stamp_s, sample, self._way.place_m)
         elif isinstance(sample, ImuSample):
             self.most_gyro_radps = max(self.most_gyro_radps, *map(abs, sample.gyro_radps))
@@ -124,6 +120,12 @@ class LogScan:
         return None if ways is None else ways.ratio
 
     @property
+    def turn_agreement(self) -> float:
+        """How far turns by fixes and by wheels agree: 1 fully, -1 they are mirrored, 0 unknown."""
+        ways = self._ways.get(self.main_frame("gnss"))
+        return 0.0 if ways is None else ways.turn_agreement
+
+    @property
     def first_fix(self) -> GnssFix | None:
         """The first fix of the receiver that is used."""
         ways = self._ways.get(self.main_frame("gnss"))
@@ -138,55 +140,6 @@ def find_twist(sample: WheelSample | TwistSample, drive: DriveSpec) -> tuple[flo
     right_mps = drive.wheel_radius_m * (rear_right + front_right) / 2.0
     left_mps = drive.wheel_radius_m * (rear_left + front_left) / 2.0
     return (right_mps + left_mps) / 2.0, (right_mps - left_mps) / drive.effective_separation_m
-
-
-class _WheelWay:
-    """Where the wheels alone lead, from where the log begins."""
-
-    def __init__(self) -> None:
-        self.place_m = 0j
-        self._yaw_rad = 0.0
-        self._last_s = -math.inf
-
-    def add(self, t_s: float, v_mps: float, yaw_radps: float) -> None:
-        dt_s = t_s - self._last_s
-        self._last_s = t_s
-        if 0.0 < dt_s < LONGEST_PIECE_S:
-            self.place_m += cmath.rect(v_mps * dt_s, self._yaw_rad + yaw_radps * dt_s / 2.0)
-            self._yaw_rad += yaw_radps * dt_s
-
-
-class _FixWays:
-    """Ways of one receiver and of the wheels, each from where it was some seconds before."""
-
-    def __init__(self, first: GnssFix) -> None:
-        self.first = first
-        datum = Datum(lat_deg=first.lat_deg, lon_deg=first.lon_deg, alt_m=first.alt_m)
-        self._frame = MapFrame(datum)
-        self._mark: tuple[float, complex, complex] | None = None  # time, by fixes, by wheels
-        self._fixes_m = self._wheels_m = 0.0
-
-    @property
-    def ratio(self) -> float | None:
-        """How many times as far as the fixes the wheels moved; None of too short a way."""
-        if max(self._fixes_m, self._wheels_m) < LEAST_WAY_M:
-            return None
-        return self._wheels_m / max(self._fixes_m, 1e-9)
-
-    def add(self, t_s: float, fix: GnssFix, wheels_m: complex) -> None:
-        if self._mark is not None and t_s - self._mark[0] < WAY_S:
-            return
-        east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m)
-        here_m = complex(east_m, north_m)
-        if self._mark is not None:
-            self._count(abs(here_m - self._mark[1]), abs(wheels_m - self._mark[2]), fix)
-        self._mark = t_s, here_m, wheels_m
-
-    def _count(self, fixes_m: float, wheels_m: float, fix: GnssFix) -> None:
-        """Count a way that is more than the scatter of the fixes."""
-        if max(fixes_m, wheels_m) > max(LEAST_PIECE_M, WAY_SIGMA * fix.pos_std_m):
-            self._fixes_m += fixes_m
-            self._wheels_m += wheels_m
 
 
 class _Pieces:

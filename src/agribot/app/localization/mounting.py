@@ -88,7 +88,11 @@ def _keep_found(mount: ImuMount, found: ImuMount | None) -> ImuMount:
     if found is None:
         return mount
     return msgspec.structs.replace(
-        mount, has_gravity=found.has_gravity, accel_sign=found.accel_sign, turn_gain=found.turn_gain
+        mount,
+        has_gravity=found.has_gravity,
+        accel_sign=found.accel_sign,
+        turn_gain=found.turn_gain,
+        apart_rad=found.apart_rad,
     )
 
 
@@ -129,6 +133,12 @@ def list_mount_notes(mount: ImuMount) -> list[str]:
         notes.append(
             "IMU: its angle about the vertical is not known, so that slopes are taken for level "
             "ground askew; turns are right; state --imu-rpy-deg"
+        )
+    if mount.apart_rad > AGREE_RAD:
+        notes.append(
+            f"IMU: the gyro turns about an axis {math.degrees(mount.apart_rad):.0f} degrees off "
+            "gravity; its gyro and its accelerometer have other axes, or the odometry's yaw rate "
+            "is wrong"
         )
     if mount.accel_sign < 0.0:
         notes.append(

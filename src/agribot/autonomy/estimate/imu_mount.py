@@ -36,8 +36,9 @@ class ImuMount(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
     `how` says where it is from. `has_heading` is False where the angle about the vertical is not
     known: turns are right then, roll and pitch are not. `accel_sign` is -1 for an IMU that reports
-    gravity itself, which points down. `has_gravity` is False for one that subtracts it. Standard
-    deviations are of the vertical by the turns and of the angle about it, rad.
+    gravity itself, which points down. `has_gravity` is False for one that subtracts it. `apart_rad`
+    is the angle between the verticals of gravity and of the turns, 0 where one is not known.
+    Standard deviations are of the vertical by the turns and of the angle about it, rad.
     """
 
     body_from_imu: FloatArray
@@ -46,6 +47,7 @@ class ImuMount(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     has_gravity: bool = True
     accel_sign: float = 1.0
     turn_gain: float | None = None
+    apart_rad: float = 0.0
     vertical_std_rad: float = math.inf
     heading_std_rad: float = math.inf
 
@@ -111,6 +113,7 @@ class ImuMountFit:
         if not (has_turned or has_gravity):
             return None
         up, accel_sign = _find_up(gravity if has_gravity else None, slope if has_turned else None)
+        cosine = float(up @ slope) / gain if has_turned else 1.0
         forward, heading_std_rad = self._find_forward(up, accel_sign)
         has_heading = bool(heading_std_rad < SURE_RAD)
         near_rad = max(SQUARE_RAD, SQUARE_SIGMA * heading_std_rad) if has_heading else math.inf
@@ -123,6 +126,7 @@ class ImuMountFit:
             has_gravity=has_gravity,
             accel_sign=accel_sign,
             turn_gain=gain if has_turned else None,
+            apart_rad=math.acos(max(-1.0, min(1.0, cosine))),
             vertical_std_rad=std_rad,
             heading_std_rad=heading_std_rad,
         )
