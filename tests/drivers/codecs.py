@@ -24,7 +24,7 @@ from tests.drivers import board_bytes, rosserial_bytes
 from tests.drivers import receiver_bytes as written
 from tests.drivers.can_fakes import FakeOdriveBus, FakeVescBus
 from tests.drivers.caster import STATION, TABLE, YES, chunk, make_observation
-from tests.drivers.esc_fakes import FakeVesc
+from tests.drivers.esc_fakes import FakeOdrive, FakeVesc
 
 Feed = Callable[[bytes], list[Any]]
 BITS_PER_BYTE = 10  # of a serial line
@@ -96,7 +96,7 @@ def open_odrive() -> Feed:
     def feed(data: bytes) -> list[Any]:
         found = []
         for line in data.splitlines(keepends=True):
-            if not driver._asked:
+            if not driver.is_waiting:
                 driver.poll()
             found += driver.feed(line)
         return found
@@ -152,6 +152,17 @@ def write_vesc() -> bytes:
     return said + fake.answer(driver.poll())
 
 
+def write_odrive() -> bytes:
+    """Write what an ODrive answers with checksums, and an older firmware without them."""
+    fake, driver = FakeOdrive(), OdriveBoard((0, 1), 10.0)
+    questions = driver.open() + driver.poll()
+    said = fake.answer(questions)
+    driver.feed(said)
+    fake.errors[1] = 64
+    said += b"unknown command\r\n" + fake.answer(driver.poll())
+    return said + b"".join(line.partition(b"*")[0] + b"\r\n" for line in said.splitlines())
+
+
 def write_bus(fake: FakeVescBus | FakeOdriveBus, driver: MotorBoard) -> bytes:
     """Write what two nodes say within a fifth of a second."""
     said = b""
@@ -182,8 +193,7 @@ OF_BOARDS = {
     "vesc": write_vesc(),
     "vesc_can": write_bus(FakeVescBus((11, 12)), VescCanBoard((11, 12), 7, 10.0)),
     "odrive_can": write_bus(FakeOdriveBus(), OdriveCanBoard((0, 1), 10.0)),
-    "odrive": b"0.5 1.0\r\n-0.5 -1.0\r\n0\r\n64\r\n8\r\n1\r\n24.3\r\n0.6 1.0\r\n-0.6 -1.0\r\n"
-    b"invalid property\r\n",
+    "odrive": write_odrive(),
 }
 
 

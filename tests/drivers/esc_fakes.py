@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 
+from agribot.drivers.odrive_line import compute_checksum, split_answer
 from agribot.drivers.vesc import VescDecoder, make_packet
 
 IDLE, CLOSED_LOOP = 1, 8  # of an ODrive's axis
@@ -102,9 +103,20 @@ class FakeOdrive:
         *lines, self._line = (self._line + data).split(b"\n")
         said = b""
         for line in lines:
-            said += self._do(line.decode("ascii", "replace").split())
+            told = split_answer(line)
+            if told is None:  # one with a wrong checksum is left out
+                continue
+            try:
+                said += self._reply(self._do(told[0].split()), has_checksum=told[1])
+            except (ValueError, IndexError):
+                said += self._reply("invalid command format", has_checksum=told[1])
             self._check()
         return said
+
+    @staticmethod
+    def _reply(text: str, *, has_checksum: bool) -> bytes:
+        checksum = f"*{compute_checksum(text)}" if has_checksum else ""
+        return f"{text}{checksum}\r\n".encode() if text else b""
 
     def _check(self) -> None:
         for axis in self.watchdogs:
@@ -114,21 +126,23 @@ class FakeOdrive:
             if error:
                 self.states[axis] = IDLE
 
-    def _do(self, words: list[str]) -> bytes:
+    def _do(self, words: list[str]) -> str:
         match words:
-            case ["v", axis, speed, _]:
+            case ["v", "0" | "1" as axis, speed, _]:
                 self._speeds[int(axis)] = float(speed)
                 self._left_s[int(axis)] = self.timeouts_s[int(axis)]
-            case ["f", axis]:
-                return f"{self._turns[int(axis)]:f} {self.speed(int(axis)):f}\r\n".encode()
+            case ["f", "0" | "1" as axis]:
+                return f"{self._turns[int(axis)]:f} {self.speed(int(axis)):f}"
             case ["r", name]:
-                return f"{self._read(name)}\r\n".encode()
+                return self._read(name)
             case ["w", name, value]:
                 self._write(name, value)
             case ["sc"]:
                 self.clears += 1
                 self.errors = [0x200 * self.is_broken] * 2
-        return b""
+            case [_, *_]:
+                return "unknown command"
+        return ""
 
     def _read(self, name: str) -> str:
         axis = int(name[4]) if name.startswith("axis") else 0

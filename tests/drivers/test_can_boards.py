@@ -16,7 +16,7 @@ from agribot.drivers import board_kinds, odrive_can, schemes, vesc_can
 from agribot.drivers.board_kinds import MakeBoard
 from agribot.drivers.can_frames import FRAME, CanDecoder, CanFrame, CanStream
 from agribot.drivers.hardware_platform import HardwarePlatform
-from agribot.drivers.motor_board import MotorBoard
+from agribot.drivers.motor_board import BoardReport, MotorBoard
 from agribot.drivers.uri_options import UriOptions
 from tests.drivers.can_fakes import FakeOdriveBus, FakeVescBus
 from tests.drivers.esc_fakes import CLOSED_LOOP, IDLE
@@ -100,6 +100,47 @@ def test_one_vesc_that_is_silent_makes_the_board_silent() -> None:
     fake.silent = {13}
     linked.run(0.1, AHEAD).told.clear()
     assert linked.run(1.0, AHEAD).told == []
+
+
+def test_a_current_that_one_vesc_does_not_tell_any_more_is_not_known() -> None:
+    fake, now_s = FakeVescBus((11, 12)), 0.0
+    board = vesc_can.VescCanBoard((11, 12), 7, 10.0, lambda: now_s)
+
+    def run(seconds: float, left_out: int) -> float:
+        nonlocal now_s
+        for _ in range(round(seconds / TICK_S)):
+            now_s += TICK_S
+            fake.advance(TICK_S)
+            frames = CanDecoder().feed(fake.answer(b""))
+            kept = [frame for frame in frames if frame.identifier != left_out]
+            found = board.feed(b"".join(frame.pack() for frame in kept))
+        battery = found[-1].report.battery
+        assert battery is not None
+        return battery.current_a
+
+    assert run(1.0, left_out=0) == pytest.approx(2.4)
+    assert math.isnan(run(1.0, left_out=vesc_can.STATUS_4 << 8 | 12))
+
+
+def test_states_of_an_odrive_whose_heartbeats_stay_away_are_not_reported() -> None:
+    fake, now_s = FakeOdriveBus(), 0.0
+    fake.watchdogs.clear()
+    board = odrive_can.OdriveCanBoard((0, 1), 10.0, "active_errors", lambda: now_s)
+
+    def run(seconds: float) -> BoardReport:
+        nonlocal now_s
+        for _ in range(round(seconds / TICK_S)):
+            now_s += TICK_S
+            fake.advance(TICK_S)
+            found = board.feed(fake.answer(board.poll()))
+        assert found[-1].report.wheels is not None
+        return found[-1].report
+
+    told = run(1.0).board
+    assert told is not None and told.inputs == ("battery", "motors")
+    fake._beat_s = math.inf
+    assert run(0.4).board == told
+    assert run(0.2).board is None
 
 
 def test_an_odrive_on_a_bus_stands_until_a_person_clears_its_stop_and_drives_then() -> None:

@@ -171,7 +171,12 @@ def test_an_odrive_is_asked_which_names_its_firmware_has(
 ) -> None:
     fake = FakeOdrive(firmware)
     fake.errors[1] = 0x40
-    answer, _ = probe(lambda heard, t_s: fake.answer(heard), 115_200, "ODrive")
+
+    def answer_after_strays(heard: bytes, t_s: float) -> bytes:
+        said = fake.answer(heard)
+        return b"unknown command\r\n" + said if said else b""
+
+    answer, _ = probe(answer_after_strays, 115_200, "ODrive")
     assert answer.write_uri("/dev/x") == f"serial:/dev/x?board=odrive{options}"
     assert "24.3 V" in answer.detail and "axis 1 has error 0x40" in answer.detail
     assert fake.lets_go == [] and fake.clears == 0

@@ -5,6 +5,7 @@ Nothing here waits: their time passes with the commands.
 
 from __future__ import annotations
 
+import math
 import queue
 import struct
 from itertools import count
@@ -170,6 +171,64 @@ def test_answers_of_an_odrive_that_got_lost_are_not_taken_for_others(loses: slic
     assert all(
         speeds == pytest.approx([WHEEL_RADPS] * 4, rel=0.01) for speeds in linked.speeds[-9:]
     )
+
+
+def test_a_number_of_an_odrive_that_lost_a_digit_is_left_out_and_counted() -> None:
+    fake, board = FakeOdrive(), odrive.OdriveBoard((0, 1), 10.0, now_s=lambda: 0.0)
+    fake._turns = [123.0, 45.0]
+    board.feed(fake.answer(board.open() + board.poll()))
+    said = fake.answer(board.poll())
+    assert board.feed(said.replace(b"123.", b"13.")) == [] and board.broken == 1
+    (found,) = board.feed(fake.answer(board.poll()))
+    assert found.report.wheels is not None
+    assert found.report.wheels.angle_rad[0] == pytest.approx(123.0 * math.tau / 10.0)
+
+
+def test_a_speed_that_lost_its_point_on_the_way_to_an_odrive_drives_nothing() -> None:
+    fake, board = FakeOdrive(), open_board(ODRIVE)
+    fake.states = [CLOSED_LOOP, CLOSED_LOOP]
+    fake.answer(board.drive((1.0,) * 4, STAND.implement))
+    fake.answer(board.drive((2.0,) * 4, STAND.implement).replace(b".", b""))
+    assert fake.speed(0) == pytest.approx(10.0 / math.tau, rel=1e-4)
+
+
+def test_a_line_to_an_odrive_that_breaks_answers_is_told() -> None:
+    fake, now_s = FakeOdrive(), 0.0
+    board = odrive.OdriveBoard((0, 1), 10.0, now_s=lambda: now_s)
+    link, noted = BoardLink(board, ROBOT.drive, lambda: now_s), list[str]()
+    link.open()
+    for tick in range(200):
+        now_s += TICK_S
+        said = fake.answer(link.command(STAND))
+        link.feed(said[3:] if tick % 10 == 0 else said, now_s)
+        noted += [event.text for event in link.watch_line(now_s)]
+    assert len(noted) == 1 and "the link to the motor board broke 3 messages" in noted[0]
+
+
+def test_the_values_of_two_vescs_are_no_reading_where_one_of_them_is_old() -> None:
+    fake, now_s = FakeVesc(local=3, others=(9,)), 0.0
+    board = vesc.VescBoard((vesc.LOCAL, 9), 7, 10.0, lambda: now_s)
+    asked = board.poll()
+    right, left = (fake.answer(asked[at]) for at in (slice(0, 10), slice(10, None)))
+    assert board.feed(right) == []
+    now_s = 0.6
+    assert board.feed(left) == []
+    assert len(board.feed(right)) == 1
+
+
+def test_of_readings_that_a_line_held_back_the_last_one_counts() -> None:
+    fake = FakeVesc(local=3, others=(11, 12, 13))
+    linked, held = Linked(fake, VESC).run(0.5, AHEAD), b""
+    for command in (AHEAD, AHEAD, STAND, STAND):
+        fake.faults[12] = 9 if command is STAND else 0
+        fake.advance(TICK_S)
+        held += fake.answer(linked.link.command(command))
+    linked.now_s += 0.1
+    linked.link.take(linked.now_s)
+    linked.link.feed(held, linked.now_s)
+    told = linked.link.take(linked.now_s + TICK_S)
+    assert [wheels.speed_radps for wheels in told["wheels"]] == [(0.0,) * 4]
+    assert [len(board.faults) for board in told["board"]] == [1]
 
 
 class CommandedLine:

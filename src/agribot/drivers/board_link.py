@@ -7,7 +7,7 @@ simulation gives it those of a simulated one.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import msgspec
@@ -23,7 +23,13 @@ from agribot.core.messages import (
 from agribot.core.robot import DriveSpec
 from agribot.core.stamp_clock import SampleQueue
 from agribot.drivers.line_watch import LineWatch
-from agribot.drivers.motor_board import BoardReport, CountsBroken, MotorBoard, SpeaksFirst
+from agribot.drivers.motor_board import (
+    BoardReport,
+    CountsBroken,
+    MotorBoard,
+    SpeaksFirst,
+    StampedReport,
+)
 
 # A person cleared the stop: the board is told so until it has let go, but no longer.
 CLEARING_S = 2.0
@@ -77,7 +83,7 @@ class BoardLink:
         reports = self.board.feed(data)
         if self._count_heard() != heard:
             self._first_s, self._heard_s = min(self._first_s, arrived_s), arrived_s
-        for stamped in reports:
+        for stamped in _join_untimed(reports):
             is_imu = stamped.report.imu is not None
             self.has_spoken |= not is_imu
             queue = self._imu_queue if is_imu else self._queue
@@ -151,6 +157,19 @@ class BoardLink:
         """Make the bytes that let wheels and tool rest."""
         left, right = self._drive.wheel_speeds_radps(STOP.v_mps, STOP.yaw_rate_radps)
         return self.board.drive((right, left, right, left), ImplementCommand())
+
+
+def _join_untimed(reports: Sequence[StampedReport]) -> Iterator[StampedReport]:
+    """Join what came at once without times, as after a pause of the line: the last is of now."""
+    untimed: dict[bool, dict[str, Any]] = {}  # parts of the IMU's reports and of others
+    for stamped in reports:
+        if stamped.stamp_s:
+            yield stamped
+        else:
+            parts = msgspec.structs.asdict(stamped.report)
+            told = {name: part for name, part in parts.items() if part is not None}
+            untimed.setdefault(stamped.report.imu is not None, {}).update(told)
+    yield from (StampedReport(0.0, BoardReport(**parts)) for parts in untimed.values())
 
 
 def _stamp(report: BoardReport) -> BoardReport:

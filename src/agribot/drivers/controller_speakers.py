@@ -10,6 +10,7 @@ import math
 import struct
 
 from agribot.drivers.line_answers import LineAnswer
+from agribot.drivers.odrive_line import split_answer, write_line
 from agribot.drivers.vesc import (
     GET_SELECTED,
     MASK,
@@ -24,6 +25,7 @@ FW_VERSION, PING_CAN = 0, 62
 ASK_AGAIN_S = 1.0
 PING_S = 4.0  # a controller tries all 255 ids of its CAN bus, one after the other
 ODRIVE_S, FLUSH_S = 1.0, 0.2
+NO_PROPERTY = "invalid property"
 MUST_REPORT = "--set 'safety.must_report=[\"motors\"]'"
 BUTTON_ADVICE = (
     f"it tells of no red button: cut the motors' supply by the button, then add {MUST_REPORT}"
@@ -116,7 +118,7 @@ class OdriveSpeaker:
     def __init__(self, begins_s: float, *, may_ask: bool) -> None:
         """Begin to ask at a time, when others were tried."""
         self._may_ask, self._next_s = may_ask, begins_s
-        self._line, self._is_flushed = b"", False
+        self._line, self._is_flushed, self._has_checksums = b"", False, False
         self._said: dict[str, float | None] = {}
         self._asked = ""
 
@@ -128,8 +130,8 @@ class OdriveSpeaker:
         *lines, rest = (self._line + data).split(b"\n")
         self._line = rest[-256:]
         for line in lines:
-            if self._asked:
-                self._said[self._asked] = _read_float(line)
+            if self._asked and (text := self._read_answer(line)):
+                self._said[self._asked] = _read_float(text)
                 self._asked, self._next_s = "", now_s
 
     def take_to_send(self, now_s: float) -> bytes:
@@ -145,7 +147,16 @@ class OdriveSpeaker:
             left = left[1:]
         self._next_s = now_s + ODRIVE_S
         self._asked = left[0] if left else ""
-        return f"r {self._asked}\n".encode() if left else b""
+        return write_line(f"r {self._asked}").encode() if left else b""
+
+    def _read_answer(self, line: bytes) -> str:
+        """Read what answers a question for a property; empty of what is broken or was not asked."""
+        text, has_checksum = split_answer(line) or ("", False)
+        is_answer = text == NO_PROPERTY or _read_float(text) is not None
+        if not is_answer or (self._has_checksums and not has_checksum):
+            return ""
+        self._has_checksums = has_checksum
+        return text
 
     def is_done(self, now_s: float) -> bool:
         return len(self._said) == len(self._QUESTIONS)
@@ -174,9 +185,9 @@ class OdriveSpeaker:
         )  # fmt: skip
 
 
-def _read_float(line: bytes) -> float | None:
+def _read_float(text: str) -> float | None:
     try:
-        value = float(line.decode("ascii", "replace"))
+        value = float(text)
     except ValueError:
         return None
     return value if math.isfinite(value) else None

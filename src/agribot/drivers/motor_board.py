@@ -6,7 +6,8 @@ anywhere, and never opens a port: `HardwarePlatform` does.
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 import msgspec
 
@@ -22,7 +23,34 @@ from agribot.core.messages import (
     WheelSample,
 )
 
+STATE_S = 0.5  # age of what motors do beyond which it is not known
 GEAR_HOW = "write gear=N, turns of the motor for one of its wheel, 1 for a motor in the hub"
+
+
+Value = TypeVar("Value")
+
+
+class FreshValues(Generic[Value]):
+    """What each of several controllers told last, for as long as it is not older than `STATE_S`."""
+
+    def __init__(self, now_s: Callable[[], float]) -> None:
+        self._now_s = now_s
+        self._told: dict[int, tuple[float, Value]] = {}
+
+    def put(self, controller: int, value: Value) -> None:
+        self._told[controller] = self._now_s(), value
+
+    def take(self) -> dict[int, Value]:
+        """Give what is known now."""
+        now_s = self._now_s()
+        return {one: value for one, (t_s, value) in self._told.items() if now_s - t_s <= STATE_S}
+
+    def clear(self) -> None:
+        self._told.clear()
+
+    def __len__(self) -> int:
+        """Count those that told something since it was cleared, however long ago."""
+        return len(self._told)
 
 
 class BoardReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -96,9 +124,9 @@ class SpeaksFirst(Protocol):
 
 @runtime_checkable
 class CountsBroken(Protocol):
-    """A board whose frames have checksums."""
+    """A board that notices what breaks on its line."""
 
     @property
     def broken(self) -> int:
-        """How many of its frames, and of those to it where it tells, were broken so far."""
+        """How many of its messages, and of those to it where it tells, were broken so far."""
         ...

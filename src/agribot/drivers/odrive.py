@@ -2,15 +2,16 @@
 
 Source: ODrive's documentation, "ASCII Protocol" (firmware 0.5 and 0.6): `v AXIS TURNS_PER_S 0`
 sets a velocity and feeds the axis' watchdog, `f AXIS` answers position and velocity in turns,
-`r PROPERTY` its value, `sc` clears errors; answers come in the order of the questions and do not
-say to which. Of its firmware (MotorControl/axis.cpp): a watchdog counts in every state, and what
-was never fed has expired when it is switched on; an axis with an error enters no closed loop.
+`r PROPERTY` its value, `sc` clears errors. Of its firmware (MotorControl/axis.cpp): a watchdog
+counts in every state, and what was never fed has expired when it is switched on; an axis with an
+error enters no closed loop.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
+import time
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from agribot.core.errors import ConfigError
@@ -24,92 +25,94 @@ from agribot.core.messages import (
     WheelSample,
 )
 from agribot.core.robot import RobotSpec
-from agribot.drivers.motor_board import GEAR_HOW, BoardReport, StampedReport
+from agribot.drivers.motor_board import GEAR_HOW, STATE_S, BoardReport, StampedReport
+from agribot.drivers.odrive_line import VOLTAGE, OdriveAnswers, OdriveLine, write_line
 from agribot.drivers.uri_options import UriOptions
 
-LONGEST_LINE = 256
-MOST_OPEN = 24  # questions; more without an answer are those of a line that lost some
-# Faults, states and voltage are asked once in so many readings, and the watchdogs switched on once
-# in so many commands: an ODrive that began anew has forgotten them.
-ROUND_TICKS = 10
+ROUND_TICKS = 5  # between two questions for faults, states and voltage
+# Commands between two that set the watchdogs: an ODrive that began anew has forgotten them.
+WATCHDOG_TICKS = 5
 WATCHDOG_S = 0.3
 IDLE, CLOSED_LOOP = 1, 8  # AXIS_STATE_IDLE, AXIS_STATE_CLOSED_LOOP_CONTROL
 # What firmwares call the errors of an axis (0.5, 0.6), and WATCHDOG_TIMER_EXPIRED among them.
 WATCHDOG_EXPIRED = {"error": 0x800, "active_errors": 0x0100_0000}
-_VOLTAGE = "vbus_voltage"
 
 
 class OdriveBoard:
     """`axes` are those of the right and the left side. It tells no time, and of no red button.
 
     It drives no wheel before both axes are in closed loop, which an ODrive is not when it was just
-    switched on, nor after an error: it holds a stop until then.
+    switched on, nor after an error: it holds a stop until then. What the axes do that was asked
+    more than `STATE_S` ago is not known any more, and not reported.
     """
 
     inputs: frozenset[SafetyInput] = frozenset({"battery", "motors"})
     latency_s = 0.002
     trouble = ""
 
-    def __init__(self, axes: tuple[int, int], gear_ratio: float, error: str = "error") -> None:
+    def __init__(
+        self, axes: tuple[int, int], gear_ratio: float, error: str = "error",
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:  # fmt: skip
         """`error` is what a firmware calls the faults of an axis: 0.6 has `active_errors`."""
-        self._axes, self._gear = axes, gear_ratio
+        self._axes, self._gear, self._now_s = axes, gear_ratio, now_s
         self._sides = SideAxes(axes, gear_ratio, WATCHDOG_EXPIRED[error])
-        self._errors = {f"axis{axis}.{error}": axis for axis in axes}
-        self._state_names = {f"axis{axis}.current_state": axis for axis in axes}
-        self._asked: deque[str] = deque()
-        self._line = bytearray()
-        self._polls = self._drives = 0
-        self._motion: dict[int, tuple[float, float]] = {}
-        self._faults: dict[int, int] = {}
-        self._states: dict[int, int] = {}
-        self._round: dict[str, float] = {}  # what the round tells that is not whole yet
-        self._is_changing = False  # axes were told to go to closed loop, and none has told since
-        self._voltage_v = math.nan
-        self.bad = 0
+        self._motions = {axis: f"f {axis}" for axis in axes}
+        self._errors = {axis: f"r axis{axis}.{error}" for axis in axes}
+        self._state_names = {axis: f"r axis{axis}.current_state" for axis in axes}
+        self._line = OdriveLine(self._motions[axes[0]], now_s)
+        self.open()
+
+    @property
+    def broken(self) -> int:
+        """How many lines did not fit, or did not come."""
+        return self._line.bad
+
+    bad = broken
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether answers to questions are under way."""
+        return self._line.is_waiting
 
     def open(self) -> bytes:
         """Ask and drive from the beginning; the empty line ends what was half sent."""
-        self._forget_questions()
-        self._line.clear()
-        self._faults.clear()
-        self._states.clear()
-        self._drives = 0
+        self._line.open()
+        self._polls = self._drives = 0
+        self._asked_polls, self._round_polls = 0, -ROUND_TICKS  # at the newest round, and answered
+        self._states: dict[int, AxisState] = {}
+        self._voltage_v, self._states_s = math.nan, -math.inf
+        self._is_changing = False  # axes were told to go to closed loop, and have not answered
+        self._is_change_asked = False
         return b"\n"
 
     def poll(self) -> bytes:
-        if len(self._asked) > MOST_OPEN:
-            self._forget_questions()
-            self.bad += 1
-        questions = [f"f {axis}" for axis in self._axes]
-        if self._polls % ROUND_TICKS == 0:
-            names = (*self._errors, *self._state_names, _VOLTAGE)
-            questions += [f"r {name}" for name in names]
         self._polls += 1
-        self._asked.extend(questions)
-        return "".join(f"{question}\n" for question in questions).encode()
+        is_due = self._polls - self._round_polls >= ROUND_TICKS
+        names = (*self._errors.values(), *self._state_names.values(), VOLTAGE)
+        asked = self._line.ask([*self._motions.values(), *(names if is_due else ())])
+        if asked and is_due:
+            self._asked_polls, self._is_change_asked = self._polls, self._is_changing
+        return asked
 
     def feed(self, data: bytes) -> list[StampedReport]:
-        *lines, rest = (bytes(self._line) + data).split(b"\n")
-        self._line = bytearray(rest[-LONGEST_LINE:])
-        found = []
-        for line in lines:
-            words = line.decode("ascii", "replace").split()
-            if words and (report := self._answer(words)):
-                found.append(StampedReport(0.0, report))
-        return found
+        reports = (self._report(answers) for answers in self._line.feed(data))
+        return [StampedReport(0.0, report) for report in reports if report]
 
     def drive(self, speeds_radps: Four, implement: ImplementCommand) -> bytes:
-        """Set the velocities; a watchdog is switched on after it was fed, else it has expired."""
+        """Set the velocities; a watchdog is switched on after it was fed, else it has expired.
+
+        It is not when its time is set first, which may get lost: one without time expires at once.
+        """
         turns = [speed * self._gear / math.tau for speed in speeds_radps[:2]]
-        told = "".join(
-            f"v {axis} {speed:.5f} 0\n" for axis, speed in zip(self._axes, turns, strict=True)
-        )
-        if self._drives % ROUND_TICKS == 0:
+        told = [f"v {axis} {speed:.5f} 0" for axis, speed in zip(self._axes, turns, strict=True)]
+        if self._drives % WATCHDOG_TICKS == 0:
             names = [f"axis{axis}.config" for axis in self._axes]
-            limits = "".join(f"w {name}.watchdog_timeout {WATCHDOG_S}\n" for name in names)
-            told = limits + told + "".join(f"w {name}.enable_watchdog 1\n" for name in names)
+            limits = [f"w {name}.watchdog_timeout {WATCHDOG_S}" for name in names]
+            enables = [f"w {name}.enable_watchdog 1" for name in names] if self._drives else []
+            told = [*limits, *told, *enables]
         self._drives += 1
-        return told.encode()
+        return _write(told)
 
     def clear_stop(self) -> bytes:
         """Clear the errors of axes that stand, and put them in closed loop.
@@ -118,57 +121,35 @@ class OdriveBoard:
         it is asked next, and they are told nothing more before they have answered: one that is in
         closed loop already would let go of its motor for a moment.
         """
-        if self._is_changing:
+        if self._is_changing or not self._states:
             return b""
-        self._is_changing, self._polls = True, 0
-        fed = "".join(f"v {axis} 0 0\n" for axis in self._axes)
-        standing = [axis for axis in self._axes if self._states.get(axis) != CLOSED_LOOP]
-        states = "".join(f"w axis{axis}.requested_state {CLOSED_LOOP}\n" for axis in standing)
-        return f"{fed}sc\n{states}".encode()
+        self._is_changing, self._round_polls = True, self._polls - ROUND_TICKS
+        standing = [a for a in self._axes if self._states[a].state != CLOSED_LOOP]
+        return _write([
+            *(f"v {axis} 0 0" for axis in self._axes), "sc",
+            *(f"w axis{axis}.requested_state {CLOSED_LOOP}" for axis in standing),
+        ])  # fmt: skip
 
-    def _forget_questions(self) -> None:
-        """Ask all of it anew: which answer is to which question is not known any more."""
-        self._asked.clear()
-        self._motion.clear()
-        self._round.clear()
-        self._is_changing, self._polls = False, 0
-
-    def _answer(self, words: list[str]) -> BoardReport | None:
-        """Put an answer to its question.
-
-        One that does not fit is of a line that lost some: all questions begin anew.
-        """
-        asked = self._asked.popleft() if self._asked else ""
-        numbers = [_read_number(word) for word in words]
-        is_motion = asked.startswith("f ")
-        if len(numbers) != (2 if is_motion else 1) or None in numbers or not asked:
-            self._forget_questions()
-            self.bad += 1
+    def _report(self, answers: OdriveAnswers) -> BoardReport | None:
+        told, now_s = answers.by_question, self._now_s()
+        if VOLTAGE in told:
+            self._take_round(told, answers.asked_s)
+        if not self._states or now_s - answers.asked_s > STATE_S:
             return None
-        values = [number for number in numbers if number is not None]
-        name = asked[2:]
-        if not is_motion:
-            self._take_property(name, values[0])
-            return None
-        axis = int(name)
-        self._motion[axis] = values[0], values[1]
-        is_known = len(self._motion) == len(self._faults) == len(self._states) == 2
-        if axis != self._axes[-1] or not is_known:
-            return None
-        states = {one: AxisState(self._faults[one], self._states[one]) for one in self._axes}
-        return self._sides.report(self._motion, states, self._voltage_v)
+        motion = {axis: (told[name][0], told[name][1]) for axis, name in self._motions.items()}
+        is_known = now_s - self._states_s <= STATE_S
+        return self._sides.report(
+            motion, self._states if is_known else None, self._voltage_v if is_known else math.nan
+        )
 
-    def _take_property(self, name: str, value: float) -> None:
-        """Take a value of the round in, and all of them with the last: none is another's then."""
-        self._round[name] = value
-        if name != _VOLTAGE:
-            return
-        told, self._round = self._round, {}
-        if len(told) < 1 + len(self._errors) + len(self._state_names):
-            return
-        self._faults = {axis: int(told[one]) for one, axis in self._errors.items()}
-        self._states = {axis: int(told[one]) for one, axis in self._state_names.items()}
-        self._voltage_v, self._is_changing = value, False
+    def _take_round(self, told: Mapping[str, tuple[float, ...]], asked_s: float) -> None:
+        self._states = {
+            axis: AxisState(int(told[self._errors[axis]][0]), int(told[self._state_names[axis]][0]))
+            for axis in self._axes
+        }
+        self._voltage_v, self._states_s = told[VOLTAGE][0], asked_s
+        if self._is_change_asked or not self._is_changing:
+            self._round_polls, self._is_changing = self._asked_polls, False
 
 
 class AxisState(NamedTuple):
@@ -188,15 +169,18 @@ class SideAxes:
         self._axes, self._gear, self._expired, self._word = axes, gear_ratio, expired, word
 
     def report(
-        self, motion: dict[int, tuple[float, float]], states: dict[int, AxisState],
-        voltage_v: float,
+        self, motion: Mapping[int, tuple[float, float]],
+        states: Mapping[int, AxisState] | None, voltage_v: float,
     ) -> BoardReport:  # fmt: skip
-        """Make a reading of positions and velocities in turns; no voltage is NaN."""
+        """Make a reading of positions and velocities in turns.
+
+        States that are not known are None, and a voltage NaN: neither is then reported.
+        """
         right, left = (motion[axis] for axis in self._axes)
         to_rad = math.tau / self._gear
         right_rad, left_rad = right[0] * to_rad, left[0] * to_rad
         v_right, v_left = right[1] * to_rad, left[1] * to_rad
-        bad = [bool(states[axis].error) for axis in self._axes]
+        bad = [states is not None and bool(states[axis].error) for axis in self._axes]
         is_known = not math.isnan(voltage_v)
         return BoardReport(
             wheels=WheelSample(
@@ -207,15 +191,15 @@ class SideAxes:
             battery=BatterySample(
                 t_s=0.0, voltage_v=voltage_v, current_a=math.nan, charge_ratio=math.nan
             ) if is_known else None,
-            board=BoardSample(
-                t_s=0.0, inputs=("battery", "motors") if is_known else ("motors",),
-                stopped=" and ".join(
-                    filter(None, (self._why_standing(axis, states[axis]) for axis in self._axes))
-                ),
-                faults=tuple(
-                    filter(None, (self._name_error(axis, states[axis]) for axis in self._axes))
-                ),
-            ),
+            board=None if states is None else self._describe(states, is_powered=is_known),
+        )  # fmt: skip
+
+    def _describe(self, states: Mapping[int, AxisState], *, is_powered: bool) -> BoardSample:
+        why = (self._why_standing(axis, states[axis]) for axis in self._axes)
+        errors = (self._name_error(axis, states[axis]) for axis in self._axes)
+        return BoardSample(
+            t_s=0.0, inputs=("battery", "motors") if is_powered else ("motors",),
+            stopped=" and ".join(filter(None, why)), faults=tuple(filter(None, errors)),
         )  # fmt: skip
 
     def is_standing(self, state: AxisState | None) -> bool:
@@ -259,9 +243,5 @@ def read_machine(options: UriOptions) -> tuple[float, str]:
     return options.pop_stated("gear", 0.1, 1000.0, GEAR_HOW), error
 
 
-def _read_number(word: str) -> float | None:
-    try:
-        value = float(word)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
+def _write(commands: Sequence[str]) -> bytes:
+    return "".join(map(write_line, commands)).encode()

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import math
 import struct
+import time
+from collections.abc import Callable
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import Four, ImplementCommand, SafetyInput
 from agribot.core.robot import RobotSpec
 from agribot.drivers.can_frames import CanDecoder, CanFrame
-from agribot.drivers.motor_board import StampedReport
+from agribot.drivers.motor_board import BoardReport, FreshValues, StampedReport
 from agribot.drivers.odrive import (
     CLOSED_LOOP,
     ROUND_TICKS,
@@ -37,25 +39,30 @@ _HEARTBEAT, _TWO, _STATE = struct.Struct("<IB"), struct.Struct("<ff"), struct.St
 class OdriveCanBoard:
     """`nodes` are those of the right and the left side.
 
-    It drives no wheel before both axes are in closed loop, and holds a stop until then.
+    It drives no wheel before both axes are in closed loop, and holds a stop until then. Nodes whose
+    heartbeats stay away are not reported, but for their motion.
     """
 
     inputs: frozenset[SafetyInput] = frozenset({"battery", "motors"})
     latency_s = 0.002
     trouble = ""
 
-    def __init__(self, nodes: tuple[int, int], gear_ratio: float, error: str = "error") -> None:
+    def __init__(
+        self, nodes: tuple[int, int], gear_ratio: float, error: str = "error",
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:  # fmt: skip
         """`error` is what a firmware calls the faults of an axis: 0.6 has `active_errors`."""
-        self._nodes, self._gear = nodes, gear_ratio
+        self._nodes, self._gear, self._now_s = nodes, gear_ratio, now_s
         self._sides = SideAxes(nodes, gear_ratio, WATCHDOG_EXPIRED[error], "node")
         self.open()
 
     def open(self) -> bytes:
         self._decoder = CanDecoder()
-        self._states: dict[int, AxisState] = {}
-        self._motion: dict[int, tuple[float, float]] = {}
+        self._states = FreshValues[AxisState](self._now_s)
+        self._motion = FreshValues[tuple[float, float]](self._now_s)
+        self._volts = FreshValues[float](self._now_s)
         self._told_s: set[int] = set()  # nodes whose heartbeat came since they were last told
-        self._voltage_v, self._polls, self._is_changing = math.nan, 0, False
+        self._polls, self._is_changing, self._is_known = 0, False, False
         return b""
 
     def poll(self) -> bytes:
@@ -74,9 +81,7 @@ class OdriveCanBoard:
             if frame.is_extended or frame.is_remote or node not in self._nodes:
                 continue
             self._take(node, command, frame.data)
-            if len(self._motion) == len(self._states) == 2:
-                motion, self._motion = self._motion, {}
-                report = self._sides.report(motion, self._states, self._voltage_v)
+            if len(self._motion) == 2 and (report := self._make_report()):
                 found.append(StampedReport(0.0, report))
         return found
 
@@ -95,7 +100,8 @@ class OdriveCanBoard:
         if self._is_changing:
             return b""
         self._is_changing, self._told_s = True, set()
-        standing = [n for n in self._nodes if self._sides.is_standing(self._states.get(n))]
+        states = self._states.take()
+        standing = [n for n in self._nodes if self._sides.is_standing(states.get(n))]
         return b"".join(
             self._write(node, SET_VELOCITY, _TWO.pack(0.0, 0.0))
             + self._write(node, CLEAR_ERRORS, b"\0")
@@ -103,9 +109,19 @@ class OdriveCanBoard:
             for node in standing
         )
 
+    def _make_report(self) -> BoardReport | None:
+        """Make a reading once both have told their motion, and both had told their states once."""
+        motion, states = self._motion.take(), self._states.take()
+        self._is_known |= len(states) == 2
+        if len(motion) < 2 or not self._is_known:
+            return None
+        self._motion.clear()
+        voltage_v = min(self._volts.take().values(), default=math.nan)
+        return self._sides.report(motion, states if len(states) == 2 else None, voltage_v)
+
     def _take(self, node: int, command: int, data: bytes) -> None:
         if command == HEARTBEAT and len(data) >= _HEARTBEAT.size:
-            self._states[node] = AxisState(*_HEARTBEAT.unpack_from(data))
+            self._states.put(node, AxisState(*_HEARTBEAT.unpack_from(data)))
             self._told_s.add(node)
             self._is_changing &= len(self._told_s) < 2
         elif command in (ESTIMATES, BUS_VOLTAGE) and len(data) >= _TWO.size:
@@ -113,9 +129,9 @@ class OdriveCanBoard:
             if not math.isfinite(first + second):
                 return
             if command == ESTIMATES:
-                self._motion[node] = first, second
+                self._motion.put(node, (first, second))
             else:
-                self._voltage_v = first
+                self._volts.put(node, first)
 
     @staticmethod
     def _write(node: int, command: int, data: bytes) -> bytes:

@@ -17,7 +17,9 @@ from __future__ import annotations
 
 import math
 import struct
+import time
 from binascii import crc_hqx
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from agribot.core.errors import ConfigError
@@ -31,7 +33,7 @@ from agribot.core.messages import (
     WheelSample,
 )
 from agribot.core.robot import RobotSpec
-from agribot.drivers.motor_board import GEAR_HOW, BoardReport, StampedReport
+from agribot.drivers.motor_board import GEAR_HOW, BoardReport, FreshValues, StampedReport
 from agribot.drivers.uri_options import UriOptions
 
 SET_RPM, FORWARD_CAN, GET_SELECTED = 8, 34, 50
@@ -135,11 +137,14 @@ class VescBoard:
     latency_s = 0.002
     trouble = ""
 
-    def __init__(self, ids: tuple[int, ...], pole_pairs: int, gear_ratio: float) -> None:
+    def __init__(
+        self, ids: tuple[int, ...], pole_pairs: int, gear_ratio: float,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:  # fmt: skip
         self._ids, self._wheels = ids, ids if len(ids) == 4 else (*ids, *ids)
         self._electrical_turns = pole_pairs * gear_ratio  # for a turn of the wheel
         self._decoder = VescDecoder()
-        self._values: dict[int, VescValues] = {}
+        self._values = FreshValues[VescValues](now_s)
         self._counts: dict[int, CounterOf32Bits] = {}
 
     @property
@@ -148,7 +153,8 @@ class VescBoard:
         return self._decoder.bad
 
     def open(self) -> bytes:
-        self._decoder, self._values = VescDecoder(), {}
+        self._decoder = VescDecoder()
+        self._values.clear()
         return self.poll()
 
     def poll(self) -> bytes:
@@ -186,22 +192,22 @@ class VescBoard:
         one = values.controller if values.controller in known else LOCAL
         if one not in self._ids:
             return None
-        self._values[one] = values
+        self._values.put(one, values)
         self._counts.setdefault(one, CounterOf32Bits()).add(values.tachometer)
-        if len(self._values) < len(self._ids):
+        told = self._values.take()
+        if len(told) < len(self._ids):
             return None
-        report = self._report()
         self._values.clear()
-        return report
+        return self._report(told)
 
-    def _report(self) -> BoardReport:
-        by_wheel = [self._values[one] for one in self._wheels]
+    def _report(self, told: Mapping[int, VescValues]) -> BoardReport:
+        by_wheel = [told[one] for one in self._wheels]
         steps = STEPS_PER_ELECTRICAL_TURN * self._electrical_turns / math.tau
         turns = self._electrical_turns
         a, b, c, d = (self._counts[one].total / steps for one in self._wheels)
         e, f, g, h = (v.erpm * math.tau / 60.0 / turns for v in by_wheel)
         faults = tuple(name for name, v in zip(WHEEL_NAMES, by_wheel, strict=True) if v.fault)
-        ours = [self._values[one] for one in self._ids]
+        ours = [told[one] for one in self._ids]
         return BoardReport(
             wheels=WheelSample(
                 t_s=0.0, angle_rad=(a, b, c, d), speed_radps=(e, f, g, h), faults=faults

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 import struct
+import time
+from collections.abc import Callable
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import (
@@ -22,7 +24,7 @@ from agribot.core.messages import (
 )
 from agribot.core.robot import RobotSpec
 from agribot.drivers.can_frames import CanDecoder, CanFrame
-from agribot.drivers.motor_board import BoardReport, StampedReport
+from agribot.drivers.motor_board import BoardReport, FreshValues, StampedReport
 from agribot.drivers.uri_options import UriOptions
 from agribot.drivers.vesc import (
     LOCAL,
@@ -47,7 +49,11 @@ class VescCanBoard:
     latency_s = 0.002
     trouble = ""
 
-    def __init__(self, ids: tuple[int, ...], pole_pairs: int, gear_ratio: float) -> None:
+    def __init__(
+        self, ids: tuple[int, ...], pole_pairs: int, gear_ratio: float,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:  # fmt: skip
+        self._now_s = now_s
         self._ids, self._wheels = ids, ids if len(ids) == 4 else (*ids, *ids)
         self._electrical_turns = pole_pairs * gear_ratio  # for a turn of the wheel
         self._counts: dict[int, CounterOf32Bits] = {}
@@ -55,9 +61,9 @@ class VescCanBoard:
 
     def open(self) -> bytes:
         self._decoder = CanDecoder()
-        self._erpm: dict[int, float] = {}
-        self._volts: dict[int, float] = {}
-        self._amperes: dict[int, float] = {}
+        self._erpm = FreshValues[float](self._now_s)
+        self._volts = FreshValues[float](self._now_s)
+        self._amperes = FreshValues[float](self._now_s)
         return b""
 
     def poll(self) -> bytes:
@@ -68,8 +74,11 @@ class VescCanBoard:
         for frame in self._decoder.feed(data):
             if frame.is_extended and not frame.is_remote:
                 self._take(frame.identifier >> 8, frame.identifier & 0xFF, frame.data)
-            if len(self._erpm) == len(self._volts) == len(self._ids):
-                found.append(StampedReport(0.0, self._report()))
+            if not len(self._erpm) == len(self._volts) == len(self._ids):
+                continue
+            erpm, volts = self._erpm.take(), self._volts.take()
+            if len(erpm) == len(volts) == len(self._ids):
+                found.append(StampedReport(0.0, self._report(erpm, min(volts.values()))))
                 self._erpm.clear()
                 self._volts.clear()
         return found
@@ -88,25 +97,25 @@ class VescCanBoard:
         if one not in self._ids:
             return
         if kind == STATUS and len(data) >= 8:
-            self._erpm[one] = float(_SPEED.unpack_from(data)[0])
+            self._erpm.put(one, float(_SPEED.unpack_from(data)[0]))
         elif kind == STATUS_4 and len(data) >= 6:
-            self._amperes[one] = _CURRENT.unpack_from(data)[0] / 10.0
+            self._amperes.put(one, _CURRENT.unpack_from(data)[0] / 10.0)
         elif kind == STATUS_5 and len(data) >= 6:
             count, voltage_dv = _COUNT.unpack_from(data)
-            self._volts[one] = voltage_dv / 10.0
+            self._volts.put(one, voltage_dv / 10.0)
             self._counts.setdefault(one, CounterOf32Bits()).add(count)
 
-    def _report(self) -> BoardReport:
+    def _report(self, erpm: dict[int, float], voltage_v: float) -> BoardReport:
         turns = self._electrical_turns
         steps = STEPS_PER_ELECTRICAL_TURN * turns / math.tau
         a, b, c, d = (self._counts[one].total / steps for one in self._wheels)
-        e, f, g, h = (self._erpm[one] * math.tau / 60.0 / turns for one in self._wheels)
-        has_currents = len(self._amperes) == len(self._ids)
+        e, f, g, h = (erpm[one] * math.tau / 60.0 / turns for one in self._wheels)
+        amperes = self._amperes.take()
         return BoardReport(
             wheels=WheelSample(t_s=0.0, angle_rad=(a, b, c, d), speed_radps=(e, f, g, h)),
             battery=BatterySample(
-                t_s=0.0, voltage_v=min(self._volts.values()), charge_ratio=math.nan,
-                current_a=sum(self._amperes.values()) if has_currents else math.nan,
+                t_s=0.0, voltage_v=voltage_v, charge_ratio=math.nan,
+                current_a=sum(amperes.values()) if len(amperes) == len(self._ids) else math.nan,
             ),
             board=BoardSample(t_s=0.0, inputs=("battery",)),
         )  # fmt: skip
