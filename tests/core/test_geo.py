@@ -19,6 +19,7 @@ from agribot.core.geo import (
     ecef_from_geodetic,
     geodetic_from_ecef,
     inverse,
+    make_datum,
     rotation_from_rpy,
     transform,
     wrap_rad,
@@ -104,6 +105,15 @@ def test_east_is_east_north_is_north_and_up_is_up() -> None:
     assert east == pytest.approx((103.9, 0.0, 0.0), abs=0.1)
     assert north == pytest.approx((0.0, 110.7, 0.0), abs=0.1)
     assert up == pytest.approx((0.0, 0.0, 10.0), abs=1e-6)
+
+
+def test_without_an_altitude_a_place_is_as_far_as_at_that_of_the_datum() -> None:
+    datum = make_datum(49.5, 8.1, 1700.0)
+    frame = MapFrame(datum)
+    known, unknown = (frame.map_from_geodetic(49.5045, 8.1, alt_m) for alt_m in (1700.0, math.nan))
+    assert unknown == known and known[1] == pytest.approx(500.6, abs=0.1)
+    at_sea = MapFrame(make_datum(49.5, 8.1, math.nan)).map_from_geodetic(49.5045, 8.1, math.nan)
+    assert known[1] - at_sea[1] == pytest.approx(0.13, abs=0.01)
 
 
 def test_a_field_across_the_antimeridian_is_in_one_piece() -> None:

@@ -51,8 +51,9 @@ def check(codec: str, data: bytes) -> None:
 def check_sample(sample: Any) -> None:
     if isinstance(sample, GnssFix):
         assert abs(sample.lat_deg) <= 90.0 and abs(sample.lon_deg) <= 180.0
-        assert math.isfinite(sample.alt_m) and 0.0 < sample.pos_std_m < math.inf
-        assert all(map(math.isfinite, sample.velocity_mps or ()))
+        assert not math.isinf(sample.alt_m) and 0.0 < sample.pos_std_m < math.inf
+        east_mps, north_mps, up_mps = sample.velocity_mps or (0.0, 0.0, 0.0)
+        assert math.isfinite(east_mps + north_mps) and not math.isinf(up_mps)
     elif isinstance(sample, GnssHeading):
         assert abs(sample.yaw_map_rad) <= math.pi and 0.0 < sample.std_rad < math.inf
     elif isinstance(sample, GnssStatus):
@@ -63,7 +64,7 @@ def check_sample(sample: Any) -> None:
     elif isinstance(sample, StampedReport):
         check_report(sample.report)
     elif isinstance(sample, ImuSample):
-        assert all(map(math.isfinite, (*sample.accel_mps2, *sample.gyro_radps)))
+        assert all(map(math.isfinite, (*(sample.accel_mps2 or ()), *sample.gyro_radps)))
 
 
 def check_report(report: BoardReport) -> None:

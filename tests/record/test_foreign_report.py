@@ -4,6 +4,7 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rosbags import rosbag1
 
@@ -66,6 +67,20 @@ def test_a_receiver_that_begins_at_latitude_and_longitude_0_is_at_no_place_yet(
     (track,) = read_foreign(tmp_path / "a.bag").tracks
     assert len(track.points) == 2
     assert track.points[-1] == pytest.approx([0.0, 1.11], abs=0.01)
+
+
+def test_fixes_without_an_altitude_make_no_step_in_a_track(tmp_path: Path) -> None:
+    store, kind = ros1_store(), "sensor_msgs/msg/NavSatFix"
+    with rosbag1.Writer(tmp_path / "a.bag") as writer:
+        topic = writer.add_connection("/fix", kind, typestore=store)
+        for index in range(8):
+            t_ns = samples.START_NS + index * samples.STEP_NS
+            fix = samples.nav_sat_fix(store, t_ns, 49.5 + 0.0045 * min(index, 1))
+            fix.altitude = math.nan if index % 4 == 3 else 1700.0
+            writer.write(topic, t_ns, store.serialize_ros1(fix, kind))
+    (track,) = read_foreign(tmp_path / "a.bag").tracks
+    assert np.ptp(track.points[1:, 1]) == 0.0
+    assert track.points[1, 1] == pytest.approx(500.6, abs=0.1)
 
 
 def test_odometry_before_its_first_fix_is_no_part_of_the_track(tmp_path: Path) -> None:

@@ -207,8 +207,8 @@ class FirmwarePlatform:
             bench.plug_imu(is_there=self._has_imu)
         if self._faults.take_hangs():
             bench.hang()
-        if batch.imu:
-            bench.set_imu(batch.imu[-1].accel_mps2, batch.imu[-1].gyro_radps)
+        if batch.imu and (accel_mps2 := batch.imu[-1].accel_mps2) is not None:
+            bench.set_imu(accel_mps2, batch.imu[-1].gyro_radps)
         if batch.mag:
             bench.set_mag(batch.mag[-1].field_t)
             self._field_from_s = min(self._field_from_s, batch.t_s + MAG_SETTLES_S)

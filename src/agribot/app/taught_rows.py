@@ -14,7 +14,7 @@ import numpy as np
 from agribot.app.run_recording import find_recording
 from agribot.autonomy.control.fence import measure_growth_m
 from agribot.core.errors import MissionError
-from agribot.core.geo import Datum, MapFrame
+from agribot.core.geo import Datum, MapFrame, make_datum
 from agribot.core.messages import FloatArray
 from agribot.gis.drawn_field import DrawnRow, format_drawn_field
 
@@ -177,10 +177,11 @@ def _read_fixes(path: Path) -> DrivenTrack:
     if not fixes:
         raise MissionError(f"{path} has no fix; nothing is known of where the robot drove")
     # Any of the places will do, but for that of a receiver that did not know it yet.
-    datum = Datum(
-        lat_deg=median_low(fix.lat_deg for fix in fixes),
-        lon_deg=median_low(fix.lon_deg for fix in fixes),
-        alt_m=median_low(fix.alt_m for fix in fixes),
+    alts_m = [fix.alt_m for fix in fixes if not math.isnan(fix.alt_m)]
+    datum = make_datum(
+        median_low(fix.lat_deg for fix in fixes),
+        median_low(fix.lon_deg for fix in fixes),
+        median_low(alts_m or [math.nan]),
     )
     frame, points = MapFrame(datum), list[tuple[float, float, float, float]]()
     for fix in fixes:

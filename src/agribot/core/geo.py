@@ -68,11 +68,19 @@ def geodetic_from_ecef(ecef_m: FloatArray) -> Vec3:
 
 
 class Datum(msgspec.Struct, frozen=True, kw_only=True):
-    """A place on Earth, the origin of a local map."""
+    """A place on Earth, the origin of a local map.
+
+    Where no altitude is known, 0 serves: of a map of 500 m it changes 13 cm at 1,700 m.
+    """
 
     lat_deg: Annotated[float, msgspec.Meta(ge=-90, le=90)]
     lon_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)]
     alt_m: float = 0.0
+
+
+def make_datum(lat_deg: float, lon_deg: float, alt_m: float) -> Datum:
+    """Make the datum of a place that a receiver told, with an altitude or without one (NaN)."""
+    return Datum(lat_deg=lat_deg, lon_deg=lon_deg, alt_m=0.0 if math.isnan(alt_m) else alt_m)
 
 
 def is_place(lat_deg: float, lon_deg: float) -> bool:
@@ -113,7 +121,8 @@ class MapFrame:
         )
 
     def map_from_geodetic(self, lat_deg: float, lon_deg: float, alt_m: float) -> Vec3:
-        """Convert to East, North, Up in metres."""
+        """Convert to East, North, Up in metres; without an altitude (NaN) it is the datum's."""
+        alt_m = self.datum.alt_m if math.isnan(alt_m) else alt_m
         delta = ecef_from_geodetic(lat_deg, lon_deg, alt_m) - self._origin_ecef_m
         east, north, up = self._enu_from_ecef @ delta
         return float(east), float(north), float(up)

@@ -13,7 +13,7 @@ from datetime import datetime
 from typing import Any
 
 from agribot.core.geo import is_nowhere
-from agribot.core.messages import GnssFix, GnssQuality
+from agribot.core.messages import GnssFix, GnssQuality, Vec3
 from agribot.drivers.nmea import STD_M, StampedFix
 
 PORT = 2947
@@ -78,7 +78,7 @@ class GpsdFixes:
         """Add a report; gives the fix that it is, if it is one."""
         kind = report.get("class")
         try:
-            if kind == "GST":
+            if kind == "GST" and _tells(report, "lat", "lon"):
                 std_m = math.hypot(_read(report, "lat", 1e6), _read(report, "lon", 1e6))
                 self._gst = _read_time_s(report), std_m / math.sqrt(2.0)
             if kind == "TPV":
@@ -89,7 +89,7 @@ class GpsdFixes:
 
     def _read(self, report: Mapping[str, Any]) -> StampedFix | None:
         has_mode = int(report.get("mode", 0)) >= 2
-        has_place = "lat" in report and not is_nowhere(report["lat"], report.get("lon", 0.0))
+        has_place = _tells(report, "lat", "lon") and not is_nowhere(report["lat"], report["lon"])
         self.lacks_fix = not (has_mode and has_place and "time" in report)
         if self.lacks_fix:
             return None
@@ -102,11 +102,11 @@ class GpsdFixes:
             t_s=0.0,
             lat_deg=_read(report, "lat", 90.0),
             lon_deg=_read(report, "lon", 180.0),
-            alt_m=_read(report, "altHAE", 1e5) if "altHAE" in report else 0.0,
+            alt_m=_read_altitude_m(report),
             pos_std_m=std_m,
             quality=quality,
             velocity_mps=_read_velocity(report),
-            velocity_std_mps=max(_read(report, "eps", 1e3), 0.01) if "eps" in report else 0.1,
+            velocity_std_mps=max(_read(report, "eps", 1e3), 0.01) if _tells(report, "eps") else 0.1,
         )
         self._last_s = stamp_s
         return StampedFix(stamp_s, fix)
@@ -116,7 +116,7 @@ class GpsdFixes:
         std_m, self.is_accuracy_told = STD_M[quality], True
         if self._gst is not None and abs(self._gst[0] - stamp_s) <= GST_AGE_S:
             std_m = self._gst[1]
-        elif "eph" in report:
+        elif _tells(report, "eph"):
             std_m = _read(report, "eph", 1e6) / math.sqrt(2.0)
         else:
             self.is_accuracy_told = False
@@ -131,15 +131,37 @@ def _read_time_s(report: Mapping[str, Any]) -> float:
     return datetime.fromisoformat(str(report["time"])).timestamp()
 
 
-def _read_velocity(report: Mapping[str, Any]) -> tuple[float, float, float] | None:
-    """Read East, North and up; None where the receiver tells no speed."""
-    if "velN" in report and "velE" in report:
-        up_mps = -_read(report, "velD", 1e4) if "velD" in report else 0.0
+def _tells(report: Mapping[str, Any], *names: str) -> bool:
+    """Whether a report has all of these numbers: what gpsd does not know it leaves out."""
+    return all(report.get(name) is not None and not _is_nan(report[name]) for name in names)
+
+
+def _is_nan(value: Any) -> bool:
+    return isinstance(value, float) and math.isnan(value)
+
+
+def _read_altitude_m(report: Mapping[str, Any]) -> float:
+    """Read the altitude above the ellipsoid; NaN where it is not told.
+
+    gpsd before 3.20 tells the one above mean sea level, and how far the geoid is above the
+    ellipsoid.
+    """
+    if _tells(report, "altHAE"):
+        return _read(report, "altHAE", 1e5)
+    if _tells(report, "altMSL", "geoidSep"):
+        return _read(report, "altMSL", 1e5) + _read(report, "geoidSep", 1e3)
+    return math.nan
+
+
+def _read_velocity(report: Mapping[str, Any]) -> Vec3 | None:
+    """Read East, North and up, NaN without it; None without a speed, or without a course."""
+    if _tells(report, "velN", "velE"):
+        up_mps = -_read(report, "velD", 1e4) if _tells(report, "velD") else math.nan
         return _read(report, "velE", 1e4), _read(report, "velN", 1e4), up_mps
-    if "speed" not in report or "track" not in report:
+    if not _tells(report, "speed", "track"):
         return None
     speed_mps, course_rad = _read(report, "speed", 1e4), math.radians(_read(report, "track", 360.0))
-    up_mps = _read(report, "climb", 1e4) if "climb" in report else 0.0
+    up_mps = _read(report, "climb", 1e4) if _tells(report, "climb") else math.nan
     return speed_mps * math.sin(course_rad), speed_mps * math.cos(course_rad), up_mps
 
 

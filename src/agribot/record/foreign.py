@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from agribot.core.errors import RecordingError
-from agribot.core.geo import Datum, MapFrame, compass_deg_from_yaw, is_place
+from agribot.core.geo import MapFrame, compass_deg_from_yaw, is_place, make_datum
 from agribot.core.messages import FloatArray
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag, BagTopic
@@ -201,10 +201,10 @@ class _Places:
     def __call__(self, fix: Any) -> tuple[float, float] | None:
         if fix.status.status < 0 or not is_place(fix.latitude, fix.longitude):
             return None
-        alt_m = fix.altitude if math.isfinite(fix.altitude) else 0.0
         if self._frame is None:
-            self._frame = MapFrame(Datum(lat_deg=fix.latitude, lon_deg=fix.longitude, alt_m=alt_m))
-        east_m, north_m, _ = self._frame.map_from_geodetic(fix.latitude, fix.longitude, alt_m)
+            self._frame = MapFrame(make_datum(fix.latitude, fix.longitude, fix.altitude))
+        # All at one altitude: a fix with one among others without would be drawn aside.
+        east_m, north_m, _ = self._frame.map_from_geodetic(fix.latitude, fix.longitude, math.nan)
         return east_m, north_m
 
 

@@ -9,7 +9,8 @@ from typing import Any, Protocol
 from agribot.core.errors import BridgeError
 from agribot.core.platform import Sensor
 from agribot.core.stamp_clock import SampleQueue
-from agribot.ros.messages.sensor_readers import ReadSample, Sample, to_seconds
+from agribot.ros.messages.rosmsg import to_seconds
+from agribot.ros.messages.sensor_readers import ReadSample, Sample
 
 
 class UntypedConnection(Protocol):

@@ -124,6 +124,8 @@ class RunView:
         if batch.wheels:
             self._joints = [round(angle, 3) for angle in batch.wheels[-1].angle_rad]
         for sample in batch.imu:
+            if sample.accel_mps2 is None:
+                continue
             known = self._up_mps2 or sample.accel_mps2
             pairs = zip(known, sample.accel_mps2, strict=True)
             x, y, z = (old + TILT_SHARE * (new - old) for old, new in pairs)

@@ -223,6 +223,19 @@ def tilted_batch(gate: Gate, accel_mps2: tuple[float, float, float]) -> SensorBa
     return msgspec.structs.replace(batch, imu=(imu,))
 
 
+def test_a_tilt_that_the_imu_does_not_measure_is_told_and_is_not_level() -> None:
+    gate = Gate().cruise()
+    batch = msgspec.structs.replace(gate.rover.batch(), t_s=gate.rover.t_s + TICK_S)
+    imu = msgspec.structs.replace(batch.imu[0], t_s=batch.t_s, accel_mps2=None)
+    sent, reason = gate.send(batch=msgspec.structs.replace(batch, imu=(imu,)))
+    assert (sent.drive == STOP, reason) == (False, "")
+    assert "IMU reports no acceleration: the robot's tilt is not watched" in (
+        gate.supervisor.gate.told
+    )
+    gate.send(batch=tilted_batch(gate, (0.0, 0.0, 9.8)))
+    assert gate.supervisor.gate.told == ""
+
+
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_robot_that_tips_over_is_stopped(axis: int, side: float) -> None:

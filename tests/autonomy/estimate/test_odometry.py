@@ -27,7 +27,7 @@ def wheels(t_s: float, right_radps: float, left_radps: float) -> WheelSample:
     return WheelSample(t_s=t_s, angle_rad=angles, speed_radps=speeds)
 
 
-def imu(t_s: float, rate_radps: float, accel_mps2: Vec3 = LEVEL) -> ImuSample:
+def imu(t_s: float, rate_radps: float, accel_mps2: Vec3 | None = LEVEL) -> ImuSample:
     return ImuSample(t_s=t_s, gyro_radps=(0.0, 0.0, rate_radps), accel_mps2=accel_mps2)
 
 
@@ -49,6 +49,18 @@ def test_distance_is_the_mean_of_the_sides_and_the_turn_comes_from_the_gyro() ->
     assert sum(s.distance_m for s in steps) == pytest.approx(5.0 * RADIUS_M)
     assert sum(s.turn_rad for s in steps) == pytest.approx(0.3, rel=1e-3)
     assert not any(s.is_still or s.is_blind for s in steps)
+
+
+def test_an_imu_without_acceleration_turns_the_robot_which_counts_as_level() -> None:
+    source = odometry()
+    tilted = (0.0, 9.8 * math.sin(0.2), 9.8 * math.cos(0.2))
+    times = [k * 0.01 for k in range(201)]
+    readings = [imu(t, 0.3, tilted if t < 1.0 else None) for t in times]
+    steps = list(source.steps([wheels(t, 6.0, 4.0) for t in times], readings, NOW_S))
+    late = [step for step in steps if step.t_s > 1.005]
+    assert source.up_body == (0.0, 0.0, 1.0)
+    assert sum(s.turn_rad for s in late) == pytest.approx(0.3 * 0.99, rel=0.02)
+    assert not any(s.is_blind for s in late)
 
 
 def test_gyro_samples_between_two_readings_are_averaged() -> None:

@@ -3,10 +3,12 @@ from __future__ import annotations
 import csv
 import errno
 import json
+import math
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from rosbags import rosbag1
 
@@ -133,6 +135,24 @@ def test_a_table_is_never_written_over_its_recording(
         assert main(["bag", "csv", str(bag), "/fix", "-o", str(out)]) == 2
         assert "is the recording itself" in capsys.readouterr().err
     assert bag.read_bytes() == before
+
+
+def test_a_point_without_an_altitude_or_an_accuracy_has_none_in_any_format(tmp_path: Path) -> None:
+    recording, store = tmp_path / "a.bag", ros1_store()
+    with rosbag1.Writer(recording) as writer:
+        fix = writer.add_connection("/fix", "sensor_msgs/msg/NavSatFix", typestore=store)
+        message = samples.nav_sat_fix(store, samples.START_NS)
+        message.altitude, message.position_covariance = math.nan, np.zeros(9)
+        writer.write(fix, samples.START_NS, store.serialize_ros1(message, fix.msgtype))
+    for suffix in (".gpx", ".kml", ".csv"):
+        assert main(["bag", "track", str(recording), "-o", str(tmp_path / f"a{suffix}")]) == 0
+    (point,) = ElementTree.parse(tmp_path / "a.gpx").findall(".//g:trkpt", GPX)
+    assert point.find("g:ele", GPX) is None and point.get("lat") == "49.500000000"
+    line = ElementTree.parse(tmp_path / "a.kml").findtext(".//k:coordinates", namespaces=KML)
+    assert line == "8.100000000,49.500000000"
+    with (tmp_path / "a.csv").open() as file:
+        (row,) = csv.DictReader(file)
+    assert (row["alt_m"], row["std_m"]) == ("", "")
 
 
 def test_a_track_is_never_written_over_its_recording_and_leaves_out_what_is_no_place(

@@ -66,6 +66,8 @@ def _fit_headings(
     fit, up = MagFit(), np.array([0.0, 0.0, 1.0])
     for batch, yaw_rad in headings:
         for imu in batch.imu:
+            if imu.accel_mps2 is None:
+                continue
             up = (1.0 - GRAVITY_SHARE) * up + GRAVITY_SHARE * np.array(imu.accel_mps2) / 9.81
         x, y, z = (up / np.linalg.norm(up)).tolist()
         up_body: Vec3 = (x, y, z)

@@ -27,7 +27,7 @@ class SensorWatch:
         self._frozen_ticks = 0
         self._wheel_t_s = self._imu_t_s = -math.inf
         self._wheels_rad = 0.0
-        self._up = (0.0, 0.0, 0.0)
+        self._up, self._has_tilt = (0.0, 0.0, 0.0), True
         self._spoilt_s: deque[float] = deque(maxlen=SPOILT_COUNT)
         self._spoilt = 0.0
         self.dt_s = 0.0
@@ -39,9 +39,10 @@ class SensorWatch:
             self._wheel_t_s = batch.wheels[-1].t_s
             self._wheels_rad = sum(batch.wheels[-1].angle_rad)
         for sample in batch.imu:
-            if not self._is_spoilt(sample):
-                self._up = self._smooth(sample.accel_mps2, sample.t_s - self._imu_t_s)
-            self._imu_t_s = sample.t_s
+            accel_mps2 = sample.accel_mps2
+            if not self._is_spoilt(sample) and accel_mps2 is not None:
+                self._up = self._smooth(accel_mps2, sample.t_s - self._imu_t_s)
+            self._imu_t_s, self._has_tilt = sample.t_s, accel_mps2 is not None
         if self._spoilt_s and not 0.0 <= batch.t_s - self._spoilt_s[-1] <= SPOILT_S:
             self._spoilt_s.clear()
 
@@ -73,9 +74,18 @@ class SensorWatch:
 
     def tilt(self) -> str:
         tilt_rad, limit_rad = self.tilt_rad, self._config.max_tilt_rad
-        if tilt_rad <= limit_rad:
+        if tilt_rad <= limit_rad or not self._has_tilt:
             return ""
         return f"tilted by {tilt_rad:.2f} rad > {limit_rad:.2f} rad; drive it down by hand"
+
+    def unknown_tilt(self) -> str:
+        """Say that the IMU does not measure how the robot is tilted."""
+        if self._has_tilt:
+            return ""
+        return (
+            "IMU reports no acceleration: the robot's tilt is not watched, and it counts as level; "
+            "drive on even ground only, or use an IMU with an accelerometer"
+        )
 
     def spoilt_number(self) -> str:
         """Tell of a number of the IMU that cannot be, for some seconds."""
@@ -95,7 +105,7 @@ class SensorWatch:
 
     def _is_spoilt(self, sample: ImuSample) -> bool:
         """Whether a finite number is beyond the range of any such sensor."""
-        accel = max(map(abs, sample.accel_mps2))
+        accel = max(map(abs, sample.accel_mps2 or (0.0,)))
         gyro = max(map(abs, sample.gyro_radps))
         if not (MAX_ACCEL_MPS2 < accel < math.inf or MAX_GYRO_RADPS < gyro < math.inf):
             return False

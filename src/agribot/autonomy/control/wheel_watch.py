@@ -234,7 +234,7 @@ class WheelWatch:
     def _update_imu(self, batch: SensorBatch) -> None:
         for sample in batch.imu:
             self._gyro_radps.append((sample.t_s, sample.gyro_radps[2]))
-            value = (*sample.gyro_radps, *sample.accel_mps2)
+            value = (*sample.gyro_radps, *(sample.accel_mps2 or ()))
             if value != self._imu:
                 self._imu, self._imu_changed_s = value, sample.t_s
 

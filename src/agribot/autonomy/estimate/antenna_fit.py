@@ -15,7 +15,7 @@ import numpy as np
 
 from agribot.autonomy.estimate.drive_log import DriveLog, Stretch
 from agribot.core.errors import MissionError
-from agribot.core.geo import Datum, MapFrame
+from agribot.core.geo import MapFrame, make_datum
 from agribot.core.messages import FloatArray
 from agribot.core.pose import Pose2
 
@@ -86,7 +86,7 @@ def _circles(
         for fix in log.fixes:
             if not turn.start_s <= fix.t_s <= turn.end_s or first is None:
                 continue
-            frame = MapFrame(Datum(lat_deg=first.lat_deg, lon_deg=first.lon_deg, alt_m=first.alt_m))
+            frame = MapFrame(make_datum(first.lat_deg, first.lon_deg, first.alt_m))
             east_m, north_m, _ = frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m)
             turned_rad = log.turned_rad(start_s, fix.t_s)
             cos, sin = math.cos(turned_rad), math.sin(turned_rad)

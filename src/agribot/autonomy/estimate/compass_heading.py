@@ -36,14 +36,15 @@ class CompassHeading:
 
     def update_imu(self, sample: ImuSample) -> None:
         """Turn the heading on; a sample that is not finite or not newer changes nothing."""
-        values = (sample.t_s, *sample.gyro_radps, *sample.accel_mps2)
+        values = (sample.t_s, *sample.gyro_radps, *(sample.accel_mps2 or ()))
         if not all(map(math.isfinite, values)):
             return
         last_s, self._last_imu_s = self._last_imu_s, sample.t_s
         if last_s is None or not 0.0 < sample.t_s - last_s <= _MAX_GAP_S:
             return
         dt_s = sample.t_s - last_s
-        self._level(dt_s, sample.accel_mps2)
+        if sample.accel_mps2 is not None:
+            self._level(dt_s, sample.accel_mps2)
         rate_radps = sum(g * u for g, u in zip(sample.gyro_radps, self._up, strict=True))
         self._watch_still(dt_s, rate_radps)
         self._turned_rad += (rate_radps - self._bias_radps) * dt_s

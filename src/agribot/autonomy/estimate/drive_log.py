@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from agribot.core.errors import MissionError
-from agribot.core.geo import Datum, MapFrame
+from agribot.core.geo import MapFrame, make_datum
 from agribot.core.messages import FloatArray, GnssFix, SensorBatch
 
 # After the command to stop it still brakes, rocks and untwists on its tyres for so long.
@@ -121,7 +121,7 @@ class DriveLog:
         if not self.fixes:
             return [None] * len(self.rests)
         first = self.fixes[0]
-        frame = MapFrame(Datum(lat_deg=first.lat_deg, lon_deg=first.lon_deg, alt_m=first.alt_m))
+        frame = MapFrame(make_datum(first.lat_deg, first.lon_deg, first.alt_m))
         positions: list[tuple[FloatArray, float] | None] = []
         for start_s, end_s in self.rests:
             fixes = [fix for fix in self.fixes if start_s <= fix.t_s <= end_s]

@@ -20,7 +20,7 @@ MAX_WHEEL_FACTOR, MAX_WHEEL_SLACK_RAD = 2.0, 0.3
 # Gravity is told from driving accelerations by averaging; a rover pitches slower than this.
 TILT_AVERAGE_S = 0.5
 # Outside it the averaged acceleration is not gravity: free fall, shocks, or an IMU that
-# subtracts gravity itself. The robot then counts as level.
+# subtracts gravity itself. The robot then counts as level, as with an IMU that has none.
 GRAVITY_MPS2 = (8.5, 11.1)
 # Capture times lie before the batch that delivers them, but for rounding of the clocks.
 MAX_AHEAD_S = 0.05
@@ -64,7 +64,7 @@ class Odometry:
         self._rate_radps: float | None = None
         self._rate_t_s = -math.inf
         self._gyro_radps: Vec3 = (0.0, 0.0, 0.0)
-        self._accel_mps2: Vec3 = (0.0, 0.0, 0.0)
+        self._accel_mps2: Vec3 | None = None  # of the newest samples, where they have one
         self._average_mps2: Vec3 | None = None
         self._up: Vec3 = (0.0, 0.0, 1.0)
         left_mps, right_mps = drive.wheel_speeds_radps(
@@ -100,7 +100,7 @@ class Odometry:
                     yield self._step(before, reading, rate_radps, count)
 
     def _enqueue(self, sample: ImuSample, latest_s: float) -> None:
-        if not _is_sane(sample.t_s, sample.gyro_radps + sample.accel_mps2):
+        if not _is_sane(sample.t_s, sample.gyro_radps + (sample.accel_mps2 or ())):
             self._rejected["imu not finite"] += 1
         elif not self.imu_t_s < sample.t_s <= latest_s:
             self._rejected["imu out of order"] += 1
@@ -111,20 +111,22 @@ class Odometry:
     def _consume(self, until_s: float) -> tuple[float | None, int]:
         """Mean heading rate of the samples up to a time, and how many they were."""
         wx = wy = wz = ax = ay = az = 0.0
-        count = 0
+        count = felt = 0
         queue = self._queue
         while queue and queue[0].t_s <= until_s:
             sample = queue.popleft()
             x, y, z = sample.gyro_radps
             wx, wy, wz = wx + x, wy + y, wz + z
-            x, y, z = sample.accel_mps2
-            ax, ay, az = ax + x, ay + y, az + z
+            if sample.accel_mps2 is not None:
+                x, y, z = sample.accel_mps2
+                ax, ay, az = ax + x, ay + y, az + z
+                felt += 1
             count += 1
             self._rate_t_s = sample.t_s
         if count:
             self._gyro_radps = (wx / count, wy / count, wz / count)
             self._rate_radps = heading_rate_radps(self._gyro_radps, self._up)
-            self._accel_mps2 = (ax / count, ay / count, az / count)
+            self._accel_mps2 = (ax / felt, ay / felt, az / felt) if felt else None
         elif until_s - self._rate_t_s > self._imu_timeout_s:
             self._rate_radps = None
         return self._rate_radps, count
@@ -171,6 +173,9 @@ class Odometry:
         return turned_rad
 
     def _tilt(self, dt_s: float, centripetal_mps2: float) -> None:
+        if self._accel_mps2 is None:
+            self._average_mps2, self._up = None, (0.0, 0.0, 1.0)
+            return
         x, y, z = self._accel_mps2
         y -= centripetal_mps2
         part = min(dt_s / TILT_AVERAGE_S, 1.0)

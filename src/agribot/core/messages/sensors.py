@@ -1,4 +1,7 @@
-"""What sensors and devices measure, and the batch of one tick."""
+"""What sensors and devices measure, and the batch of one tick.
+
+What a device did not report is None, and NaN where it is a single number; never zero.
+"""
 
 from __future__ import annotations
 
@@ -40,11 +43,14 @@ class WheelSample(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ImuSample(msgspec.Struct, frozen=True, kw_only=True):
-    """Body axes at the IMU. Acceleration is specific force: +9.8 upwards at rest (REP-145)."""
+    """Body axes at the IMU. Acceleration is specific force: +9.8 upwards at rest (REP-145).
+
+    It is None of an IMU that does not measure it.
+    """
 
     t_s: float
     gyro_radps: Vec3
-    accel_mps2: Vec3
+    accel_mps2: Vec3 | None
 
 
 class MagSample(msgspec.Struct, frozen=True, kw_only=True):
@@ -58,7 +64,8 @@ class GnssFix(msgspec.Struct, frozen=True, kw_only=True):
     """One epoch of a receiver, at its antenna.
 
     `pos_std_m` is the receiver's own 1 sigma per horizontal axis; `t_s` the measurement epoch
-    (the fix arrives later). Velocity is East, North, Up, or None when the receiver gives none.
+    (the fix arrives later). The altitude is NaN where the receiver gives none. Velocity is East,
+    North, Up, which may be NaN, or None when the receiver gives none, or no course.
     """
 
     t_s: float
@@ -153,7 +160,7 @@ class BumperSample(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BatterySample(msgspec.Struct, frozen=True, kw_only=True):
-    """Voltage at the terminals, current drawn, and what is left of the capacity."""
+    """Voltage at the terminals, current drawn, and what is left of the capacity, or NaN."""
 
     t_s: float
     voltage_v: float

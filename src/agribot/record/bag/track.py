@@ -33,7 +33,7 @@ _CLOCK_SET_S = 10 * 365 * 86400.0  # stamps below are simulated time or that of 
 
 
 class TrackPoint(msgspec.Struct, frozen=True, kw_only=True):
-    """`std_m` is the horizontal 1 sigma; None where the recording has none."""
+    """`std_m` is the horizontal 1 sigma. It is None, the altitude NaN, where there is none."""
 
     t_s: float
     lat_deg: float
@@ -110,12 +110,12 @@ def _read_fix(fix: Any) -> TrackPoint | None:
     if fix.status.status < 0 or not is_place(fix.latitude, fix.longitude):
         return None
     variance = float(fix.position_covariance[0] + fix.position_covariance[4]) / 2.0
-    known = fix.position_covariance_type and variance >= 0.0
+    known = fix.position_covariance_type and 0.0 < variance < math.inf
     return TrackPoint(
         t_s=_seconds(fix.header.stamp),
         lat_deg=fix.latitude,
         lon_deg=fix.longitude,
-        alt_m=fix.altitude if math.isfinite(fix.altitude) else 0.0,
+        alt_m=fix.altitude if math.isfinite(fix.altitude) else math.nan,
         std_m=math.sqrt(variance) if known else None,
     )
 
@@ -167,7 +167,8 @@ def _encode_gpx(track: GeoTrack, name: str) -> bytes:
         node = ElementTree.SubElement(
             segment, "trkpt", lat=f"{point.lat_deg:.9f}", lon=f"{point.lon_deg:.9f}"
         )
-        ElementTree.SubElement(node, "ele").text = f"{point.alt_m:.3f}"
+        if alt := _write_alt(point):
+            ElementTree.SubElement(node, "ele").text = alt
         if time:
             ElementTree.SubElement(node, "time").text = time
     return _encode_xml(root)
@@ -182,7 +183,8 @@ def _encode_kml(track: GeoTrack, name: str) -> bytes:
     line = ElementTree.SubElement(place, "LineString")
     ElementTree.SubElement(line, "tessellate").text = "1"
     ElementTree.SubElement(line, "coordinates").text = " ".join(
-        f"{p.lon_deg:.9f},{p.lat_deg:.9f},{p.alt_m:.3f}" for p in track.points
+        ",".join(filter(None, (f"{p.lon_deg:.9f}", f"{p.lat_deg:.9f}", _write_alt(p))))
+        for p in track.points
     )
     return _encode_xml(root)
 
@@ -193,9 +195,14 @@ def _encode_csv(track: GeoTrack) -> bytes:
     writer.writerow(("t_s", "time_utc", "lat_deg", "lon_deg", "alt_m", "std_m"))
     for p, time in _list_times(track):
         std = "" if p.std_m is None else f"{p.std_m:.4f}"
-        place = (f"{p.lat_deg:.9f}", f"{p.lon_deg:.9f}", f"{p.alt_m:.3f}")
+        place = (f"{p.lat_deg:.9f}", f"{p.lon_deg:.9f}", _write_alt(p))
         writer.writerow((f"{p.t_s:.9f}", time, *place, std))
     return text.getvalue().encode()
+
+
+def _write_alt(point: TrackPoint) -> str:
+    """Write the altitude; empty without one."""
+    return "" if math.isnan(point.alt_m) else f"{point.alt_m:.3f}"
 
 
 def _encode_xml(root: ElementTree.Element) -> bytes:

@@ -44,11 +44,15 @@ class CdrTemplate:
 
 class ImuCdr:
     def __init__(self, frame: str) -> None:
-        still = ImuSample(t_s=0.0, gyro_radps=(0.0, 0.0, 0.0), accel_mps2=(0.0, 0.0, 0.0))
-        self._template = CdrTemplate(rosmsg.make_imu(still, frame), "3d72x3d72x")
+        still = ImuSample(t_s=0.0, gyro_radps=(0.0, 0.0, 0.0), accel_mps2=None)
+        self._template = CdrTemplate(rosmsg.make_imu(still, frame), "3d72x4d64x")
 
     def __call__(self, t_ns: int, sample: ImuSample) -> bytes:
-        return self._template.fill_stamped(t_ns, *sample.gyro_radps, *sample.accel_mps2)
+        """Write the numbers, and the first of the acceleration's covariance: -1 without one."""
+        accel, first = sample.accel_mps2, 0.0
+        if accel is None:
+            accel, first = (0.0, 0.0, 0.0), -1.0
+        return self._template.fill_stamped(t_ns, *sample.gyro_radps, *accel, first)
 
 
 class JointStateCdr:

@@ -15,7 +15,7 @@ from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import BridgeError
 from agribot.core.geo import is_nowhere
-from agribot.core.messages import GnssFix, GnssQuality, GnssStatus
+from agribot.core.messages import GnssFix, GnssQuality, GnssStatus, Vec3
 
 SHIPPED = "ros/messages/msg"
 IN_ROS1, IN_ROS2 = "gps_common", "gps_msgs"
@@ -42,6 +42,7 @@ _QUALITY = {
     _RTK_FIX: (GnssQuality.RTK_FIXED, 0.02),
 }
 _FIXED_STD_M = 0.05  # a carrier solution that claims to be better has its ambiguities fixed
+_MOST_VARIANCE_M2, _MOST_ERROR_M = 1e8, 1e4
 _SOURCE_GPS, _SOURCE_DOPPLER = 1, 4
 _APPROXIMATED = 1
 _HEIGHT_FACTOR = 2.0  # of the vertical sigma over the horizontal one, a guess
@@ -67,11 +68,11 @@ def register_gps_types(store: Typestore, package: str) -> None:
 
 
 def make_gps_fix(fix: GnssFix, status: GnssStatus, header: Any, store: Typestore) -> Any:
-    """Make the GPSFix of ROS 2 of a fix and of what its receiver told beside it."""
-    std_m = fix.pos_std_m
-    east_mps, north_mps, up_mps = fix.velocity_mps or (0.0, 0.0, 0.0)
+    """Make the GPSFix of ROS 2 of a fix and of what its receiver told beside it; else NaN."""
+    std_m, unknown = fix.pos_std_m, math.nan
+    east_mps, north_mps, up_mps = fix.velocity_mps or (unknown, unknown, unknown)
     variances_m2 = np.array([std_m**2, std_m**2, (_HEIGHT_FACTOR * std_m) ** 2])
-    motion = fix.velocity_mps is not None
+    err_mps = unknown if fix.velocity_mps is None else 2.0 * fix.velocity_std_mps
     return store.types[GPSFIX_ROS2](
         header=header,
         status=_make_status(fix, status, header, store),
@@ -81,22 +82,21 @@ def make_gps_fix(fix: GnssFix, status: GnssStatus, header: Any, store: Typestore
         track=math.degrees(math.atan2(east_mps, north_mps)) % 360.0,
         speed=math.hypot(east_mps, north_mps),
         climb=up_mps,
-        **dict.fromkeys(("pitch", "roll", "dip", "err_time", "err_pitch", "err_roll"), 0.0),
-        **dict.fromkeys(("err_dip", "err_track"), 0.0),
+        **dict.fromkeys(("pitch", "roll", "dip", "err_time", "err_pitch", "err_roll"), unknown),
+        **dict.fromkeys(("err_dip", "err_track"), unknown),
         time=fix.t_s,
-        gdop=status.gdop or 0.0,
-        pdop=status.pdop or 0.0,
-        hdop=status.hdop or 0.0,
-        vdop=status.vdop or 0.0,
-        tdop=status.tdop or 0.0,
+        **{name: unknown if dop is None else dop for name, dop in _list_dops(status)},
         err=2.0 * math.sqrt(float(variances_m2.sum())),
         err_horz=2.0 * math.sqrt(float(variances_m2[:2].sum())),
         err_vert=2.0 * math.sqrt(float(variances_m2[2])),
-        err_speed=2.0 * fix.velocity_std_mps * motion,
-        err_climb=2.0 * fix.velocity_std_mps * motion,
+        **dict.fromkeys(("err_speed", "err_climb"), err_mps),
         position_covariance=np.diag(variances_m2).ravel(),
         position_covariance_type=_APPROXIMATED,
     )
+
+
+def _list_dops(status: GnssStatus) -> list[tuple[str, float | None]]:
+    return [(name, getattr(status, name)) for name in ("gdop", "pdop", "hdop", "vdop", "tdop")]
 
 
 def _make_status(fix: GnssFix, status: GnssStatus, header: Any, store: Typestore) -> Any:
@@ -129,26 +129,50 @@ def use_ros1_codes(message: Any) -> Any:
     return message
 
 
+def read_place(message: Any) -> tuple[float, float, float] | None:
+    """Read latitude, longitude and altitude, NaN without one; None where the place is not known.
+
+    Raises: BridgeError: no place on Earth.
+    """
+    lat_deg, lon_deg = float(message.latitude), float(message.longitude)
+    alt_m = float(message.altitude)
+    if is_nowhere(lat_deg, lon_deg):
+        return None
+    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0) or math.isinf(alt_m):
+        place = (lat_deg, lon_deg, alt_m)
+        raise BridgeError(f"latitude, longitude and altitude {place} are no place on Earth")
+    return lat_deg, lon_deg, alt_m
+
+
+def read_variance_m2(message: Any) -> float | None:
+    """Read the horizontal variance; None where the message does not tell it.
+
+    Raises: BridgeError: one that is too large.
+    """
+    variances_m2 = [float(message.position_covariance[i]) for i in (0, 4)]
+    if not message.position_covariance_type or not all(v >= 0.0 for v in variances_m2):
+        return None
+    if not max(variances_m2) < _MOST_VARIANCE_M2:
+        raise BridgeError(
+            f"a horizontal variance of {max(variances_m2):g} m^2 is not below "
+            f"{_MOST_VARIANCE_M2:g}; the fix is left out"
+        )
+    return max(variances_m2) or None
+
+
 def read_gps_fix(message: Any, t_s: float) -> GnssFix | None:
     """Read a GPSFix of either ROS; None without a fix.
 
     Raises: BridgeError: no place on Earth, or an accuracy that is none.
     """
     code = message.status.status
-    if code <= _NO_FIX:
+    if code <= _NO_FIX or (place := read_place(message)) is None:
         return None
-    place = (float(message.latitude), float(message.longitude), float(message.altitude))
-    if is_nowhere(place[0], place[1]):
-        return None
-    if not (abs(place[0]) <= 90.0 and abs(place[1]) <= 180.0 and math.isfinite(place[2])):
-        raise BridgeError(f"latitude, longitude and altitude {place} are no place on Earth")
     quality, std_m = _QUALITY.get(code, _QUALITY[_FIX])
-    if message.position_covariance_type:
-        std_m = math.sqrt(max(float(message.position_covariance[i]) for i in (0, 4)))
-    elif message.err_horz > 0.0:
+    if variance_m2 := read_variance_m2(message):
+        std_m = math.sqrt(variance_m2)
+    elif 0.0 < message.err_horz < _MOST_ERROR_M:
         std_m = float(message.err_horz) / (2.0 * math.sqrt(2.0))
-    if not 0.0 < std_m < 1e4:
-        raise BridgeError(f"a horizontal standard deviation of {std_m:g} m is none")
     if code == _GBAS and std_m <= _FIXED_STD_M:
         quality = GnssQuality.RTK_FIXED
     velocity_mps = _read_velocity(message)
@@ -160,12 +184,15 @@ def read_gps_fix(message: Any, t_s: float) -> GnssFix | None:
     )  # fmt: skip
 
 
-def _read_velocity(message: Any) -> tuple[float, float, float] | None:
-    """Read East, North and up; None where all is zero and nothing says that it was measured."""
+def _read_velocity(message: Any) -> Vec3 | None:
+    """Read East, North and up, NaN without a climb; None without a speed or a course.
+
+    None, too, where all is zero and nothing says that it was measured.
+    """
     speed_mps, climb_mps = float(message.speed), float(message.climb)
     course_rad = math.radians(float(message.track))
-    if not math.isfinite(speed_mps + climb_mps + course_rad):
+    if not math.isfinite(speed_mps + course_rad) or math.isinf(climb_mps):
         return None
-    if speed_mps == 0.0 and message.err_speed <= 0.0:
+    if speed_mps == 0.0 and not message.err_speed > 0.0:
         return None
     return speed_mps * math.sin(course_rad), speed_mps * math.cos(course_rad), climb_mps

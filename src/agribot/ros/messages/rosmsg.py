@@ -71,6 +71,10 @@ def to_nanoseconds(t_s: float) -> int:
     return round(t_s * 1e9)
 
 
+def to_seconds(stamp: Any) -> float:
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
 def make_header(t_s: float, frame: str) -> Any:
     sec, nanosec = divmod(to_nanoseconds(t_s), 1_000_000_000)
     stamp = make_message("builtin_interfaces/msg/Time", sec, nanosec)
@@ -130,18 +134,18 @@ def make_transform(t_s: float, parent: str, child: str, xyz_m: Vec3, xyzw: Quate
 
 
 def make_imu(sample: ImuSample, frame: str) -> Any:
-    """Make an Imu without orientation (first covariance -1), its covariances unknown (0)."""
-    no_orientation = np.zeros(9)
-    no_orientation[0] = -1.0
+    """Make an Imu; what it does not measure has the covariance -1, what it does an unknown one."""
+    unknown, not_measured = np.zeros(9), np.zeros(9)
+    not_measured[0] = -1.0
     return make_message(
         "sensor_msgs/msg/Imu",
         make_header(sample.t_s, frame),
         make_quaternion((0.0, 0.0, 0.0, 1.0)),
-        no_orientation,
+        not_measured,
         make_vector3(*sample.gyro_radps),
-        np.zeros(9),
-        make_vector3(*sample.accel_mps2),
-        np.zeros(9),
+        unknown,
+        make_vector3(*(sample.accel_mps2 or (0.0, 0.0, 0.0))),
+        not_measured if sample.accel_mps2 is None else unknown,
     )
 
 

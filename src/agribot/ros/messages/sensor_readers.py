@@ -1,7 +1,9 @@
 """Readers of sensor messages of other nodes, of both ROS versions, as checked samples.
 
 A reader takes a message object and its capture time. It returns None for a valid message without
-a sample, such as that of a receiver without a fix.
+a sample, such as that of a receiver without a fix. What a message says to be unknown, by the rules
+of its definition, is unknown in the sample: no altitude is NaN, no acceleration None; an unknown
+covariance is that of the kind of fix.
 Raises: BridgeError: a number not finite or out of range, an image of another size, no such wheel.
 """
 
@@ -16,12 +18,9 @@ import numpy as np
 from PIL import Image
 
 from agribot.core.errors import BridgeError, ConfigError
-from agribot.core.geo import is_nowhere
 from agribot.core.messages import (
-    WHEEL_NAMES,
     ByteArray,
     CameraFrame,
-    Four,
     GnssFix,
     GnssQuality,
     ImuSample,
@@ -31,9 +30,15 @@ from agribot.core.messages import (
 )
 from agribot.core.pixel_depth import Pixels, find_depth, narrow_pixels
 from agribot.core.platform import Sensor
-from agribot.core.robot import DriveSpec, RobotSpec
-from agribot.ros.messages.gps_types import GPSFIX_ROS1, GPSFIX_ROS2, read_gps_fix
-from agribot.ros.messages.transforms import find_wheel_joints
+from agribot.core.robot import RobotSpec
+from agribot.ros.messages.gps_types import (
+    GPSFIX_ROS1,
+    GPSFIX_ROS2,
+    read_gps_fix,
+    read_place,
+    read_variance_m2,
+)
+from agribot.ros.messages.wheel_readers import JointReader, TwistReader
 
 Sample = GnssFix | ImuSample | MagSample | WheelSample | CameraFrame
 ReadSample = Callable[[Any, float], Sample | None]
@@ -45,6 +50,7 @@ _QUALITY = {
     2: (GnssQuality.RTK_FLOAT, 0.3),
 }
 _NO_FIX = -1
+NOT_MEASURED = -1.0
 _FIXED_STD_M = 0.05  # a carrier solution that claims to be better has its ambiguities fixed
 _CHANNELS = {"rgb8": (3, (0, 1, 2)), "bgr8": (3, (2, 1, 0)), "rgba8": (4, (0, 1, 2)),
              "bgra8": (4, (2, 1, 0)), "mono8": (1, (0, 0, 0)), "rgb16": (3, (0, 1, 2)),
@@ -85,95 +91,48 @@ def make_readers(sensor: Sensor, robot: RobotSpec) -> Mapping[str, ReadSample]:
     }
 
 
-def to_seconds(stamp: Any) -> float:
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
-
-
 def read_fix(message: Any, t_s: float) -> GnssFix | None:
-    if message.status.status <= _NO_FIX:
+    """Read a NavSatFix: without an altitude it is NaN, variances of zero or NaN are unknown."""
+    if message.status.status <= _NO_FIX or (place := read_place(message)) is None:
         return None
-    place = (float(message.latitude), float(message.longitude), float(message.altitude))
-    lat_deg, lon_deg, alt_m = place
-    if is_nowhere(lat_deg, lon_deg):
-        return None
-    if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and math.isfinite(alt_m)):
-        raise BridgeError(f"latitude, longitude and altitude {place} are no place on Earth")
     quality, std_m = _QUALITY.get(message.status.status, _QUALITY[0])
-    if message.position_covariance_type:
-        variance_m2 = max(float(message.position_covariance[i]) for i in (0, 4))
-        if not 0.0 < variance_m2 < 1e8:
-            raise BridgeError(f"a horizontal variance of {variance_m2:g} m^2 is none")
+    if variance_m2 := read_variance_m2(message):
         std_m = math.sqrt(variance_m2)
     if quality is GnssQuality.RTK_FLOAT and std_m <= _FIXED_STD_M:
         quality = GnssQuality.RTK_FIXED
+    lat_deg, lon_deg, alt_m = place
     return GnssFix(
         t_s=t_s, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m, pos_std_m=std_m, quality=quality
     )
 
 
 def read_imu(message: Any, t_s: float) -> ImuSample:
+    """Read an Imu, whose parts are not measured where the first number of a covariance is -1."""
+    if message.angular_velocity_covariance[0] == NOT_MEASURED:
+        raise BridgeError(
+            "an Imu without angular velocity (its covariance begins with -1), which the robot "
+            "needs; take the topic of an IMU with a gyro"
+        )
+    has_accel = message.linear_acceleration_covariance[0] != NOT_MEASURED
+    accel = message.linear_acceleration
     return ImuSample(
         t_s=t_s,
         gyro_radps=_read_finite(message.angular_velocity, "angular velocity"),
-        accel_mps2=_read_finite(message.linear_acceleration, "linear acceleration"),
+        accel_mps2=_read_finite(accel, "linear acceleration") if has_accel else None,
     )
 
 
 def read_mag(vector: Any, t_s: float) -> MagSample:
-    """Read a magnetic field, of which only the direction counts, in any unit."""
-    return MagSample(t_s=t_s, field_t=_read_finite(vector, "field"))
+    """Read a magnetic field, of which only the direction counts, in any unit.
 
-
-class JointReader:
-    """Reads the four wheels by the names of their joints, or of their links."""
-
-    def __init__(self, robot: RobotSpec) -> None:
-        joints = find_wheel_joints(robot, WHEEL_NAMES)
-        self._names = tuple(joint.name for joint in joints) or WHEEL_NAMES
-
-    def __call__(self, message: Any, t_s: float) -> WheelSample:
-        at = {name: index for index, name in enumerate(message.name)}
-        if not all(name in at for name in self._names):
-            raise BridgeError(f"joints {', '.join(message.name)} have not all of {self._names}")
-        return WheelSample(
-            t_s=t_s,
-            angle_rad=self._pick_wheels(message.position, at, "positions"),
-            speed_radps=self._pick_wheels(message.velocity, at, "velocities"),
+    By the definition of MagneticField, NaN is an axis that the sensor does not have.
+    """
+    if any(map(math.isnan, (vector.x, vector.y, vector.z))):
+        raise BridgeError(
+            f"a field {(vector.x, vector.y, vector.z)} without all three axes, which the heading "
+            "needs; take the topic of a magnetometer with three"
         )
-
-    def _pick_wheels(self, values: Any, at: dict[str, int], what: str) -> Four:
-        if len(values) < len(at):
-            raise BridgeError(f"{len(values)} {what} for {len(at)} joints")
-        a, b, c, d = (float(values[at[name]]) for name in self._names)
-        if not math.isfinite(a + b + c + d):
-            raise BridgeError(f"{what} {(a, b, c, d)} are not all finite")
-        return (a, b, c, d)
-
-
-class TwistReader:
-    """Computes the wheels' rotation of a base that publishes its twist but not its wheels."""
-
-    def __init__(self, drive: DriveSpec) -> None:
-        self._drive = drive
-        self._left_rad = self._right_rad = 0.0
-        self._last_s: float | None = None
-
-    def __call__(self, message: Any, t_s: float) -> WheelSample:
-        twist = message.twist.twist
-        v_mps, yaw_rate_radps = float(twist.linear.x), float(twist.angular.z)
-        if not math.isfinite(v_mps + yaw_rate_radps):
-            raise BridgeError(f"a twist of {v_mps} m/s and {yaw_rate_radps} rad/s is none")
-        left, right = self._drive.wheel_speeds_radps(v_mps, yaw_rate_radps)
-        stamp_s = to_seconds(message.header.stamp)
-        if stamp_s == 0.0:
-            raise BridgeError("odometry without a stamp tells no distance")
-        passed_s = 0.0 if self._last_s is None else stamp_s - self._last_s
-        self._last_s = stamp_s
-        if 0.0 < passed_s < 1.0:
-            self._left_rad += left * passed_s
-            self._right_rad += right * passed_s
-        angles = (self._right_rad, self._left_rad, self._right_rad, self._left_rad)
-        return WheelSample(t_s=t_s, angle_rad=angles, speed_radps=(right, left, right, left))
+    return MagSample(t_s=t_s, field_t=_read_finite(vector, "field"))
 
 
 class ImageReader:

@@ -130,4 +130,4 @@ def _make_goal_fix(goal: LatLon) -> Any:
     status = rosmsg.make_message("sensor_msgs/msg/NavSatStatus", 0, 1)
     head = rosmsg.make_header(0.0, "world")
     zeros = np.zeros(9)
-    return rosmsg.make_message("sensor_msgs/msg/NavSatFix", head, status, *goal, 0.0, zeros, 0)
+    return rosmsg.make_message("sensor_msgs/msg/NavSatFix", head, status, *goal, math.nan, zeros, 0)

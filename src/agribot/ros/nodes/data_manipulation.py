@@ -12,7 +12,8 @@ from agribot.core.geo import compass_deg_from_yaw, wrap_rad
 from agribot.core.messages import ImuSample, MagSample
 from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
-from agribot.ros.messages.sensor_readers import to_seconds
+from agribot.ros.messages.rosmsg import to_seconds
+from agribot.ros.messages.sensor_readers import NOT_MEASURED
 from agribot.ros.nodes.stage import EndlessStage, OutgoingMessage
 
 _BEARING_TIMEOUT_S = 2.0
@@ -32,7 +33,8 @@ class DataManipulation(EndlessStage):
 
     def receive(self, topic: Topic, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         if topic is topics.IMU:
-            self._heading.update_imu(_read_imu(message))
+            if message.angular_velocity_covariance[0] != NOT_MEASURED:
+                self._heading.update_imu(_read_imu(message))
         elif topic is topics.CMD_VEL:
             self._heading.update_command(message.linear.x, message.angular.z)
         elif topic is topics.BEARING:
@@ -70,8 +72,9 @@ def _read_xyz(vector: Any) -> tuple[float, float, float]:
 
 
 def _read_imu(message: Any) -> ImuSample:
+    has_accel = message.linear_acceleration_covariance[0] != NOT_MEASURED
     return ImuSample(
         t_s=to_seconds(message.header.stamp),
         gyro_radps=_read_xyz(message.angular_velocity),
-        accel_mps2=_read_xyz(message.linear_acceleration),
+        accel_mps2=_read_xyz(message.linear_acceleration) if has_accel else None,
     )

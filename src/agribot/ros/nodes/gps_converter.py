@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from agribot.autonomy.estimate.pole_origin import PoleOrigin, is_place
+from agribot.autonomy.estimate.pole_origin import PoleOrigin
 from agribot.core import topics
-from agribot.core.geo import Datum, MapFrame
+from agribot.core.geo import MapFrame, is_place, make_datum
 from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
-from agribot.ros.messages.sensor_readers import to_seconds
+from agribot.ros.messages.rosmsg import to_seconds
 from agribot.ros.nodes.stage import EndlessStage, OutgoingMessage
 
 _NO_FIX, _RTK = -1, 2  # sensor_msgs/NavSatStatus: STATUS_NO_FIX, STATUS_GBAS_FIX
@@ -35,10 +35,10 @@ class GpsConverter(EndlessStage):
     def receive(self, topic: Topic, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         place = (float(message.latitude), float(message.longitude), float(message.altitude))
         if topic is topics.GOAL_FIX:
-            if is_place((*place[:2], 0.0)):
+            if is_place(*place[:2]):
                 self._goal = place[:2]
             return ()
-        if message.status.status <= _NO_FIX or not is_place(place):
+        if message.status.status <= _NO_FIX or not is_place(*place[:2]):
             return ()
         stamp_s = to_seconds(message.header.stamp)
         if topic is topics.POLE_FIX:
@@ -57,8 +57,7 @@ class GpsConverter(EndlessStage):
             return ()
         if frame is None:
             lat_deg, lon_deg, alt_m = place
-            lon_deg = math.remainder(lon_deg, 360.0)
-            frame = MapFrame(Datum(lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m))
+            frame = MapFrame(make_datum(lat_deg, math.remainder(lon_deg, 360.0), alt_m))
             self._first_frame = frame
         x_m, y_m, _ = frame.map_from_geodetic(*place)
         head = rosmsg.make_header(stamp_s, rosmsg.MAP_FRAME)
