@@ -11,7 +11,6 @@ import pytest
 from agribot.cli.gnss import _Summary
 from agribot.core.messages import GnssFix, GnssQuality
 from agribot.drivers.gpsd import GpsdFixes
-from agribot.drivers.nmea import STD_M
 
 NAN = math.nan
 FULL: dict[str, Any] = {
@@ -29,7 +28,7 @@ WITHOUT: dict[tuple[str, ...], dict[str, Any] | None] = {
     ("altHAE",): {},
     ("altHAE", "altMSL"): {"alt_m": NAN},
     ("altHAE", "geoidSep"): {"alt_m": NAN},
-    ("eph",): {"pos_std_m": STD_M[GnssQuality.DGNSS]},
+    ("eph",): {"pos_std_m": 1.0},
     ("eps",): {"velocity_std_mps": 0.1},
     ("velD",): {"velocity_mps": (2.0, 0.0, NAN)},
     ("velN",): {},

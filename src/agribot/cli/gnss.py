@@ -123,7 +123,7 @@ class _Summary:
             words = [f"no fix for {old_s:.0f} s"]
         elif self.fix is not None:
             words = [
-                f"{self.fix.lat_deg:.8f}, {self.fix.lon_deg:.8f}, {_describe_alt(self.fix)}",
+                f"{self.fix.lat_deg:.8f}, {self.fix.lon_deg:.8f}, {_describe_altitude(self.fix)}",
                 f"{QUALITY_NAMES.get(self.fix.quality, 'none')} +-{self.fix.pos_std_m:.3f} m",
                 f"{self._find_rate_hz():.1f} Hz",
             ]
@@ -154,8 +154,8 @@ class _Summary:
         return (len(times_s) - 1) / passed_s if passed_s > 0.0 else 0.0
 
 
-def _describe_alt(fix: GnssFix) -> str:
-    return "no altitude" if math.isnan(fix.alt_m) else f"{fix.alt_m:.2f} m"
+def _describe_altitude(fix: GnssFix) -> str:
+    return f"{fix.alt_m:.2f} m" if math.isfinite(fix.alt_m) else "no altitude"
 
 
 def _describe_use(status: GnssStatus) -> list[str]:

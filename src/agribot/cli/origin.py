@@ -188,7 +188,7 @@ def _wait_for_fix(uri: str, options: argparse.Namespace, patience_s: float) -> D
                     return Datum(lat_deg=fix.lat_deg, lon_deg=fix.lon_deg, alt_m=fix.alt_m)
             time.sleep(PERIOD_S)
     raise PlatformError(
-        f"--origin: no good fix (1 sigma within {GOOD_STD_M:g} m, and an altitude) of {uri} within "
+        f"--origin: no good fix (1 sigma within {GOOD_STD_M:g} m) of {uri} within "
         f"{patience_s:g} s; check topic, receiver and sky view and start again, or give the place "
         "as LAT,LON"
     )

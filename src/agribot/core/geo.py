@@ -68,19 +68,11 @@ def geodetic_from_ecef(ecef_m: FloatArray) -> Vec3:
 
 
 class Datum(msgspec.Struct, frozen=True, kw_only=True):
-    """A place on Earth, the origin of a local map.
-
-    Where no altitude is known, 0 serves: of a map of 500 m it changes 13 cm at 1,700 m.
-    """
+    """A place on Earth, the origin of a local map."""
 
     lat_deg: Annotated[float, msgspec.Meta(ge=-90, le=90)]
     lon_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)]
     alt_m: float = 0.0
-
-
-def make_datum(lat_deg: float, lon_deg: float, alt_m: float) -> Datum:
-    """Make the datum of a place that a receiver told, with an altitude or without one (NaN)."""
-    return Datum(lat_deg=lat_deg, lon_deg=lon_deg, alt_m=0.0 if math.isnan(alt_m) else alt_m)
 
 
 def is_place(lat_deg: float, lon_deg: float) -> bool:
@@ -102,26 +94,34 @@ def is_nowhere(lat_deg: float, lon_deg: float) -> bool:
     return lat_deg == 0.0 and lon_deg == 0.0
 
 
+def make_datum(lat_deg: float, lon_deg: float, alt_m: float) -> Datum:
+    """Make a datum there, on the ellipsoid where the altitude is not known (NaN)."""
+    return Datum(lat_deg=lat_deg, lon_deg=lon_deg, alt_m=0.0 if math.isnan(alt_m) else alt_m)
+
+
+def enu_from_ecef(lat_deg: float, lon_deg: float) -> FloatArray:
+    """Return the rotation (3, 3) from Earth-centred axes to East, North, Up at a place."""
+    lat, lon = math.radians(lat_deg), math.radians(lon_deg)
+    sin_lat, cos_lat, sin_lon, cos_lon = math.sin(lat), math.cos(lat), math.sin(lon), math.cos(lon)
+    return np.array(
+        [
+            [-sin_lon, cos_lon, 0.0],
+            [-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat],
+            [cos_lat * cos_lon, cos_lat * sin_lon, sin_lat],
+        ]
+    )
+
+
 class MapFrame:
     """The exact East-North-Up frame of a datum (a rotation of ECEF, no projection)."""
 
     def __init__(self, datum: Datum) -> None:
         self.datum = datum
-        lat, lon = math.radians(datum.lat_deg), math.radians(datum.lon_deg)
-        sin_lat, cos_lat, sin_lon, cos_lon = (
-            math.sin(lat), math.cos(lat), math.sin(lon), math.cos(lon),
-        )  # fmt: skip
         self._origin_ecef_m = ecef_from_geodetic(datum.lat_deg, datum.lon_deg, datum.alt_m)
-        self._enu_from_ecef = np.array(
-            [
-                [-sin_lon, cos_lon, 0.0],
-                [-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat],
-                [cos_lat * cos_lon, cos_lat * sin_lon, sin_lat],
-            ]
-        )
+        self._enu_from_ecef = enu_from_ecef(datum.lat_deg, datum.lon_deg)
 
     def map_from_geodetic(self, lat_deg: float, lon_deg: float, alt_m: float) -> Vec3:
-        """Convert to East, North, Up in metres; without an altitude (NaN) it is the datum's."""
+        """Convert to East, North, Up in metres; an unknown altitude (NaN) is that of the datum."""
         alt_m = self.datum.alt_m if math.isnan(alt_m) else alt_m
         delta = ecef_from_geodetic(lat_deg, lon_deg, alt_m) - self._origin_ecef_m
         east, north, up = self._enu_from_ecef @ delta

@@ -13,7 +13,7 @@ from datetime import datetime
 from typing import Any
 
 from agribot.core.geo import is_nowhere
-from agribot.core.messages import GnssFix, GnssQuality, Vec3
+from agribot.core.messages import GnssFix, GnssQuality
 from agribot.drivers.nmea import STD_M, StampedFix
 
 PORT = 2947
@@ -153,7 +153,7 @@ def _read_altitude_m(report: Mapping[str, Any]) -> float:
     return math.nan
 
 
-def _read_velocity(report: Mapping[str, Any]) -> Vec3 | None:
+def _read_velocity(report: Mapping[str, Any]) -> tuple[float, float, float] | None:
     """Read East, North and up, NaN without it; None without a speed, or without a course."""
     if _tells(report, "velN", "velE"):
         up_mps = -_read(report, "velD", 1e4) if _tells(report, "velD") else math.nan

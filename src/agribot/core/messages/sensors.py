@@ -1,6 +1,7 @@
 """What sensors and devices measure, and the batch of one tick.
 
-What a device did not report is None, and NaN where it is a single number; never zero.
+What a device did not report is None, and NaN where it is a single number, such as an altitude or
+the upward part of a velocity; never zero.
 """
 
 from __future__ import annotations
@@ -64,8 +65,7 @@ class GnssFix(msgspec.Struct, frozen=True, kw_only=True):
     """One epoch of a receiver, at its antenna.
 
     `pos_std_m` is the receiver's own 1 sigma per horizontal axis; `t_s` the measurement epoch
-    (the fix arrives later). The altitude is NaN where the receiver gives none. Velocity is East,
-    North, Up, which may be NaN, or None when the receiver gives none, or no course.
+    (the fix arrives later). Velocity is East, North, Up, or None when the receiver gives none.
     """
 
     t_s: float
