@@ -8,37 +8,38 @@ shows.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from agribot.core.messages import BoardSample, Four, ImplementCommand
-from agribot.description.loader import load_robot
-from agribot.drivers import board_kinds
+from agribot.core.messages import BoardSample, Four, ImplementCommand, ImuSample, OperatorEvent
 from agribot.drivers.board_link import BoardLink
-from agribot.drivers.can_frames import FRAME, CanFrame
-from agribot.drivers.motor_board import STATE_S, MotorBoard
-from agribot.drivers.odrive import OdriveBoard
-from agribot.drivers.odrive_can import OdriveCanBoard
-from agribot.drivers.vesc import LOCAL, VescBoard
-from agribot.drivers.vesc_can import VescCanBoard
+from agribot.drivers.imu_devices import make_imu
+from agribot.drivers.motor_board import STATE_S
+from agribot.drivers.schemes import read_uri
+from agribot.drivers.uri_options import UriOptions
 from tests import nightly
-from tests.drivers.board_emulator import TICK_S as BOARD_TICK_S
-from tests.drivers.board_emulator import BoardEmulator
-from tests.drivers.can_fakes import FakeOdriveBus, FakeVescBus
-from tests.drivers.esc_fakes import CLOSED_LOOP, FakeOdrive, FakeVesc
+from tests.drivers.esc_fakes import CLOSED_LOOP
 from tests.drivers.hostile_line import HostileLine, Hostility
+from tests.drivers.hostile_peers import (
+    GYRO_RADPS2,
+    KINDS,
+    ROBOT,
+    SERIAL,
+    IdlePeer,
+    ImuBoard,
+    Kind,
+    OdrivePeer,
+    PlainOdrive,
+)
 
 TICK_S = 0.02
-ROBOT = load_robot()
 STILL = ImplementCommand()
 SPEEDS: Four = (3.0, -2.0, 3.0, -2.0)
 FAULT_S, WELL_S, END_S = 2.5, 4.0, 5.5  # a fault comes and goes, and the drive ends
 PAUSES_S = (1.0, 2.2), (2.45, 3.4), (4.2, 5.0)
 SLACK_RAD = 0.01  # a step of an encoder or tachometer
-Clock = Callable[[], float]
 
 
 class Truth(NamedTuple):
@@ -47,127 +48,6 @@ class Truth(NamedTuple):
     t_s: float
     turned_rad: tuple[float, float]
     has_fault: bool
-
-
-class Peer(Protocol):
-    """A board at the other end of the line."""
-
-    def advance(self, dt_s: float) -> bytes: ...
-    def hear(self, data: bytes) -> bytes: ...
-    def set_fault(self, *, is_there: bool) -> None: ...
-    def turned_rad(self) -> tuple[float, float]: ...
-
-
-class OdrivePeer:
-    """Its left axis has the fault, the other one goes on."""
-
-    def __init__(self, fake: FakeOdrive) -> None:
-        self.fake = fake
-        fake.states, fake._turns = [CLOSED_LOOP, CLOSED_LOOP], [1000.0, -500.0]
-        fake.timeouts_s = [math.inf, math.inf]  # of the watchdogs, which others test
-
-    def advance(self, dt_s: float) -> bytes:
-        self.fake._left_s = [math.inf, math.inf]
-        self.fake.advance(dt_s)
-        return b""
-
-    def hear(self, data: bytes) -> bytes:
-        return self.fake.answer(data)
-
-    def set_fault(self, *, is_there: bool) -> None:
-        self.fake.errors[1] = 0x40 if is_there else 0
-        self.fake.states[1] = 1 if is_there else CLOSED_LOOP
-
-    def turned_rad(self) -> tuple[float, float]:
-        right, left = (turns * math.tau / 10.0 for turns in self.fake._turns)
-        return right, left
-
-
-class PlainOdrive(FakeOdrive):
-    """One whose answers have no checksums."""
-
-    @staticmethod
-    def _reply(text: str, *, has_checksum: bool) -> bytes:
-        return f"{text}\r\n".encode() if text else b""
-
-
-class VescPeer:
-    """Tachometers begin at zero, as the codec counts them."""
-
-    def __init__(self, fake: FakeVesc, left: int) -> None:
-        self.fake, self._left = fake, left
-
-    def advance(self, dt_s: float) -> bytes:
-        self.fake.advance(dt_s)
-        return b""
-
-    def hear(self, data: bytes) -> bytes:
-        return self.fake.answer(data)
-
-    def set_fault(self, *, is_there: bool) -> None:
-        self.fake.faults[self._left] = 9 if is_there else 0
-
-    def turned_rad(self) -> tuple[float, float]:
-        right, left = (steps * math.tau / 6.0 / 70.0 for steps in self.fake._steps.values())
-        return right, left
-
-
-class OurPeer:
-    """The board of `firmware/`, whose fault is its red button."""
-
-    def __init__(self) -> None:
-        self.fake = BoardEmulator(timeout_s=math.inf)
-
-    def advance(self, dt_s: float) -> bytes:
-        return b"".join(self.fake.advance() for _ in range(round(dt_s / BOARD_TICK_S)))
-
-    def hear(self, data: bytes) -> bytes:
-        self.fake.feed(data)
-        return b""
-
-    def set_fault(self, *, is_there: bool) -> None:
-        self.fake.is_button_pressed = is_there
-
-    def turned_rad(self) -> tuple[float, float]:
-        right, left, *_ = (count * math.tau / 4096.0 for count in self.fake._counts)
-        return right, left
-
-
-def make_ours(now_s: Clock) -> MotorBoard:
-    motors = {"counts_per_turn": 4096.0, "full_speed_radps": 40.0}
-    return board_kinds.open_board("tcp://localhost:1?board=agribot", ROBOT, motors).board
-
-
-SERIAL = Hostility(loss_ratio=2e-4, stray_hz=1.0, strays=(
-    b"unknown command\r\n", b"invalid property\r\n", b"8\r\n", b"\xff\x00*", b"\r\n", b"0.25 ",
-    b"\x02\x1a\x32\x00\x00", b"0 *7",
-))  # fmt: skip
-BUS = Hostility(
-    loss_ratio=0.02, stray_hz=5.0, unit=FRAME.size,
-    strays=(CanFrame(0x7E1, b"12345678").pack(), CanFrame(0x51, b"\x08\0\0\0\0\0\0\0").pack()),
-)  # fmt: skip
-
-
-class Kind(NamedTuple):
-    """A board and its codec, the line between them, and the safety input of its fault."""
-
-    make_board: Callable[[Clock], MotorBoard]
-    make_peer: Callable[[], Peer]
-    line: Hostility
-    input: str = "motors"
-
-
-KINDS = {
-    "odrive": Kind(lambda now: OdriveBoard((0, 1), 10.0, now_s=now),
-                   lambda: OdrivePeer(FakeOdrive()), SERIAL),
-    "odrive_can": Kind(lambda now: OdriveCanBoard((0, 1), 10.0, "active_errors", now),
-                       lambda: OdrivePeer(FakeOdriveBus()), BUS),
-    "vesc": Kind(lambda now: VescBoard((LOCAL, 12), 7, 10.0, now),
-                 lambda: VescPeer(FakeVesc(3, (12,), math.inf), 12), SERIAL),
-    "vesc_can": Kind(lambda now: VescCanBoard((11, 12), 7, 10.0, now),
-                     lambda: VescPeer(FakeVescBus((11, 12), math.inf), 12), BUS, ""),
-    "agribot": Kind(make_ours, OurPeer, SERIAL, "red button"),
-}  # fmt: skip
 
 
 class Drive:
@@ -182,6 +62,7 @@ class Drive:
         self._back = HostileLine(line, rng, has_strays=True)
         self._truth: list[Truth] = []
         self.wheels_s: list[float] = []
+        self.events: tuple[OperatorEvent, ...] = ()
         self.told_s = self.well_s = math.inf  # when the fault was first told, and its end
         self._there.send(self.link.open(), 0.0, TICK_S)
 
@@ -197,9 +78,12 @@ class Drive:
             self._truth.append(Truth(self.now_s, self.peer.turned_rad(), has_fault))
             for piece in self._back.take(self.now_s):
                 self.link.feed(piece, self.now_s)
-            self._check(self.link.take(self.now_s))
+            told = self.link.take(self.now_s)
+            self._check(told)
             speeds = SPEEDS if self.now_s > 0.5 else (0.0,) * 4
-            asked = self.link.board.poll() + self.link.board.drive(speeds, STILL)
+            asked = self.link.clear(self.now_s, self.events, told["board"])
+            asked += self.link.board.poll() + self.link.board.drive(speeds, STILL)
+            self.events = ()
             self._there.send(asked, self.now_s, TICK_S)
         return self
 
@@ -263,3 +147,40 @@ def test_an_odrive_is_understood_again_after_a_stray_line_at_any_delay(latency_s
         gaps_s = np.diff(drive.wheels_s)
         assert gaps_s.max() <= 2.0 * (latency_s + 3.0 * TICK_S)
         assert drive.told_s - FAULT_S <= 0.1 + 3.0 * (latency_s + TICK_S)
+
+
+def test_an_odrive_is_armed_over_a_hostile_line_and_no_axis_lets_go_again() -> None:
+    clear = OperatorEvent(t_s=0.0, action="clear_stop", source="Ann")
+    for seed in range(4):
+        drive = Drive(KINDS["odrive"]._replace(make_peer=IdlePeer), SERIAL, seed).run(1.0)
+        assert isinstance(drive.peer, IdlePeer)
+        fake = drive.peer.fake
+        drive.events = (clear,)
+        drive.run(2.5)
+        assert fake.states == [CLOSED_LOOP, CLOSED_LOOP]
+        assert sorted(fake.lets_go) == [0, 1], f"seed {seed}"
+
+
+def test_rates_of_an_imu_board_over_a_hostile_line_are_those_of_their_time() -> None:
+    device, peer, rng = (
+        make_imu(UriOptions(read_uri("--source", "serial:/dev/x?board=agribot")), pytest.fail),
+        ImuBoard(),
+        np.random.default_rng(3),
+    )
+    there = HostileLine(SERIAL, rng, has_strays=False)
+    back = HostileLine(SERIAL, rng, has_strays=True)
+    told: list[float] = []
+    now_s = 0.0
+    device.open(now_s)
+    while now_s < 8.0:
+        now_s += TICK_S
+        back.send(peer.advance(TICK_S), now_s, TICK_S)
+        for piece in there.take(now_s):
+            peer.hear(piece)
+        for piece in (*back.take(now_s), b""):
+            for stamp_s, sample in device.feed(piece, now_s):
+                assert isinstance(sample, ImuSample)
+                assert sample.gyro_radps[2] == pytest.approx(GYRO_RADPS2 * stamp_s, abs=2e-3)
+                told.append(stamp_s)
+            there.send(device.take_to_send(), now_s, TICK_S)
+    assert len(told) > 200 and max(np.diff(told)) < 0.2
