@@ -19,7 +19,7 @@ from types import FrameType
 from typing import Any
 
 from agribot.core.messages import GnssFix, GnssHeading, GnssStatus, ImuSample
-from agribot.drivers import rosserial, vesc
+from agribot.drivers import rosserial, vesc_packets
 from agribot.drivers.board_codec import FORMATS, encode, stuff, unstuff
 from agribot.drivers.board_protocol import BoardMessage
 from agribot.drivers.motor_board import BoardReport, StampedReport
@@ -154,12 +154,12 @@ def mend(rng: random.Random, data: bytes) -> bytes:
 
 
 def mend_vesc(data: bytes) -> bytes:
-    mended, at = bytearray(data), data.find(bytes((vesc.SHORT,)))
+    mended, at = bytearray(data), data.find(bytes((vesc_packets.SHORT,)))
     while at >= 0 and at + 2 < len(mended):
         end = at + 2 + mended[at + 1]
-        if mended[end + 2 : end + 3] == bytes((vesc.END,)):
+        if mended[end + 2 : end + 3] == bytes((vesc_packets.END,)):
             mended[end : end + 2] = crc_hqx(bytes(mended[at + 2 : end]), 0).to_bytes(2, "big")
-        at = mended.find(bytes((vesc.SHORT,)), at + 1)
+        at = mended.find(bytes((vesc_packets.SHORT,)), at + 1)
     return bytes(mended)
 
 

@@ -131,7 +131,7 @@ def test_what_a_board_reports_over_a_hostile_line_was_true_within_the_last_half_
 
 
 @nightly.all_or_first("seeds", range(100), 4)
-@pytest.mark.parametrize("name", ["odrive", "agribot"])
+@pytest.mark.parametrize("name", ["odrive", "vesc", "agribot"])
 def test_answers_that_a_line_held_back_are_not_reported_as_new(name: str, seeds: range) -> None:
     kind = KINDS[name]
     for seed in seeds:

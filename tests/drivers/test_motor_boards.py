@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from agribot.core.errors import ConfigError
 from agribot.core.messages import WHEEL_NAMES, ImplementCommand
 from agribot.description.loader import load_robot
-from agribot.drivers import board_kinds, vesc
+from agribot.drivers import board_kinds, vesc_packets
 from agribot.drivers.agribot_board import AgribotBoard
 from agribot.drivers.board_codec import encode
 from agribot.drivers.board_link import BoardLink
@@ -367,13 +367,13 @@ def test_vesc_controllers_turn_the_wheels_of_their_sides_and_tell_their_faults()
 def test_a_vesc_packet_is_what_its_protocol_says() -> None:
     payload = struct.pack(">Bi", 8, 4000)
     crc = crc_hqx(payload, 0).to_bytes(2, "big")
-    assert vesc.make_packet(payload) == b"\x02\x05" + payload + crc + b"\x03"
+    assert vesc_packets.make_packet(payload) == b"\x02\x05" + payload + crc + b"\x03"
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.binary(max_size=400), st.integers(1, 40))
 def test_vesc_packets_are_found_among_any_noise(noise: bytes, cut: int) -> None:
-    decoder, packet = vesc.VescDecoder(), vesc.make_packet(bytes((4, *range(60))))
+    decoder, packet = vesc_packets.VescDecoder(), vesc_packets.make_packet(bytes((4, *range(60))))
     data = noise + bytes(700) + packet  # zeros end whatever the noise seemed to begin
     found = [p for k in range(0, len(data), cut) for p in decoder.feed(data[k : k + cut])]
     assert bytes((4, *range(60))) in found

@@ -14,7 +14,7 @@ import pytest
 
 from agribot.core.messages import BoardSample, DriveCommand, OperatorEvent, RobotCommand
 from agribot.description.loader import load_robot
-from agribot.drivers import board_kinds, odrive, vesc
+from agribot.drivers import board_kinds, odrive, vesc, vesc_packets
 from agribot.drivers.board_link import BoardLink
 from agribot.drivers.hardware_platform import HardwarePlatform
 from agribot.drivers.motor_board import BoardReport, MotorBoard
@@ -293,9 +293,9 @@ def test_a_vesc_is_asked_for_what_is_used_and_answers_in_26_bytes() -> None:
     fake, driver = FakeVesc(local=3, others=()), vesc.VescBoard((vesc.LOCAL, 9), 7, 10.0)
     said = fake.answer(driver.poll()[:10])
     assert len(said) == 26
-    (payload,) = vesc.VescDecoder().feed(said)
+    (payload,) = vesc_packets.VescDecoder().feed(said)
     assert struct.unpack(">BI", payload[:5]) == (50, 0b10_1010_0001_1000_1000)
-    values = vesc.read_values(payload)
-    assert values == vesc.VescValues(3, 0.0, 0, 24.6, 0.8, 0)
-    assert vesc.read_values(payload[:-1]) is None
-    assert vesc.read_values(payload[:4] + b"\0" + payload[5:]) is None
+    values = vesc_packets.read_values(payload)
+    assert values == vesc_packets.VescValues(3, 0.0, 0, 24.6, 0.8, 0)
+    assert vesc_packets.read_values(payload[:-1]) is None
+    assert vesc_packets.read_values(payload[:4] + b"\0" + payload[5:]) is None

@@ -11,7 +11,7 @@ import struct
 
 from agribot.drivers.line_answers import LineAnswer
 from agribot.drivers.odrive_line import split_answer, write_line
-from agribot.drivers.vesc import (
+from agribot.drivers.vesc_packets import (
     GET_SELECTED,
     MASK,
     VescDecoder,

@@ -3,13 +3,11 @@
 One controller is on the line; the others are reached through it over CAN. Wheel speeds go out as
 electrical revolutions a minute, and the positions of the motors come back as the tachometer.
 
-Source: the packets and commands of VESC firmware 5 and later (vedderb/bldc: comm/packet.c,
-comm/commands.c, datatypes.h): COMM_GET_VALUES_SELECTIVE, COMM_SET_RPM, COMM_FORWARD_CAN, and
-mc_fault_code. A packet is 2, length, payload, CRC-16/XMODEM high byte first, 3; one longer than
-255 bytes begins with 3 and two bytes of length.
+Source: the commands of VESC firmware 5 and later (vedderb/bldc: comm/commands.c):
+COMM_GET_VALUES_SELECTIVE, COMM_SET_RPM, COMM_FORWARD_CAN.
 
-Only what is used is asked for: 26 bytes of an answer instead of 79, and 24 of question and command
-(20 of the controller on the line). Four controllers at 100 Hz then take 10.4 of the 11.5 kB/s of
+An answer has 26 bytes, question and command have 24 (20 of the controller on the line). Four
+controllers at 100 Hz then take 10.4 of the 11.5 kB/s of
 a line of 115200 baud, at the usual 50 Hz half of that.
 """
 
@@ -18,9 +16,7 @@ from __future__ import annotations
 import math
 import struct
 import time
-from binascii import crc_hqx
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import (
@@ -35,102 +31,29 @@ from agribot.core.messages import (
 from agribot.core.robot import RobotSpec
 from agribot.drivers.motor_board import GEAR_HOW, BoardReport, FreshValues, StampedReport
 from agribot.drivers.uri_options import UriOptions
+from agribot.drivers.vesc_packets import (
+    GET_SELECTED,
+    MOST_MARKS,
+    VescDecoder,
+    VescValues,
+    make_mask,
+    make_packet,
+    name_fault,
+    read_values,
+)
 
-SET_RPM, FORWARD_CAN, GET_SELECTED = 8, 34, 50
-SHORT, LONG, END = 2, 3, 3
-LONGEST_PAYLOAD = 512
+SET_RPM, FORWARD_CAN = 8, 34
 STEPS_PER_ELECTRICAL_TURN = 6  # of the tachometer
-# Bits of GET_VALUES_SELECTIVE: current of the battery, rpm, voltage, tachometer, fault, id.
-MASK = sum(1 << bit for bit in (3, 7, 8, 13, 15, 17))
-_VALUES = struct.Struct(">BIiihiBB")  # the answer: its number, the mask, and the values
-FAULTS = (
-    "", "over voltage", "under voltage", "DRV", "absolute over current", "over temperature of FET",
-    "over temperature of motor", "gate driver over voltage", "gate driver under voltage",
-    "MCU under voltage (brown-out)", "booting from watchdog reset", "encoder SPI",
-)  # fmt: skip
+PAUSE_S = 0.2  # without a reading, after which questions are marked anew
 LOCAL = -1
-
-
-class VescValues(NamedTuple):
-    """What one controller answers."""
-
-    controller: int
-    erpm: float
-    tachometer: int
-    voltage_v: float
-    input_a: float
-    fault: int
-
-
-class VescDecoder:
-    """Finds packets in a stream of bytes; what is broken is counted in `bad` and left out."""
-
-    def __init__(self) -> None:
-        self._waiting = bytearray()
-        self.bad = 0
-
-    def feed(self, data: bytes) -> list[bytes]:
-        """Give the payloads of the packets that `data` completes."""
-        self._waiting += data
-        found = []
-        while self._waiting:
-            size = self._measure()
-            if size is None:
-                break
-            payload = self._take(size)
-            if payload is None:
-                self.bad += 1
-                del self._waiting[0]
-            else:
-                found.append(payload)
-        return found
-
-    def _measure(self) -> int | None:
-        """Measure the head and payload of what may be a packet; 0 for none, None to wait."""
-        waiting = self._waiting
-        head = {SHORT: 2, LONG: 3}.get(waiting[0], 0)
-        if not head:
-            return 0
-        if len(waiting) < head:
-            return None
-        length = int.from_bytes(waiting[1:head], "big")
-        if not 0 < length <= LONGEST_PAYLOAD:
-            return 0
-        return None if len(waiting) < head + length + 3 else head + length
-
-    def _take(self, size: int) -> bytes | None:
-        waiting = self._waiting
-        if not size or waiting[size + 2] != END:
-            return None
-        payload = bytes(waiting[2 if waiting[0] == SHORT else 3 : size])
-        if crc_hqx(payload, 0) != int.from_bytes(waiting[size : size + 2], "big"):
-            return None
-        del waiting[: size + 3]
-        return payload
-
-
-def make_packet(payload: bytes) -> bytes:
-    head = bytes((SHORT, len(payload))) if len(payload) < 256 else b"\x03" + _two(len(payload))
-    return head + payload + _two(crc_hqx(payload, 0)) + bytes((END,))
-
-
-def read_values(payload: bytes) -> VescValues | None:
-    """Read the answer about MASK; None where it is another one, or one that is cut off."""
-    if len(payload) != _VALUES.size:
-        return None
-    kind, mask, input_ca, erpm, voltage_dv, tachometer, fault, controller = _VALUES.unpack(payload)
-    if (kind, mask) != (GET_SELECTED, MASK):
-        return None
-    return VescValues(
-        controller, float(erpm), tachometer, voltage_dv / 10.0, input_ca / 100.0, fault
-    )
 
 
 class VescBoard:
     """Two controllers for the two sides, or four for the wheels in the order of WHEEL_NAMES.
 
     `ids` are their CAN ids, right before left; LOCAL is the one on the line. They tell no time, and
-    nothing of a red button or a bumper.
+    nothing of a red button or a bumper. Questions that follow a pause are marked, so that answers
+    which the line held back meanwhile are known as old.
     """
 
     inputs: frozenset[SafetyInput] = frozenset({"battery", "motors"})
@@ -144,7 +67,8 @@ class VescBoard:
         self._ids, self._wheels = ids, ids if len(ids) == 4 else (*ids, *ids)
         self._electrical_turns = pole_pairs * gear_ratio  # for a turn of the wheel
         self._decoder = VescDecoder()
-        self._values = FreshValues[VescValues](now_s)
+        self._values, self._now_s = FreshValues[VescValues](now_s), now_s
+        self._marks, self._marked_s = (0, 0), now_s()  # of the newest questions, and before those
         self._counts: dict[int, CounterOf32Bits] = {}
 
     @property
@@ -155,16 +79,22 @@ class VescBoard:
     def open(self) -> bytes:
         self._decoder = VescDecoder()
         self._values.clear()
+        self._marks, self._marked_s = (0, 0), self._now_s()
         return self.poll()
 
     def poll(self) -> bytes:
-        question = struct.pack(">BI", GET_SELECTED, MASK)
+        now_s = self._now_s()
+        if now_s - self._marked_s > PAUSE_S:
+            last = self._marks[0]
+            self._marks, self._marked_s = (1 + last % MOST_MARKS, last), now_s
+        question = struct.pack(">BI", GET_SELECTED, make_mask(self._marks[0]))
         return b"".join(self._send(one, question) for one in self._ids)
 
     def feed(self, data: bytes) -> list[StampedReport]:
         found = []
         for payload in self._decoder.feed(data):
-            values = read_values(payload)
+            told = (read_values(payload, make_mask(mark)) for mark in self._marks)
+            values = next(filter(None, told), None)
             if values is not None and (report := self._add(values)):
                 found.append(StampedReport(0.0, report))
         return found
@@ -198,6 +128,7 @@ class VescBoard:
         if len(told) < len(self._ids):
             return None
         self._values.clear()
+        self._marks, self._marked_s = (0, 0), self._now_s()  # nothing older is under way
         return self._report(told)
 
     def _report(self, told: Mapping[int, VescValues]) -> BoardReport:
@@ -282,11 +213,3 @@ def _read_id(word: str) -> int:
 
 def _name(one: int) -> str:
     return "on the line" if one == LOCAL else str(one)
-
-
-def name_fault(fault: int) -> str:
-    return FAULTS[fault] if fault < len(FAULTS) else f"fault {fault}"
-
-
-def _two(number: int) -> bytes:
-    return number.to_bytes(2, "big")
