@@ -14,7 +14,8 @@ from agribot.drivers.motor_board import MotorBoard
 from agribot.drivers.nmea import write_sentence
 from agribot.drivers.odrive import OdriveBoard
 from agribot.drivers.odrive_can import OdriveCanBoard
-from agribot.drivers.receiver import GpsdDecoder, ReceiverDecoder
+from agribot.drivers.receiver import GpsdDecoder
+from agribot.drivers.receiver_decoder import ReceiverDecoder
 from agribot.drivers.rosserial import RosserialHost
 from agribot.drivers.ubx import UbxDecoder, make_frame
 from agribot.drivers.ubx_setup import ACK, CFG_VALSET, NAK, ReceiverSetup, SetupPlan

@@ -11,7 +11,8 @@ import pytest
 
 from agribot.core.messages import OperatorEvent
 from agribot.drivers.clock_watch import ClockWatch
-from agribot.drivers.receiver import ReceiverDecoder, ReceiverLink
+from agribot.drivers.receiver import ReceiverLink
+from agribot.drivers.receiver_decoder import ReceiverDecoder
 from tests.drivers import receiver_bytes as written
 from tests.drivers.lines import Line, Opened
 from tests.waiting import wait_for

@@ -363,7 +363,7 @@ def test_corrections_for_a_receiver_that_is_unplugged_are_no_corrections() -> No
 @pytest.mark.parametrize("lon_deg", [4.51, -151.2, 179.9999999999])
 def test_the_place_that_a_caster_is_told_is_that_of_the_fix(lat_deg: float, lon_deg: float) -> None:
     at = written.EPOCH + dt.timedelta(seconds=0.5)
-    from agribot.drivers.receiver import ReceiverDecoder
+    from agribot.drivers.receiver_decoder import ReceiverDecoder
 
     ((stamp_s, fix), *_) = ReceiverDecoder(pytest.fail).feed(
         written.make_ubx_pvt(at, lat_deg=lat_deg, lon_deg=lon_deg, carrier=2)

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agribot.core.messages import GnssFix, GnssQuality
-from agribot.drivers import gpsd, nmea, ubx
-from agribot.drivers.receiver import ReceiverDecoder
+from agribot.drivers import gpsd, nmea, nmea_fixes, ubx
+from agribot.drivers.receiver_decoder import ReceiverDecoder
 from tests.drivers import receiver_bytes as written
 
 SECOND = dt.timedelta(seconds=1)
@@ -61,7 +61,7 @@ def test_a_place_of_zeros_is_no_fix_whatever_the_receiver_calls_it() -> None:
     assert decode(pvt) == decode(precise + pvt) == decode(sentences) == []
     (frame,) = ubx.UbxDecoder().feed(pvt)
     assert ubx.lacks_fix(frame)
-    assert any(nmea.lacks_fix(one) for one in nmea.SentenceDecoder().feed(sentences))
+    assert any(nmea_fixes.lacks_fix(one) for one in nmea.SentenceDecoder().feed(sentences))
     equator = written.make_ubx_pvt(lat_deg=0.0, lon_deg=9.5)
     assert [fix.lat_deg for _, fix in decode(equator)] == [0.0]
     refused: list[str] = []
@@ -195,7 +195,7 @@ def test_a_sentence_that_says_nothing_or_nonsense_gives_no_fix(line: str) -> Non
         checksum ^= byte
     refused: list[str] = []
     decoder = nmea.SentenceDecoder()
-    fixes = nmea.NmeaFixes(refused.append)
+    fixes = nmea_fixes.NmeaFixes(refused.append)
     for text in (f"${line}*{checksum:02X}\r\n".encode(), *written.make_nmea()):
-        found = [fixes.add(sentence) for sentence in decoder.feed(text)]
-        assert not any(fix and fix.fix.lat_deg != pytest.approx(written.LAT_DEG) for fix in found)
+        found = [fix for sentence in decoder.feed(text) for fix in fixes.add(sentence)]
+        assert not any(fix.fix.lat_deg != pytest.approx(written.LAT_DEG) for fix in found)

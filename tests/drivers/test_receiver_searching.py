@@ -13,7 +13,8 @@ from agribot.core.config import load
 from agribot.core.messages import GnssFix, GnssStatus, ImuSample, SensorBatch, WheelSample
 from agribot.description.loader import load_robot
 from agribot.drivers.nmea import write_sentence
-from agribot.drivers.receiver import GpsdDecoder, ReceiverDecoder, ReceiverLink
+from agribot.drivers.receiver import GpsdDecoder, ReceiverLink
+from agribot.drivers.receiver_decoder import ReceiverDecoder
 from agribot.ui.receiver_view import ReceiverView
 from tests.drivers import receiver_bytes as written
 

@@ -12,7 +12,8 @@ from pyubx2 import UBXMessage, UBXReader
 from agribot.core.messages import GnssFix, GnssHeading, GnssQuality
 from agribot.drivers import ubx
 from agribot.drivers.line_watch import MANY, WITHIN_S, LineWatch
-from agribot.drivers.receiver import ReceiverDecoder, ReceiverLink
+from agribot.drivers.receiver import ReceiverLink
+from agribot.drivers.receiver_decoder import ReceiverDecoder
 from agribot.drivers.ubx_writer import RUN_BEGINS, write_fix, write_heading
 
 M_PER_DEG = 111_320.0

@@ -7,7 +7,8 @@ from typing import Any
 
 from agribot.app.firmware_faults import LineNoise
 from agribot.core.messages import SensorBatch
-from agribot.drivers.receiver import ReceiverDecoder, ReceiverLink
+from agribot.drivers.receiver import ReceiverLink
+from agribot.drivers.receiver_decoder import ReceiverDecoder
 from agribot.drivers.ubx_writer import FRAMES_OF_FIX, write_fix, write_heading
 
 

@@ -182,10 +182,16 @@ def _wait_for_fix(uri: str, options: argparse.Namespace, patience_s: float) -> D
         source_context(load_robot(), options, print_line) as context,
         closing(open_source("gnss", place, context)) as source,
     ):
+        flat: Datum | None = None
         while time.monotonic() - start_s < patience_s:
             for fix in source.take(time.monotonic() - start_s):
-                if _is_good(fix):
+                if not _is_good(fix):
+                    continue
+                if math.isfinite(fix.alt_m):
                     return Datum(lat_deg=fix.lat_deg, lon_deg=fix.lon_deg, alt_m=fix.alt_m)
+                if flat is not None:  # the second one without an altitude
+                    return flat
+                flat = Datum(lat_deg=fix.lat_deg, lon_deg=fix.lon_deg, alt_m=0.0)
             time.sleep(PERIOD_S)
     raise PlatformError(
         f"--origin: no good fix (1 sigma within {GOOD_STD_M:g} m) of {uri} within "
@@ -196,4 +202,4 @@ def _wait_for_fix(uri: str, options: argparse.Namespace, patience_s: float) -> D
 
 def _is_good(fix: GnssFix) -> bool:
     is_told = fix.quality is not GnssQuality.NONE and is_place(fix.lat_deg, fix.lon_deg)
-    return is_told and math.isfinite(fix.alt_m) and fix.pos_std_m <= GOOD_STD_M
+    return is_told and fix.pos_std_m <= GOOD_STD_M

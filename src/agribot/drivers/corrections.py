@@ -245,7 +245,8 @@ def _doubt_base(base_m: Vec3, fix: GnssFix) -> str:
             "the base says to stand inside of the Earth: it does not know its own place; tell it, "
             "or choose another mountpoint"
         )
-    distance_m = math.dist(base_m, ecef_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m))
+    alt_m = fix.alt_m if math.isfinite(fix.alt_m) else 0.0  # nothing beside 200 km
+    distance_m = math.dist(base_m, ecef_from_geodetic(fix.lat_deg, fix.lon_deg, alt_m))
     if distance_m <= _FARTHEST_BASE_M:
         return ""
     lat_deg, lon_deg, _ = geodetic_from_ecef(np.array(base_m))

@@ -14,7 +14,8 @@ from typing import Any
 
 from agribot.core.geo import is_nowhere
 from agribot.core.messages import GnssFix, GnssQuality
-from agribot.drivers.nmea import STD_M, StampedFix
+from agribot.drivers.nmea import StampedFix
+from agribot.drivers.nmea_fixes import STD_M
 
 PORT = 2947
 LONGEST_LINE = 65536

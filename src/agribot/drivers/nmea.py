@@ -1,7 +1,7 @@
-"""NMEA 0183 of a GNSS receiver: bytes to sentences, sentences to one fix an epoch and a heading.
+"""NMEA 0183 of a GNSS receiver: bytes to sentences, and GGA for a caster.
 
-Sources: NMEA 0183; the sentences GGA, RMC, GST and HDT as the u-blox interface description and
-gpsd's "NMEA Revealed" give them. GSV and GSA are in `sky.py`.
+Source: NMEA 0183. `nmea_fixes.py` makes fixes of sentences, `nmea_headings.py` headings, and
+`sky.py` reads GSV and GSA.
 """
 
 from __future__ import annotations
@@ -9,28 +9,17 @@ from __future__ import annotations
 import functools
 import math
 import operator
-from collections.abc import Callable
+import re
 from typing import NamedTuple
 
-from agribot.core.messages import GnssFix, GnssQuality
+from agribot.core.messages import GnssFix
 
 LONGEST_LINE = 256  # 82 by the standard; some receivers say more
 KNOT_MPS = 1852.0 / 3600.0
 DAY_S = 86400.0
-# 1 sigma of one horizontal axis where no GST tells it, at an HDOP of 1.
-STD_M = {
-    GnssQuality.SINGLE: 2.5,
-    GnssQuality.DGNSS: 1.0,
-    GnssQuality.RTK_FLOAT: 0.3,
-    GnssQuality.RTK_FIXED: 0.02,
-}
-QUALITY = {
-    1: GnssQuality.SINGLE,
-    2: GnssQuality.DGNSS,
-    3: GnssQuality.SINGLE,  # PPS
-    4: GnssQuality.RTK_FIXED,
-    5: GnssQuality.RTK_FLOAT,
-}
+BARE_SENTENCES = 5  # without a checksum, before a stream counts as one that has none
+_PARTS = re.compile(rb"[$\r\n]|[^$\r\n]+")
+_BARE_HEAD = re.compile(rb"[A-Z]{2}[A-Z]{3},[ -~]*\Z")
 
 
 class StampedFix(NamedTuple):
@@ -41,7 +30,10 @@ class StampedFix(NamedTuple):
 
 
 class Sentence(NamedTuple):
-    """`kind` is what follows the talker, such as GGA; `fields` come after it."""
+    """`kind` is what follows the talker, such as GGA; `fields` come after it.
+
+    A proprietary sentence has no talker: its kind is the whole address, such as PQTMTAR.
+    """
 
     kind: str
     fields: tuple[str, ...]
@@ -49,43 +41,62 @@ class Sentence(NamedTuple):
 
 
 class SentenceDecoder:
-    """Finds sentences in a stream of bytes; what is broken is counted in `bad` and left out."""
+    """Finds sentences in a stream of bytes; what is broken is counted in `bad` and left out.
+
+    Sentences without a checksum are taken where the stream has no other ones.
+    """
 
     def __init__(self) -> None:
         self._line = bytearray()
         self._is_in_line = False
+        self._has_checksums = False
+        self._bare = 0
         self.bad = 0
 
     def feed(self, data: bytes) -> list[Sentence]:
         found = []
-        for byte in data:
-            if byte == ord("$"):
+        for part in _PARTS.findall(data):
+            if part == b"$":
                 self._line.clear()
                 self._is_in_line = True
             elif not self._is_in_line:
                 continue
-            elif byte in b"\r\n":
+            elif part in b"\r\n":
                 self._is_in_line = False
-                sentence = read_sentence(bytes(self._line))
-                self.bad += sentence is None
+                sentence = self._read(bytes(self._line))
                 found += [sentence] if sentence else []
-            elif len(self._line) >= LONGEST_LINE:
+            elif len(self._line) + len(part) > LONGEST_LINE:
                 self._is_in_line = False
                 self.bad += 1
             else:
-                self._line.append(byte)
+                self._line += part
         return found
+
+    def _read(self, line: bytes) -> Sentence | None:
+        sentence = read_sentence(line)
+        if sentence is not None:
+            self._has_checksums = True
+        elif b"*" not in line and not self._has_checksums and _BARE_HEAD.match(line):
+            self._bare += 1
+            return _split(line) if self._bare >= BARE_SENTENCES else None
+        else:
+            self.bad += 1
+        return sentence
 
 
 def read_sentence(line: bytes) -> Sentence | None:
     """Read what stands between $ and the line's end; None where the checksum is wrong."""
-    body, star, told = line.partition(b"*")
-    checksum = functools.reduce(operator.xor, body, 0)
-    if not star or told.upper() != b"%02X" % checksum:
-        return None
+    body, star, checksum = line.partition(b"*")
+    is_right = checksum.strip().upper() == b"%02X" % functools.reduce(operator.xor, body, 0)
+    return _split(body) if star and is_right else None
+
+
+def _split(body: bytes) -> Sentence:
     words = body.decode("ascii", "replace").split(",")
     head, fields = words[0], tuple(words[1:])
-    return Sentence(head[2:], fields, head[:2]) if len(head) >= 5 else Sentence(head, fields)
+    if head.startswith("P") or len(head) < 5:
+        return Sentence(head, fields)
+    return Sentence(head[2:], fields, head[:2])
 
 
 def write_sentence(body: str) -> bytes:
@@ -94,121 +105,10 @@ def write_sentence(body: str) -> bytes:
     return f"${body}*{checksum:02X}\r\n".encode()
 
 
-class NmeaFixes:
-    """Joins the sentences of an epoch to a fix.
-
-    An epoch ends with the kind of sentence that ended the one before it, so that a fix waits for
-    no other, or else where the next one begins.
-    """
-
-    def __init__(self, refuse: Callable[[str], None]) -> None:
-        self._refuse = refuse
-        self._time_of_day_s = math.nan
-        self._days_s = 0.0
-        self._parts: dict[str, tuple[str, ...]] = {}
-        self._last_kind, self._ending_kind = "", ""
-        self._is_told = True
-
-    def add(self, sentence: Sentence) -> StampedFix | None:
-        """Add a sentence; gives the fix that it completes."""
-        kind = sentence.kind
-        place = {"GGA": 0, "RMC": 0, "GST": 0}.get(kind)
-        if place is None or not sentence.fields or not sentence.fields[place]:
-            return None
-        try:
-            time_of_day_s = _read_time_of_day(sentence.fields[place])
-        except ValueError:
-            self._refuse(f"{kind} with the time {sentence.fields[place]!r}")
-            return None
-        finished = None
-        if time_of_day_s != self._time_of_day_s:
-            self._ending_kind = self._last_kind
-            finished = None if self._is_told else self._make()
-            self._begin(time_of_day_s)
-        self._parts[kind] = sentence.fields
-        self._last_kind = kind
-        if kind == self._ending_kind and not self._is_told:
-            return self._make() or finished
-        return finished
-
-    @property
-    def stamp_s(self) -> float:
-        """Of the epoch that its sentences tell of now; 0 before the first."""
-        is_known = math.isfinite(self._time_of_day_s)
-        # Not zero at midnight, which would count as none.
-        return self._days_s + self._time_of_day_s + DAY_S if is_known else 0.0
-
-    def _begin(self, time_of_day_s: float) -> None:
-        if time_of_day_s < self._time_of_day_s - DAY_S / 2.0:
-            self._days_s += DAY_S
-        self._time_of_day_s, self._parts, self._is_told = time_of_day_s, {}, False
-
-    def _make(self) -> StampedFix | None:
-        self._is_told = True
-        if "GGA" not in self._parts:
-            return None
-        try:
-            fix = make_fix(self._parts)
-        except (ValueError, IndexError) as error:
-            self._refuse(f"a fix that cannot be read: {error}")
-            return None
-        return StampedFix(self.stamp_s, fix) if fix else None
-
-
-def make_fix(parts: dict[str, tuple[str, ...]]) -> GnssFix | None:
-    """Make a fix of the fields of one epoch by kind; None while the receiver has no position.
-
-    Raises: ValueError, IndexError: fields that are no numbers, out of range, or missing.
-    """
-    _, lat, north, lon, east, quality_text, _, hdop, alt, _, separation, *_ = parts["GGA"]
-    quality = QUALITY.get(int(quality_text or "0"), GnssQuality.NONE)
-    if quality is GnssQuality.NONE or not _has_place(lat, lon):
-        return None
-    velocity_mps = _read_velocity(parts["RMC"]) if "RMC" in parts else None
-    return GnssFix(
-        t_s=0.0,
-        lat_deg=_read_degrees(lat, north, "NS", 90.0),
-        lon_deg=_read_degrees(lon, east, "EW", 180.0),
-        alt_m=_read_finite(alt or "0") + _read_finite(separation or "0"),
-        pos_std_m=_read_std_m(parts, quality, hdop),
-        quality=quality,
-        velocity_mps=velocity_mps,
-    )
-
-
-def lacks_fix(sentence: Sentence) -> bool:
-    """Tell whether a sentence is a GGA of a receiver that has no position yet, or no more.
-
-    Raises: ValueError, IndexError: a quality that is no number, or too few fields.
-    """
-    if sentence.kind != "GGA":
-        return False
-    _, lat, _, lon, _, quality_text, *_ = sentence.fields
-    return int(quality_text or "0") not in QUALITY or not _has_place(lat, lon)
-
-
-def _has_place(lat: str, lon: str) -> bool:
-    """Tell whether a place stands there: neither nothing nor 0, 0, whatever the quality."""
-    return bool(lat and lon and (lat.strip("0.") or lon.strip("0.")))
-
-
-def read_heading_deg(sentence: Sentence) -> float | None:
-    """Read HDT: degrees clockwise from true North; None where it tells none.
-
-    Raises: ValueError: what stands there is no heading.
-    """
-    if sentence.kind != "HDT" or not sentence.fields or not sentence.fields[0]:
-        return None
-    heading_deg = _read_finite(sentence.fields[0])
-    if sentence.fields[1:2] != ("T",) or not 0.0 <= heading_deg <= 360.0:
-        raise ValueError(f"{','.join(sentence.fields)} is no true heading")
-    return heading_deg
-
-
 def write_gga(found: StampedFix, satellites: int = 12) -> bytes:
     """Write a fix as GGA, for a service that wants to know where its rover is.
 
-    Its altitude is that over the ellipsoid, with a geoid separation of zero.
+    Its altitude is that over the ellipsoid, with a geoid separation of zero; empty if unknown.
     """
     stamp_s, fix = found
     hours, rest_s = divmod(stamp_s % DAY_S, 3600.0)
@@ -216,7 +116,8 @@ def write_gga(found: StampedFix, satellites: int = 12) -> bytes:
     time = f"{int(hours):02d}{int(minutes):02d}{math.floor(seconds * 100.0) / 100.0:05.2f}"
     lat = f"{_write_degrees(fix.lat_deg, 2)},{'N' if fix.lat_deg >= 0.0 else 'S'}"
     lon = f"{_write_degrees(fix.lon_deg, 3)},{'E' if fix.lon_deg >= 0.0 else 'W'}"
-    body = f"{fix.quality:d},{satellites:02d},1.0,{fix.alt_m:.3f},M,0.0,M,,"
+    alt = f"{fix.alt_m:.3f}" if math.isfinite(fix.alt_m) else ""
+    body = f"{fix.quality:d},{satellites:02d},1.0,{alt},M,0.0,M,,"
     return write_sentence(f"GPGGA,{time},{lat},{lon},{body}")
 
 
@@ -226,34 +127,17 @@ def _write_degrees(angle_deg: float, digits: int) -> str:
     return f"{degrees:0{digits}d}{minutes // 10_000_000:02d}.{minutes % 10_000_000:07d}"
 
 
-def _read_std_m(parts: dict[str, tuple[str, ...]], quality: GnssQuality, hdop: str) -> float:
-    told = parts.get("GST", ())[5:7]
-    if len(told) == 2 and all(told):
-        std_m = math.hypot(*map(_read_finite, told)) / math.sqrt(2.0)
-        if std_m > 0.0:
-            return std_m
-    return STD_M[quality] * max(1.0, _read_finite(hdop or "1"))
-
-
-def _read_velocity(fields: tuple[str, ...]) -> tuple[float, float, float] | None:
-    """Read East, North and up of RMC; a receiver at rest may leave out the course."""
-    if fields[1] != "A" or not fields[6]:
-        return None
-    speed_mps = KNOT_MPS * _read_finite(fields[6])
-    course_rad = math.radians(_read_finite(fields[7] or "0"))
-    return speed_mps * math.sin(course_rad), speed_mps * math.cos(course_rad), 0.0
-
-
-def _read_time_of_day(text: str) -> float:
+def read_time_of_day_s(text: str) -> float:
+    """Read hhmmss.ss. Raises: ValueError: it is no time of day."""
     hours, minutes, seconds = int(text[:2]), int(text[2:4]), float(text[4:])
     if not (0 <= hours < 24 and 0 <= minutes < 60 and 0.0 <= seconds < 61.0):
         raise ValueError(f"{text} is no time of day")
     return 3600.0 * hours + 60.0 * minutes + seconds
 
 
-def _read_degrees(text: str, side: str, sides: str, limit_deg: float) -> float:
-    """Read degrees and minutes in one number, ddmm.mmmm."""
-    value = _read_finite(text)
+def read_degrees(text: str, side: str, sides: str, limit_deg: float) -> float:
+    """Read degrees and minutes in one number, ddmm.mmmm. Raises: ValueError: it is no angle."""
+    value = read_finite(text)
     degrees = math.floor(value / 100.0)
     minutes = value - 100.0 * degrees
     angle_deg = degrees + minutes / 60.0
@@ -262,7 +146,8 @@ def _read_degrees(text: str, side: str, sides: str, limit_deg: float) -> float:
     return angle_deg if side == sides[0] else -angle_deg
 
 
-def _read_finite(text: str) -> float:
+def read_finite(text: str) -> float:
+    """Read a number. Raises: ValueError: it is none, or not finite."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(f"{text} is not finite")

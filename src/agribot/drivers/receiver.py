@@ -1,125 +1,33 @@
 """A GNSS receiver on a line: its fixes, heading and status, and corrections on their way to it.
 
-A receiver may speak UBX or NMEA; which, its bytes tell, and UBX counts where it speaks both.
+`receiver_decoder.py` reads its bytes, whichever language they are in; gpsd's reports are read here.
 """
 
 from __future__ import annotations
 
-import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from agribot.core.geo import yaw_from_compass_deg
 from agribot.core.messages import GnssFix, GnssHeading, GnssStatus, make_sensor_note
 from agribot.core.platform import Sensor
 from agribot.core.stamp_clock import SampleQueue
-from agribot.drivers import gpsd, nmea, ubx
+from agribot.drivers import gpsd, nmea
 from agribot.drivers.byte_streams import ByteStream, OpenStream, StreamReader
 from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.corrections import CorrectionLink
 from agribot.drivers.line_watch import LineWatch
 from agribot.drivers.ntrip import Caster, CasterLogin
+from agribot.drivers.receiver_decoder import ReceiverDecoder, Stamped
 from agribot.drivers.sky import Sky
 
 if TYPE_CHECKING:
     import ssl
 
-ReceiverSample = GnssFix | GnssHeading | GnssStatus
-UBX_SILENT_S = 3.0  # without a NAV-PVT; the slowest receivers tell one a second
 _MOST_OTHERS = 8  # receivers that are told of
 _SILENT_REPORTS = 20  # of another receiver; two seconds and more
 _MOST_NOTES = 32  # that wait for a tick
-Stamped = list[tuple[float, ReceiverSample]]
-
-
-class HeadingMount(NamedTuple):
-    """How two antennas stand on the robot, and how good a heading is that tells no accuracy.
-
-    `offset_deg` is from forward to the line from the first antenna to the second, clockwise;
-    `std_deg` is that of a metre of baseline by the data sheet of the ZED-F9P.
-    """
-
-    offset_deg: float = 0.0
-    std_deg: float = 0.4
-
-    def make_heading(self, heading_deg: float, std_deg: float) -> GnssHeading:
-        """Make the robot's heading of the antennas', in degrees clockwise from North."""
-        return GnssHeading(
-            t_s=0.0,
-            yaw_map_rad=yaw_from_compass_deg(heading_deg - self.offset_deg),
-            std_rad=math.radians(std_deg),
-        )
-
-
-class ReceiverDecoder:
-    """A receiver that speaks UBX, NMEA or both; of both, UBX tells the accuracy.
-
-    One that lost its settings with its power goes on in NMEA, which then counts.
-    """
-
-    def __init__(self, refuse: Callable[[str], None], mount: HeadingMount | None = None) -> None:
-        self._refuse, self._mount = refuse, mount or HeadingMount()
-        self._sentences, self._frames = nmea.SentenceDecoder(), ubx.UbxDecoder()
-        self._from_nmea, self._from_ubx = nmea.NmeaFixes(refuse), ubx.UbxFixes()
-        self._has_frames = False
-        self._pvt_s = -math.inf  # arrival of the last NAV-PVT
-        self.sky = Sky()
-        self.last_fix: nmea.StampedFix | None = None
-
-    @property
-    def broken(self) -> int:
-        """How many messages had a wrong checksum; to a reader of sentences all frames have."""
-        return self._frames.bad if self._has_frames else self._sentences.bad
-
-    def feed(self, data: bytes, arrived_s: float = 0.0) -> Stamped:
-        """Decode what arrived; the stamp of what comes without a fix is 0."""
-        found: Stamped = []
-        for frame in self._frames.feed(data):
-            self._has_frames = True
-            self._pvt_s = arrived_s if frame.kind == ubx.NAV_PVT else self._pvt_s
-            self.sky.add_frame(frame)
-            baseline = ubx.read_baseline(frame)
-            if baseline is not None:
-                heading = self._mount.make_heading(baseline.heading_deg, baseline.std_deg)
-                found.append((baseline.stamp_s, heading))
-            for fix in self._from_ubx.add(frame):
-                self._add_fix(found, fix, arrived_s)
-            if ubx.lacks_fix(frame):
-                self._add_status(found, 0.0, arrived_s)
-        for sentence in self._sentences.feed(data):
-            self._add_sentence(found, sentence, arrived_s)
-        return found
-
-    def _add_sentence(self, found: Stamped, sentence: nmea.Sentence, arrived_s: float) -> None:
-        fix = self._from_nmea.add(sentence)
-        if arrived_s - self._pvt_s < UBX_SILENT_S:
-            return
-        heading_deg, lacks_fix = None, False
-        try:
-            self.sky.add_sentence(sentence)
-            heading_deg = nmea.read_heading_deg(sentence)
-            lacks_fix = nmea.lacks_fix(sentence)
-        except (ValueError, IndexError) as error:
-            self._refuse(f"{sentence.kind} that cannot be read: {error}")
-        if heading_deg is not None:
-            heading = self._mount.make_heading(heading_deg, self._mount.std_deg)
-            found.append((self._from_nmea.stamp_s, heading))
-        if fix is not None:
-            self._add_fix(found, fix, arrived_s)
-        if lacks_fix:
-            self._add_status(found, 0.0, arrived_s)
-
-    def _add_fix(self, found: Stamped, fix: nmea.StampedFix, arrived_s: float) -> None:
-        self.last_fix = fix
-        found.append((fix.stamp_s, fix.fix))
-        self._add_status(found, fix.stamp_s, arrived_s)
-
-    def _add_status(self, found: Stamped, stamp_s: float, arrived_s: float) -> None:
-        status = self.sky.make_status(stamp_s, arrived_s)
-        if status is not None:
-            found.append((stamp_s, status))
 
 
 class GpsdDecoder:

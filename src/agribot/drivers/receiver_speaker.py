@@ -9,7 +9,7 @@ from agribot.core.messages import GnssFix, GnssQuality, GnssStatus
 from agribot.drivers import ubx
 from agribot.drivers.line_answers import LineAnswer
 from agribot.drivers.nmea import SentenceDecoder
-from agribot.drivers.receiver import ReceiverDecoder
+from agribot.drivers.receiver_decoder import ReceiverDecoder
 from agribot.drivers.ubx_setup import MON_VER, ReceiverSetup, Version, read_version
 
 LISTEN_S = 3.6  # three epochs of a receiver that speaks once a second, and what follows them

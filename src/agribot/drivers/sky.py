@@ -13,6 +13,7 @@ from typing import Any
 
 from agribot.core.messages import GnssStatus, Satellite
 from agribot.drivers.corrections import CorrectionState
+from agribot.drivers.heard import Heard
 from agribot.drivers.nmea import Sentence
 from agribot.drivers.ubx import NAV_PVT, UbxFrame
 
@@ -47,7 +48,8 @@ class Sky:
     `corrections` tells of a caster's, where the receiver is fed by one.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, heard: Heard | None = None) -> None:
+        self._heard = heard or Heard()
         self.corrections: Callable[[], CorrectionState] | None = None
         self._groups: dict[tuple[str, str], list[Satellite]] = {}
         self._seen: dict[tuple[str, str], list[Satellite]] = {}
@@ -67,7 +69,9 @@ class Sky:
             return None
         state = self.corrections() if self.corrections else CorrectionState(self._age_s, {})
         satellites = self._join_satellites()
-        if not (satellites or self._dops or self.corrections or self._age_s is not None):
+        trouble = "" if self._heard.is_patient(arrived_s) else self._heard.explain()
+        is_known = satellites or self._dops or self.corrections or self._age_s is not None
+        if not (is_known or trouble):
             return None
         status = GnssStatus(
             t_s=0.0,
@@ -76,6 +80,8 @@ class Sky:
             correction_counts=tuple(sorted(state.counts.items())),
             corrections_used=self._use.used,
             corrections_unused=self._use.unused,
+            unread=self._heard.name_unread(),
+            trouble=trouble,
             **self._dops,
         )
         self._last_s, self._last_arrived_s = stamp_s or self._last_s, arrived_s

@@ -21,7 +21,8 @@ from agribot.drivers.byte_streams import (
 )
 from agribot.drivers.corrections import make_tls
 from agribot.drivers.imu_devices import ImuSource, make_imu
-from agribot.drivers.receiver import GpsdDecoder, HeadingMount, ReceiverDecoder, ReceiverSource
+from agribot.drivers.receiver import GpsdDecoder, ReceiverSource
+from agribot.drivers.receiver_decoder import HeadingMount, ReceiverDecoder
 from agribot.drivers.schemes import SourceContext, SourceUri
 from agribot.drivers.uri_options import UriOptions
 

@@ -11,10 +11,12 @@ import math
 import struct
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from agribot.core.geo import is_place
 from agribot.core.messages import GnssFix, GnssQuality
+from agribot.drivers.fix_kinds import DEAD_RECKONING, HELD, FixKind, make_fields
 from agribot.drivers.nmea import StampedFix
 
 SYNC = b"\xb5\x62"
@@ -25,6 +27,9 @@ PVT = struct.Struct("<IHBBBBBBIiBBBBiiiiIIiiiiiIIH")
 PVT_BYTES = 92  # of a receiver that says all of it
 HPPOSLLH = struct.Struct("<BxxBIiiiibbbbII")
 RELPOSNED = struct.Struct("<B3xI16xi24xI4xI")
+# Of NAV-PVT: by dead reckoning alone, 2D, 3D, 3D with dead reckoning, and time only.
+FIX_TYPES = (1, 2, 3, 4, 5)
+_UNMEASURED: dict[int, FixKind] = {1: DEAD_RECKONING, 5: HELD}
 _CARRIER = {1: GnssQuality.RTK_FLOAT, 2: GnssQuality.RTK_FIXED}
 # Of NAV-RELPOSNED: fix good, relative position valid, carrier fixed, base moving, heading valid.
 _HAS_HEADING, _HEADING_MASK = 0b1_0011_0101, 0b1_0011_1101
@@ -187,11 +192,12 @@ def read_pvt(payload: bytes) -> StampedFix | None:
         _, _,
     ) = PVT.unpack_from(payload)  # fmt: skip
     lat_deg, lon_deg = lat * 1e-7, lon * 1e-7
-    if not flags & 1 or fix_type not in (2, 3, 4) or not is_place(lat_deg, lon_deg):
+    if not flags & 1 or fix_type not in FIX_TYPES or not is_place(lat_deg, lon_deg):
         return None
-    quality = _CARRIER.get(flags >> 6)
+    quality: FixKind | None = _CARRIER.get(flags >> 6)
     if quality is None:
         quality = GnssQuality.DGNSS if flags & 2 else GnssQuality.SINGLE
+    quality = _UNMEASURED.get(fix_type, quality)
     stamp_s = i_tow_ms * 1e-3
     if valid & _KNOWS_TIME == _KNOWS_TIME and 1 <= month <= 12 and year in _YEARS:
         stamp_s = calendar.timegm((year, month, day, hour, minute, second)) + nano * 1e-9
@@ -199,11 +205,16 @@ def read_pvt(payload: bytes) -> StampedFix | None:
         stamp_s,
         GnssFix(
             t_s=0.0, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=height_mm * 1e-3,
-            pos_std_m=max(h_acc_mm, 1) * 1e-3 / math.sqrt(2.0), quality=quality,
+            pos_std_m=max(h_acc_mm, 1) * 1e-3 / math.sqrt(2.0), **make_fields(quality),
             velocity_mps=(east_mmps * 1e-3, north_mmps * 1e-3, -down_mmps * 1e-3),
             velocity_std_mps=max(s_acc_mmps, 1) * 1e-3,
         ),
     )  # fmt: skip
+
+
+def read_fix_type(payload: bytes) -> tuple[int, bool]:
+    """Read NAV-PVT's type of fix, and whether the receiver calls it good."""
+    return payload[20], bool(payload[21] & 1)
 
 
 def lacks_fix(frame: UbxFrame) -> bool:
@@ -224,7 +235,4 @@ def read_hpposllh(payload: bytes) -> tuple[int, float, float, float] | None:
 
 
 def _move(fix: GnssFix, lat_deg: float, lon_deg: float, alt_m: float) -> GnssFix:
-    return GnssFix(
-        t_s=fix.t_s, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m, pos_std_m=fix.pos_std_m,
-        quality=fix.quality, velocity_mps=fix.velocity_mps, velocity_std_mps=fix.velocity_std_mps,
-    )  # fmt: skip
+    return msgspec.structs.replace(fix, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m)

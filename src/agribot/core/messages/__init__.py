@@ -64,6 +64,7 @@ from agribot.core.messages.sensors import (
     SafetyInput,
     Satellite,
     SensorBatch,
+    Unmeasured,
     WheelSample,
 )
 from agribot.core.messages.tick import TickRecord, Tracking
@@ -78,5 +79,5 @@ __all__ = [
     "MissionState", "MissionStatus", "OperatorAction", "OperatorEvent", "OtherSample", "Path",
     "PlantClass", "RequestAnswer", "RobotCommand", "Row", "RowLine", "SafetyInput", "Satellite",
     "Scene", "SensorBatch", "SensorState", "SensorVerdict", "SensorVerdicts", "TickRecord",
-    "Tracking", "Vec3", "WeedScores", "WheelSample", "make_sensor_note",
+    "Tracking", "Unmeasured", "Vec3", "WeedScores", "WheelSample", "make_sensor_note",
 ]  # fmt: skip

@@ -29,6 +29,9 @@ class GnssQuality(IntEnum):
     RTK_FLOAT = 5
 
 
+Unmeasured = Literal["dead reckoning", "held"]
+
+
 class WheelSample(msgspec.Struct, frozen=True, kw_only=True):
     """Encoder reading of the four wheels, in the order of WHEEL_NAMES.
 
@@ -65,7 +68,10 @@ class GnssFix(msgspec.Struct, frozen=True, kw_only=True):
     """One epoch of a receiver, at its antenna.
 
     `pos_std_m` is the receiver's own 1 sigma per horizontal axis; `t_s` the measurement epoch
-    (the fix arrives later). Velocity is East, North, Up, or None when the receiver gives none.
+    (the fix arrives later). Velocity is East, North, Up, or None when the receiver gives none, and
+    the altitude over the ellipsoid is NaN when it gives none. `unmeasured` says that satellites
+    were not measured: by dead reckoning the receiver carries its place on, and a held one is what
+    somebody gave to a base or a clock. The quality of both is NONE, and they correct nothing.
     """
 
     t_s: float
@@ -76,6 +82,7 @@ class GnssFix(msgspec.Struct, frozen=True, kw_only=True):
     quality: GnssQuality
     velocity_mps: Vec3 | None = None
     velocity_std_mps: float = 0.1
+    unmeasured: Unmeasured | Literal[""] = ""
 
 
 class GnssHeading(msgspec.Struct, frozen=True, kw_only=True):
@@ -106,7 +113,9 @@ class GnssStatus(msgspec.Struct, frozen=True, kw_only=True):
     Dilutions of precision are of geometry, position, plane, height and time. The age is that of
     the newest correction, the counts are of corrections passed on to the receiver, by RTCM number.
     Used and unused are those that the receiver itself says to have put to use, and those that it
-    says not to have: broken ones too, and both since its line was opened.
+    says not to have: broken ones too, and both since its line was opened. `unread` names the kinds
+    of messages that came and are not read; `trouble` says why nothing of what it says gives a
+    position, and what to do.
     """
 
     t_s: float
@@ -120,6 +129,8 @@ class GnssStatus(msgspec.Struct, frozen=True, kw_only=True):
     correction_counts: tuple[tuple[int, int], ...] = ()
     corrections_used: int | None = None
     corrections_unused: int | None = None
+    unread: tuple[str, ...] = ()
+    trouble: str = ""
 
 
 class BaseFix(msgspec.Struct, frozen=True, kw_only=True):
