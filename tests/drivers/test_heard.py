@@ -5,9 +5,11 @@ from __future__ import annotations
 import pytest
 from pyubx2 import GET, UBXMessage
 
+from agribot.cli.gnss import _Summary
 from agribot.core.messages import GnssFix, GnssStatus
 from agribot.drivers.nmea import write_sentence
 from agribot.drivers.receiver_decoder import ReceiverDecoder
+from agribot.drivers.receiver_speaker import ReceiverSpeaker
 from tests.drivers import maker_bytes as made
 from tests.drivers import receiver_bytes as written
 from tests.drivers.caster import STATION, make_observation
@@ -82,3 +84,42 @@ def test_noise_makes_no_endless_list_of_kinds() -> None:
     for k in range(400):
         decoder.feed(write_sentence(f"XX{k:03d},1"), 0.0)
     assert len(decoder.heard.unread) <= 50 and len(decoder.heard.name_unread()) <= 12
+
+
+def test_gnss_show_names_the_reason_and_what_is_not_read() -> None:
+    summary = _Summary()
+    statuses = listen(write_sentence("GPZDA,093015.00,04,05,2026,00,00"))
+    summary.add(6.0, (), {"gnss_status": tuple(statuses)})
+    assert "no positions among what it says (ZDA); switch on GGA" in summary.describe()
+    assert "not read: ZDA" in summary.describe()
+    assert not summary.has_position
+
+
+def test_gnss_show_names_a_place_without_satellites_or_altitude() -> None:
+    body = GGA.format(second=0, quality=6).replace("11.5,M,45.0", ",M,")
+    decoder = ReceiverDecoder(pytest.fail)
+    decoder.feed(write_sentence(body))
+    summary = _Summary()
+    summary.add(0.1, tuple(fix for _, fix in decoder.feed(b"", 1.0)), {})
+    assert "52.15000000, 4.51000000, no altitude, dead reckoning" in summary.describe()
+    assert not summary.has_position
+
+
+@pytest.mark.parametrize(
+    ("data", "language", "fact"),
+    [
+        (CLOCK, "UBX", "no positions among what it says (NAV-CLOCK)"),
+        (made.make_unicore_line("BESTNAV", made.make_bestnav_text()), "Unicore", "RTK fixed"),
+        (HELD, "SBF", "its place is held"),
+        (OBSERVATIONS, "Unicore", "no positions among what it says (Unicore 12)"),
+    ],
+)
+def test_the_probe_of_a_line_names_language_and_reason(
+    data: bytes, language: str, fact: str
+) -> None:
+    speaker = ReceiverSpeaker()
+    for second in range(5):
+        speaker.feed(data, float(second))
+    answer = speaker.answer(115_200)
+    assert answer.numbers["language"] == language and fact in answer.detail
+    assert answer.advice

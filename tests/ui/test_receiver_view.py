@@ -54,6 +54,14 @@ def make_satellite(number: int, snr_db: float = 40.0, *, is_used: bool = True) -
     )  # fmt: skip
 
 
+def test_a_place_without_satellites_and_what_is_not_read_are_shown() -> None:
+    fix = msgspec.structs.replace(make_fix(1.0, GnssQuality.NONE), unmeasured="held")
+    status = GnssStatus(t_s=1.0, unread=("ZDA",), trouble="its place is held; switch that off")
+    shown = view_of(SensorBatch(t_s=1.1, gnss=(fix,), gnss_status=(status,))).show()
+    assert (shown.quality, shown.unmeasured, shown.unread) == (0, "held", ["ZDA"])
+    assert shown.position_trouble == "its place is held; switch that off"
+
+
 def view_of(*batches: SensorBatch, settings: list[str] | None = None) -> ReceiverView:
     view = ReceiverView(load("farm", settings or []))
     for batch in batches:

@@ -456,7 +456,8 @@ export function readSeenSatellite(row: SeenSatelliteRow): SeenSatellite {
  * platform's own receiver. The counts are of all satellites, of which `satellites` has the most
  * important. `correction_hz` counts the messages of `caster` that were passed on, and
  * `correction_use_ratio` is the share of those since the state before that the receiver says to
- * have used. The troubles are for a person.
+ * have used. The troubles are for a person. `unmeasured` is how a place came about without
+ * satellites ("dead reckoning", "held"), and `unread` names kinds of messages that are not read.
  */
 export interface ReceiverState {
   kind: 'receiver'
@@ -481,6 +482,9 @@ export interface ReceiverState {
   caster_state: CasterState | null
   correction_trouble: string
   line_trouble: string
+  unmeasured: string
+  position_trouble: string
+  unread: string[]
 }
 
 export interface SignalTable {

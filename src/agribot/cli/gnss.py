@@ -90,7 +90,7 @@ def _show(options: argparse.Namespace) -> int:
     print_line(summary.describe())
     if options.json:
         sys.stdout.write(msgspec.json.encode(summary.as_result()).decode() + "\n")
-    return 0 if summary.fix is not None else 1
+    return 0 if summary.has_position else 1
 
 
 class _Summary:
@@ -102,6 +102,11 @@ class _Summary:
         self.status: GnssStatus | None = None
         self._times_s: deque[float] = deque(maxlen=20)
         self._t_s = 0.0
+
+    @property
+    def has_position(self) -> bool:
+        """Whether satellites were measured."""
+        return self.fix is not None and not self.fix.unmeasured
 
     def add(self, t_s: float, fixes: tuple[Any, ...], more: dict[str, tuple[Any, ...]]) -> None:
         self._t_s = t_s
@@ -116,16 +121,18 @@ class _Summary:
             print_line(note.text)
 
     def describe(self) -> str:
-        from agribot.drivers.receiver_speaker import QUALITY_NAMES
+        from agribot.drivers.receiver_speaker import name_fix
 
-        words = ["no fix yet"]
+        trouble = self.status.trouble if self.status is not None else ""
+        words = [trouble or "no fix yet"]
         if self.fix is not None and (old_s := self._t_s - self.fix.t_s) > SILENT_S:
             words = [f"no fix for {old_s:.0f} s"]
         elif self.fix is not None:
             words = [
                 f"{self.fix.lat_deg:.8f}, {self.fix.lon_deg:.8f}, {_describe_altitude(self.fix)}",
-                f"{QUALITY_NAMES.get(self.fix.quality, 'none')} +-{self.fix.pos_std_m:.3f} m",
+                f"{name_fix(self.fix)} +-{self.fix.pos_std_m:.3f} m",
                 f"{self._find_rate_hz():.1f} Hz",
+                *([trouble] if trouble else []),
             ]
         if self.status is not None:
             seen = self.status.satellites
@@ -136,6 +143,8 @@ class _Summary:
             of_what = f" ({counts})" if counts else ""
             words += [] if age_s is None else [f"corrections {age_s:.0f} s old{of_what}"]
             words += _describe_use(self.status)
+            unread = ", ".join(self.status.unread)
+            words += [f"not read: {unread}"] if unread else []
         if self.heading is not None:
             words.append(f"heading {compass_deg_from_yaw(self.heading.yaw_map_rad):.1f} deg")
         return ", ".join(words)

@@ -6,7 +6,8 @@ Source of the names: u-blox M8 receiver description (UBX-13003221).
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
+from collections.abc import Sequence
 
 from agribot.drivers import sbf, ubx_older
 from agribot.drivers.fix_kinds import DEAD_RECKONING, HELD
@@ -14,11 +15,13 @@ from agribot.drivers.nmea import Sentence
 from agribot.drivers.nmea_fixes import PLACE_KINDS, TIME_FIELDS, TIMELESS
 from agribot.drivers.nmea_headings import HEADING_KINDS, is_about_heading
 from agribot.drivers.ubx import NAV_HPPOSLLH, NAV_PVT, NAV_RELPOSNED, UbxFrame
+from agribot.drivers.unicore import BESTNAV
 from agribot.drivers.unicore import NAMES as UNICORE_NAMES
 
 PATIENCE_S = 3.0  # without a fix before a receiver is in trouble
 MOST_KINDS = 50  # noise makes no more
 MOST_NAMED = 12
+EPOCHS = 40
 # Why such positions are no measurement of satellites, and what to do.
 NAMED = {
     DEAD_RECKONING: (
@@ -45,9 +48,13 @@ _READ_OF_UBX = {
     (0x02, 0x32), (0x02, 0x34), (0x0A, 0x04), (0x05, 0x00), (0x05, 0x01),
 }  # fmt: skip
 _READ_OF_NMEA = {*TIME_FIELDS, *TIMELESS, *HEADING_KINDS, "GSV", "GSA"}
-_STATE_A_PLACE = {
-    *PLACE_KINDS, "NAV-PVT", "NAV-SOL", UNICORE_NAMES[2118], sbf.NAMES[sbf.PVT],
-}  # fmt: skip
+_PLACES_OF = {
+    "UBX": {"NAV-PVT", "NAV-SOL"},
+    "SBF": {sbf.NAMES[sbf.PVT]},
+    "Unicore": {UNICORE_NAMES[BESTNAV]},
+    "NMEA": {*PLACE_KINDS},
+}
+_STATE_A_PLACE = set().union(*_PLACES_OF.values())
 # What makes each language state a place, the one that states it best first.
 _TO_SWITCH_ON = {
     "UBX": "switch on NAV-PVT: agribot gnss configure URI --save",
@@ -66,6 +73,7 @@ class Heard:
         self.read: Counter[str] = Counter()
         self.unread: Counter[str] = Counter()
         self.reason = ""  # why the newest position was not taken
+        self._epochs_s: dict[str, deque[float]] = {}  # arrivals of each kind that states a place
         self._begun_s = math.inf
         self._fix_s = -math.inf
 
@@ -76,6 +84,20 @@ class Heard:
         counts = self.read if is_read else self.unread
         if kind in counts or len(counts) < MOST_KINDS:
             counts[kind] += 1
+        if kind in _STATE_A_PLACE:
+            self._epochs_s.setdefault(kind, deque(maxlen=EPOCHS)).append(arrived_s)
+
+    @property
+    def epochs_s(self) -> Sequence[float]:
+        """Arrivals of the newest epochs, with a fix or without."""
+        return max(self._epochs_s.values(), key=len, default=())
+
+    @property
+    def language(self) -> str:
+        """Its language, of several the one that states most; empty before it spoke."""
+        has_place = {name for name, kinds in _PLACES_OF.items() if kinds & set(self.read)}
+        order = [name for name in _TO_SWITCH_ON if name in (has_place or self.languages)]
+        return order[0] if order else ""
 
     def add_sentence(self, sentence: Sentence, arrived_s: float) -> None:
         """Note an NMEA sentence."""
@@ -108,6 +130,5 @@ class Heard:
             return self.reason
         if _STATE_A_PLACE & set(self.read):
             return ""
-        language = next(name for name in _TO_SWITCH_ON if name in self.languages)
         kinds = ", ".join((*self.read, *self.name_unread())[:MOST_NAMED])
-        return f"no positions among what it says ({kinds}); {_TO_SWITCH_ON[language]}"
+        return f"no positions among what it says ({kinds}); {_TO_SWITCH_ON[self.language]}"

@@ -83,6 +83,9 @@ class ReceiverView:
             caster_state=self._caster_state,
             correction_trouble=self._correction_trouble,
             line_trouble=self._line_trouble,
+            unmeasured="" if fix is None else fix.unmeasured,
+            position_trouble=told.trouble,
+            unread=list(told.unread),
         )
 
     def _hear(self, note: OperatorEvent) -> None:

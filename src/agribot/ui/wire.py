@@ -408,7 +408,8 @@ class ReceiverState(Message, frozen=True, kw_only=True, tag="receiver"):
     platform's own receiver. The counts are of all satellites, of which `satellites` has the most
     important. `correction_hz` counts the messages of `caster` that were passed on, and
     `correction_use_ratio` is the share of those since the state before that the receiver says to
-    have used. The troubles are for a person.
+    have used. The troubles are for a person. `unmeasured` is how a place came about without
+    satellites ("dead reckoning", "held"), and `unread` names kinds of messages that are not read.
     """
 
     epoch: int = 0
@@ -432,6 +433,9 @@ class ReceiverState(Message, frozen=True, kw_only=True, tag="receiver"):
     caster_state: CasterState | None = None
     correction_trouble: str = ""
     line_trouble: str = ""
+    unmeasured: str = ""
+    position_trouble: str = ""
+    unread: list[str] = []
 
 
 class SignalTable(msgspec.Struct, frozen=True, kw_only=True):

@@ -26,6 +26,7 @@ const STATES: Record<number, [string, Tone]> = {
   4: ['RTK fixed', 'good'],
   5: ['RTK float', 'warn'],
 }
+const WITHOUT_SATELLITES: Record<string, string> = { 'dead reckoning': 'Dead reckoning', held: 'Held place' }
 const NOT_TOLD = 'not told'
 const LONG_TEXT = 50 // letters, that take a line of their own
 
@@ -34,6 +35,10 @@ export function readFix(receiver: ReceiverState | null): { text: string; tone: T
   if (!receiver) return { text: 'Nothing heard yet', tone: 'bad' }
   if (receiver.fix_age_s === null) return { text: 'No fix yet', tone: 'bad' }
   if (isLate(receiver)) return { text: `No fix since ${fixed(receiver.fix_age_s, 0, 's')}`, tone: 'bad' }
+  if (receiver.unmeasured) {
+    const name = WITHOUT_SATELLITES[receiver.unmeasured] ?? receiver.unmeasured
+    return { text: `${name}, no satellites`, tone: 'bad' }
+  }
   const [text, tone] = STATES[receiver.quality] ?? [`Quality ${receiver.quality}`, 'warn']
   return { text, tone }
 }
@@ -41,11 +46,13 @@ export function readFix(receiver: ReceiverState | null): { text: string; tone: T
 /** Line by line what is told, and what is missing as such. */
 export function readFacts(receiver: ReceiverState, doubt: SensorDoubt | undefined, t_s: number): Fact[] {
   const facts = [lastFix(receiver), accuracy(receiver), satellites(receiver)]
+  if (receiver.position_trouble) facts.unshift(fact('No position', receiver.position_trouble, 'bad'))
   if (receiver.satellites.length) facts.push(signal(receiver.satellites.map(readSeenSatellite)))
   facts.push(dilution(receiver), corrections(receiver))
   if (receiver.caster) facts.push(caster(receiver))
   if (receiver.line_trouble) facts.push(fact('Line', receiver.line_trouble, 'bad'))
   else if (receiver.device) facts.push(fact('Line', 'no broken messages reported'))
+  if (receiver.unread.length) facts.push(fact('Not read', receiver.unread.join(', ')))
   if (doubt) {
     const since = [doubt.state, tellSince(t_s, doubt.since_s)].filter(Boolean).join(' ')
     facts.push(fact('Doubt', doubt.reason ? `${since}: ${doubt.reason}` : since, 'bad'))
