@@ -36,6 +36,11 @@ def make_observation(kind: int = 1077, length: int = 180) -> bytes:
     return rtcm.make_message(bytes((kind >> 4, (kind & 0xF) << 4)) + b"\x5a" * (length - 2))
 
 
+def make_empty_observation(kind: int = 1074) -> bytes:
+    """Write a message of that number of a base that hears no satellite."""
+    return rtcm.make_message(bytes((kind >> 4, (kind & 0xF) << 4)) + bytes(20))
+
+
 def chunk(data: bytes) -> bytes:
     return f"{len(data):X};made=up\r\n".encode() + data + b"\r\n"
 

@@ -34,6 +34,7 @@ from tests.drivers.caster import (
     FakeCaster,
     Serve,
     chunk,
+    make_empty_observation,
     make_observation,
     make_station,
 )  # fmt: skip
@@ -258,18 +259,45 @@ def test_a_line_that_falls_silent_is_asked_for_again_and_told_twice() -> None:
     ]
 
 
-def test_a_base_that_measures_no_satellite_gives_no_corrections() -> None:
+@pytest.mark.parametrize(("message", "kind"), [(STATION, 1005), (make_empty_observation(), 1074)])
+def test_a_base_that_measures_no_satellite_gives_no_corrections(message: bytes, kind: int) -> None:
     def repeat(peer: socket.socket, _head: bytes) -> None:
         with contextlib.suppress(OSError):
             peer.sendall(b"ICY 200 OK\r\n\r\n")
             while not caster.ended.wait(0.02):
-                peer.sendall(STATION)
+                peer.sendall(message)
 
     rover = Rover()
     with casting(repeat) as caster, rover.fed_by(caster.port, timing=BRISK) as link:
-        rover.wait_told("the base told of itself only (RTCM 1005) and measured no satellite")
-        assert STATION in rover.taken, "the receiver needs it beside the measurements"
+        rover.wait_told(f"the base told of itself only (RTCM {kind}) and measured no satellite")
+        assert message in rover.taken, "the receiver needs it beside the measurements"
         assert link.state().age_s is None
+
+
+@pytest.mark.parametrize("kind", [1004, 1012, 1071, 1074, 1087, 1097, 1127, 1137])
+def test_an_observation_corrects_where_it_counts_a_satellite(kind: int) -> None:
+    empty, full = rtcm.RtcmDecoder().feed(make_empty_observation(kind) + make_observation(kind))
+    assert not rtcm.corrects_ranges(empty) and rtcm.corrects_ranges(full)
+
+
+@pytest.mark.parametrize("accept", [b"*/*", b"rtk/rtcm, dgps/rtcm"])
+@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("code", [b"403 Forbidden", b"406 Not Acceptable"])
+def test_a_caster_that_wants_another_form_of_the_request_gets_it(
+    code: bytes, version: int, accept: bytes
+) -> None:
+    def want(peer: socket.socket, head: bytes) -> None:
+        is_wanted = b"HTTP/1.%d\r\n" % (version - 1) in head and b"Accept: %s\r\n" % accept in head
+        if is_wanted:
+            peer.sendall(b"ICY 200 OK\r\n\r\n" + STATION)
+            caster.listen(peer)
+        else:
+            peer.sendall(b"HTTP/1.1 %s\r\nContent-Length: 0\r\n\r\n" % code)
+
+    rover = Rover()
+    with casting(want) as caster, rover.fed_by(caster.port):
+        rover.wait_for(STATION)
+    assert len(caster.requests) <= 4
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ the thread that reads the receiver waits for it.
 
 from __future__ import annotations
 
+import itertools
 import math
 import threading
 import time
@@ -22,7 +23,14 @@ from agribot.core.geo import ecef_from_geodetic, geodetic_from_ecef
 from agribot.core.messages import GnssFix, Vec3
 from agribot.drivers.byte_streams import ByteStream, TcpStream
 from agribot.drivers.nmea import StampedFix, write_gga
-from agribot.drivers.ntrip import AnswerDecoder, Caster, CasterLogin, CasterRefusal, write_request
+from agribot.drivers.ntrip import (
+    FORMS,
+    AnswerDecoder,
+    Caster,
+    CasterLogin,
+    CasterRefusal,
+    write_request,
+)
 from agribot.drivers.rtcm import RtcmDecoder, RtcmMessage, corrects_ranges, read_base
 
 if TYPE_CHECKING:
@@ -103,7 +111,8 @@ class CorrectionLink:
         self._last_s: float | None = None
         self._has_come = self._is_flowing = self._is_doubted = False
         self._told = ""
-        self._version = 2
+        self._forms = itertools.cycle(FORMS)
+        self._form = next(self._forms)
         self._ended = threading.Event()
         self._thread = threading.Thread(
             target=self._run, name=f"corrections from {caster.name}", daemon=True
@@ -144,8 +153,8 @@ class CorrectionLink:
         try:
             self._pass_on(stream)
         except CasterRefusal as error:
-            if error.is_of_version:
-                self._version = 3 - self._version
+            if error.is_of_form:
+                self._form = next(self._forms)
             return str(error)
         except OSError as error:
             return _explain_line(error)
@@ -155,11 +164,11 @@ class CorrectionLink:
 
     def _pass_on(self, stream: ByteStream) -> None:
         gga = self._write_position()
-        stream.write(write_request(self._caster, self._login, self._version, gga))
+        stream.write(write_request(self._caster, self._login, self._form, gga))
         answer = AnswerDecoder(self._caster, has_login=self._login is not None)
         messages = RtcmDecoder()
         asked_s = self._now_s()
-        told_s = asked_s if gga and self._version == 2 else asked_s - self._timing.gga_period_s
+        told_s = asked_s if gga and self._form.version == 2 else asked_s - self._timing.gga_period_s
         beside: set[int] = set()
         while not self._ended.is_set():
             try:
@@ -169,7 +178,7 @@ class CorrectionLink:
                 raise
             for message in messages.feed(answer.feed(data)) if data else ():
                 self._take(message)
-                if corrects_ranges(message.kind):
+                if corrects_ranges(message):
                     asked_s = self._now_s()
                     beside.clear()
                 else:
@@ -193,7 +202,7 @@ class CorrectionLink:
         if not self._write(message.data):  # unplugged, or the line is full: old ones are no use
             return
         self._counts[message.kind] += 1
-        if not corrects_ranges(message.kind):
+        if not corrects_ranges(message):
             return
         self._last_s = self._now_s()
         if not self._is_flowing:

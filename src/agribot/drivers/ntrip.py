@@ -31,6 +31,7 @@ _EMPTY_LINE = re.compile(rb"\r?\n\r?\n")  # RFC 9112, section 2.2: a line may en
 _CHUNK_LENGTH = re.compile(rb"\A[0-9A-Fa-f]+(?:;[^\n]*)?\r?\n")
 _TABLE_BEGINS = (b"STR;", b"CAS;", b"NET;", b"ENDSOURCETABLE")
 _ENOUGH_TO_TELL = 64  # bytes
+_OF_FORM = (" 400", " 403", " 406", " 505")
 _NO_CASTER = "what answers there is no NTRIP caster; check host and port"
 
 
@@ -57,15 +58,29 @@ class CasterLogin(NamedTuple):
         return "CasterLogin(...)"
 
 
+class RequestForm(NamedTuple):
+    """How a mountpoint is asked for: the version of the protocol, and what is accepted."""
+
+    version: int
+    accept: str
+
+
+# Tried in turn: old casters know version 1 only, and some want to read what a rover accepts.
+FORMS = tuple(
+    RequestForm(version, accept)
+    for accept in ("*/*", "rtk/rtcm, dgps/rtcm") for version in (2, 1)
+)  # fmt: skip
+
+
 class CasterRefusal(Exception):
     """A caster does not give what it was asked for; the text says why and what to do.
 
-    `is_of_version` is set where another version of the protocol may do.
+    `is_of_form` is set where another form of the request may do.
     """
 
-    def __init__(self, text: str, *, is_of_version: bool = False) -> None:
+    def __init__(self, text: str, *, is_of_form: bool = False) -> None:
         super().__init__(text)
-        self.is_of_version = is_of_version
+        self.is_of_form = is_of_form
 
 
 def read_caster(text: str) -> Caster:
@@ -127,13 +142,14 @@ def find_login(host: str, environment: Mapping[str, str], home: Path) -> CasterL
 
 
 def write_request(
-    caster: Caster, login: CasterLogin | None, version: int, gga: bytes = b""
+    caster: Caster, login: CasterLogin | None, form: RequestForm = FORMS[0], gga: bytes = b""
 ) -> bytes:
     """Write the request for a mountpoint; `gga` tells version 2 at once where the rover is."""
+    version, accept = form
     lines = [f"GET /{caster.mount} HTTP/1.{version - 1}"]
     if version == 2:
         lines += [f"Host: {caster.host}:{caster.port}", "Ntrip-Version: Ntrip/2.0"]
-    lines += [f"User-Agent: {_AGENT}"]
+    lines += [f"User-Agent: {_AGENT}", f"Accept: {accept}"]
     if login is not None:
         word = f"{login.user}:{login.password}".encode()
         lines += [f"Authorization: Basic {base64.b64encode(word).decode()}"]
@@ -188,9 +204,7 @@ class AnswerDecoder:
         if self._is_text and self._waiting.strip():
             raise CasterRefusal(f"the caster answers '{_clean(bytes(self._waiting))}'")
         hint = "" if self._caster.is_secure else "; if it speaks TLS, write ntrips://"
-        raise CasterRefusal(
-            f"the caster closed the line without an answer{hint}", is_of_version=True
-        )
+        raise CasterRefusal(f"the caster closed the line without an answer{hint}", is_of_form=True)
 
     def _read_head(self) -> bool:
         """Read the first line and, of HTTP, those up to the empty one; tell whether it is there."""
@@ -261,7 +275,7 @@ class AnswerDecoder:
         if not words.startswith(("HTTP/", "ICY", "ERROR")):
             raise CasterRefusal(_NO_CASTER)
         raise CasterRefusal(
-            f"the caster answers '{line}'", is_of_version=" 400" in words or " 505" in words
+            f"the caster answers '{line}'", is_of_form=any(code in words for code in _OF_FORM)
         )
 
     def _explain_table(self, table: bytes) -> str:

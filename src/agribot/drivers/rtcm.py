@@ -17,6 +17,13 @@ _POLYNOMIAL = 0x1864CFB
 _OF_THE_BASE = frozenset(
     (1005, 1006, 1007, 1008, 1013, 1019, 1020, 1029, 1032, 1033, *range(1041, 1047), 1230)
 )
+# Where observations count their satellites: the mask of MSM 1 to 7 of all systems, and the numbers
+# of the older messages of GPS and of GLONASS.
+_SATELLITE_BITS = (
+    (frozenset(k for k in range(1071, 1138) if k % 10 in range(1, 8)), (73, 64)),
+    (range(1001, 1005), (55, 5)),
+    (range(1009, 1013), (52, 5)),
+)
 _PLACE_BITS = (34, 74, 114)  # where the three numbers of a place begin
 
 
@@ -27,9 +34,24 @@ class RtcmMessage(NamedTuple):
     data: bytes
 
 
-def corrects_ranges(kind: int) -> bool:
-    """Tell whether a receiver corrects with messages of that number, or only needs them beside."""
-    return kind not in _OF_THE_BASE
+def corrects_ranges(message: RtcmMessage) -> bool:
+    """Tell whether a receiver corrects with a message, or only needs it beside.
+
+    One about observations that counts no satellite corrects nothing: a base sends such that hears
+    none. Source: RTCM 10403.3, tables 3.5-2, 3.5-11 and 3.5-78.
+    """
+    kind = message.kind
+    if kind in _OF_THE_BASE:
+        return False
+    begin, count = next((bits for kinds, bits in _SATELLITE_BITS if kind in kinds), (0, 0))
+    payload = message.data[3:-3]
+    return not count or _read_bits(payload, begin, count) > 0
+
+
+def _read_bits(payload: bytes, begin: int, count: int) -> int:
+    """Read some bits, the first of the payload being number 0; 0 where it is too short."""
+    last = len(payload) * 8 - begin - count
+    return int.from_bytes(payload) >> last & ((1 << count) - 1) if last >= 0 else 0
 
 
 def read_base(message: RtcmMessage) -> Vec3 | None:
@@ -40,9 +62,7 @@ def read_base(message: RtcmMessage) -> Vec3 | None:
     payload = message.data[3:-3]
     if message.kind not in (1005, 1006) or len(payload) * 8 < _PLACE_BITS[-1] + 38:
         return None
-    bits = int.from_bytes(payload)
-    last = len(payload) * 8 - 38
-    x, y, z = (bits >> (last - at) & ((1 << 38) - 1) for at in _PLACE_BITS)
+    x, y, z = (_read_bits(payload, at, 38) for at in _PLACE_BITS)
     return _scale_place(x), _scale_place(y), _scale_place(z)
 
 
