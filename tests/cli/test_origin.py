@@ -3,7 +3,8 @@ from __future__ import annotations
 import argparse
 import datetime as dt
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.geo import Datum
 from agribot.core.messages import GnssFix, GnssQuality
+from agribot.drivers.nmea import write_sentence
 from agribot.record.replay import read_config, read_ticks
 from agribot.ros.messages import rosmsg
 from agribot.ros.messages.rosmsg import load_types
@@ -123,17 +125,15 @@ def test_the_first_valid_fix_of_a_receiver_becomes_the_origin(*, is_auto: bool) 
     assert latched.field.datum_source == "first fix of ros2:/pole/fix"
 
 
-@pytest.fixture
-def receiver(tmp_path: Path) -> Iterator[Line]:
-    """A serial receiver that says its place ten times a second, and once that it has none."""
-    line, ended = Line(tmp_path, "ttyGNSS"), threading.Event()
-    line.say(receiver_bytes.make_ubx_searching())
+@contextmanager
+def speaking(folder: Path, make: Callable[[dt.datetime], bytes]) -> Iterator[Line]:
+    """Open a serial line whose receiver speaks ten times a second."""
+    line, ended = Line(folder, "ttyGNSS"), threading.Event()
 
     def speak() -> None:
         tick = 0
         while not ended.wait(0.01):
-            at = receiver_bytes.EPOCH + tick * dt.timedelta(milliseconds=100)
-            line.blurt(receiver_bytes.make_ubx_pvt(at, HOME.lat_deg, HOME.lon_deg, carrier=2))
+            line.blurt(make(receiver_bytes.EPOCH + tick * dt.timedelta(milliseconds=100)))
             tick += 1
 
     speaker = threading.Thread(target=speak)
@@ -142,6 +142,19 @@ def receiver(tmp_path: Path) -> Iterator[Line]:
     ended.set()
     speaker.join()
     line.unplug()
+
+
+@pytest.fixture
+def receiver(tmp_path: Path) -> Iterator[Line]:
+    """A serial receiver that says its place ten times a second, and once that it has none."""
+    first = [receiver_bytes.make_ubx_searching()]
+
+    def make(at: dt.datetime) -> bytes:
+        said = receiver_bytes.make_ubx_pvt(at, HOME.lat_deg, HOME.lon_deg, carrier=2)
+        return (first.pop() if first else b"") + said
+
+    with speaking(tmp_path, make) as line:
+        yield line
 
 
 def real_robot(*words: str) -> RunConfig:
@@ -211,6 +224,18 @@ def test_a_real_robot_without_a_good_fix_starts_without_an_origin_and_keeps_none
     line.unplug()
     assert "no good fix" in capsys.readouterr().err
     assert not (tmp_path / origin.FIRST_FIX_FILE_NAME).exists()
+
+
+def test_a_receiver_that_states_no_altitude_gives_an_origin_on_the_ellipsoid(
+    tmp_path: Path,
+) -> None:
+    def make(at: dt.datetime) -> bytes:
+        time = f"{at:%H%M%S}.{at.microsecond // 10_000:02d}"
+        return write_sentence(f"GNRMC,{time},A,4807.50000,N,01130.00000,E,0.0,,040526,,,D")
+
+    with speaking(tmp_path, make) as line:
+        datum = real_robot("--set", f"sources.gnss=serial:{line.path}").field.datum
+    assert (datum.lat_deg, datum.lon_deg, datum.alt_m) == pytest.approx((48.125, 11.5, 0.0))
 
 
 def test_a_real_robot_without_a_receiver_cannot_ask_it_for_the_origin() -> None:

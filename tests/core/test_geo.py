@@ -97,6 +97,14 @@ def test_the_datum_is_the_origin() -> None:
     assert place == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
 
 
+def test_a_place_without_an_altitude_lies_on_the_height_of_the_map() -> None:
+    frame = MapFrame(make_datum(48.0, 11.0, 1700.0))
+    assert frame.map_from_geodetic(48.004, 11.0, math.nan) == frame.map_from_geodetic(
+        48.004, 11.0, 1700.0
+    )
+    assert make_datum(48.0, 11.0, math.nan).alt_m == 0.0
+
+
 def test_east_is_east_north_is_north_and_up_is_up() -> None:
     frame = MapFrame(SURAT)
     east = frame.map_from_geodetic(SURAT.lat_deg, SURAT.lon_deg + 1e-3, SURAT.alt_m)

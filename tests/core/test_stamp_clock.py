@@ -101,6 +101,14 @@ def test_a_clock_that_began_anew_is_followed_at_once() -> None:
     assert clock.convert_to_robot_s(0.05, 1.2) == pytest.approx(1.2)
 
 
+def test_a_clock_of_others_that_steps_back_far_is_followed_at_once() -> None:
+    clock = StampClock()
+    for k in range(20):
+        clock.note_message(1000.0 + 0.1 * k, 50.0 + 0.1 * k)
+    clock.note_message(10.0, 52.0)
+    assert clock.convert_to_robot_s(10.0, 52.0) == 52.0
+
+
 def test_samples_that_come_later_than_others_of_their_device_are_late_however_long_it_lasts() -> (
     None
 ):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import itertools
 import json
+from collections.abc import Callable
 
 import pytest
 
@@ -200,3 +201,17 @@ def test_a_second_report_of_an_epoch_with_a_fix_is_no_epoch_without_one() -> Non
     decoder = GpsdDecoder(pytest.fail)
     found = [pair for k in range(3) for pair in decoder.feed(fix_in_gpsd(1), 5.0 + 2.0 * k)]
     assert [type(sample) for _, sample in found] == [GnssFix]
+
+
+@pytest.mark.parametrize("make", [written.make_ubx_pvt, lambda at: b"".join(written.make_nmea(at))])
+def test_no_fix_is_lost_when_a_receiver_restarts_with_an_older_date(
+    make: Callable[[dt.datetime], bytes],
+) -> None:
+    now_s, taken_s = 0.0, []
+    link = ReceiverLink("line", ReceiverDecoder(pytest.fail), lambda: now_s)
+    for k in range(40):
+        now_s = 0.25 * k
+        began = written.EPOCH - (k >= 20) * dt.timedelta(hours=5)
+        link.feed(make(began + k * dt.timedelta(seconds=0.25)), now_s)
+        taken_s += [fix.t_s for fix in link.take_fixes(now_s)]
+    assert taken_s[-39:] == pytest.approx([0.25 * k for k in range(1, 40)], abs=0.01)

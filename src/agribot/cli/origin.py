@@ -19,7 +19,7 @@ import tomli_w
 
 from agribot.core.config import RunConfig, check_finite, read_toml
 from agribot.core.errors import ConfigError, PlatformError
-from agribot.core.geo import Datum, is_place
+from agribot.core.geo import Datum, is_place, make_datum
 from agribot.core.home import find_home
 from agribot.core.messages import GnssFix, GnssQuality
 from agribot.core.platforms import find_platform
@@ -187,11 +187,10 @@ def _wait_for_fix(uri: str, options: argparse.Namespace, patience_s: float) -> D
             for fix in source.take(time.monotonic() - start_s):
                 if not _is_good(fix):
                     continue
-                if math.isfinite(fix.alt_m):
-                    return Datum(lat_deg=fix.lat_deg, lon_deg=fix.lon_deg, alt_m=fix.alt_m)
-                if flat is not None:  # the second one without an altitude
-                    return flat
-                flat = Datum(lat_deg=fix.lat_deg, lon_deg=fix.lon_deg, alt_m=0.0)
+                datum = make_datum(fix.lat_deg, fix.lon_deg, fix.alt_m)
+                if math.isfinite(fix.alt_m) or flat is not None:
+                    return datum
+                flat = datum  # another one may have an altitude
             time.sleep(PERIOD_S)
     raise PlatformError(
         f"--origin: no good fix (1 sigma within {GOOD_STD_M:g} m) of {uri} within "

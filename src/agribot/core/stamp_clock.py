@@ -27,7 +27,8 @@ class StampClock:
 
     Stamps of a peer with the robot's time (/clock) are taken exactly; of another clock the
     shortest delay within `WINDOW_S` counts as zero, so that a step of that clock is followed
-    within this time. A message without a stamp has the time of its arrival. No time is in the
+    within this time, and at once where it steps back by more, as of a receiver that was switched
+    off. A message without a stamp has the time of its arrival. No time is in the
     future. Source: one-way synchronisation after Olson, "A passive solution to the sensor
     synchronization problem", IROS 2010, with a window in place of a drift model.
     """
@@ -46,7 +47,8 @@ class StampClock:
             while arrived_s - self._arrivals_s[0] > WINDOW_S:
                 self._arrivals_s.popleft()
             return
-        if self._is_of_its_own and stamp_s < self._stamp_s:
+        back_s = self._stamp_s - stamp_s
+        if back_s > (0.0 if self._is_of_its_own else WINDOW_S):
             self._delays.clear()  # that clock began anew
         self._stamp_s = stamp_s
         self._delays.append((arrived_s, arrived_s - stamp_s))

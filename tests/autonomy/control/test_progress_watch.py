@@ -182,3 +182,12 @@ def test_a_mission_in_mud_is_stopped_and_a_hand_is_not() -> None:
         sent, reason = gate.send(batch=batch, state="paused", is_by_hand=True)
     assert reason == ""
     assert sent.drive.v_mps > 0.0
+
+
+def test_a_place_by_dead_reckoning_says_nothing_of_where_the_robot_stays() -> None:
+    ride = Ride()
+    ride.kept_ratio = 0.0
+    for tick in range(1000):
+        batch = ride.batch(tick % 5 == 0)
+        fixes = [msgspec.structs.replace(one, unmeasured="dead reckoning") for one in batch.gnss]
+        assert ride.watch.watch(msgspec.structs.replace(batch, gnss=tuple(fixes))) == ""

@@ -73,6 +73,8 @@ class ProgressWatch:
         """Say how far the robot stays behind its wheels, empty where it gets on."""
         self._add_motion(batch)
         for fix in batch.gnss:
+            if fix.unmeasured:
+                continue
             self._add_fix(fix)
             self._look_back(fix.t_s)
             found = self._judge(is_corrected=fix.quality in CORRECTED)

@@ -43,7 +43,8 @@ class DriveLog:
         """
         wheels = [sample for batch in batches for sample in batch.wheels]
         imu = [sample for batch in batches for sample in batch.imu]
-        self.fixes: list[GnssFix] = [fix for batch in batches for fix in batch.gnss]
+        fixes = [fix for batch in batches for fix in batch.gnss]
+        self.fixes: list[GnssFix] = [fix for fix in fixes if not fix.unmeasured]
         for what, samples in (("wheels", wheels), ("IMU", imu), ("stretches", stretches)):
             if len(samples) < 2:
                 raise MissionError(
