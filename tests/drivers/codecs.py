@@ -21,7 +21,7 @@ from agribot.drivers.ubx import UbxDecoder, make_frame
 from agribot.drivers.ubx_setup import ACK, CFG_VALSET, NAK, ReceiverSetup, SetupPlan
 from agribot.drivers.vesc import LOCAL, VescBoard
 from agribot.drivers.vesc_can import VescCanBoard
-from tests.drivers import board_bytes, rosserial_bytes
+from tests.drivers import board_bytes, maker_bytes, rosserial_bytes
 from tests.drivers import receiver_bytes as written
 from tests.drivers.can_fakes import FakeOdriveBus, FakeVescBus
 from tests.drivers.caster import STATION, TABLE, YES, chunk, make_observation
@@ -32,7 +32,8 @@ BITS_PER_BYTE = 10  # of a serial line
 PIECE = 256  # bytes that a read of a busy line gives
 # The fastest line that each has in use; what gpsd and a caster say came over one of those.
 BAUD = {
-    "ubx": 115_200, "nmea": 115_200, "ubx_setup": 115_200, "gpsd": 115_200, "rtcm": 115_200,
+    "ubx": 115_200, "nmea": 115_200, "unicore": 460_800, "sbf": 115_200,
+    "ubx_setup": 115_200, "gpsd": 115_200, "rtcm": 115_200,
     "ntrip": 115_200, "letter_imu": 57_600, "rosserial": 57_600, "board": 250_000,
     "vesc": 115_200, "odrive": 115_200,
     # 16 bytes for each frame of 150 bits with what is stuffed, at 500 kbit/s.
@@ -129,6 +130,8 @@ def open_setup() -> Feed:
 CODECS: dict[str, Callable[[], Feed]] = {
     "ubx": open_receiver,
     "nmea": open_receiver,
+    "unicore": open_receiver,
+    "sbf": open_receiver,
     "gpsd": open_gpsd,
     "letter_imu": open_imu,
     "rtcm": open_rtcm,
@@ -198,6 +201,24 @@ OF_BOARDS = {
 }
 
 
+MAKERS = {
+    "unicore": [
+        maker_bytes.make_unicore_line("BESTNAV", maker_bytes.make_bestnav_text())
+        + maker_bytes.make_unicore_line("UNIHEADING", maker_bytes.make_uniheading_text()),
+        maker_bytes.make_unicore_frame(2118, maker_bytes.make_bestnav_body())
+        + maker_bytes.make_unicore_frame(972, maker_bytes.make_uniheading_body()),
+    ],
+    "sbf": [
+        maker_bytes.make_pvt_geodetic(time_ms=ms)
+        + maker_bytes.make_pos_cov(0.01, time_ms=ms)
+        + maker_bytes.make_vel_cov(0.02, time_ms=ms)
+        + maker_bytes.make_att_euler(143.2, time_ms=ms)
+        + maker_bytes.make_att_cov(0.3, time_ms=ms)
+        for ms in (0, 100, 200)
+    ],
+}
+
+
 def write_of_receivers(codec: str) -> list[bytes]:
     at, second = written.EPOCH, dt.timedelta(seconds=1)
     if codec == "ubx":
@@ -211,11 +232,20 @@ def write_of_receivers(codec: str) -> list[bytes]:
             for k in range(3)
         ]
         return [*epochs, b"".join(epochs)]
+    if codec in ("unicore", "sbf"):
+        return MAKERS[codec]
     if codec == "nmea":
         sky = [
             "GPGSV,1,1,03,05,71,210,44,07,15,033,38,12,03,359,,1",
             "GNGSA,A,3,05,07,,,,,,,,,,,1.8,0.9,1.5,1",
             "GNHDT,123.4,T",
+            "GNTHS,123.4,A",
+            "GNHPR,093015.50,143.2,-0.5,0.0,4,38,1.0,0001",
+            "PTNL,AVR,093015.50,+143.2,Yaw,-0.5,Tilt,,,1.002,3,1.2,17",
+            "GNVTG,90.0,T,,M,0.8,N,1.4,K,A",
+            "GNGNS,093015.00,5209.0,N,00430.6,E,RRNN,13,0.9,11.5,45.0,,",
+            "GNGLL,5209.0,N,00430.6,E,093015.00,A,R",
+            "PQTMEPE,2,0.012,0.016,0.030,0.020,0.036",
         ]
         said = b"".join(write_sentence(body) for body in sky)
         epochs = [b"".join(written.make_nmea(at + k * second)) + said for k in range(2)]

@@ -25,8 +25,10 @@ from agribot.drivers.board_protocol import BoardMessage
 from agribot.drivers.motor_board import BoardReport, StampedReport
 from agribot.drivers.ubx import SYNC, compute_checksum
 from tests.drivers.codecs import CODECS, write_seeds
+from tests.drivers.maker_bytes import compute_crc32
 
 CORPUS = Path(__file__).parent / "corpus"
+DIALECTS = (b"$", SYNC, b"#", b"\xaa\x44\xb5", b"$@")  # what their messages begin with
 LONGEST = 2000
 Edge = tuple[int, int, int]
 
@@ -44,7 +46,7 @@ def check(codec: str, data: bytes) -> None:
     feed = CODECS[codec]()
     cut = [each for k in range(0, len(data), size) for each in feed(data[k : k + size])]
     # A refusal comes as early as it can be known; of two dialects, one tells first.
-    if codec != "ntrip" and not (b"$" in data and SYNC in data):
+    if codec != "ntrip" and sum(mark in data for mark in DIALECTS) < 2:
         assert cut == whole
 
 
@@ -150,7 +152,32 @@ def mend(rng: random.Random, data: bytes) -> bytes:
             for byte in body:
                 value ^= byte
             lines[k] = b"$" + body + b"*%02X" % value
-    return mend_vesc(mend_rosserial(mend_board(mend_ubx(b"\r\n".join(lines)))))
+    mended = mend_makers(b"\r\n".join(lines))
+    return mend_vesc(mend_rosserial(mend_board(mend_ubx(mended))))
+
+
+def mend_makers(data: bytes) -> bytes:
+    """Mend what stands behind a # and after the sync words of Unicore and Septentrio."""
+    lines = data.split(b"\r\n")
+    for k, line in enumerate(lines):
+        if line.startswith(b"#") and b"*" in line:
+            body = line[1 : line.rindex(b"*")]
+            lines[k] = b"#%b*%08x" % (body, compute_crc32(body))
+    mended = bytearray(b"\r\n".join(lines))
+    at = mended.find(b"\xaa\x44\xb5")
+    while at >= 0 and at + 24 <= len(mended):
+        end = at + 24 + int.from_bytes(mended[at + 6 : at + 8], "little")
+        if end + 4 <= len(mended):
+            checksum = compute_crc32(bytes(mended[at:end]))
+            mended[end : end + 4] = checksum.to_bytes(4, "little")
+        at = mended.find(b"\xaa\x44\xb5", at + 3)
+    at = mended.find(b"$@")
+    while at >= 0 and at + 8 <= len(mended):
+        end = at + int.from_bytes(mended[at + 6 : at + 8], "little")
+        if end <= len(mended) and end > at + 4:
+            mended[at + 2 : at + 4] = crc_hqx(bytes(mended[at + 4 : end]), 0).to_bytes(2, "little")
+        at = mended.find(b"$@", at + 2)
+    return bytes(mended)
 
 
 def mend_vesc(data: bytes) -> bytes:

@@ -60,6 +60,7 @@ MODES: dict[str, FixKind] = {
 # Where the time of day stands in sentences that have one.
 TIME_FIELDS = {"GGA": 0, "GNS": 0, "RMC": 0, "GST": 0, "GLL": 4, "PQTMPVT": 3, "PQTMVEL": 1}
 TIMELESS = ("VTG", "PQTMEPE")
+MOST_FIELDS = 20
 PLACE_KINDS = ("GGA", "GNS", "RMC", "PQTMPVT", "GLL")  # the one that states most first
 
 Parts = dict[str, tuple[str, ...]]
@@ -213,10 +214,11 @@ def make_fix(parts: Parts) -> GnssFix | None:
 
 
 def read_place(kind: str, fields: tuple[str, ...]) -> Place:
-    """Read a sentence of PLACE_KINDS.
+    """Read a sentence of PLACE_KINDS; fields that are missing are empty.
 
-    Raises: ValueError, IndexError: fields that are no numbers, out of range, or missing.
+    Raises: ValueError: fields that are no numbers, or out of range.
     """
+    fields += ("",) * (MOST_FIELDS - len(fields))
     if kind == "GGA":
         quality = _read_quality(fields[5], fields[6])
         return Place(*_read_where(fields[1:5], quality), fields[7], fields[8], fields[10])

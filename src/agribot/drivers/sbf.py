@@ -41,7 +41,7 @@ QUALITY: dict[int, FixKind] = {
 }  # fmt: skip
 _FIXED_ATTITUDE = (2, 4)
 _HEAD_BYTES, _LONGEST = 8, 8192
-_UNKNOWN = -1e9  # what is not known is -2e10
+_LIMIT = 1e9  # of what is known; else a number is -2e10
 _NO_TIME_MS, _NO_WEEK = 0xFFFFFFFF, 0xFFFF
 _GPS_EPOCH_S = calendar.timegm((1980, 1, 6, 0, 0, 0))
 _WEEK_S = 604_800.0
@@ -132,7 +132,7 @@ def _read_fix(parts: dict[int, bytes]) -> StampedFix | None:
         parts[PVT]
     )
     quality = QUALITY.get(mode & 0xF)
-    if error or quality is None or not lat > _UNKNOWN:
+    if error or quality is None or not _is_known(lat, lon):
         return None
     lat_deg, lon_deg = math.degrees(lat), math.degrees(lon)
     if not is_place(lat_deg, lon_deg):
@@ -140,15 +140,20 @@ def _read_fix(parts: dict[int, bytes]) -> StampedFix | None:
     velocity_mps = _read_velocity(north, east, up)
     fix = GnssFix(
         t_s=0.0, lat_deg=lat_deg, lon_deg=lon_deg, pos_std_m=_read_std_m(parts),
-        alt_m=height if height > _UNKNOWN else math.nan, **make_fields(quality),
+        alt_m=height if _is_known(height) else math.nan, **make_fields(quality),
         velocity_mps=velocity_mps, velocity_std_mps=_read_std(parts.get(VEL_COV)) or 0.1,
     )  # fmt: skip
     return StampedFix(_make_stamp_s(week, time_ms), fix)
 
 
 def _read_velocity(north: float, east: float, up: float) -> Vec3 | None:
-    is_known = min(north, east) > _UNKNOWN
-    return (east, north, up if up > _UNKNOWN else 0.0) if is_known else None
+    if not _is_known(north, east):
+        return None
+    return east, north, up if _is_known(up) else 0.0
+
+
+def _is_known(*numbers: float) -> bool:
+    return all(abs(number) < _LIMIT for number in numbers)
 
 
 def _read_std_m(parts: dict[int, bytes]) -> float:
@@ -167,7 +172,7 @@ def _read_std(covariance: bytes | None) -> float | None:
         return None
     _, _, _, error, first, second, _ = COV_BODY.unpack_from(covariance)
     variance = 0.5 * (first + second)
-    is_known = not error and min(first, second) > _UNKNOWN and 0.0 < variance < math.inf
+    is_known = not error and _is_known(first, second) and variance > 0.0
     return math.sqrt(variance) if is_known else None
 
 

@@ -19,7 +19,7 @@ LONGEST_LINE = 1024
 HEAD = struct.Struct("<3sBHHBBHIIBBH")
 _CHECKSUM_BYTES = 4
 _PRINTABLE = re.compile(rb"#[ -~]*")
-_LINE = re.compile(rb"#([A-Z0-9]+)A,([^;*#\r\n]*);([^*#\r\n]*)\*([0-9a-fA-F]{8})")
+_LINE = re.compile(rb'#([A-Z0-9]+)A,([ -"$-)+-:<-~]*);([ -"$-)+-~]*)\*([0-9a-fA-F]{8})')
 _WEEK_S = 604_800.0
 
 
