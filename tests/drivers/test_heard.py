@@ -16,6 +16,7 @@ from tests.drivers.caster import STATION, make_observation
 
 GGA = "GNGGA,0930{second:02d}.00,5209.0,N,00430.6,E,{quality},12,0.9,11.5,M,45.0,M,,"
 CLOCK = UBXMessage("NAV", "NAV-CLOCK", GET, iTOW=1, clkB=1, clkD=1, tAcc=1, fAcc=1).serialize()
+POSLLH = UBXMessage("NAV", "NAV-POSLLH", GET, iTOW=1, lon=4.5, lat=52.1, hAcc=1400).serialize()
 MEAS_EPOCH = made.make_sbf(4027, bytes(20))
 HELD = made.make_pvt_geodetic(3, time_ms=0) + made.make_pvt_geodetic(3, time_ms=100)
 OBSERVATIONS = made.make_unicore_frame(12, bytes(20))
@@ -34,6 +35,7 @@ def listen(data: bytes, seconds: int = 6) -> list[GnssStatus]:
     ("data", "fact", "advice"),
     [
         (CLOCK, "NAV-CLOCK", "agribot gnss configure"),
+        (POSLLH, "NAV-POSLLH", "switch on NAV-PVT"),
         (write_sentence("GPZDA,093015.00,04,05,2026,00,00"), "ZDA", "switch on GGA"),
         (MEAS_EPOCH, "MeasEpoch", "switch on PVTGeodetic"),
         (OBSERVATIONS, "Unicore 12", "BESTNAVA"),
@@ -42,7 +44,17 @@ def listen(data: bytes, seconds: int = 6) -> list[GnssStatus]:
         (HELD, "held", "switch that mode off"),
         (write_sentence(GGA.format(second=15, quality=8)), "simulated", "switch its simulator off"),
     ],
-    ids=["NAV-CLOCK", "ZDA", "MeasEpoch", "OBSVM", "RTCM", "NAV-PVT", "PVTGeodetic", "GGA"],
+    ids=[
+        "NAV-CLOCK",
+        "NAV-POSLLH",
+        "ZDA",
+        "MeasEpoch",
+        "OBSVM",
+        "RTCM",
+        "NAV-PVT",
+        "PVTGeodetic",
+        "GGA",
+    ],
 )
 def test_what_it_says_and_what_to_do_are_told_after_some_seconds(
     data: bytes, fact: str, advice: str

@@ -190,6 +190,15 @@ def test_a_place_without_a_word_on_whether_it_is_one_gives_no_fix() -> None:
     assert decode(*(make_ubx("NAV-POSLLH", k, **place) for k in range(3))) == []
 
 
+def test_sentences_beside_such_a_place_count() -> None:
+    place = {"lon": 4.51, "lat": 52.15, "height": 56500, "hMSL": 11500, "hAcc": 1400, "vAcc": 1}
+    gga = "GNGGA,09301{second}.00,5209.0,N,00430.6,E,4,12,0.9,11.5,M,45.0,M,,"
+    data = [
+        make_ubx("NAV-POSLLH", k, **place) + write_sentence(gga.format(second=k)) for k in range(4)
+    ]
+    assert {fix.quality for _, fix in decode(*data)} == {GnssQuality.RTK_FIXED}
+
+
 def test_where_nav_pvt_comes_too_it_alone_counts() -> None:
     data = b"".join(written.make_ubx_pvt() + make_sol(k) for k in range(3))
     assert {round(fix.lat_deg, 6) for _, fix in decode(data)} == {round(written.LAT_DEG, 6)}

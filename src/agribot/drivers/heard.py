@@ -49,12 +49,15 @@ _READ_OF_UBX = {
 }  # fmt: skip
 _READ_OF_NMEA = {*TIME_FIELDS, *TIMELESS, *HEADING_KINDS, "GSV", "GSA"}
 _PLACES_OF = {
-    "UBX": {"NAV-PVT", "NAV-SOL"},
+    "UBX": {"NAV-PVT", "NAV-SOL", "NAV-POSLLH"},
     "SBF": {sbf.NAMES[sbf.PVT]},
     "Unicore": {UNICORE_NAMES[BESTNAV]},
     "NMEA": {*PLACE_KINDS},
 }
 _STATE_A_PLACE = set().union(*_PLACES_OF.values())
+# NAV-POSLLH does not say whether its place is one.
+_WITHOUT_A_WORD = {"NAV-POSLLH"}
+_WITH_STATUS = {"NAV-POSLLH", "NAV-STATUS"}
 # What makes each language state a place, the one that states it best first.
 _TO_SWITCH_ON = {
     "UBX": "switch on NAV-PVT: agribot gnss configure URI --save",
@@ -128,7 +131,7 @@ class Heard:
         """Say why what it says gives no position, and what to do; empty while it searches."""
         if self.reason or not self.languages:
             return self.reason
-        if _STATE_A_PLACE & set(self.read):
+        if _STATE_A_PLACE & set(self.read) - _WITHOUT_A_WORD or set(self.read) >= _WITH_STATUS:
             return ""
         kinds = ", ".join((*self.read, *self.name_unread())[:MOST_NAMED])
         return f"no positions among what it says ({kinds}); {_TO_SWITCH_ON[self.language]}"

@@ -24,7 +24,7 @@ from agribot.drivers.nmea import (
     read_time_of_day_s,
 )
 
-PAUSE_S = 0.3  # between sentences of two epochs
+PAUSE_S = 0.5  # after which no more sentences of an epoch come
 MINUTE_M = 1852.0  # of latitude
 # 1 sigma of one horizontal axis where no GST states it, at an HDOP of 1.
 STD_M: dict[FixKind, float] = {

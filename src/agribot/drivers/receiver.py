@@ -161,8 +161,9 @@ class ReceiverSource:
         self._notes: deque[tuple[str, bool]] = deque(maxlen=_MOST_NOTES)
         self._corrections: CorrectionLink | None = None
         self._reader = StreamReader(
-            f"gnss from {name}", open_stream, self._link.feed, self._link.now_s, tell, on_open
-        )
+            f"gnss from {name}", open_stream, self._link.feed, self._link.now_s, tell, on_open,
+            hears_silence=True,
+        )  # fmt: skip
 
     def take_corrections(
         self, caster: Caster, login: CasterLogin | None, tls: ssl.SSLContext | None = None

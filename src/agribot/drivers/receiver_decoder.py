@@ -19,7 +19,7 @@ from agribot.drivers.heard import NAMED, NOT_OK, Heard
 from agribot.drivers.nmea_headings import read_heading
 from agribot.drivers.rtcm import RtcmDecoder
 from agribot.drivers.sky import Sky
-from agribot.drivers.ubx_older import PLACES, OlderFixes
+from agribot.drivers.ubx_older import OlderFixes
 
 ReceiverSample = GnssFix | GnssHeading | GnssStatus
 Stamped = list[tuple[float, ReceiverSample]]
@@ -98,7 +98,7 @@ class ReceiverDecoder:
         if not self.heard.languages - {"RTCM"}:
             for message in self._rtcm.feed(data):
                 self.heard.add("RTCM", f"RTCM {message.kind}", arrived_s, is_read=False)
-        if self.heard.languages and not self.heard.is_patient(arrived_s):
+        if data and self.heard.languages and not self.heard.is_patient(arrived_s):
             self._add_status(found, 0.0, arrived_s)
         return found
 
@@ -119,14 +119,13 @@ class ReceiverDecoder:
 
     def _add_older(self, found: Stamped, frame: ubx.UbxFrame, arrived_s: float) -> None:
         fixes = self._from_older.add(frame)
-        if frame.kind not in PLACES and not fixes:
-            return
-        if self._is_outranked(Rank.OLDER_UBX, arrived_s):
+        lacks_fix = self._from_older.lacks_fix
+        if not (fixes or lacks_fix) or self._is_outranked(Rank.OLDER_UBX, arrived_s):
             return
         self._note_epoch(Rank.OLDER_UBX, arrived_s)
         for fix in fixes:
             self._add_fix(found, fix, arrived_s)
-        if not fixes and self._from_older.lacks_fix:
+        if lacks_fix:
             self._lack_fix(found, NOT_OK if self._from_older.is_refused else "", arrived_s)
 
     def _add_sbf(self, found: Stamped, block: sbf.SbfBlock, arrived_s: float) -> None:

@@ -31,7 +31,6 @@ SIZES = {
     NAV_SOL: _SOL.size, NAV_POSLLH: _POSLLH.size, NAV_VELNED: _VELNED.size,
     NAV_STATUS: 16, NAV_TIMEGPS: 16, NAV_TIMEUTC: 20,
 }  # fmt: skip
-PLACES = (NAV_POSLLH, NAV_SOL)
 _TIMES = (NAV_TIMEGPS, NAV_TIMEUTC)
 _MEASURED = (2, 3, 4)  # gpsFix: 2D, 3D, 3D with dead reckoning
 _UNMEASURED: dict[int, FixKind] = {1: DEAD_RECKONING, 5: HELD}
@@ -61,7 +60,7 @@ class OlderFixes:
         self._epochs: EpochJoiner[tuple[int, int]] = EpochJoiner()
         self._offset_s = 1.0  # of UTC from the time of the week, once that is known
         self._last_ms = 0
-        self.lacks_fix = False  # of the newest epoch
+        self.lacks_fix = False  # of the epoch that the newest frame has completed
         self.is_refused = False  # since the receiver does not call it good
 
     def add(self, frame: UbxFrame) -> list[StampedFix]:
@@ -70,10 +69,11 @@ class OlderFixes:
         if len(payload) < SIZES.get(kind, 1 << 16):
             return []
         i_tow_ms = int.from_bytes(payload[:4], "little")
-        found = [self._make(*epoch) for epoch in self._epochs.add(i_tow_ms, kind, payload)]
+        epochs = self._epochs.add(i_tow_ms, kind, payload)
+        found = [self._make(*epoch) for epoch in epochs]
         if kind in _TIMES:
             self._set_time(kind, payload)
-        self.lacks_fix = bool(found) and None in found
+        self.lacks_fix = None in found and any(_states_fix(parts) for _, parts in epochs)
         return [fix for fix in found if fix is not None]
 
     def _set_time(self, kind: tuple[int, int], payload: bytes) -> None:
@@ -113,6 +113,10 @@ class OlderFixes:
         if gps_fix in _MEASURED:
             return GnssQuality.DGNSS if flags & _IS_DIFFERENTIAL else GnssQuality.SINGLE
         return _UNMEASURED.get(gps_fix)
+
+
+def _states_fix(parts: Parts) -> bool:
+    return NAV_SOL in parts or {NAV_STATUS, NAV_POSLLH} <= set(parts)
 
 
 def _read_place(parts: Parts) -> _Place | None:
