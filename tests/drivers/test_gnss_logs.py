@@ -25,7 +25,7 @@ LOGS = sorted(path.name for path in DATA.glob("*.log")) if "AGRIBOT_DATA" in os.
 OTHERWISE = {
     # Three or four satellites and 28 m and more: the receiver does not call one of them good.
     "ublox-glo.log": "gnssFixOK is 0",
-    # A plotter that gives GGA and GLL of one second other places, 0.2 m apart.
+    # A plotter that gives GGA, GLL and RMC of one second places that are 0.2 m and more apart.
     "bundg_zeus_9.log": "",
 }
 

@@ -192,20 +192,14 @@ def make_fix(parts: Parts) -> GnssFix | None:
     The altitude is that over the ellipsoid, NaN where altitude or geoid separation is missing.
     Raises: ValueError, IndexError: fields that are no numbers, out of range, or missing.
     """
-    places = {kind: read_place(kind, parts[kind]) for kind in parts if kind in PLACE_KINDS}
-    stated = [places[kind] for kind in PLACE_KINDS if kind in places]
-    place = next((one for one in stated if one.quality is not None), None)
+    places = (read_place(kind, parts[kind]) for kind in PLACE_KINDS if kind in parts)
+    place = next((one for one in places if one.quality is not None), None)
     if place is None or place.quality is None or place.where is None or not place.is_fix:
         return None
-    # A plotter that extrapolates has another place in each sentence: the newest counts.
-    lat_deg, lon_deg = next(
-        one.where for one in reversed(places.values())
-        if one.where is not None and one.is_fix and one.resolution_m <= place.resolution_m
-    )  # fmt: skip
     return GnssFix(
         t_s=0.0,
-        lat_deg=lat_deg,
-        lon_deg=lon_deg,
+        lat_deg=place.where[0],
+        lon_deg=place.where[1],
         alt_m=_read_altitude_m(place),
         pos_std_m=_read_std_m(parts, place, STD_M[place.quality]),
         **make_fields(place.quality),
