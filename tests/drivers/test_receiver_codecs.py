@@ -199,3 +199,12 @@ def test_a_sentence_that_says_nothing_or_nonsense_gives_no_fix(line: str) -> Non
     for text in (f"${line}*{checksum:02X}\r\n".encode(), *written.make_nmea()):
         found = [fix for sentence in decoder.feed(text) for fix in fixes.add(sentence)]
         assert not any(fix.fix.lat_deg != pytest.approx(written.LAT_DEG) for fix in found)
+
+
+@pytest.mark.parametrize(("status", "unmeasured"), [(1, ""), (5, "dead reckoning"), (7, "held")])
+def test_gpsd_names_a_place_without_satellites(status: int, unmeasured: str) -> None:
+    report = {"class": "TPV", "mode": 3, "status": status, "time": "2026-05-04T09:30:18Z",
+              "lat": 52.15, "lon": 4.51, "altHAE": 56.5}  # fmt: skip
+    found = gpsd.GpsdFixes(pytest.fail).add(report)
+    assert found is not None and found.fix.unmeasured == unmeasured
+    assert found.fix.quality is (GnssQuality.NONE if unmeasured else GnssQuality.SINGLE)

@@ -12,8 +12,11 @@ from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
+import msgspec
+
 from agribot.core.geo import is_nowhere
 from agribot.core.messages import GnssFix, GnssQuality
+from agribot.drivers.fix_kinds import DEAD_RECKONING, HELD, make_fields
 from agribot.drivers.nmea import StampedFix
 from agribot.drivers.nmea_fixes import STD_M
 
@@ -24,6 +27,7 @@ STATUS = {
     3: GnssQuality.RTK_FIXED,
     4: GnssQuality.RTK_FLOAT,
 }
+UNMEASURED = {5: DEAD_RECKONING, 7: HELD}  # of its status: dead reckoning, and surveyed in
 GST_AGE_S = 2.5  # two epochs of a slow receiver
 FIXED_STD_M, FLOAT_STD_M = 0.05, 0.5  # nothing else is so good
 
@@ -110,7 +114,8 @@ class GpsdFixes:
             velocity_std_mps=max(_read(report, "eps", 1e3), 0.01) if _tells(report, "eps") else 0.1,
         )
         self._last_s = stamp_s
-        return StampedFix(stamp_s, fix)
+        kind = UNMEASURED.get(int(report.get("status", 1)))
+        return StampedFix(stamp_s, msgspec.structs.replace(fix, **make_fields(kind or quality)))
 
     def _judge(self, report: Mapping[str, Any], stamp_s: float) -> tuple[float, GnssQuality]:
         quality = STATUS.get(int(report.get("status", 1)), GnssQuality.SINGLE)
