@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agribot.core.messages import GnssFix, GnssQuality
-from agribot.drivers import gpsd, nmea, nmea_fixes, ubx
+from agribot.drivers import gpsd, nmea, nmea_fixes, nmea_places, ubx
 from agribot.drivers.receiver_decoder import ReceiverDecoder
 from tests.drivers import receiver_bytes as written
 
@@ -61,7 +61,7 @@ def test_a_place_of_zeros_is_no_fix_whatever_the_receiver_calls_it() -> None:
     assert decode(pvt) == decode(precise + pvt) == decode(sentences) == []
     (frame,) = ubx.UbxDecoder().feed(pvt)
     assert ubx.lacks_fix(frame)
-    assert any(nmea_fixes.lacks_fix(one) for one in nmea.SentenceDecoder().feed(sentences))
+    assert any(nmea_places.lacks_fix(one) for one in nmea.SentenceDecoder().feed(sentences))
     equator = written.make_ubx_pvt(lat_deg=0.0, lon_deg=9.5)
     assert [fix.lat_deg for _, fix in decode(equator)] == [0.0]
     refused: list[str] = []

@@ -18,7 +18,7 @@ from agribot.core.geo import is_nowhere
 from agribot.core.messages import GnssFix, GnssQuality
 from agribot.drivers.fix_kinds import DEAD_RECKONING, HELD, make_fields
 from agribot.drivers.nmea import StampedFix
-from agribot.drivers.nmea_fixes import STD_M
+from agribot.drivers.nmea_places import STD_M
 
 PORT = 2947
 LONGEST_LINE = 65536

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from agribot.drivers import sbf, ubx_older
 from agribot.drivers.fix_kinds import DEAD_RECKONING, HELD
 from agribot.drivers.nmea import Sentence
-from agribot.drivers.nmea_fixes import PLACE_KINDS, TIME_FIELDS, TIMELESS
+from agribot.drivers.nmea_fixes import TIME_FIELDS, TIMELESS
 from agribot.drivers.nmea_headings import HEADING_KINDS, is_about_heading
+from agribot.drivers.nmea_places import PLACE_KINDS
 from agribot.drivers.ubx import NAV_HPPOSLLH, NAV_PVT, NAV_RELPOSNED, UbxFrame
 from agribot.drivers.unicore import BESTNAV
 from agribot.drivers.unicore import NAMES as UNICORE_NAMES

@@ -1,7 +1,7 @@
 """NMEA 0183 of a GNSS receiver: bytes to sentences, and GGA for a caster.
 
-Source: NMEA 0183. `nmea_fixes.py` makes fixes of sentences, `nmea_headings.py` headings, and
-`sky.py` reads GSV and GSA.
+Source: NMEA 0183. `nmea_fixes.py` and `nmea_places.py` make fixes of sentences, `nmea_headings.py`
+headings, and `sky.py` reads GSV and GSA.
 """
 
 from __future__ import annotations

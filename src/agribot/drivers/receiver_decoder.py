@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from agribot.core.geo import yaw_from_compass_deg
 from agribot.core.messages import GnssFix, GnssHeading, GnssStatus
-from agribot.drivers import nmea, nmea_fixes, sbf, ubx, unicore, unicore_fixes
+from agribot.drivers import nmea, nmea_fixes, nmea_places, sbf, ubx, unicore, unicore_fixes
 from agribot.drivers.heard import NAMED, NOT_OK, Heard
 from agribot.drivers.nmea_headings import read_heading
 from agribot.drivers.rtcm import RtcmDecoder
@@ -171,12 +171,12 @@ class ReceiverDecoder:
         try:
             self.sky.add_sentence(sentence)
             self._add_sentence_heading(found, sentence, arrived_s)
-            lacks_fix = nmea_fixes.lacks_fix(sentence)
+            lacks_fix = nmea_places.lacks_fix(sentence)
         except (ValueError, IndexError) as error:
             self._refuse(f"{sentence.kind} that cannot be read: {error}")
         self._add_nmea(found, fixes, arrived_s)
         if lacks_fix and not self._is_outranked(Rank.NMEA, arrived_s):
-            self._lack_fix(found, nmea_fixes.explain(sentence), arrived_s)
+            self._lack_fix(found, nmea_places.explain(sentence), arrived_s)
 
     def _add_nmea(self, found: Stamped, fixes: list[nmea.StampedFix], arrived_s: float) -> None:
         for fix in fixes:
