@@ -100,9 +100,9 @@ def test_a_place_without_altitude_or_geoid_separation_has_none() -> None:
     ("rmc", "vtg", "velocity_mps"),
     [
         ("0.778,", "", None),
-        ("0.778,90.0", "", (0.4002, 0.0, 0.0)),
-        ("0.000,", "", (0.0, 0.0, 0.0)),
-        ("0.778,", "90.0,T,,M,0.778,N,1.44,K,A", (0.4002, 0.0, 0.0)),
+        ("0.778,90.0", "", (0.4002, 0.0, math.nan)),
+        ("0.000,", "", (0.0, 0.0, math.nan)),
+        ("0.778,", "90.0,T,,M,0.778,N,1.44,K,A", (0.4002, 0.0, math.nan)),
         ("0.778,", ",T,,M,0.778,N,1.44,K,A", None),
         (",", "90.0,T,,M,0.778,N,1.44,K,N", None),
     ],
@@ -113,7 +113,7 @@ def test_a_velocity_needs_both_speed_and_course_unless_the_receiver_stands(
     bodies = [GGA.format(time="093015.00", quality=4)]
     bodies += [f"GNRMC,093015.00,A,{PLACE},{rmc},040526,,,R"]
     (fix,) = decode(*bodies, *([f"GNVTG,{vtg}"] if vtg else []))
-    expected = None if velocity_mps is None else pytest.approx(velocity_mps, abs=1e-3)
+    expected = None if velocity_mps is None else pytest.approx(velocity_mps, abs=1e-3, nan_ok=True)
     assert fix.velocity_mps == expected
 
 

@@ -195,7 +195,7 @@ def _read_std_m(parts: Parts, place: Place, usual_m: float) -> float:
 def _read_velocity(parts: Parts) -> Vec3 | None:
     """Read East, North and up; None where no sentence states both speed and course.
 
-    At a speed of zero no course is needed.
+    RMC and VTG state nothing of up (NaN). At a speed of zero no course is needed.
     """
     for axes in (parts.get("PQTMVEL", ())[2:5], parts.get("PQTMPVT", ())[12:15]):
         if axes and all(axes):
@@ -211,11 +211,11 @@ def _read_velocity(parts: Parts) -> Vec3 | None:
 def _make_velocity(speed_knots: str, course_deg: str) -> Vec3 | None:
     speed_mps = KNOT_MPS * read_finite(speed_knots)
     if speed_mps == 0.0:
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0, math.nan
     if not course_deg:
         return None
     course_rad = math.radians(read_finite(course_deg))
-    return speed_mps * math.sin(course_rad), speed_mps * math.cos(course_rad), 0.0
+    return speed_mps * math.sin(course_rad), speed_mps * math.cos(course_rad), math.nan
 
 
 def _read_altitude_m(place: Place) -> float:

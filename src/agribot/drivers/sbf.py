@@ -149,7 +149,7 @@ def _read_fix(parts: dict[int, bytes]) -> StampedFix | None:
 def _read_velocity(north: float, east: float, up: float) -> Vec3 | None:
     if not _is_known(north, east):
         return None
-    return east, north, up if _is_known(up) else 0.0
+    return east, north, up if _is_known(up) else math.nan
 
 
 def _is_known(*numbers: float) -> bool:

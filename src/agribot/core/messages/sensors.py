@@ -68,10 +68,11 @@ class GnssFix(msgspec.Struct, frozen=True, kw_only=True):
     """One epoch of a receiver, at its antenna.
 
     `pos_std_m` is the receiver's own 1 sigma per horizontal axis; `t_s` the measurement epoch
-    (the fix arrives later). Velocity is East, North, Up, or None when the receiver gives none, and
-    the altitude over the ellipsoid is NaN when it gives none. `unmeasured` says that satellites
-    were not measured: by dead reckoning the receiver carries its place on, and a held one is what
-    somebody gave to a base or a clock. The quality of both is NONE, and they correct nothing.
+    (the fix arrives later). Velocity is East, North, Up, or None when the receiver gives none;
+    altitude over the ellipsoid and upward velocity are NaN when it gives none. `unmeasured` says
+    that satellites were not measured: by dead reckoning the receiver carries its place on, and a
+    held one is what somebody gave to a base or a clock. The quality of both is NONE, and they
+    correct nothing.
     """
 
     t_s: float
