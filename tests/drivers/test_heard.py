@@ -15,6 +15,7 @@ from tests.drivers import receiver_bytes as written
 from tests.drivers.caster import STATION, make_observation
 
 GGA = "GNGGA,0930{second:02d}.00,5209.0,N,00430.6,E,{quality},12,0.9,11.5,M,45.0,M,,"
+RMC = "GNRMC,0930{second:02d}.00,V,5209.0,N,00430.6,E,1.0,90.0,040526,,,E,V"
 CLOCK = UBXMessage("NAV", "NAV-CLOCK", GET, iTOW=1, clkB=1, clkD=1, tAcc=1, fAcc=1).serialize()
 POSLLH = UBXMessage("NAV", "NAV-POSLLH", GET, iTOW=1, lon=4.5, lat=52.1, hAcc=1400).serialize()
 MEAS_EPOCH = made.make_sbf(4027, bytes(20))
@@ -73,6 +74,16 @@ def test_dead_reckoning_and_a_held_place_are_fixes_that_are_named() -> None:
     assert "held" in decoder.heard.explain()
     decoder.feed(write_sentence(GGA.format(second=30, quality=4)) * 2, 30.0)
     assert decoder.heard.explain() == ""
+
+
+def test_dead_reckoning_is_named_where_another_sentence_only_says_void() -> None:
+
+    decoder, found = ReceiverDecoder(pytest.fail), []
+    for second in range(10):
+        gga = write_sentence(GGA.format(second=second, quality=6))
+        found += decoder.feed(gga + write_sentence(RMC.format(second=second)), float(second))
+    statuses = [one for _, one in found if isinstance(one, GnssStatus)]
+    assert statuses and all("dead reckoning" in status.trouble for status in statuses)
 
 
 def test_a_receiver_that_searches_is_in_no_trouble() -> None:

@@ -79,7 +79,7 @@ class Heard:
         self.reason = ""  # why the newest position was not taken
         self._epochs_s: dict[str, deque[float]] = {}  # arrivals of each kind that states a place
         self._begun_s = math.inf
-        self._fix_s = -math.inf
+        self._fix_s = self._reason_s = -math.inf
 
     def add(self, language: str, kind: str, arrived_s: float, *, is_read: bool) -> None:
         """Note a message of that kind."""
@@ -119,6 +119,13 @@ class Heard:
     def add_fix(self, arrived_s: float) -> None:
         """Note that something gave a fix."""
         self._fix_s, self.reason = arrived_s, ""
+
+    def add_reason(self, reason: str, arrived_s: float) -> None:
+        """Note why a position is not taken; one without a word keeps that of a moment ago."""
+        if reason:
+            self.reason, self._reason_s = reason, arrived_s
+        elif arrived_s - self._reason_s > PATIENCE_S:
+            self.reason = ""
 
     def name_unread(self) -> tuple[str, ...]:
         """Name the kinds that came and are not read, the most frequent first."""

@@ -217,14 +217,14 @@ class ReceiverDecoder:
     def _add_fix(self, found: Stamped, fix: nmea.StampedFix, arrived_s: float) -> None:
         self.last_fix = fix
         if fix.fix.unmeasured:
-            self.heard.reason = NAMED[fix.fix.unmeasured]
+            self.heard.add_reason(NAMED[fix.fix.unmeasured], arrived_s)
         else:
             self.heard.add_fix(arrived_s)
         found.append((fix.stamp_s, fix.fix))
         self._add_status(found, fix.stamp_s, arrived_s)
 
     def _lack_fix(self, found: Stamped, reason: str, arrived_s: float) -> None:
-        self.heard.reason = reason
+        self.heard.add_reason(reason, arrived_s)
         self._add_status(found, 0.0, arrived_s)
 
     def _add_status(self, found: Stamped, stamp_s: float, arrived_s: float) -> None:
