@@ -19,7 +19,7 @@ KNOT_MPS = 1852.0 / 3600.0
 DAY_S = 86400.0
 BARE_SENTENCES = 5  # without a checksum, before a stream counts as one that has none
 _PARTS = re.compile(rb"[$\r\n]|[^$\r\n]+")
-_BARE_HEAD = re.compile(rb"[A-Z]{2}[A-Z]{3},[ -~]*\Z")
+_BARE_HEAD = re.compile(rb"[A-Z]{5,9},[ -~]*\Z")
 
 
 class StampedFix(NamedTuple):
@@ -43,14 +43,16 @@ class Sentence(NamedTuple):
 class SentenceDecoder:
     """Finds sentences in a stream of bytes; what is broken is counted in `bad` and left out.
 
-    Sentences without a checksum are taken where the stream has no other ones.
+    Sentences without a checksum are taken where the stream has no other ones: the first of them
+    wait until there are enough.
     """
 
     def __init__(self) -> None:
         self._line = bytearray()
         self._is_in_line = False
         self._has_checksums = False
-        self._bare = 0
+        self._bare = 0  # sentences without a checksum
+        self._held: list[Sentence] = []  # of these, until there are enough
         self.bad = 0
 
     def feed(self, data: bytes) -> list[Sentence]:
@@ -63,8 +65,7 @@ class SentenceDecoder:
                 continue
             elif part in b"\r\n":
                 self._is_in_line = False
-                sentence = self._read(bytes(self._line))
-                found += [sentence] if sentence else []
+                found += self._read(bytes(self._line))
             elif len(self._line) + len(part) > LONGEST_LINE:
                 self._is_in_line = False
                 self.bad += 1
@@ -72,16 +73,20 @@ class SentenceDecoder:
                 self._line += part
         return found
 
-    def _read(self, line: bytes) -> Sentence | None:
+    def _read(self, line: bytes) -> list[Sentence]:
         sentence = read_sentence(line)
         if sentence is not None:
             self._has_checksums = True
-        elif b"*" not in line and not self._has_checksums and _BARE_HEAD.match(line):
-            self._bare += 1
-            return _split(line) if self._bare >= BARE_SENTENCES else None
-        else:
+            return [sentence]
+        if b"*" in line or self._has_checksums or not _BARE_HEAD.match(line):
             self.bad += 1
-        return sentence
+            return []
+        self._bare += 1
+        self._held.append(_split(line))
+        if self._bare < BARE_SENTENCES:
+            return []
+        found, self._held = self._held, []
+        return found
 
 
 def read_sentence(line: bytes) -> Sentence | None:
