@@ -16,6 +16,7 @@ from agribot.description.loader import load_robot
 from agribot.drivers.nmea import write_sentence
 from agribot.drivers.receiver import GpsdDecoder, ReceiverLink
 from agribot.drivers.receiver_decoder import ReceiverDecoder
+from agribot.drivers.ubx import UbxDecoder, make_frame
 from agribot.ui.receiver_view import ReceiverView
 from tests.drivers import receiver_bytes as written
 
@@ -190,6 +191,20 @@ def test_what_a_receiver_sees_is_no_position_to_the_estimate(spoken: str) -> Non
         assert not estimate.ok
     assert "no heading yet" in estimate.reason or "no position yet" in estimate.reason
     assert "position" not in localizer.pose.known
+
+
+@pytest.mark.parametrize(("fix_type", "is_known"), [(1, False), (5, False), (3, True)])
+def test_a_place_without_satellites_is_no_position_to_the_estimate(
+    fix_type: int, is_known: bool
+) -> None:
+    config, decoder = load("farm"), ReceiverDecoder(pytest.fail)
+    localizer = Localizer(config.estimate, config.field, load_robot())
+    (frame,) = UbxDecoder().feed(written.make_ubx_pvt())
+    payload = bytearray(frame.payload)
+    payload[20] = fix_type
+    found = decoder.feed(make_frame(frame.kind, bytes(payload)))
+    (fix,) = [one for _, one in found if isinstance(one, GnssFix)]
+    assert localizer._gnss.is_usable(fix) == is_known
 
 
 def test_a_satellite_list_of_another_receiver_of_gpsd_is_not_ours() -> None:
