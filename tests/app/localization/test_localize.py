@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -283,18 +282,3 @@ def test_a_report_of_a_foreign_bag_shows_the_same(
     assert list(line["localization"]) == KEYS
     assert line["localization"]["fixes"] == len(drive.fixes)
     assert "Fixes and estimate" in (tmp_path / "out" / "report.html").read_text()
-
-
-HUSKY = Path(os.environ.get("AGRIBOT_DATA", "")) / "husky-log" / "husky.bag"
-
-
-@pytest.mark.skipif(not HUSKY.is_file(), reason="AGRIBOT_DATA holds no husky-log/husky.bag")
-def test_the_log_of_a_husky_is_scanned_as_it_was_mounted() -> None:
-    """A test of robot_localization states roll 90 and yaw -90 degrees for its IMU."""
-    found = open_study([HUSKY], StudyOptions())
-    assert found.mount.body_from_imu == pytest.approx(rotation_deg(90.0, 0.0, -90.0), abs=1e-9)
-    assert found.mount.turn_gain == pytest.approx(1.02, abs=0.02)
-    assert {each.sensor: each.measurements for each in found.facts.sources} == {
-        "gnss": 989, "imu": 11865, "odom": 3952,
-    }  # fmt: skip
-    assert found.scan.way_ratio == pytest.approx(1.03, abs=0.02)

@@ -14,7 +14,8 @@ from agribot.core.geo import wrap_rad
 from agribot.core.messages import GnssFix, WheelSample
 from agribot.core.pose import Pose2
 from agribot.ros.messages.gps_types import GPSFIX_ROS1, GPSFIX_ROS2, read_gps_fix
-from agribot.ros.messages.sensor_readers import read_fix, read_imu, read_mag, to_seconds
+from agribot.ros.messages.rosmsg import to_seconds
+from agribot.ros.messages.sensor_readers import read_fix, read_imu, read_mag
 
 # Takes a message and its stamp, s.
 ReadMessage = Callable[[Any, float], LogSample | None]

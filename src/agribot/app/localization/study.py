@@ -106,6 +106,8 @@ def open_study(
     robot, antenna = place_antenna(robot, options.antenna_body_m, pose, is_known=is_known)
     drive = allow_speeds(robot.drive, scan.most_mps, scan.most_radps)
     robot = msgspec.structs.replace(robot, drive=drive)
+    if "mag" not in scan.sensors:  # the filter would wait for it
+        robot = msgspec.structs.replace(robot, mag=None)
     facts = LogFacts(
         name=", ".join(path.name for path in paths),
         start_stamp_s=scan.start_s,
