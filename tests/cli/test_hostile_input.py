@@ -99,11 +99,13 @@ def large_picture() -> bytes:
 
 # What is tried -> (command, file name, content, words of the answer).
 FILES: dict[str, tuple[list[str], str, Callable[[], bytes | str], str]] = {
-    "TOML in UTF-16": (["run"], "mine.toml", lambda: "seed = 1\n".encode("utf-16"), "UTF-8"),
+    "TOML in UTF-16 without its mark": (
+        ["run"], "mine.toml", lambda: "seed = 1\n".encode("utf-16-le"), "UTF-8",
+    ),
     "TOML number": (["run"], "mine.toml", lambda: f"seed = {DIGITS}", "not valid TOML"),
     "TOML depth": (["run"], "mine.toml", lambda: f"seed = {DEEP}", "nested too deeply"),
     "field plan": (
-        ["world", "generate", "-o", "x.world"], "f.toml", lambda: b"name = '\xff'", "UTF-8",
+        ["world", "generate", "-o", "x.world"], "f.toml", lambda: b"name = '\0'", "UTF-8",
     ),
     "GeoJSON number": (FIELD, "f.geojson", lambda: geojson_of(f"[{DIGITS}, 1]"), "not valid JSON"),
     "GeoJSON depth": (FIELD, "f.geojson", lambda: DEEP, "not valid JSON"),
@@ -111,7 +113,6 @@ FILES: dict[str, tuple[list[str], str, Callable[[], bytes | str], str]] = {
     "KML encoding": (
         FIELD, "f.kml", lambda: '<?xml version="1.0" encoding="none"?><kml/>', "unknown encoding",
     ),
-    "GPX prefix": (FIELD, "f.gpx", lambda: "<gpx><a:wpt lat='1' lon='1'/></gpx>", "prefix"),
     "open ring": (FIELD, "f.gpkg", geopackage_with_an_open_ring, "cannot be read"),
     "empty GeoPackage": (FIELD, "f.gpkg", bytes, "cannot be read"),
     "corrupt KMZ": (FIELD, "f.kmz", corrupt_kmz, "cannot be read"),

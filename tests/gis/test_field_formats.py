@@ -347,3 +347,22 @@ def test_a_plan_is_written_in_the_format_that_its_name_says(
 
 def test_every_format_that_is_written_is_read() -> None:
     assert {Path(ending).suffix or ending for ending in WRITERS} <= READERS.keys()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '\n  <?xml version="1.0" encoding="UTF-8"?><kml><a>ü</a></kml>',
+        "<kml><gx:a xmlns='x'>ü</gx:a></kml>",
+        '<?xml version="1.0" encoding="utf-16"?><kml><a>ü</a></kml>',
+    ],
+    ids=["line before its begin", "prefix without a namespace", "declared as what it is not"],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+def test_xml_of_the_wild_is_read(text: str, encoding: str) -> None:
+    assert untrusted.read_text(untrusted.parse_xml(text.encode(encoding)), "a") == "ü"
+
+
+def test_xml_in_the_encoding_that_it_declares_is_read() -> None:
+    text = '<?xml version="1.0" encoding="iso-8859-2"?><kml><a>Řepa</a></kml>'
+    assert untrusted.read_text(untrusted.parse_xml(text.encode("iso-8859-2")), "a") == "Řepa"

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapefile
+import shapely
 
 from agribot.autonomy.weeds.merge import merge_maps
 from agribot.autonomy.weeds.plant_table import (
@@ -446,3 +447,56 @@ def test_the_command_takes_classes_by_their_numbers(tmp_path: Path, capsys: Any)
     assert main(["weeds", "import", str(source), "--classes", "1=crop,2=weed", *out]) == 0
     told = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert (told["crops"], told["weeds"]) == (1, 1)
+
+
+def write_multipoints(path: Path, count: int) -> Path:
+    """Write one plant as a MultiPoint of `count` places, as QGIS saves a layer of points."""
+    places = [[11.6 + 1e-5 * number, 52.1] for number in range(count)]
+    shape = {"type": "MultiPoint", "coordinates": places}
+    if path.suffix == ".geojson":
+        empty = {"type": "Feature", "geometry": None, "properties": {}}
+        features = [empty, {"type": "Feature", "geometry": shape, "properties": {}}]
+        path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    elif path.suffix == ".shp":
+        with shapefile.Writer(str(path), shapeType=shapefile.MULTIPOINT) as writer:
+            writer.field("class", "C", 10)
+            writer.multipoint(places)
+            writer.record("weed")
+        path.with_suffix(".prj").write_text(WGS84)
+    else:
+        write_map(path, MAP)
+        blob = (
+            b"GP\x00\x01"
+            + (4326).to_bytes(4, "little")
+            + shapely.to_wkb(shapely.MultiPoint(places))
+        )
+        with closing(sqlite3.connect(path)) as database:
+            database.execute("DELETE FROM weed_map WHERE fid > 1")
+            database.execute(
+                "UPDATE weed_map SET geom = ?, x_map_m = NULL, y_map_m = NULL", (blob,)
+            )
+            database.execute("UPDATE gpkg_geometry_columns SET geometry_type_name = 'MULTIPOINT'")
+            database.commit()
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".geojson", ".shp", ".gpkg"])
+def test_a_multipoint_of_one_place_is_a_plant_and_one_of_several_is_refused(
+    tmp_path: Path, suffix: str
+) -> None:
+    one = read_map(write_multipoints(tmp_path / f"one{suffix}", 1), "x")
+    assert one.frame.lonlat_from_map(one.xy_m)[0] == pytest.approx((11.6, 52.1), abs=1e-8)
+    with pytest.raises(RecordingError, match=r"a [Pp]oint, "):
+        read_map(write_multipoints(tmp_path / f"two{suffix}", 2), "x")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
+@pytest.mark.parametrize("suffix", [".geojson", ".kml"])
+def test_a_weed_map_that_windows_saved_is_the_same_map(
+    tmp_path: Path, suffix: str, encoding: str
+) -> None:
+    path = tmp_path / f"a{suffix}"
+    write_map(path, MAP)
+    text = path.read_text("utf-8").replace('encoding="utf-8"', 'encoding="UTF-8"')
+    path.write_bytes(("\n" * (suffix == ".kml") + text).encode(encoding))
+    assert np.array_equal(read_map(path, "x").rows["id"], MAP.rows["id"])

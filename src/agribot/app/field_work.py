@@ -13,6 +13,7 @@ from agribot.autonomy.plan.tool_gaps import warn_of_gaps
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.robot import RobotSpec
+from agribot.core.table_text import read_text_file
 from agribot.gis.field_file import read_field
 from agribot.gis.plan_file import SavedPlan, parse_plan
 
@@ -22,8 +23,8 @@ def read_plan_text(config: RunConfig) -> str:
     if not config.plan:
         return ""
     try:
-        return Path(config.plan).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        return read_text_file(Path(config.plan))
+    except (OSError, ValueError) as error:
         raise MissionError(f"cannot read {config.plan}: {error}; check the path") from error
 
 

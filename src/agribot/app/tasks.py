@@ -22,7 +22,7 @@ from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import MapFrame
 from agribot.core.messages import MapPoint, TickRecord
 from agribot.core.robot import RobotSpec
-from agribot.core.table_text import decode_text
+from agribot.core.table_text import read_text_file
 
 
 def choose_task(
@@ -85,7 +85,7 @@ def read_goals(config: RunConfig) -> tuple[MapPoint, ...]:
         return ()
     path = FilePath(config.waypoints)
     try:
-        text = decode_text(path.read_bytes())
+        text = read_text_file(path)
     except (OSError, ValueError) as error:
         raise MissionError(f"cannot read waypoints from {path}: {error}; check the path") from error
     frame = MapFrame(config.field.datum)

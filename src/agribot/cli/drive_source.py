@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol, TextIO
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import DriveCommand
+from agribot.core.table_text import read_text_file
 
 MAX_SCRIPT_BYTES = 16_000_000
 
@@ -118,8 +119,8 @@ def read_script(path: Path, *, hold: bool) -> TwistScript:
     try:
         if path.stat().st_size > MAX_SCRIPT_BYTES:
             raise ConfigError(f"--script {path}: more than {MAX_SCRIPT_BYTES} bytes; split it")
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = read_text_file(path).splitlines()
+    except (OSError, ValueError) as error:
         raise ConfigError(f"--script {path}: cannot be read: {error}") from error
     twists = []
     for number, line in enumerate(lines, start=1):

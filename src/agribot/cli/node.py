@@ -29,7 +29,7 @@ from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.errors import BridgeError, ConfigError
 from agribot.core.geo import Datum
-from agribot.core.table_text import decode_text
+from agribot.core.table_text import read_text_file
 from agribot.ros.connection import TopicConnection
 from agribot.ros.nodes.plot import Plot
 from agribot.ros.nodes.stage import NodeStage
@@ -225,7 +225,7 @@ def _make_action(options: argparse.Namespace) -> NodeStage:
     goals = [_parse_place(text, "--goal") for text in options.goal or ()]
     if options.goals is not None:
         try:
-            text = decode_text(options.goals.read_bytes())
+            text = read_text_file(options.goals)
         except (OSError, ValueError) as error:
             raise ConfigError(f"cannot read goals from {options.goals}: {error}") from error
         goals.extend(parse_waypoints(text, options.goals.name))

@@ -22,6 +22,7 @@ from agribot.core.geo import Datum
 from agribot.core.messages import SafetyInput
 from agribot.core.platforms import find_platform
 from agribot.core.suggestions import suggest_name
+from agribot.core.table_text import read_text_file
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -410,14 +411,14 @@ def _list_faults(value: object) -> object:
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file as a plain tree.
 
-    Raises: ConfigError: no such file, or not TOML in UTF-8.
+    Raises: ConfigError: no such file, no text, or not TOML.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")  # as editors of Windows begin a file
+        text = read_text_file(path)
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}; check the path") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path} is not text in UTF-8 ({error}); save it as UTF-8") from error
+    except ValueError as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from error
     return parse_toml(text, str(path))
 
 

@@ -1,11 +1,13 @@
-"""Text of tables as spreadsheets save it: its encoding, its separator and its decimal commas."""
+"""Text as editors and spreadsheets save it: its encoding, and of tables separator and commas."""
 
 from __future__ import annotations
 
 import codecs
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 SEPARATORS = ",;\t"
+CHUNK_BYTES = 1 << 20
 _MARKS = {
     codecs.BOM_UTF8: "utf-8-sig",
     codecs.BOM_UTF16_LE: "utf-16",
@@ -27,7 +29,7 @@ def find_encoding(chunks: Iterable[bytes]) -> str:
         if b"\0" in chunk:
             raise ValueError(
                 "it is no text in UTF-8 or UTF-16 but holds zero bytes, as the workbook of a "
-                "spreadsheet does; save it as CSV UTF-8"
+                "spreadsheet does; save it as text in UTF-8, a table as CSV UTF-8"
             )
         try:
             decoder.decode(chunk)
@@ -36,18 +38,47 @@ def find_encoding(chunks: Iterable[bytes]) -> str:
     return "utf-8" if is_utf8 else "cp1252"
 
 
+def read_text_file(path: Path) -> str:
+    """Read a text that somebody else wrote, with any encoding and line ends.
+
+    Raises: OSError: the file cannot be read. ValueError: it is no text.
+    """
+    return decode_text(path.read_bytes())
+
+
 def decode_text(data: bytes) -> str:
-    """Decode the text of a whole file.
+    """Decode the text of a whole file; its lines end with a line feed.
 
     Raises: ValueError: it is none.
     """
-    encoding = find_encoding([data])
-    return data.decode(encoding, errors="replace" if encoding == "cp1252" else "strict")
+    encoding = find_encoding(_split(data))
+    text = data.decode(encoding, errors="replace" if encoding == "cp1252" else "strict")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def recode_text(data: bytes) -> bytes:
+    """Recode the text of a whole file as UTF-8 without a mark; a large file that is so stays one.
+
+    Raises: ValueError: it is no text.
+    """
+    encoding = find_encoding(_split(data))
+    if encoding in {"utf-8", "utf-8-sig"}:
+        return data.removeprefix(codecs.BOM_UTF8)
+    return decode_text(data).encode()
+
+
+def _split(data: bytes) -> Iterator[bytes]:
+    return (data[at : at + CHUNK_BYTES] for at in range(0, len(data), CHUNK_BYTES))
 
 
 def find_separator(header: str) -> str:
     """Find what separates the values of a table from its line of names: comma, semicolon or tab."""
     return max(SEPARATORS, key=header.count)
+
+
+def names_separator(line: str) -> bool:
+    """Tell whether a line names the separator alone, as Excel's `sep=;` before the names does."""
+    return line.strip().strip('"').lower() in {f"sep={one}".strip() for one in SEPARATORS}
 
 
 def read_decimal(text: str, separator: str) -> float:

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
+from agribot.core.config import read_toml
 from agribot.core.errors import ConfigError
 from agribot.core.messages import Row
 from agribot.core.suggestions import suggest_name
@@ -142,29 +143,21 @@ def load_condition_preset(name_or_path: str) -> Preset:
     known = list_condition_presets()
     path = Path(name_or_path)
     if name_or_path in known:
-        text = (
-            resources.files("agribot.description") / "presets" / f"{name_or_path}.toml"
-        ).read_text(encoding="utf-8")
+        packaged = resources.files("agribot.description") / "presets" / f"{name_or_path}.toml"
+        tree = tomllib.loads(packaged.read_text(encoding="utf-8"))
     elif path.suffix != ".toml":
         raise ConfigError(
             f"sim.preset: unknown preset '{name_or_path}'{suggest_name(name_or_path, known)}; "
             f"known: {', '.join(known)}, or a path to a .toml file"
         )
     else:
-        text = _read_file(path)
+        tree = read_toml(path)
     try:
-        preset = msgspec.convert(tomllib.loads(text), Preset)
-    except (ValueError, msgspec.ValidationError) as error:
+        preset = msgspec.convert(tree, Preset)
+    except msgspec.ValidationError as error:
         raise ConfigError(f"preset {name_or_path}: {error}") from error
     _check_pairs(preset, name_or_path)
     return preset
-
-
-def _read_file(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot read preset {path}: {error}; check the path") from error
 
 
 def _check_pairs(preset: Preset, source: str) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray, Row
+from agribot.core.table_text import read_text_file
 
 
 def read_drawn_rows(path: Path, datum: Datum) -> list[FloatArray]:
@@ -22,7 +23,7 @@ def read_drawn_rows(path: Path, datum: Datum) -> list[FloatArray]:
     """
     frame = MapFrame(datum)
     try:
-        tree = json.loads(path.read_text(encoding="utf-8"))
+        tree = json.loads(read_text_file(path))
         lines = [
             np.array([frame.map_from_geodetic(at[1], at[0], datum.alt_m)[:2] for at in line])
             for line in _list_lines(tree)

@@ -15,6 +15,7 @@ import numpy as np
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import MapFrame
 from agribot.core.messages import FloatArray, PlantClass, Row
+from agribot.core.table_text import read_text_file
 from agribot.core.world import GroundTile, Plant, Relief, Soil, SoilStrength, WorldSpec
 from agribot.description.drawn_rows import (
     list_pieces,
@@ -277,7 +278,7 @@ def _read_boundary(plan: FieldSettings, folder: Path) -> FloatArray | None:
     if not plan.boundary:
         return None
     try:
-        tree = json.loads((folder / plan.boundary).read_text(encoding="utf-8"))
+        tree = json.loads(read_text_file(folder / plan.boundary))
         while tree["type"] in {"FeatureCollection", "Feature"}:
             tree = tree["features"][0] if tree["type"] == "FeatureCollection" else tree["geometry"]
         ring = tree["coordinates"][0] if tree["type"] == "Polygon" else tree["coordinates"][0][0]

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import Datum
+from agribot.core.table_text import read_text_file
 from agribot.core.world import Obstacle, WorldSpec
 from agribot.description.pictures import read_grey
 
@@ -162,8 +163,8 @@ def _find_covered(
 def _read_keys(path: Path) -> dict[str, str]:
     """Read the flat `key: value` lines of the YAML that map_server reads."""
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text_file(path)
+    except (OSError, ValueError) as error:
         raise DescriptionError(f"cannot read map {path}: {error}; check the path") from error
     pairs = re.findall(r"^(\w+)\s*:\s*(.*?)\s*(?:#.*)?$", text, flags=re.MULTILINE)
     return {key: value.strip("'\"") for key, value in pairs}

@@ -17,6 +17,7 @@ from PIL import Image
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import FloatArray
+from agribot.core.table_text import read_text_file
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
 MAX_TURN_DEG = 5.0
@@ -43,7 +44,10 @@ def read_geo(path: Path) -> TiledImage:
 
     Raises: ConfigError: not such a file, or one without the place of the picture.
     """
-    text = re.sub(r"(//|#).*", "", path.read_text(encoding="utf-8", errors="replace"))
+    try:
+        text = re.sub(r"(//|#).*", "", read_text_file(path))
+    except ValueError as error:
+        raise ConfigError(f"{path.name} is no .geo file of mapviz: {error}") from error
     lines = re.findall(r"(?m)^(\w+):[ \t]*(.*?)\s*$", text)
     keys = {key: value.strip(" \"'") for key, value in lines}
     try:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from agribot.core.errors import MissionError
 from agribot.core.geo import NOWHERE, is_nowhere
 from agribot.core.json_number import is_number
-from agribot.core.table_text import decode_text
+from agribot.core.table_text import read_text_file
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -74,7 +74,7 @@ def read_json(path: Path) -> Any:
     Raises: MissionError: the file is missing or is not JSON.
     """
     try:
-        text = decode_text(path.read_bytes())
+        text = read_text_file(path)
     except (OSError, ValueError) as error:
         raise MissionError(f"cannot read {path}: {error}; check the path") from error
     try:

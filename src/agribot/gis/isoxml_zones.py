@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.gis.formats.isoxml import MAIN_FILE
-from agribot.gis.formats.untrusted import get_local_name, parse_xml, unpack
+from agribot.gis.formats.untrusted import parse_xml, unpack
 from agribot.gis.weeds.isoxml_tasks import MM3PM2_PER_LPHA, SETPOINT_RATE
 
 MAX_CELLS = 25_000_000
@@ -38,7 +38,7 @@ def read_task_zones(data: bytes) -> list[RateGrid | tuple[Rings, float]]:
     tasks = [
         task
         for task in parse_xml(files[MAIN_FILE]).iter()
-        if get_local_name(task) == "TSK" and _has_zones(task)
+        if task.tag == "TSK" and _has_zones(task)
     ]
     planned = [task for task in tasks if task.get("G") == _PLANNED]
     chosen = tasks if len(tasks) == 1 else planned
@@ -49,13 +49,13 @@ def read_task_zones(data: bytes) -> list[RateGrid | tuple[Rings, float]]:
 
 
 def _has_zones(task: ET.Element) -> bool:
-    return any(get_local_name(e) == "GRD" for e in task) or any(
-        get_local_name(e) == "PLN" for zone in _list_zones(task) for e in zone
+    return any(e.tag == "GRD" for e in task) or any(
+        e.tag == "PLN" for zone in _list_zones(task) for e in zone
     )
 
 
 def _list_zones(task: ET.Element) -> list[ET.Element]:
-    return [e for e in task if get_local_name(e) == "TZN"]
+    return [e for e in task if e.tag == "TZN"]
 
 
 def _read_task(task: ET.Element, files: dict[str, bytes]) -> list[RateGrid | tuple[Rings, float]]:
@@ -66,8 +66,8 @@ def _read_task(task: ET.Element, files: dict[str, bytes]) -> list[RateGrid | tup
         if code in zones:
             raise ValueError(f"two treatment zones have the code {code}")
         zones[code] = zone
-        found += [(_read_rings(e), _read_rate(zone)) for e in zone if get_local_name(e) == "PLN"]
-    found += [_read_grid(e, zones, files) for e in task if get_local_name(e) == "GRD"]
+        found += [(_read_rings(e), _read_rate(zone)) for e in zone if e.tag == "PLN"]
+    found += [_read_grid(e, zones, files) for e in task if e.tag == "GRD"]
     return found
 
 
@@ -77,7 +77,7 @@ def _read_rate(zone: ET.Element) -> float:
 
 def _find_value(zone: ET.Element) -> tuple[int, float]:
     """Find which of a zone's values is the volume per area, and that value."""
-    values = [e for e in zone if get_local_name(e) == "PDV"]
+    values = [e for e in zone if e.tag == "PDV"]
     kinds = [e.attrib["A"].upper().zfill(4) for e in values]
     if SETPOINT_RATE not in kinds:
         raise ValueError(
@@ -89,9 +89,7 @@ def _find_value(zone: ET.Element) -> tuple[int, float]:
 
 
 def _read_rings(polygon: ET.Element) -> Rings:
-    lines = sorted(
-        (e for e in polygon if get_local_name(e) == "LSG"), key=lambda e: e.get("A", "1")
-    )
+    lines = sorted((e for e in polygon if e.tag == "LSG"), key=lambda e: e.get("A", "1"))
     return [[(float(p.attrib["D"]), float(p.attrib["C"])) for p in line] for line in lines]
 
 
@@ -141,7 +139,7 @@ def _read_values(
     if grid.get("I") != "2" or zone is None:
         raise ValueError(f"its grid is of type {grid.get('I')} with zone {grid.get('J')}")
     at, _ = _find_value(zone)
-    count = sum(get_local_name(e) == "PDV" for e in zone)
+    count = sum(e.tag == "PDV" for e in zone)
     _check_length(data, 4 * count * shape[0] * shape[1])
     values = np.frombuffer(data, "<i4").reshape(*shape, count)[:, :, at]
     return values / MM3PM2_PER_LPHA

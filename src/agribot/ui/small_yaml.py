@@ -9,6 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from agribot.core.table_text import decode_text
+
 MAX_BYTES = 64_000
 MAX_DEPTH = 20
 MAX_NODES = 16_000  # values, keys and brackets
@@ -48,7 +50,7 @@ def read_yaml(data: bytes) -> Any:
     reader = YAML(typ="safe", pure=True)
     reader.Composer = BoundedComposer
     try:
-        return reader.load(data)
+        return reader.load(decode_text(data))
     except (
         YAMLError,
         ValueError,

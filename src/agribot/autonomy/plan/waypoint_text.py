@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from agribot.core.errors import MissionError
 from agribot.core.geo import NOWHERE, is_nowhere
-from agribot.core.table_text import find_separator, read_decimal
+from agribot.core.table_text import find_separator, names_separator, read_decimal
 
 LatLon = tuple[float, float]
 LAT_NAMES = ("lat", "latitude", "lat_deg")
@@ -68,7 +68,8 @@ def _read_number(value: object, where: str) -> float:
 def _read_csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, object], str]]:
     lines = text.splitlines()
     separator = find_separator(lines[0] if lines else "")
-    reader = csv.reader(lines, delimiter=separator)
+    skipped = int(bool(lines) and names_separator(lines[0]))
+    reader = csv.reader(lines[skipped:], delimiter=separator)
     header = [name.strip().lower() for name in next(reader, [])]
     columns = [
         next((header.index(name) for name in names if name in header), None)
@@ -81,7 +82,7 @@ def _read_csv(text: str, source_name: str) -> Iterator[tuple[tuple[object, objec
             f"'{separator.join(header)}'; write CSV like 'lat,lon' or GeoJSON"
         )
     for fields in reader:
-        where = f"{source_name} line {reader.line_num}"
+        where = f"{source_name} line {reader.line_num + skipped}"
         if not any(field.strip() for field in fields):
             continue
         if len(fields) <= max(lat_column, lon_column):

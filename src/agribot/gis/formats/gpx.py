@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from agribot.core.geo import Datum, MapFrame
-from agribot.gis.formats.untrusted import encode_xml, get_local_name, parse_xml, read_text
+from agribot.gis.formats.untrusted import encode_xml, parse_xml, read_text
 from agribot.gis.geojson import KINDS, Feature, Found, Geometry, LonLat, close_ring
 
 CLOSED_GAP_M = 5.0  # two fixes of a plain receiver at one place
@@ -22,7 +22,7 @@ _NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
 def read_gpx(data: bytes) -> Found:
     for element in parse_xml(data).iter():
-        if get_local_name(element) in {"wpt", "rte", "trk"}:
+        if element.tag in {"wpt", "rte", "trk"}:
             kind = read_text(element, "type")  # other programs have theirs, such as "running"
             fields = {"name": read_text(element, "name"), "kind": kind if kind in KINDS else ""}
             properties = {key: value for key, value in fields.items() if value}
@@ -31,16 +31,12 @@ def read_gpx(data: bytes) -> Found:
 
 
 def _read_shapes(element: ET.Element, kind: str) -> Iterator[Geometry]:
-    if get_local_name(element) == "wpt":
+    if element.tag == "wpt":
         yield {"type": "Point", "coordinates": _read_position(element)}
         return
-    lines = (
-        [e for e in element if get_local_name(e) == "trkseg"]
-        if get_local_name(element) == "trk"
-        else [element]
-    )
+    lines = [e for e in element if e.tag == "trkseg"] if element.tag == "trk" else [element]
     for line in lines:
-        points = [_read_position(e) for e in line if get_local_name(e) in {"rtept", "trkpt"}]
+        points = [_read_position(e) for e in line if e.tag in {"rtept", "trkpt"}]
         if kind in {"boundary", "obstacle"} or (not kind and _is_closed(points)):
             yield {"type": "Polygon", "coordinates": [close_ring(points)]}
         elif points:

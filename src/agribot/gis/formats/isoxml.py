@@ -12,7 +12,7 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from agribot.gis.formats.partfield_ground import PartfieldGround, frame_at, make_area
-from agribot.gis.formats.untrusted import encode_xml, get_local_name, pack, parse_xml, unpack
+from agribot.gis.formats.untrusted import encode_xml, pack, parse_xml, unpack
 from agribot.gis.geojson import Feature, Found, LonLat, close_ring, describe_left_out
 
 MAIN_FILE = "TASKDATA.XML"
@@ -38,19 +38,19 @@ def read_isoxml(data: bytes) -> Found:
     """Read the partfields, also those in separate files; other task data is ignored."""
     files = unpack(data, ".xml")
     trees = {PurePosixPath(name).stem.upper(): parse_xml(text) for name, text in files.items()}
-    for field in (e for tree in trees.values() for e in tree.iter() if get_local_name(e) == "PFD"):
+    for field in (e for tree in trees.values() for e in tree.iter() if e.tag == "PFD"):
         ground = PartfieldGround([_read_positions(ring) for ring in _find_outlines(field)])
         for element in field:
             name = element.get("B") or field.get("C") or ""
-            read = _SHAPES.get(get_local_name(element), _read_none)
+            read = _SHAPES.get(element.tag, _read_none)
             for geometry, properties in read(element, ground):
                 yield geometry, {**properties, **({"name": name} if name and geometry else {})}
 
 
 def _find_outlines(field: ET.Element) -> Iterator[ET.Element]:
     for polygon in field:
-        if get_local_name(polygon) == "PLN" and polygon.get("A") == _BOUNDARY:
-            yield from (e for e in polygon if get_local_name(e) == "LSG" and e.get("A") != _INNER)
+        if polygon.tag == "PLN" and polygon.get("A") == _BOUNDARY:
+            yield from (e for e in polygon if e.tag == "LSG" and e.get("A") != _INNER)
 
 
 def _read_none(element: ET.Element, ground: PartfieldGround) -> Found:
@@ -63,7 +63,7 @@ def _read_area(polygon: ET.Element, ground: PartfieldGround) -> Found:
     rings = [
         (ring.get("A", ""), close_ring(_read_positions(ring)))
         for ring in polygon
-        if get_local_name(ring) == "LSG"
+        if ring.tag == "LSG"
     ]
     if kind in _ZONES:
         yield describe_left_out(f"{_ZONES[kind]} {polygon.get('B', '')[:40]}".strip())
@@ -107,9 +107,9 @@ def _read_point(point: ET.Element, ground: PartfieldGround) -> Found:
 
 
 def _read_patterns(group: ET.Element, ground: PartfieldGround) -> Found:
-    for pattern in (e for e in group if get_local_name(e) == "GPN"):
+    for pattern in (e for e in group if e.tag == "GPN"):
         type = pattern.get("C", "")
-        lines = [e for e in pattern if get_local_name(e) == "LSG"]
+        lines = [e for e in pattern if e.tag == "LSG"]
         if type not in (_AB, _A_PLUS, _CURVE):
             what = f"of type {type}" if type else "without a type"
             yield describe_left_out(f"guidance line {pattern.get('B', '')[:40]} {what}")
@@ -142,7 +142,7 @@ _SHAPES: dict[str, Callable[[ET.Element, PartfieldGround], Found]] = {
 
 
 def _read_positions(line: ET.Element) -> list[LonLat]:
-    return [_read_position(e) for e in line if get_local_name(e) == "PNT"]
+    return [_read_position(e) for e in line if e.tag == "PNT"]
 
 
 def _read_position(point: ET.Element) -> LonLat:

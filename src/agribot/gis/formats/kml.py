@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 
 from agribot.gis.formats.untrusted import (
     encode_xml,
-    get_local_name,
     pack,
     parse_xml,
     read_text,
@@ -20,13 +19,13 @@ _NAMESPACE = "http://www.opengis.net/kml/2.2"
 
 def read_kml(data: bytes) -> Found:
     for mark in parse_xml(data).iter():
-        if get_local_name(mark) == "Placemark":
+        if mark.tag == "Placemark":
             fields = {"name": read_text(mark, "name"), "kind": _read_kind(mark)}
             properties = {key: value for key, value in fields.items() if value}
             for element in mark:
                 yield from _read_shape(element, properties)
-        elif get_local_name(mark) in _WITHOUT_SHAPE:
-            yield describe_left_out(get_local_name(mark))
+        elif mark.tag in _WITHOUT_SHAPE:
+            yield describe_left_out(mark.tag)
 
 
 def read_kmz(data: bytes) -> Found:
@@ -37,17 +36,13 @@ def read_kmz(data: bytes) -> Found:
 
 
 def _read_kind(mark: ET.Element) -> str:
-    kinds = (
-        e
-        for e in mark.iter()
-        if get_local_name(e) in {"Data", "SimpleData"} and e.get("name") == "kind"
-    )
+    kinds = (e for e in mark.iter() if e.tag in {"Data", "SimpleData"} and e.get("name") == "kind")
     return next((read_text(e, "value") or (e.text or "").strip() for e in kinds), "")
 
 
 def _read_shape(element: ET.Element, properties: dict[str, str]) -> Found:
     """Read a geometry, or all of them in a collection; a ring that stands alone is an area."""
-    kind = get_local_name(element)
+    kind = element.tag
     if kind in _COLLECTIONS:
         for part in element:
             yield from _read_shape(part, properties)
@@ -69,15 +64,15 @@ def _read_line(element: ET.Element) -> Geometry | None:
 
 def _read_track(element: ET.Element) -> Geometry | None:
     """Read gx:Track, whose places are `lon lat altitude` each."""
-    places = [(e.text or "").split()[:2] for e in element if get_local_name(e) == "coord"]
+    places = [(e.text or "").split()[:2] for e in element if e.tag == "coord"]
     points = [[float(number) for number in place] for place in places if place]
     return {"type": "LineString", "coordinates": points} if points else None
 
 
 def _read_area(element: ET.Element) -> Geometry | None:
     """Read a polygon with its outer ring first, wherever it stands in the file."""
-    sides = sorted(element, key=lambda side: get_local_name(side) == "innerBoundaryIs")
-    rings = [ring for side in sides for ring in side.iter() if get_local_name(ring) == "LinearRing"]
+    sides = sorted(element, key=lambda side: side.tag == "innerBoundaryIs")
+    rings = [ring for side in sides for ring in side.iter() if ring.tag == "LinearRing"]
     return {"type": "Polygon", "coordinates": [_read_points(r) for r in rings]} if rings else None
 
 
@@ -99,7 +94,7 @@ _WITHOUT_SHAPE = {"NetworkLink", "GroundOverlay", "PhotoOverlay", "ScreenOverlay
 
 
 def _read_points(element: ET.Element) -> list[list[float]]:
-    text = next((e.text or "" for e in element.iter() if get_local_name(e) == "coordinates"), "")
+    text = next((e.text or "" for e in element.iter() if e.tag == "coordinates"), "")
     return [[float(number) for number in point.split(",")[:2]] for point in text.split()]
 
 

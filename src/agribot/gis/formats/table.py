@@ -9,6 +9,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from agribot.core.errors import AgribotError, MissionError
+from agribot.core.table_text import decode_text
 from agribot.gis.formats.geopackage import read_geopackage, write_geopackage
 from agribot.gis.formats.gpx import read_gpx, write_gpx
 from agribot.gis.formats.isoxml import holds_task_data, read_isoxml, write_isoxml
@@ -144,7 +145,7 @@ def _give_kinds(found: Sequence[dict[str, Any]]) -> None:
 
 
 def _read_geojson(data: bytes) -> Found:
-    tree = json.loads(data)
+    tree = json.loads(decode_text(data))
     other = find_other_crs(tree.get("crs"))
     if other:
         raise ValueError(f"coordinates are in {other}; convert them to WGS-84 first")

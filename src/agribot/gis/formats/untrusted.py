@@ -3,57 +3,88 @@
 from __future__ import annotations
 
 import io
+import re
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Iterator
 from pathlib import PurePosixPath
-from typing import Any, NoReturn
+from typing import NoReturn
 from xml.parsers import expat
+
+from agribot.core.table_text import recode_text
 
 MAX_FILE_BYTES = 100_000_000
 MAX_MEMBERS = 10_000
 MAX_ELEMENTS = 1_000_000
 MAX_DEPTH = 100
+_DECLARED = re.compile(rb"""\s*<\?xml[^>]{0,100}?encoding\s*=\s*["']([^"']{1,40})""")
+_DECLARATION = re.compile(rb"\s*(<\?xml[^>]{0,200}\?>)?")
 
 
 def parse_xml(data: bytes) -> ET.Element:
-    """Parse XML.
+    """Parse XML; tags are without their prefixes, also those whose namespace is missing.
 
     Raises: ValueError: no XML, with entities of its own, or beyond the limits.
     """
-    _LimitCheck().check(data)
+    parser, tree = expat.ParserCreate(), _BoundedTree()
+    parser.buffer_text = True
+    parser.StartDoctypeDeclHandler = refuse_doctype
+    parser.StartElementHandler = tree.begin
+    parser.EndElementHandler = tree.end
+    parser.CharacterDataHandler = tree.read
     try:
-        return ET.fromstring(data)
-    except (ET.ParseError, LookupError) as error:  # a prefix without a namespace, an encoding
+        parser.Parse(recode_xml(data), True)
+    except (expat.ExpatError, LookupError) as error:  # also an encoding that is not known
         raise ValueError(f"not XML: {error}") from error
+    return tree.close()
 
 
-class _LimitCheck:
-    """A first pass without a tree: entities are refused before any of them is expanded."""
+def recode_xml(data: bytes) -> bytes:
+    """Recode what is not in the encoding that it declares, and drop what stands before its begin.
+
+    Raises: ValueError: it is no text.
+    """
+    if declares_other(data):
+        return data.lstrip()
+    return _DECLARATION.sub(b"", recode_text(data), count=1)
+
+
+def declares_other(data: bytes) -> bool:
+    """Tell whether XML declares an encoding that is none of Unicode, which its parser obeys."""
+    declared = _DECLARED.match(data)
+    return declared is not None and not declared[1].lower().startswith(b"utf")
+
+
+class _BoundedTree:
+    """Builds elements up to the limits."""
 
     def __init__(self) -> None:
+        self._builder = ET.TreeBuilder()
         self._depth = self._elements = 0
 
-    def check(self, data: bytes) -> None:
-        parser = expat.ParserCreate()
-        parser.StartDoctypeDeclHandler = refuse_doctype
-        parser.StartElementHandler = self._begin
-        parser.EndElementHandler = self._end
-        try:
-            parser.Parse(data, True)
-        except (expat.ExpatError, LookupError) as error:
-            raise ValueError(f"not XML: {error}") from error
-
-    def _begin(self, _name: str, _attributes: Any) -> None:
+    def begin(self, name: str, attributes: dict[str, str]) -> None:
         self._depth += 1
         self._elements += 1
         if self._depth > MAX_DEPTH or self._elements > MAX_ELEMENTS:
             raise ValueError(
                 f"more than {MAX_ELEMENTS} elements, or more than {MAX_DEPTH} inside each other"
             )
+        self._builder.start(get_local(name), attributes)
 
-    def _end(self, _name: str) -> None:
+    def end(self, name: str) -> None:
         self._depth -= 1
+        self._builder.end(get_local(name))
+
+    def read(self, text: str) -> None:
+        self._builder.data(text)
+
+    def close(self) -> ET.Element:
+        return self._builder.close()
+
+
+def get_local(name: str) -> str:
+    """Return a name without its prefix."""
+    return name.rpartition(":")[2]
 
 
 def refuse_doctype(*_: object) -> NoReturn:
@@ -61,14 +92,9 @@ def refuse_doctype(*_: object) -> NoReturn:
     raise ValueError("document type declarations are not accepted")
 
 
-def get_local_name(element: ET.Element) -> str:
-    """Return an element's tag without its namespace."""
-    return element.tag.rpartition("}")[2]
-
-
 def read_text(element: ET.Element, name: str) -> str:
     """Return the text of the child of this name; empty where there is none."""
-    return next(((e.text or "").strip() for e in element if get_local_name(e) == name), "")
+    return next(((e.text or "").strip() for e in element if e.tag == name), "")
 
 
 def encode_xml(root: ET.Element) -> bytes:

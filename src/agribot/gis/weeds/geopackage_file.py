@@ -27,6 +27,7 @@ from agribot.gis.weeds.styles import make_qgis_style
 LAYER = "weed_map"
 _MAX_STEPS = 500_000_000  # of SQLite's virtual machine; a million plants take a tenth
 _MAX_VALUE_BYTES = 10_000_000
+_POINT, _MULTIPOINT = 1, 4  # kinds of geometries in well-known binary
 # Version 1, little-endian, no envelope, WGS-84; then a little-endian WKB point.
 _HEAD = b"GP\x00\x01" + WGS84_SRS.to_bytes(4, "little") + b"\x01\x01\x00\x00\x00"
 _COLUMN_TEXT = ", ".join(f'"{name}" {kind}' for name, kind in COLUMNS.items())
@@ -121,7 +122,7 @@ def _find_layer(database: sqlite3.Connection) -> tuple[str, str]:
     layers = database.execute(
         "SELECT table_name, column_name, srs_id, geometry_type_name FROM gpkg_geometry_columns"
     ).fetchall()
-    points = [layer for layer in layers if layer[3].upper() in {"POINT", "GEOMETRY"}]
+    points = [layer for layer in layers if layer[3].upper() in {"POINT", "MULTIPOINT", "GEOMETRY"}]
     own = [layer for layer in points if layer[0] == LAYER]
     if len(own or points) != 1:
         names = ", ".join(layer[0] for layer in layers)[:100] or "none"
@@ -133,9 +134,25 @@ def _find_layer(database: sqlite3.Connection) -> tuple[str, str]:
 
 
 def _decode_place(blob: bytes) -> tuple[float, float]:
+    """Read a point, or the one of a multipoint, of well-known binary (OGC 06-103r4, clause 8)."""
     place = extract_wkb(blob)
-    order = "<" if place[:1] == b"\x01" else ">"
-    if len(place) < 21 or struct.unpack(order + "I", place[1:5])[0] % 1000 != 1:
+    kind, count = _read_head(place)
+    if kind == _MULTIPOINT and count == 1:
+        place = place[9:]
+        kind, _ = _read_head(place)
+    if len(place) < 21 or kind != _POINT:
         raise ValueError("a plant is a Point, and a geometry is none")
-    lon_deg, lat_deg = struct.unpack(order + "dd", place[5:21])
+    lon_deg, lat_deg = struct.unpack(_find_order(place) + "dd", place[5:21])
     return lon_deg, lat_deg
+
+
+def _read_head(place: bytes) -> tuple[int, int]:
+    """Read the kind of a geometry and the number behind it: of a multipoint, of its points."""
+    if len(place) < 9:
+        return 0, 0
+    kind, count = struct.unpack(_find_order(place) + "II", place[1:9])
+    return kind % 1000, count
+
+
+def _find_order(place: bytes) -> str:
+    return "<" if place[:1] == b"\x01" else ">"

@@ -9,7 +9,8 @@ from xml.parsers import expat
 from xml.sax.saxutils import escape
 
 from agribot.autonomy.weeds.plant_table import PlantTable
-from agribot.gis.formats.untrusted import refuse_doctype
+from agribot.core.table_text import CHUNK_BYTES, find_encoding
+from agribot.gis.formats.untrusted import declares_other, refuse_doctype
 from agribot.gis.weeds.found_plants import Reading
 from agribot.gis.weeds.records import COLUMNS, Record, iterate_records
 from agribot.gis.weeds.styles import STYLES, find_style
@@ -20,6 +21,7 @@ _HEAD = (
 )
 _ICON = "http://maps.google.com/mapfiles/kml/shapes/shaded_dot.png"
 _BLOCK_BYTES = 1 << 20
+_HEAD_BYTES = 400  # enough for the declaration of an encoding
 MAX_DEPTH = 30
 _TEXTS = {name for name, kind in COLUMNS.items() if kind == "TEXT"}
 
@@ -71,15 +73,27 @@ def _iterate_marks(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]:
     parser.EndElementHandler = marks.end
     parser.CharacterDataHandler = marks.read
     try:
-        with path.open("rb") as file:
-            while block := file.read(_BLOCK_BYTES):
-                parser.Parse(block, False)
-                yield from marks.take()
-            parser.Parse(b"", True)
+        for block in _read_blocks(path):
+            parser.Parse(block, False)
             yield from marks.take()
-            marks.check_found()
+        parser.Parse(b"", True)
+        yield from marks.take()
+        marks.check_found()
     except (expat.ExpatError, LookupError) as error:
         raise ValueError(f"not KML, or cut off: {error}") from error
+
+
+def _read_blocks(path: Path) -> Iterator[str | bytes]:
+    """Read text, whose encoding is found, or bytes that declare another one than Unicode."""
+    with path.open("rb") as raw:
+        is_declared = declares_other(raw.read(_HEAD_BYTES))
+        raw.seek(0)
+        encoding = None if is_declared else find_encoding(iter(lambda: raw.read(CHUNK_BYTES), b""))
+    mode, errors = ("rb", None) if encoding is None else ("r", "replace")
+    with path.open(mode, encoding=encoding, errors=errors) as file:
+        yield file.read(_BLOCK_BYTES).lstrip()
+        while block := file.read(_BLOCK_BYTES):
+            yield block
 
 
 class _Marks:

@@ -82,6 +82,10 @@ def write_shape_archive(path: Path, table: PlantTable) -> None:
                 archive.write(shape.with_suffix(suffix), f"weed_map{suffix}")
 
 
+# Names of the types of shapes that are points.
+_POINTS = {f"{many}POINT{more}" for many in ("", "MULTI") for more in ("", "Z", "M")}
+
+
 def read_shapefile(path: Path) -> Reading:
     """Read points with their attributes; companions lie beside the .shp.
 
@@ -116,7 +120,7 @@ def _iterate_shapes(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]
     with path.with_suffix(".dbf").open("rb") as file:
         encoding = find_encoding(cpg.read_bytes() if cpg.is_file() else b"", file.read(1 << 20))
     with library.Reader(str(path), encoding=encoding, encodingErrors="replace") as reader:
-        if reader.shapeType not in {library.POINT, library.POINTZ, library.POINTM}:
+        if reader.shapeTypeName not in _POINTS:
             raise ValueError(f"its shapes are {reader.shapeTypeName}, not points")
         names = [
             _LONG.get(field[0], field[0]) for field in reader.fields if field[0] != "DeletionFlag"
@@ -126,6 +130,8 @@ def _iterate_shapes(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]
         for item in reader.iterShapeRecords():
             if item.shape.shapeType == library.NULL:  # a record without a place, as in GeoPackages
                 continue
+            if len(item.shape.points) != 1:
+                raise ValueError(f"a plant is a point, not {len(item.shape.points)} of them")
             lon_deg, lat_deg = item.shape.points[0][:2]
             values = zip(names, item.record, strict=True)
             yield lon_deg, lat_deg, {k: v for k, v in values if v not in (None, "")}

@@ -11,14 +11,20 @@ import msgspec
 
 from agribot.autonomy.weeds.plant_table import PlantTable
 from agribot.core.geo import Datum
-from agribot.core.table_text import find_encoding, find_separator, read_decimal
+from agribot.core.table_text import (
+    CHUNK_BYTES,
+    find_encoding,
+    find_separator,
+    names_separator,
+    read_decimal,
+    recode_text,
+)
 from agribot.gis.geojson import find_other_crs
 from agribot.gis.weeds.found_plants import Reading
 from agribot.gis.weeds.records import COLUMNS, Record, iterate_records
 
 FORMAT = 1
 MAX_TEXT_BYTES = 800_000_000
-CHUNK_BYTES = 1 << 20
 _PLACE = {
     "lon_deg": ("lon_deg", "lon", "longitude", "x"),
     "lat_deg": ("lat_deg", "lat", "latitude", "y"),
@@ -37,7 +43,7 @@ class _Shape(msgspec.Struct, frozen=True):
 
 
 class _Member(msgspec.Struct, frozen=True):
-    geometry: _Shape | None
+    geometry: _Shape | None = None
     properties: dict[str, Any] | None = None
 
 
@@ -85,7 +91,7 @@ def read_geojson(path: Path) -> Reading:
     size = path.stat().st_size
     if size > MAX_TEXT_BYTES:
         raise ValueError(f"{size} bytes, more than {MAX_TEXT_BYTES}; take a GeoPackage")
-    found = msgspec.json.decode(path.read_bytes().removeprefix(b"\xef\xbb\xbf"), type=_Collection)
+    found = msgspec.json.decode(recode_text(path.read_bytes()), type=_Collection)
     if found.type != "FeatureCollection":
         raise ValueError(f"a {found.type[:40]} and no FeatureCollection")
     other = find_other_crs(found.crs)
@@ -98,11 +104,18 @@ def _decode_features(features: list[msgspec.Raw]) -> Iterator[tuple[float, float
     decoder = msgspec.json.Decoder(_Member)
     for raw in features:
         member = decoder.decode(raw)
-        if member.geometry is None or member.geometry.type != "Point":
-            kind = "nothing" if member.geometry is None else member.geometry.type[:40]
-            raise ValueError(f"a plant is a Point, not {kind}")
-        lon_deg, lat_deg = member.geometry.coordinates[:2]
+        if member.geometry is None:  # a record without a place, as in GeoPackages
+            continue
+        lon_deg, lat_deg = _find_point(member.geometry)[:2]
         yield float(lon_deg), float(lat_deg), member.properties or {}
+
+
+def _find_point(shape: _Shape) -> Any:
+    if shape.type == "MultiPoint" and len(shape.coordinates) == 1:
+        return shape.coordinates[0]
+    if shape.type != "Point":
+        raise ValueError(f"a plant is a Point, not {shape.type[:40]}")
+    return shape.coordinates
 
 
 def write_csv(path: Path, table: PlantTable) -> None:
@@ -126,12 +139,15 @@ def _iterate_lines(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]:
     with path.open("rb") as raw:
         encoding = find_encoding(iter(lambda: raw.read(CHUNK_BYTES), b""))
     with path.open(encoding=encoding, errors="replace", newline="") as file:
-        separator = find_separator(file.readline())
-        file.seek(0)
+        first = file.readline()
+        separator = find_separator(first)
+        skipped = int(names_separator(first))
+        if not skipped:
+            file.seek(0)
         lines = csv.reader(file, delimiter=separator)
         names = [name.strip() for name in next(lines, [])]
         lon, lat = (_find_column(names, wanted) for wanted in _PLACE.values())
-        for number, line in enumerate(lines, 2):
+        for number, line in enumerate(lines, 2 + skipped):
             if not line:
                 continue
             if len(line) != len(names):

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.core.errors import AgribotError
+from agribot.core.table_text import recode_text
 from agribot.lab.dataset.pictures import LARGEST_PX
 
 T = TypeVar("T")
@@ -57,8 +58,8 @@ def decode_json(data: bytes) -> Any:
     Raises: LabelFileError: cut off, no JSON, or nested too deeply.
     """
     try:
-        return msgspec.json.decode(data)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        return msgspec.json.decode(recode_text(data))
+    except (ValueError, RecursionError) as error:  # a DecodeError is a ValueError
         raise LabelFileError(f"is no whole JSON file ({error}); export it again") from error
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from agribot.core.table_text import decode_text
 from agribot.lab.dataset.foreign.shapes import (
     DrawnShape,
     LabelFileError,
@@ -25,8 +26,8 @@ def read_yolo(file: str, data: bytes, names: Mapping[int, str]) -> LabelledPictu
     Raises: LabelFileError: the file is no text.
     """
     try:
-        lines = data.decode().splitlines()
-    except UnicodeDecodeError as error:
+        lines = decode_text(data).split("\n")
+    except ValueError as error:
         raise LabelFileError(f"is no text ({error})") from error
     shapes = []
     for number, line in enumerate(lines, 1):
@@ -63,11 +64,10 @@ def read_names(file: str, data: bytes) -> dict[int, str]:
     Raises: LabelFileError: it is no such file.
     """
     if not file.endswith((".yaml", ".yml")):
-        lines = data.decode(errors="replace").split("\n")
-        return {i: line.strip() for i, line in enumerate(lines) if line.strip()}
+        return _read_lines(data)
     try:
         value = read_yaml(data)
-    except UnusableYaml as error:
+    except (UnusableYaml, ValueError) as error:
         raise LabelFileError(f"cannot be read: {error}") from error
     names = value.get("names") if isinstance(value, dict) else None
     if isinstance(names, list):
@@ -75,3 +75,11 @@ def read_names(file: str, data: bytes) -> dict[int, str]:
     if isinstance(names, dict) and all(isinstance(key, int) for key in names):
         return {key: str(name) for key, name in names.items()}
     raise LabelFileError("has no list of 'names'")
+
+
+def _read_lines(data: bytes) -> dict[int, str]:
+    try:
+        lines = decode_text(data).split("\n")
+    except ValueError as error:
+        raise LabelFileError(f"cannot be read: {error}") from error
+    return {i: line.strip() for i, line in enumerate(lines) if line.strip()}
