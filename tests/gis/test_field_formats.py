@@ -29,7 +29,7 @@ from agribot.gis.formats.table import (
     READERS,
     WRITERS,
     read_field_file,
-    read_other,
+    read_fields,
     write_field_file,
 )
 
@@ -336,7 +336,7 @@ def test_a_plan_is_written_in_the_format_that_its_name_says(
     wanted = ["plan", "--field", str(source), "--implement-width", "3", "--out"]
     assert main([*wanted, str(plan)]) == 0
     assert "agribot run --plan needs it as GeoJSON" in capsys.readouterr().err
-    kinds = [one["properties"]["kind"] for one in read_other(plan)["features"]]
+    kinds = [one["properties"]["kind"] for one in read_fields(plan)["features"]]
     assert kinds[0] == "boundary"
     assert kinds.count("leg:swath") > 5
     assert main([*wanted, str(tmp_path / "plan.pdf")]) == 2

@@ -183,7 +183,7 @@ def test_an_archive_that_is_cut_off_or_a_bomb_is_refused(tasks: bytes) -> None:
 def test_other_coordinates_and_exchanged_ones_are_refused() -> None:
     root = geojson()
     root["crs"] = {"properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}
-    with pytest.raises(MissionError, match="convert them to WGS-84"):
+    with pytest.raises(MissionError, match="convert it to WGS-84"):
         read(root)
     root = geojson()
     for feature in root["features"]:

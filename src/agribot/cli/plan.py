@@ -39,7 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "recording of the drive")  # fmt: skip
     parser.add_argument("--field", metavar="FILE",
                         help="boundary, obstacles, rows: GeoJSON, GeoPackage, KML, KMZ, GPX, "
-                             "zipped Shapefile or ISOXML")  # fmt: skip
+                             "zipped Shapefile or ISOXML; of several fields and A-B lines in it "
+                             "those of FILE#NAME")  # fmt: skip
     parser.add_argument("--implement-width", type=float, metavar="M",
                         help="width worked in a pass (default: the robot's own)")  # fmt: skip
     parser.add_argument("--overlap", type=float, default=0.05, metavar="M", help="default: 0.05")
@@ -141,13 +142,13 @@ def _draw(saved: SavedPlan, certificate: Certificate, path: Path) -> None:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from agribot.gis.formats.table import find_ending, read_other, write_field_file
+    from agribot.gis.formats.table import find_ending, read_fields, write_field_file
     from agribot.record.report import write_file
 
     if options.file is None or options.out is None:
         raise MissionError("give both files: agribot plan convert field.kml --out field.gpkg")
     out = Path(options.out)
-    field = read_other(Path(options.file))
+    field = read_fields(Path(options.file))
     write_file(out, write_field_file(find_ending(out.name), field))
     features = len(field["features"])
     sys.stderr.write(f"{out}: {features} features\n")
@@ -195,7 +196,7 @@ def _make_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
 
     if options.field is None:
         raise MissionError("give --field FILE, or 'verify PLAN'; see agribot plan --help")
-    area, datum = read_field(Path(options.field))
+    area, datum = read_field(Path(options.field), uses_ab_line=not options.ab_line)
     frame = MapFrame(datum)
     if options.ab_line:
         a_lon, a_lat, b_lon, b_lat = _parse_numbers("--ab-line", options.ab_line, 4)

@@ -21,8 +21,9 @@ from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.json_number import is_number
 from agribot.core.messages import MapPoint
-from agribot.gis.formats.table import READERS, read_other
-from agribot.gis.geojson import KINDS, Feature, LonLat, parse_features, read_json
+from agribot.gis.field_choice import choose_field, split_choice
+from agribot.gis.formats.table import read_fields
+from agribot.gis.geojson import KINDS, Feature, LonLat, parse_features
 
 if TYPE_CHECKING:
     import shapely
@@ -31,20 +32,25 @@ if TYPE_CHECKING:
 MAX_EXTENT_M = 20_000.0
 MAX_OFFSET_M = 20_000.0  # a local map is flat only near its origin
 MIN_LINE_M = 0.1
+TOUCH_M = 0.01  # an obstacle so near to the edge, on either side, stands on it
+LEAST_PART_M2 = 0.01
 
 
-def read_field(path: Path, datum: Datum | None = None) -> tuple[FieldArea, Datum]:
+def read_field(
+    path: Path, datum: Datum | None = None, *, uses_ab_line: bool = True
+) -> tuple[FieldArea, Datum]:
     """Read a field in the map of `datum`; without one, its first corner becomes the origin.
 
-    The file is GeoJSON or, by its ending, one of `agribot.gis.formats`.
-    Polygons without `kind` are the boundary (the first) and obstacles, lines are rows.
+    The file is one of `agribot.gis.formats` by its ending; names behind a `#` choose one of
+    several fields and A-B lines, of which none is needed without `uses_ab_line`.
     Raises: MissionError: a fault of the field, with its place.
     """
-    other = path.suffix.lower() in READERS.keys() - {".geojson", ".json"}
-    root = read_other(path) if other else read_json(path)
-    area, datum = parse_field(parse_features(root, path.name), path.name, datum)
-    left_out = root.get("left_out", "") if other else ""
-    return msgspec.structs.replace(area, left_out=left_out), datum
+    root, name = read_fields(path), split_choice(path)[0].name
+    if not uses_ab_line:
+        root["features"] = [f for f in root["features"] if f["properties"]["kind"] != "ab_line"]
+    found = parse_features(choose_field(root, [], name), name)
+    area, datum = parse_field(found, name, datum)
+    return msgspec.structs.replace(area, left_out=root.get("left_out", "")), datum
 
 
 def parse_field(
@@ -85,12 +91,20 @@ def _sort_by_kind(found: Sequence[Feature], source_name: str) -> dict[str, list[
         kinds[kind].append(feature)
     if len(kinds["boundary"]) != 1:
         raise MissionError(
-            f"{source_name} has {len(kinds['boundary'])} polygons of kind 'boundary'; a field "
-            "needs exactly one, others may be of kind 'obstacle'"
+            f"{source_name} has {len(kinds['boundary'])} polygons of kind 'boundary'"
+            f"{_list_names(kinds['boundary'])}; a field needs exactly one, others may be of kind "
+            "'obstacle', and a line around the field has to end where it began"
         )
     if len(kinds["ab_line"]) > 1 or any(len(f.parts[0]) != 2 for f in kinds["ab_line"]):
-        raise MissionError(f"{source_name}: give one ab_line of two points, A and B")
+        raise MissionError(
+            f"{source_name}: give one ab_line of two points, A and B{_list_names(kinds['ab_line'])}"
+        )
     return kinds
+
+
+def _list_names(found: Sequence[Feature]) -> str:
+    names = [f"'{feature.name}'" for feature in found if feature.name]
+    return f" ({', '.join(names)[:200]})" if len(names) > 1 else ""
 
 
 def _read_margin_m(boundary: Feature) -> float:
@@ -157,7 +171,7 @@ def check_field(area: FieldArea, frame: MapFrame, source_name: str) -> FieldArea
     for number, ring in enumerate(area.holes, 1):
         name = f"{source_name}: obstacle {number}"
         hole = _make_polygon(ring, name, frame)
-        if not outer.contains_properly(hole):
+        if not outer.buffer(TOUCH_M).covers(hole):
             place = (
                 hole.difference(outer).representative_point()
                 if hole.difference(outer).area
@@ -171,8 +185,30 @@ def check_field(area: FieldArea, frame: MapFrame, source_name: str) -> FieldArea
         holes.append(hole)
     joined = [h for h in shapely.get_parts(shapely.union_all(holes)) if h.area > 0] if holes else []
     _check_rows(area.rows, outer.difference(shapely.union_all(holes)), source_name, frame)
-    rings = tuple(_list_points(hole.exterior) for hole in joined)
-    return msgspec.structs.replace(area, holes=rings)
+    rings = tuple(_list_points(h.exterior) for h in joined if outer.contains_properly(h))
+    outer = _cut_edges(outer, [h for h in joined if not outer.contains_properly(h)], source_name)
+    return msgspec.structs.replace(area, boundary=_list_points(outer.exterior), holes=rings)
+
+
+def _cut_edges(
+    outer: shapely.Polygon, touching: Sequence[shapely.Polygon], source_name: str
+) -> shapely.Polygon:
+    """Cut obstacles that touch the edge from the field, as a difference in QGIS leaves them.
+
+    Raises: MissionError: they divide the field.
+    """
+    import shapely
+
+    if not touching:
+        return outer
+    left = outer.difference(shapely.union_all(touching).buffer(TOUCH_M, join_style="mitre"))
+    parts = [part for part in shapely.get_parts(left) if part.area > LEAST_PART_M2]
+    if len(parts) != 1:
+        raise MissionError(
+            f"{source_name}: obstacles divide the field into {len(parts)} parts; give each of them "
+            "a file of its own"
+        )
+    return shapely.Polygon(parts[0].exterior)
 
 
 def _list_points(ring: shapely.LinearRing) -> MapLine:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from agribot.core.errors import MissionError
 from agribot.core.geo import NOWHERE, is_nowhere
 from agribot.core.json_number import is_number
-from agribot.core.table_text import read_text_file
+from agribot.core.table_text import decode_text, read_text_file
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -78,10 +78,52 @@ def read_json(path: Path) -> Any:
     except (OSError, ValueError) as error:
         raise MissionError(f"cannot read {path}: {error}; check the path") from error
     try:
+        return parse_json(text)
+    except ValueError as error:
+        raise MissionError(f"{path.name}: {error}") from error
+
+
+def parse_json(text: str) -> Any:
+    """Parse JSON.
+
+    Raises: ValueError: it is none, with the line.
+    """
+    try:
         return json.loads(text)
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
-        place = f" line {error.lineno}" if isinstance(error, json.JSONDecodeError) else ""
-        raise MissionError(f"{path.name}{place} is not valid JSON: {error}") from error
+        place = f"line {error.lineno}" if isinstance(error, json.JSONDecodeError) else "it"
+        raise ValueError(f"{place} is not valid JSON: {error}") from error
+
+
+def read_geojson(data: bytes) -> Found:
+    """Read the geometries of a file as they are: of any kind, with heights, or without a place.
+
+    Raises: ValueError: no GeoJSON, or in other coordinates.
+    """
+    root = parse_json(decode_text(data))
+    other = find_other_crs(root.get("crs")) if isinstance(root, dict) else ""
+    if other:
+        raise ValueError(f"its coordinates are in {other}; convert it to WGS-84 (EPSG:4326) first")
+    yield from _iterate_members(root)
+
+
+def _iterate_members(node: object) -> Found:
+    if not isinstance(node, dict):
+        raise ValueError(f"expected a GeoJSON object, got {type(node).__name__}")
+    if node.get("type") == "FeatureCollection":
+        if not isinstance(node.get("features"), list):
+            raise ValueError("a FeatureCollection needs a list 'features'")
+        for member in node["features"]:
+            yield from _iterate_members(member)
+        return
+    is_feature = node.get("type") == "Feature"
+    geometry, properties = (
+        (node.get("geometry"), node.get("properties")) if is_feature else (node, {})
+    )
+    if geometry is None:
+        yield describe_left_out("a feature without a place")
+    else:
+        yield geometry, dict(properties or {})
 
 
 def find_other_crs(crs: object) -> str:
@@ -130,15 +172,12 @@ def _iterate_features(node: object, where: str) -> Iterator[Feature]:
         node = node.get("geometry")
     if not isinstance(node, dict) or not isinstance(properties, dict):
         raise MissionError(f"{where}: the feature has no geometry")
-    kind = str(properties.get("kind", ""))
+    kind = str(properties.get("kind") or "")
     yield Feature(where, kind, str(node.get("type")), _read_parts(node, where), properties)
 
 
 def _read_parts(geometry: dict[str, Any], where: str) -> list[list[LonLat]]:
     name, coordinates = geometry.get("type"), geometry.get("coordinates")
-    if name == "MultiPolygon" and isinstance(coordinates, list) and len(coordinates) == 1:
-        name, coordinates = "Polygon", coordinates[0]
-        geometry["type"] = "Polygon"
     if name == "Point":
         return [[read_position(coordinates, where)]]
     if name == "LineString":

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from agribot.gis.formats.isoxml import MAIN_FILE
 from agribot.gis.formats.untrusted import parse_xml, unpack
 from agribot.gis.weeds.isoxml_tasks import MM3PM2_PER_LPHA, SETPOINT_RATE
 
 MAX_CELLS = 25_000_000
 _PLANNED = "1"
+_INNER = "2"
 Rings = list[list[tuple[float, float]]]
 
 
@@ -35,11 +35,8 @@ def read_task_zones(data: bytes) -> list[RateGrid | tuple[Rings, float]]:
     Raises: ValueError: no such task, or it is broken.
     """
     files = {PurePosixPath(k).name.upper(): v for k, v in unpack(data, ".xml", ".bin").items()}
-    tasks = [
-        task
-        for task in parse_xml(files[MAIN_FILE]).iter()
-        if task.tag == "TSK" and _has_zones(task)
-    ]
+    trees = [parse_xml(text) for name, text in files.items() if name.endswith(".XML")]
+    tasks = [e for tree in trees for e in tree.iter() if e.tag == "TSK" and _has_zones(e)]
     planned = [task for task in tasks if task.get("G") == _PLANNED]
     chosen = tasks if len(tasks) == 1 else planned
     if len(chosen) != 1:
@@ -66,7 +63,8 @@ def _read_task(task: ET.Element, files: dict[str, bytes]) -> list[RateGrid | tup
         if code in zones:
             raise ValueError(f"two treatment zones have the code {code}")
         zones[code] = zone
-        found += [(_read_rings(e), _read_rate(zone)) for e in zone if e.tag == "PLN"]
+        areas = [area for e in zone if e.tag == "PLN" for area in _read_areas(e)]
+        found += [(area, _read_rate(zone)) for area in areas]
     found += [_read_grid(e, zones, files) for e in task if e.tag == "GRD"]
     return found
 
@@ -88,9 +86,13 @@ def _find_value(zone: ET.Element) -> tuple[int, float]:
     return at, float(values[at].attrib["B"])
 
 
-def _read_rings(polygon: ET.Element) -> Rings:
-    lines = sorted((e for e in polygon if e.tag == "LSG"), key=lambda e: e.get("A", "1"))
-    return [[(float(p.attrib["D"]), float(p.attrib["C"])) for p in line] for line in lines]
+def _read_areas(polygon: ET.Element) -> list[Rings]:
+    """Read the outer rings of a polygon, each with all inner ones: those of others cut nothing."""
+    lines = [e for e in polygon if e.tag == "LSG"]
+    rings = [[(float(p.attrib["D"]), float(p.attrib["C"])) for p in line] for line in lines]
+    is_inner = [line.get("A") == _INNER for line in lines]
+    inner = [ring for ring, inside in zip(rings, is_inner, strict=True) if inside]
+    return [[ring, *inner] for ring, inside in zip(rings, is_inner, strict=True) if not inside]
 
 
 def _read_grid(grid: ET.Element, zones: dict[int, ET.Element], files: dict[str, bytes]) -> RateGrid:

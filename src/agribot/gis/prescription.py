@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import PurePath
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,9 @@ from agribot.gis.formats.isoxml import holds_task_data
 from agribot.gis.formats.table import read_field_file
 from agribot.gis.formats.untrusted import list_members
 from agribot.gis.isoxml_zones import RateGrid, read_task_zones
+
+if TYPE_CHECKING:
+    import shapely
 
 COLUMNS = ("rate", "rate_lpha", "dose", "target", "targetrate", "target_rate", "rx", "value")
 MAX_RATE_LPHA = 5000.0
@@ -157,12 +161,23 @@ def _rate_places(part: Zone | RateGrid, places_deg: FloatArray) -> FloatArray:
     first_deg = rings[0][0, 0]
     for ring in rings:
         ring[:, 0] = _unwrap_deg(ring[:, 0] - first_deg)
-    polygon = shapely.Polygon(rings[0], rings[1:])
-    if not polygon.is_valid:
-        raise MissionError(f"a zone crosses itself: {shapely.is_valid_reason(polygon)}")
+    areas = [shapely.Polygon(ring) for ring in rings]
+    for area in areas:
+        if not area.is_valid:
+            raise MissionError(f"a zone crosses itself near {_locate_fault(area, first_deg)}")
+    # Also holes that touch the edge, as a difference in QGIS leaves them.
+    polygon = areas[0].difference(shapely.union_all(areas[1:]))
     east_deg = _unwrap_deg(places_deg[:, 0] - first_deg)
     is_inside = shapely.contains_xy(polygon, east_deg, places_deg[:, 1])
     return np.where(is_inside, part.rate_lpha, np.nan)
+
+
+def _locate_fault(area: shapely.Polygon, first_deg: float) -> str:
+    """Locate where an area that begins at a longitude crosses itself."""
+    import shapely
+
+    east, north = re.findall(r"-?[\d.]+(?:e-?\d+)?", shapely.is_valid_reason(area))[:2]
+    return f"latitude {float(north):.7f}, longitude {first_deg + float(east):.7f}"
 
 
 def _unwrap_deg(degrees: FloatArray) -> FloatArray:

@@ -1,22 +1,18 @@
 """GPX 1.1: tracks, routes and waypoints; `kind` is their type.
 
-GPX has no areas: a line that ends where it began is one, as of a walk around a field.
+GPX has no areas: a line that ends where it began is one, as of a walk around a field, also where
+the walk was paused.
 """
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 
-from agribot.core.geo import Datum, MapFrame
+from agribot.gis.formats.outlines import join_lines
 from agribot.gis.formats.untrusted import encode_xml, parse_xml, read_text
-from agribot.gis.geojson import KINDS, Feature, Found, Geometry, LonLat, close_ring
+from agribot.gis.geojson import KINDS, Feature, Found, Geometry, LonLat
 
-CLOSED_GAP_M = 5.0  # two fixes of a plain receiver at one place
-CLOSED_GAP_RATIO = 0.05  # of the way around
-_MIN_CORNERS = 3
 _NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
 
@@ -26,34 +22,22 @@ def read_gpx(data: bytes) -> Found:
             kind = read_text(element, "type")  # other programs have theirs, such as "running"
             fields = {"name": read_text(element, "name"), "kind": kind if kind in KINDS else ""}
             properties = {key: value for key, value in fields.items() if value}
-            for geometry in _read_shapes(element, fields["kind"]):
+            for geometry in _read_shapes(element):
                 yield geometry, properties
 
 
-def _read_shapes(element: ET.Element, kind: str) -> Iterator[Geometry]:
+def _read_shapes(element: ET.Element) -> Iterator[Geometry]:
     if element.tag == "wpt":
         yield {"type": "Point", "coordinates": _read_position(element)}
         return
-    lines = [e for e in element if e.tag == "trkseg"] if element.tag == "trk" else [element]
-    for line in lines:
-        points = [_read_position(e) for e in line if e.tag in {"rtept", "trkpt"}]
-        if kind in {"boundary", "obstacle"} or (not kind and _is_closed(points)):
-            yield {"type": "Polygon", "coordinates": [close_ring(points)]}
-        elif points:
-            yield {"type": "LineString", "coordinates": points}
+    parts = [e for e in element if e.tag == "trkseg"] if element.tag == "trk" else [element]
+    lines = [[_read_position(e) for e in part if e.tag in {"rtept", "trkpt"}] for part in parts]
+    for line in join_lines([line for line in lines if line]):
+        yield {"type": "LineString", "coordinates": line}
 
 
 def _read_position(element: ET.Element) -> LonLat:
     return float(element.attrib["lon"]), float(element.attrib["lat"])
-
-
-def _is_closed(points: Sequence[LonLat]) -> bool:
-    if len(points) <= _MIN_CORNERS:
-        return False
-    frame = MapFrame(Datum(lat_deg=points[0][1], lon_deg=points[0][0]))
-    way = [frame.map_from_geodetic(lat, lon, 0.0)[:2] for lon, lat in points]
-    length_m = sum(math.dist(a, b) for a, b in pairwise(way))
-    return math.dist(way[0], way[-1]) <= min(CLOSED_GAP_M, CLOSED_GAP_RATIO * length_m)
 
 
 def write_gpx(features: Sequence[Feature]) -> bytes:

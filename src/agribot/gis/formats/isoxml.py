@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import PurePosixPath
 from typing import Any
 
+from agribot.core.errors import MissionError
 from agribot.gis.formats.partfield_ground import PartfieldGround, frame_at, make_area
 from agribot.gis.formats.untrusted import encode_xml, pack, parse_xml, unpack
 from agribot.gis.geojson import Feature, Found, LonLat, close_ring, describe_left_out
@@ -38,13 +39,17 @@ def read_isoxml(data: bytes) -> Found:
     """Read the partfields, also those in separate files; other task data is ignored."""
     files = unpack(data, ".xml")
     trees = {PurePosixPath(name).stem.upper(): parse_xml(text) for name, text in files.items()}
-    for field in (e for tree in trees.values() for e in tree.iter() if e.tag == "PFD"):
+    fields = [e for tree in trees.values() for e in tree.iter() if e.tag == "PFD"]
+    for number, field in enumerate(fields):
+        of = {"partfield": number} if len(fields) > 1 else {}
         ground = PartfieldGround([_read_positions(ring) for ring in _find_outlines(field)])
         for element in field:
-            name = element.get("B") or field.get("C") or ""
             read = _SHAPES.get(element.tag, _read_none)
             for geometry, properties in read(element, ground):
-                yield geometry, {**properties, **({"name": name} if name and geometry else {})}
+                of_field = properties.get("kind") == "boundary" and field.get("C")
+                name = properties.get("name") or of_field or element.get("B") or field.get("C")
+                known = {**({"name": name} if name else {}), **of}
+                yield geometry, properties | (known if geometry else {})
 
 
 def _find_outlines(field: ET.Element) -> Iterator[ET.Element]:
@@ -108,15 +113,21 @@ def _read_point(point: ET.Element, ground: PartfieldGround) -> Found:
 
 def _read_patterns(group: ET.Element, ground: PartfieldGround) -> Found:
     for pattern in (e for e in group if e.tag == "GPN"):
-        type = pattern.get("C", "")
-        lines = [e for e in pattern if e.tag == "LSG"]
-        if type not in (_AB, _A_PLUS, _CURVE):
-            what = f"of type {type}" if type else "without a type"
-            yield describe_left_out(f"guidance line {pattern.get('B', '')[:40]} {what}")
-        for line in lines if type in (_AB, _CURVE) else ():
-            yield from _read_line(line, ground, "ab_line" if type == _AB else "row")
-        for line in lines if type == _A_PLUS else ():
-            yield from _read_heading(line, pattern.get("G"))
+        named = {"name": pattern.get("B") or group.get("B") or ""}
+        for geometry, properties in _read_pattern(pattern, ground):
+            yield geometry, properties | (named if geometry else {})
+
+
+def _read_pattern(pattern: ET.Element, ground: PartfieldGround) -> Found:
+    type = pattern.get("C", "")
+    lines = [e for e in pattern if e.tag == "LSG"]
+    if type not in (_AB, _A_PLUS, _CURVE):
+        what = f"of type {type}" if type else "without a type"
+        yield describe_left_out(f"guidance line {pattern.get('B', '')[:40]} {what}")
+    for line in lines if type in (_AB, _CURVE) else ():
+        yield from _read_line(line, ground, "ab_line" if type == _AB else "row")
+    for line in lines if type == _A_PLUS else ():
+        yield from _read_heading(line, pattern.get("G"))
 
 
 def _read_heading(line: ET.Element, heading: str | None) -> Found:
@@ -156,6 +167,12 @@ def write_isoxml(features: Sequence[Feature]) -> bytes:
         TaskControllerManufacturer="", TaskControllerVersion="",
     )  # fmt: skip
     outer = [f for f in features if f.kind == "boundary"]
+    if len(outer) > 1:
+        names = ", ".join(f"'{f.name}'" for f in outer)[:200]
+        raise MissionError(
+            f"task data is written of one field, and here are {len(outer)} fields: {names}; choose "
+            "one behind the name of the file: FILE#NAME"
+        )
     name = next((f.name for f in outer if f.name), "Field")
     area_m2 = sum(_compute_area_m2(f) for f in outer)
     field = ET.SubElement(root, "PFD", A="PFD1", C=name[:32], D=str(round(area_m2)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
 
@@ -15,6 +16,8 @@ from agribot.gis.formats.untrusted import (
 from agribot.gis.geojson import Feature, Found, Geometry, LonLat, describe_left_out
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
+_MAIN_FILE = "doc.kml"
+_COMMA = re.compile(r"\s*,\s*")  # many programs write spaces beside the commas of a place
 
 
 def read_kml(data: bytes) -> Found:
@@ -32,7 +35,7 @@ def read_kmz(data: bytes) -> Found:
     files = unpack(data, ".kml")
     if not files:
         raise ValueError("no .kml file inside")
-    yield from read_kml(next(iter(files.values())))
+    yield from read_kml(files.get(_MAIN_FILE) or next(iter(files.values())))
 
 
 def _read_kind(mark: ET.Element) -> str:
@@ -95,7 +98,10 @@ _WITHOUT_SHAPE = {"NetworkLink", "GroundOverlay", "PhotoOverlay", "ScreenOverlay
 
 def _read_points(element: ET.Element) -> list[list[float]]:
     text = next((e.text or "" for e in element.iter() if e.tag == "coordinates"), "")
-    return [[float(number) for number in point.split(",")[:2]] for point in text.split()]
+    return [
+        [float(number) for number in point.split(",")[:2]]
+        for point in _COMMA.sub(",", text).split()
+    ]
 
 
 def write_kml(features: Sequence[Feature]) -> bytes:

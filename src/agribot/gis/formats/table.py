@@ -9,10 +9,11 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from agribot.core.errors import AgribotError, MissionError
-from agribot.core.table_text import decode_text
+from agribot.gis.field_choice import choose_field, split_choice
 from agribot.gis.formats.geopackage import read_geopackage, write_geopackage
 from agribot.gis.formats.gpx import read_gpx, write_gpx
 from agribot.gis.formats.isoxml import holds_task_data, read_isoxml, write_isoxml
+from agribot.gis.formats.kinds import close_lines, give_kinds
 from agribot.gis.formats.kml import read_kml, read_kmz, write_kml, write_kmz
 from agribot.gis.formats.shapes import read_shapefiles, write_shapefiles
 from agribot.gis.formats.untrusted import MAX_FILE_BYTES, list_members
@@ -20,14 +21,13 @@ from agribot.gis.geojson import (
     Feature,
     Found,
     Geometry,
-    describe_left_out,
-    find_other_crs,
     parse_features,
+    read_geojson,
     read_position,
 )
 
 MAX_NAMED = 8  # of the things that a file holds and that are left out
-_KIND_OF = {"LineString": "row", "Point": "waypoint"}
+_LEVELS = {"Point": (), "LineString": ("position",), "Polygon": ("ring", "position")}
 
 
 def read_field_file(name: str, data: bytes) -> dict[str, Any]:
@@ -41,15 +41,8 @@ def read_field_file(name: str, data: bytes) -> dict[str, Any]:
     reader = READERS.get(PurePath(name).suffix.lower())
     if reader is None:
         raise MissionError(f"{shown}: files that can be read end with {', '.join(sorted(READERS))}")
-    found: list[dict[str, Any]] = []
-    left_out: Counter[str] = Counter()
     try:
-        for geometry, properties in reader(data):
-            if geometry is None:
-                left_out[properties["left_out"]] += 1
-                continue
-            for shape in _split_multi(geometry, shown):
-                found.append({"type": "Feature", "geometry": shape, "properties": {**properties}})
+        found, left_out = _read_members(reader(data), shown)
     except AgribotError:
         raise
     except Exception as error:  # each library has its own errors for broken files
@@ -57,23 +50,32 @@ def read_field_file(name: str, data: bytes) -> dict[str, Any]:
         raise MissionError(f"{shown} cannot be read: {reason}") from error
     if not found:
         raise MissionError(f"{shown} holds no point, line or polygon")
-    _give_kinds(found)
-    told = _name_left_out(name, left_out, _count_bare_points(found))
+    changes: Counter[str] = Counter()
+    close_lines(found, changes)
+    told = _name_changes(name, left_out, changes, give_kinds(found))
     more = {"left_out": told} if told else {}
     return {"type": "FeatureCollection", "features": found, **more}
 
 
-def _count_bare_points(found: Sequence[dict[str, Any]]) -> int:
-    return sum("is_guessed" in each and each.pop("is_guessed") for each in found)
+def _read_members(members: Found, shown: str) -> tuple[list[dict[str, Any]], Counter[str]]:
+    found: list[dict[str, Any]] = []
+    left_out: Counter[str] = Counter()
+    for number, (geometry, properties) in enumerate(members):
+        if geometry is None:
+            left_out[properties["left_out"]] += 1
+            continue
+        for shape in _split_multi(geometry, f"{shown} feature {number}"):
+            found.append({"type": "Feature", "geometry": shape, "properties": {**properties}})
+    return found, left_out
 
 
-def _name_left_out(name: str, left_out: Counter[str], points: int) -> str:
-    """Name in one line what was left out, and which points plans do not keep off."""
+def _name_changes(name: str, left_out: Counter[str], changes: Counter[str], points: int) -> str:
+    """Name in one line what was left out or changed, and which points plans do not keep off."""
     told = []
     if left_out:
-        some = [f"{count} x {what}" if count > 1 else what for what, count in left_out.items()]
-        more = [f"{len(some) - MAX_NAMED} more"] if len(some) > MAX_NAMED else []
-        told.append(f"left out: {', '.join([*some[:MAX_NAMED], *more])}")
+        told.append(f"left out: {_list_counted(left_out)}")
+    if changes:
+        told.append(_list_counted(changes))
     if points:
         told.append(
             f"points without a kind: {points}, taken for goals, which plans do not keep off; draw "
@@ -82,11 +84,23 @@ def _name_left_out(name: str, left_out: Counter[str], points: int) -> str:
     return f"{name[:80]}: {'; '.join(told)}" if told else ""
 
 
-def read_other(path: Path) -> dict[str, Any]:
-    """Read a field file of another format from disk.
+def _list_counted(things: Counter[str]) -> str:
+    some = [f"{count} x {what}" if count > 1 else what for what, count in things.items()]
+    more = [f"{len(some) - MAX_NAMED} more"] if len(some) > MAX_NAMED else []
+    return ", ".join([*some[:MAX_NAMED], *more])
 
-    Raises: MissionError: as `read_field_file`, or there is no such file.
+
+def read_fields(path: Path) -> dict[str, Any]:
+    """Read a field file from disk; of several fields in it that which is named behind a `#`.
+
+    Raises: MissionError: as `read_field_file`, there is no such file, or no such field in it.
     """
+    path, wanted = split_choice(path)
+    root = _read_file(path)
+    return choose_field(root, wanted, path.name) if wanted else root
+
+
+def _read_file(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise MissionError(
@@ -117,48 +131,32 @@ def find_ending(name: str) -> str:
 
 def _split_multi(geometry: Geometry, where: str) -> list[Geometry]:
     """Split multi-geometries, drop heights, and leave out what is empty."""
-    kind = geometry["type"]
+    kind = str(geometry.get("type"))
     if kind == "GeometryCollection":
         return [one for part in geometry["geometries"] for one in _split_multi(part, where)]
-    parts = geometry["coordinates"] if kind.startswith("Multi") else [geometry["coordinates"]]
     single = kind.removeprefix("Multi")
-    return [{"type": single, "coordinates": _drop_heights(part, where)} for part in parts if part]
+    if single not in _LEVELS:
+        raise MissionError(f"{where}: geometry {kind!r} cannot be used; use one of GeoJSON's own")
+    parts = geometry["coordinates"] if kind.startswith("Multi") else [geometry["coordinates"]]
+    return [
+        {"type": single, "coordinates": _drop_heights(part, where, _LEVELS[single])}
+        for part in parts
+        if part
+    ]
 
 
-def _drop_heights(coordinates: Any, where: str) -> Any:
+def _drop_heights(coordinates: Any, where: str, levels: Sequence[str]) -> Any:
+    """Keep longitude and latitude of positions that are nested by these levels."""
+    if not levels:
+        return list(read_position(coordinates, where))
     if not coordinates:
         raise ValueError("a line or a ring has no places; draw it again, or remove it")
-    if isinstance(coordinates[0], int | float):
-        return list(read_position(coordinates, where))
-    return [_drop_heights(inner, where) for inner in coordinates]
-
-
-def _give_kinds(found: Sequence[dict[str, Any]]) -> None:
-    bounded = any(feature["properties"].get("kind") == "boundary" for feature in found)
-    for feature in found:
-        shape = feature["geometry"]["type"]
-        area = "obstacle" if bounded else "boundary"
-        if shape == "Point" and not feature["properties"].get("kind"):
-            feature["is_guessed"] = True
-        feature["properties"].setdefault("kind", _KIND_OF.get(shape, area))
-        bounded = bounded or feature["properties"]["kind"] == "boundary"
-
-
-def _read_geojson(data: bytes) -> Found:
-    tree = json.loads(decode_text(data))
-    other = find_other_crs(tree.get("crs"))
-    if other:
-        raise ValueError(f"coordinates are in {other}; convert them to WGS-84 first")
-    kind = tree.get("type")
-    if kind == "FeatureCollection":
-        members = tree["features"]
-    else:
-        members = [tree if kind == "Feature" else {"geometry": tree}]
-    for member in members:
-        if member["geometry"] is None:
-            yield describe_left_out("a feature without a place")
-        else:
-            yield member["geometry"], member.get("properties") or {}
+    if not isinstance(coordinates, list | tuple):
+        raise MissionError(f"{where}: 'coordinates' must be a list of [lon, lat]")
+    return [
+        _drop_heights(inner, f"{where} {levels[0]} {number}", levels[1:])
+        for number, inner in enumerate(coordinates)
+    ]
 
 
 def _write_geojson(found: Sequence[Feature]) -> bytes:
@@ -179,8 +177,8 @@ def _read_archive(data: bytes) -> Found:
 
 
 READERS: dict[str, Callable[[bytes], Found]] = {
-    ".geojson": _read_geojson,
-    ".json": _read_geojson,
+    ".geojson": read_geojson,
+    ".json": read_geojson,
     ".kml": read_kml,
     ".kmz": read_kmz,
     ".gpkg": read_geopackage,

@@ -104,7 +104,7 @@ def encode_xml(root: ET.Element) -> bytes:
 
 def list_members(data: bytes) -> list[str]:
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        return archive.namelist()
+        return [_find_name(entry) for entry in archive.infolist()]
 
 
 def unpack(data: bytes, *suffixes: str) -> dict[str, bytes]:
@@ -113,7 +113,12 @@ def unpack(data: bytes, *suffixes: str) -> dict[str, bytes]:
     Raises: ValueError: beyond the limits; zipfile.BadZipFile: no archive.
     """
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        return {e.filename: archive.read(e) for e in _select_members(archive, suffixes)}
+        return {_find_name(e): archive.read(e) for e in _select_members(archive, suffixes)}
+
+
+def _find_name(entry: zipfile.ZipInfo) -> str:
+    """Return the name of a file in an archive; old packers of Windows write backslashes."""
+    return entry.filename.replace("\\", "/")
 
 
 def _select_members(
@@ -131,7 +136,7 @@ def _select_members(
 
 def _is_shadow(entry: zipfile.ZipInfo) -> bool:
     """Tell whether it is what macOS packs beside a file: its marks, under the file's own ending."""
-    path = PurePosixPath(entry.filename)
+    path = PurePosixPath(_find_name(entry))
     return "__MACOSX" in path.parts or path.name.startswith("._")
 
 

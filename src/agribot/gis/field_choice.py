@@ -1,0 +1,112 @@
+"""One field and one A-B line of a file with several: `farm.zip#North`, `farm.zip#North#Line 2`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from agribot.core.errors import MissionError
+from agribot.gis.formats.kinds import make_outline
+
+Member = dict[str, Any]
+# Of the smaller of two fields; neighbours on a map overlap by less. What overlaps more is kept, so
+# that it is refused where it crosses the boundary.
+MOST_OVERLAP_RATIO = 0.05
+MAX_NAMED = 20
+
+
+def split_choice(path: Path) -> tuple[Path, list[str]]:
+    """Split the names behind `#` from the path of a file, unless the file's own name has it."""
+    text = str(path)
+    places = [at for at, letter in enumerate(text) if letter == "#"]
+    if path.exists() or not places:
+        return path, []
+    at = next((at for at in places if Path(text[:at]).is_file()), places[0])
+    return Path(text[:at]), [name for name in text[at + 1 :].split("#") if name]
+
+
+def choose_field(root: dict[str, Any], wanted: Sequence[str], shown: str) -> dict[str, Any]:
+    """Keep one field of a collection with what belongs to it, and one A-B line.
+
+    Raises: MissionError: a name that is not there, or one is needed; all are listed.
+    """
+    features: list[Member] = root["features"]
+    fields = _name_all(features, "boundary", "field")
+    lines = _name_all(features, "ab_line", "line")
+    unknown = [name for name in wanted if name not in fields.keys() | lines.keys()]
+    if unknown:
+        raise MissionError(
+            f"{shown} has no '{unknown[0]}'; its fields: {_list_names(fields)}; its A-B lines: "
+            f"{_list_names(lines)}"
+        )
+    if len(fields) > 1:
+        features = _keep_field(features, fields[_choose(fields, wanted, "fields", shown)])
+        kept = {id(feature) for feature in features}
+        lines = {name: line for name, line in lines.items() if id(line) in kept}
+    if len(lines) > 1:
+        line = lines[_choose(lines, wanted, "A-B lines", shown)]
+        features = [f for f in features if f is line or f["properties"]["kind"] != "ab_line"]
+    return {**root, "features": features}
+
+
+def _name_all(features: Sequence[Member], kind: str, what: str) -> dict[str, Member]:
+    """Name what is of a kind, as the file does or by numbers; equal names are numbered, too."""
+    found = [feature for feature in features if feature["properties"].get("kind") == kind]
+    names = [_find_name(one) or f"{what} {number}" for number, one in enumerate(found, 1)]
+    counts, seen = Counter(names), Counter[str]()
+    named = {}
+    for name, feature in zip(names, found, strict=True):
+        seen[name] += 1
+        named[f"{name} ({seen[name]})" if counts[name] > 1 else name] = feature
+    return named
+
+
+def _find_name(feature: Member) -> str:
+    names = {str(key).lower(): value for key, value in feature["properties"].items()}
+    return str(names.get("name") or names.get("field_name") or names.get("field") or "").strip()
+
+
+def _choose(named: dict[str, Member], wanted: Sequence[str], what: str, shown: str) -> str:
+    chosen = [name for name in wanted if name in named]
+    if len(chosen) == 1:
+        return chosen[0]
+    raise MissionError(
+        f"{shown} has {len(named)} {what}: {_list_names(named)}; choose one behind the name of the "
+        f"file: '{shown}#{next(iter(named))}'"
+    )
+
+
+def _list_names(named: dict[str, Member]) -> str:
+    names = [f"'{name}'" for name in named]
+    more = [f"{len(names) - MAX_NAMED} more"] if len(names) > MAX_NAMED else []
+    return ", ".join([*names[:MAX_NAMED], *more]) or "none"
+
+
+def _keep_field(features: Sequence[Member], field: Member) -> list[Member]:
+    """Keep what belongs to a field; another one that reaches into it is an obstacle there."""
+    return [
+        f if f is field or f["properties"]["kind"] != "boundary" else _as_obstacle(f)
+        for f in features
+        if f is field or _belongs(f, field)
+    ]
+
+
+def _as_obstacle(feature: Member) -> Member:
+    return {**feature, "properties": {**feature["properties"], "kind": "obstacle"}}
+
+
+def _belongs(feature: Member, field: Member) -> bool:
+    """Tell whether it is of a field, as its file says or by its place."""
+    from shapely.geometry import shape
+
+    told = feature["properties"].get("partfield")
+    if told is not None:
+        return bool(told == field["properties"].get("partfield"))
+    outline = make_outline(field["geometry"])
+    if feature["geometry"]["type"] != "Polygon":
+        return bool(shape(feature["geometry"]).intersects(outline))
+    other = make_outline(feature["geometry"])
+    shared = other.intersection(outline).area
+    return bool(shared > MOST_OVERLAP_RATIO * min(other.area, outline.area))
