@@ -17,6 +17,7 @@ from agribot.cli.counting import CountProgress
 from agribot.cli.dataset_import import add_import, import_files
 from agribot.cli.dataset_rows import add_label_by_rows, label_by_rows
 from agribot.cli.ids_option import add_ids_option
+from agribot.cli.misplaced_option import add_misplaced_option
 from agribot.cli.output_names import check_ending
 from agribot.cli.ranges import seed
 from agribot.cli.stopping import stop_on_signal
@@ -75,6 +76,7 @@ def _add_check(actions: Any) -> None:
     )
     _add_folder(check)
     add_ids_option(check)
+    add_misplaced_option(check)
 
 
 def _add_split(actions: Any) -> None:
@@ -116,7 +118,7 @@ def _check(options: argparse.Namespace) -> int:
     ids = read_ids(options.ids)
     layout = find_layout(options.folder, options.images, options.masks)
     progress = CountProgress(len(layout.items), "pairs")
-    report = check(layout, progress, ids)
+    report = check(layout, progress, ids, keeps_misplaced=options.keep_misplaced)
     progress.close()
     ratios = ", ".join(
         f"{name} {ratio:.2%}" for name, ratio in report.pixel_ratio.items() if ratio is not None

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from agribot.cli.counting import CountProgress
+from agribot.cli.misplaced_option import add_misplaced_option
 from agribot.core.errors import ConfigError
 
 MOST_LINES = 20  # of problems, on the terminal
@@ -45,6 +46,7 @@ def add_import(actions: Any) -> None:
         action="store_true",
         help="pictures without a label show bare soil (default: nobody has labelled them yet)",
     )
+    add_misplaced_option(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a new folder")
     parser.add_argument("--json", action="store_true", help="print the report as the last line")
 
@@ -76,6 +78,7 @@ def import_files(options: argparse.Namespace) -> int:
         options.out,
         images=options.images,
         keeps_empty=options.keep_empty,
+        keeps_misplaced=options.keep_misplaced,
         problems=problems,
         progress=progress,
     )

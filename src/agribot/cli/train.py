@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 
 from agribot.cli.ids_option import add_ids_option
+from agribot.cli.misplaced_option import add_misplaced_option
 from agribot.cli.ranges import finite, seed
 from agribot.cli.train_options import (
     add_drawn_options,
@@ -62,6 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_photographs(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--data-dir", type=Path, help="folder of photographs and masks")
     add_ids_option(group)
+    add_misplaced_option(group)
     group.add_argument(
         "--loss",
         choices=("lovasz", "dice", "iou", "none"),

@@ -304,7 +304,7 @@ def test_labels_whose_axes_are_mirrored_are_refused_with_the_axis(
 ) -> None:
     draw(tmp_path / "images", label=flip(truth()))
     assert imported(tmp_path, coco()) == 2
-    assert f"only when mirrored {said}" in capsys.readouterr().err
+    assert f"they would when mirrored {said}" in capsys.readouterr().err
     assert not (tmp_path / "set").exists()
 
 

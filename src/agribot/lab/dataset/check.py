@@ -24,6 +24,7 @@ from agribot.lab.dataset.classes import (
 )
 from agribot.lab.dataset.layouts import Item, Layout
 from agribot.lab.dataset.pictures import PictureError, open_mask, read_picture
+from agribot.lab.dataset.placement import PlacementTally
 
 Read = TypeVar("Read")
 
@@ -58,6 +59,7 @@ class CheckTally:
     def __init__(self) -> None:
         self.problems: list[DatasetProblem] = []
         self.classes = ClassTally()
+        self.placement = PlacementTally()
         self.sizes: Counter[str] = Counter()
         self.pairs = self.without_plants = 0
         self.holds_values = False
@@ -67,12 +69,17 @@ class CheckTally:
 
 
 def check(
-    layout: Layout, progress: Callable[[int], None], ids: MaskIds | None = None
+    layout: Layout,
+    progress: Callable[[int], None],
+    ids: MaskIds | None = None,
+    *,
+    keeps_misplaced: bool = False,
 ) -> CheckReport:
     """Open every file of a layout; `progress` gets how many items are done.
 
     `ids` is the meaning of the values of the masks, and colours are refused; where it is None, the
     usual meaning of values and colours is taken and doubted where the pictures speak against it.
+    Pictures whose labels do not lie on their plants are problems, unless `keeps_misplaced`.
     """
     tally = CheckTally()
     for reason, name in layout.left_out:
@@ -80,6 +87,8 @@ def check(
     for done, item in enumerate(layout.items, 1):
         _check_item(layout.root, item, tally, ids or {})
         progress(done)
+    for name, reason in {} if keeps_misplaced else tally.placement.misplaced.items():
+        tally.note("labels off the plants", name, reason)
     doubt = "" if ids else tally.classes.explain_doubt()
     if doubt:
         advice = advise_swapped(holds_values=tally.holds_values)
@@ -134,6 +143,7 @@ def _check_item(root: Path, item: Item, tally: CheckTally, ids: MaskIds) -> None
     tally.sizes[size] += 1
     tally.without_plants += not counts[PlantClass.WEED] + counts[PlantClass.CROP]
     tally.classes.add(image_rgb, classes)
+    tally.placement.add(item.image, image_rgb, classes)
 
 
 def _read(root: Path, name: str, tally: CheckTally, read: Callable[[Path], Read]) -> Read | None:

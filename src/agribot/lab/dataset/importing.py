@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import shutil
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -34,6 +34,7 @@ from agribot.lab.dataset.foreign.yolo import read_names, read_yolo
 from agribot.lab.dataset.layouts import ENDING
 from agribot.lab.dataset.picture_index import PictureIndex, index_beside
 from agribot.lab.dataset.pictures import PictureError, read_picture
+from agribot.lab.dataset.placement import PlacementTally
 
 FORMATS = ("labelme", "coco", "cvat", "yolo", "label-studio")
 SUFFIX = {"cvat": ".xml", "yolo": ".txt"}  # of the files in a folder; the others are .json
@@ -41,13 +42,6 @@ MAX_FILE_BYTES = 500_000_000
 NAME_FILES = ("data.yaml", "dataset.yaml", "data.yml", "classes.txt", "obj.names")
 ANY = "*"
 EXAMPLE = "--classes crop=beet,maize weed=*"
-FLIPS: Mapping[str, tuple[slice, slice]] = {
-    "left to right": (slice(None), slice(None, None, -1)),
-    "upside down": (slice(None, None, -1), slice(None)),
-    "turned by 180 degrees": (slice(None, None, -1), slice(None, None, -1)),
-}
-# A mirror image is believed where its plants are greener than its soil by so much more.
-CLEARLY_GREENER = 0.1
 
 
 class ImportReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -158,34 +152,34 @@ def import_labels(
     *,
     images: Path | None = None,
     keeps_empty: bool = False,
+    keeps_misplaced: bool = False,
     problems: Sequence[str] = (),
     progress: Callable[[int], None] = lambda _done: None,
 ) -> ImportReport:
     """Write the set; `problems` are those found before.
 
     A picture in which nothing is labelled may be one that nobody has looked at: it is left out,
-    unless `keeps_empty` says that there are no plants.
+    unless `keeps_empty` says that there are no plants. So is one whose labels do not lie on its
+    plants, unless `keeps_misplaced`.
 
-    Raises: ConfigError: a class that `meaning` does not have, no usable picture, or labels that
-    do not lie on the plants. RecordingError: the folder cannot be written.
+    Raises: ConfigError: a class that `meaning` does not have, no usable picture, or too many whose
+    labels do not lie on the plants. RecordingError: the folder cannot be written.
     """
     _check_names(sources, meaning)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ConfigError(f"--out {out}: is there already; give a new folder")
     part = out.parent / f".{out.name}.part"
     writer = _Writer(part, meaning, list(problems))
-    indexes: dict[Path, PictureIndex] = {}
+    indexes = _Indexes(images)
     try:
         for done, (source, picture) in enumerate(_each(sources), 1):
             if picture.shapes or picture.problem or keeps_empty:
-                place = images or source.path.parent
-                if place not in indexes:
-                    whole = PictureIndex((images,)) if images else index_beside(source.path)
-                    indexes[place] = whole
-                writer.add(picture, indexes[place])
+                writer.add(picture, indexes.find(source.path))
             else:
                 writer.unlabelled.append(picture.file)
             progress(done)
+        if not keeps_misplaced:
+            writer.drop_misplaced(out)
         writer.check(out)
         part.rename(out)
     except OSError as error:
@@ -197,10 +191,25 @@ def import_labels(
     return ImportReport(
         folder=str(out),
         pictures=len(writer.keys),
-        shapes=dict(writer.shapes),
+        shapes=dict(sum(writer.shapes.values(), Counter())),
         unlabelled=tuple(writer.unlabelled),
         problems=tuple(writer.problems),
     )
+
+
+class _Indexes:
+    """The pictures beside files of labels, or those of the one folder that was given."""
+
+    def __init__(self, images: Path | None) -> None:
+        self._images = images
+        self._found: dict[Path, PictureIndex] = {}
+
+    def find(self, labels: Path) -> PictureIndex:
+        place = self._images or labels.parent
+        if place not in self._found:
+            whole = PictureIndex((self._images,)) if self._images else index_beside(labels)
+            self._found[place] = whole
+        return self._found[place]
 
 
 def _each(sources: Sequence[LabelFile]) -> Iterator[tuple[LabelFile, LabelledPicture]]:
@@ -225,9 +234,10 @@ class _Writer:
     def __init__(self, folder: Path, meaning: Mapping[str, int], problems: list[str]) -> None:
         self.folder, self.meaning, self.problems = folder, meaning, problems
         self.keys: dict[str, Path] = {}
-        self.shapes: Counter[str] = Counter()
+        self.shapes: dict[str, Counter[str]] = {}  # of each picture that was written
         self.unlabelled: list[str] = []
-        self._contrasts: defaultdict[str, list[float]] = defaultdict(list)
+        self._placement = PlacementTally()
+        self._contrasts: list[float] = []
         shutil.rmtree(folder, ignore_errors=True)  # of an import that was killed
 
     def add(self, picture: LabelledPicture, index: PictureIndex) -> None:
@@ -237,15 +247,16 @@ class _Writer:
             path = index.find(picture.file)
             image_rgb = read_picture(path)
             label = paint(picture, image_rgb.shape[:2], self.meaning)
-            self._measure(image_rgb, label)
-            self._write(path, label)
+            key = self._write(path, label)
         except (LabelFileError, PictureError) as error:
             text = str(error)
             self.problems.append(text if picture.file in text else f"{picture.file}: {text}")
             return
-        self.shapes.update(shape.name for shape in picture.shapes)
+        self.shapes[key] = Counter(shape.name for shape in picture.shapes)
+        self._placement.add(key, image_rgb, label)
+        self._measure(image_rgb, label)
 
-    def _write(self, path: Path, label: ByteArray) -> None:
+    def _write(self, path: Path, label: ByteArray) -> str:
         key = ENDING.sub("", path.stem)
         if key in self.keys:
             if self.keys[key] == path:
@@ -258,6 +269,7 @@ class _Writer:
             (self.folder / name).mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, self.folder / "images" / f"{key}{path.suffix.lower()}")
         (self.folder / "masks" / f"{key}.png").write_bytes(encode_mask(label))
+        return key
 
     def _measure(self, image_rgb: ByteArray, label: ByteArray) -> None:
         stride = (slice(None, None, 4), slice(None, None, 4))
@@ -265,9 +277,20 @@ class _Writer:
         plant, soil = small < PlantClass.SOIL, small == PlantClass.SOIL
         if not plant.any() or not soil.any():
             return
-        for name, flip in (("", (slice(None), slice(None))), *FLIPS.items()):
-            turned = green[flip]
-            self._contrasts[name].append(float(turned[plant].mean() - turned[soil].mean()))
+        self._contrasts.append(float(green[plant].mean() - green[soil].mean()))
+
+    def drop_misplaced(self, out: Path) -> None:
+        """Take out the pictures whose labels do not lie on their plants.
+
+        Raises: ConfigError: there are too many of them.
+        """
+        self._placement.refuse(f"{out} was not written")
+        for key, reason in self._placement.misplaced.items():
+            path = self.keys.pop(key)
+            del self.shapes[key]
+            (self.folder / "images" / f"{key}{path.suffix.lower()}").unlink()
+            (self.folder / "masks" / f"{key}.png").unlink()
+            self.problems.append(f"{path.name}: its labels do not lie on its plants; {reason}")
 
     def check(self, out: Path) -> None:
         """Refuse a set that nothing can be learnt from.
@@ -279,19 +302,11 @@ class _Writer:
             raise ConfigError(f"{out} was not written, no picture can be used; {reason}")
         if not self._contrasts:
             return
-        mean = {name: float(np.mean(values)) for name, values in self._contrasts.items()}
-        as_is = mean.pop("")
-        best = max(mean, key=lambda name: mean[name])
-        if mean[best] > as_is + CLEARLY_GREENER:
-            raise ConfigError(
-                f"{out} was not written: the labels lie on the plants only when mirrored {best} "
-                f"(greener than the soil by {mean[best]:.2f} then, by {as_is:.2f} as they are); "
-                "mend the axes in the export"
-            )
-        if as_is < -GREENER:
+        greener = float(np.mean(self._contrasts))
+        if greener < -GREENER:
             raise ConfigError(
                 f"{out} was not written: what is called plant is less green than what is called "
-                f"soil (by {-as_is:.2f}); check --classes and that pictures and labels belong "
+                f"soil (by {-greener:.2f}); check --classes and that pictures and labels belong "
                 "together"
             )
 

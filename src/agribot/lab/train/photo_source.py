@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from torch import Tensor
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray
 from agribot.lab.dataset.classes import read_ids
+from agribot.lab.dataset.placement import PlacementTally
 from agribot.lab.train.architectures import find_architecture
 from agribot.lab.train.data import LabelledImage
 from agribot.lab.train.farm import draw_row_crop
@@ -128,26 +130,51 @@ def _read_photographs(
             problems.append(text)
             progress(f"left out: {text}")
 
-    good: list[Pair] = []
-    widths_px: list[int] = []
-    digest = hashlib.sha256()
-
-    def read_all() -> Iterator[LabelledImage]:
-        for pair in pairs:
-            for image_rgb, label in read_pairs([pair], note):
-                good.append(pair)
-                widths_px.append(label.shape[1])
-                digest.update(pair.image.relative_to(args.data_dir).as_posix().encode())
-                digest.update(label.tobytes())
-                yield image_rgb, label
-
-    tally = tally_classes(read_all())
-    if not good:
+    placement = PlacementTally()
+    seen = _Reading(args.data_dir, note)
+    tally = tally_classes(seen.read(pairs, placement))
+    if not seen.pairs:
         raise ConfigError(f"{args.data_dir}: no pair can be read; the first problem: {problems[0]}")
     if args.data == "folder" and ids is None:
         refuse_doubt(tally, pairs, args.data_dir)
-    read = _Photographs(PairFiles(good), widths_px, digest.hexdigest()[:16])
+    if placement.misplaced and not args.keep_misplaced:
+        seen = seen.leave_out(placement)
+    read = _Photographs(PairFiles(seen.pairs), seen.widths_px, seen.digest.hexdigest()[:16])
     return read, partial(read_pairs, held, note) if held else None, problems
+
+
+class _Reading:
+    """The pairs of a folder that were read, how wide they are, and a digest of their labels."""
+
+    def __init__(self, folder: Path, note: Callable[[str], None]) -> None:
+        self.pairs: list[Pair] = []
+        self.widths_px: list[int] = []
+        self.digest = hashlib.sha256()
+        self._folder, self._note = folder, note
+
+    def read(self, pairs: Sequence[Pair], placement: PlacementTally) -> Iterator[LabelledImage]:
+        for pair in pairs:
+            for image_rgb, label in read_pairs([pair], self._note):
+                self.pairs.append(pair)
+                self.widths_px.append(label.shape[1])
+                self.digest.update(pair.image.relative_to(self._folder).as_posix().encode())
+                self.digest.update(label.tobytes())
+                placement.add(str(pair.image), image_rgb, label)
+                yield image_rgb, label
+
+    def leave_out(self, placement: PlacementTally) -> _Reading:
+        """Read again those whose labels lie on their plants, and name the others.
+
+        Raises: ConfigError: too many do not.
+        """
+        placement.refuse(str(self._folder))
+        for name, reason in placement.misplaced.items():
+            self._note(f"{name}: its labels do not lie on its plants; {reason}")
+        good = [pair for pair in self.pairs if str(pair.image) not in placement.misplaced]
+        again = _Reading(self._folder, self._note)
+        for _ in again.read(good, PlacementTally()):
+            pass
+        return again
 
 
 def _set_aside(
