@@ -97,6 +97,9 @@ def _print(report: Any) -> None:
             f"{len(report.unlabelled)} pictures without any label were left out; --keep-empty "
             "takes them as bare soil\n"
         )
+    if report.without_area:
+        some = "; ".join(report.without_area[:3])
+        text += f"{len(report.without_area)} shapes without an area were left out ({some})\n"
     for problem in report.problems[:MOST_LINES]:
         text += f"  left out: {problem}\n"
     if len(report.problems) > MOST_LINES:

@@ -156,6 +156,15 @@ WRITERS: dict[str, Callable[[Path], None]] = {
 }
 
 
+def check_drawn(label: ByteArray) -> None:
+    wrong = label != truth()
+    # A polygon's edge may take the pixels that it cuts; never more than a ring of one pixel.
+    assert wrong.sum() <= 4 * 20 + 3 * 20
+    inner = np.zeros_like(wrong)
+    inner[8:24, 10:26] = inner[33:40, 62:68] = inner[:4] = True
+    assert not (wrong & inner).any()
+
+
 @pytest.mark.parametrize("tool", WRITERS)
 def test_what_was_drawn_in_a_tool_is_what_the_product_trains_on(tool: str, tmp_path: Path) -> None:
     draw(tmp_path / "images")
@@ -167,12 +176,7 @@ def test_what_was_drawn_in_a_tool_is_what_the_product_trains_on(tool: str, tmp_p
     assert problems == []
     image_rgb, label = read_pair(pair)
     assert image_rgb.shape == (HEIGHT, WIDTH, 3)
-    wrong = label != truth()
-    # A polygon's edge may take the pixels that it cuts; never more than a ring of one pixel.
-    assert wrong.sum() <= 4 * 20 + 3 * 20
-    inner = np.zeros_like(wrong)
-    inner[8:24, 10:26] = inner[33:40, 62:68] = inner[:4] = True
-    assert not (wrong & inner).any()
+    check_drawn(label)
     assert main(["dataset", "check", str(out)]) == 0
 
 
@@ -342,3 +346,104 @@ def test_no_name_in_a_file_of_labels_leads_out_of_the_folders_that_were_given(
     words = [str(tmp_path / "given" / "labels.json"), *NAMES, "--out", str(tmp_path / "set")]
     assert main(["dataset", "import", *words]) == 2
     assert "no picture of this name" in capsys.readouterr().err
+
+
+def with_clicks_labelme() -> dict[str, Any]:
+    value = labelme()
+    value["shapes"] += [
+        {"label": "beet", "points": [[40, 40], [41, 40]], "shape_type": "polygon"},
+        {"label": "beet", "points": [[40, 40], [41, 40], [42, 40]], "shape_type": "polygon"},
+        {"label": "beet", "points": [[40, 40]], "shape_type": "point"},
+    ]
+    return value
+
+
+def with_clicks_coco() -> dict[str, Any]:
+    value = coco()
+    value["annotations"] += [
+        {"image_id": 7, "category_id": 1, "segmentation": [[40, 40, 41, 40]]},
+        {"image_id": 7, "category_id": 1, "segmentation": [], "bbox": [40, 40, 0, 0]},
+        {"image_id": 7, "category_id": 1, "segmentation": [[]]},
+    ]
+    value["annotations"][0]["segmentation"].append([1, 1, 2, 2])
+    return value
+
+
+def with_clicks_label_studio() -> list[dict[str, Any]]:
+    value = label_studio()
+    size = {"original_width": WIDTH, "original_height": HEIGHT}
+    for points in ([], [[10, 10], [11, 11]]):
+        click = {"points": points, "polygonlabels": ["beet"]}
+        value[0]["annotations"][0]["result"].append(
+            {"type": "polygonlabels", "value": click, **size}
+        )
+    place = {"x": 3.0, "y": 4.0, "width": 0.5, "keypointlabels": ["beet"]}
+    value[0]["annotations"][0]["result"] += [
+        {"type": "keypointlabels", "value": place, **size},
+        {"type": "rating", "value": {"rating": 4}},
+        {"type": "number", "value": {"number": 4}},
+        {"type": "taxonomy", "value": {"taxonomy": [["a", "b"]]}},
+        {"type": "relation", "from_id": "x", "to_id": "y", "direction": "right"},
+    ]
+    return value
+
+
+def with_clicks_cvat() -> str:
+    shapes = '<polygon label="beet" points="40,40;41,40" z_order="0"/>'
+    shapes += '<points label="beet" points="40,40" z_order="0"/><polygon label="beet" points=""/>'
+    return cvat().replace("</image>", f"{shapes}</image>")
+
+
+@pytest.mark.parametrize(
+    ("name", "make"),
+    [
+        ("labels.json", with_clicks_labelme),
+        ("labels.json", with_clicks_coco),
+        ("labels.json", with_clicks_label_studio),
+        ("labels.xml", with_clicks_cvat),
+    ],
+)
+def test_a_shape_that_covers_nothing_is_left_out_by_name_and_its_picture_kept(
+    name: str, make: Callable[[], Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert imported(tmp_path, make(), *NAMES, "--json", name=name) == 0
+    printed = capsys.readouterr()
+    report = json.loads(printed.out.splitlines()[-1])
+    assert len(report["without_area"]) == 3
+    assert "3 shapes without an area were left out (a.png: " in printed.err
+    check_drawn(np.asarray(Image.open(tmp_path / "set" / "masks" / "a.png")))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: "\n".join(f"{line} 0.913" for line in text.split("\n")) + "\n",
+        lambda text: "\n".join(f"{float(line[0])}{line[1:]}" for line in text.split("\n")),
+        lambda text: "\ufeff" + text.replace("\n", "\r\n"),
+    ],
+    ids=["how sure it was at the end", "class as numpy writes it", "mark at the beginning"],
+)
+def test_labels_that_a_network_or_an_editor_wrote_are_read(
+    change: Callable[[str], str], tmp_path: Path
+) -> None:
+    names = ("--classes", "crop=0", "weed=1")
+    assert imported(tmp_path, change(yolo()), *names, name="a.txt") == 0
+    check_drawn(np.asarray(Image.open(tmp_path / "set" / "masks" / "a.png")))
+
+
+def test_a_line_that_was_cut_off_is_not_taken_for_one_with_a_confidence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = yolo().rpartition(" ")[0]
+    assert imported(tmp_path, text, "--classes", "crop=0", "weed=1", name="a.txt") == 2
+    assert "an odd count: it was cut off" in capsys.readouterr().err
+
+
+def test_texts_about_a_set_beside_its_labels_are_no_labels(tmp_path: Path) -> None:
+    draw(tmp_path / "images")
+    (tmp_path / "labels").mkdir()
+    (tmp_path / "labels" / "a.txt").write_text(yolo())
+    for name in ("README.dataset.txt", "README.roboflow.txt", "train.txt", "LICENSE.txt"):
+        (tmp_path / "labels" / name).write_text("https://universe.roboflow.com/beets\n")
+    words = [str(tmp_path / "labels"), "--out", str(tmp_path / "set"), "--classes"]
+    assert main(["dataset", "import", *words, "crop=0", "weed=1"]) == 0

@@ -7,6 +7,7 @@ are of a class that nobody explained, are no set at all: nothing is written.
 from __future__ import annotations
 
 import io
+import re
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -40,17 +41,27 @@ FORMATS = ("labelme", "coco", "cvat", "yolo", "label-studio")
 SUFFIX = {"cvat": ".xml", "yolo": ".txt"}  # of the files in a folder; the others are .json
 MAX_FILE_BYTES = 500_000_000
 NAME_FILES = ("data.yaml", "dataset.yaml", "data.yml", "classes.txt", "obj.names")
+# Beside the labels of a folder: names of classes, lists of pictures, and texts about the set, as of
+# Roboflow. A file that is named in the command is read whatever its name.
+NO_LABELS = re.compile(
+    r"(?i)(classes|obj\.names|readme(\.\w+)*|licen[cs]e|notes|train|val|valid|test|autosplit_\w+)"
+    r"(\.txt)?|data\.ya?ml|dataset\.ya?ml"
+)
 ANY = "*"
 EXAMPLE = "--classes crop=beet,maize weed=*"
 
 
 class ImportReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What was made of the files; `shapes` counts those of each name in the tool."""
+    """What was made of the files; `shapes` counts those of each name in the tool.
+
+    `without_area` are shapes that were left out of pictures that were taken.
+    """
 
     folder: str
     pictures: int
     shapes: dict[str, int]
     unlabelled: tuple[str, ...]
+    without_area: tuple[str, ...]
     problems: tuple[str, ...]
 
 
@@ -97,7 +108,7 @@ def list_label_files(inputs: Sequence[Path], tool: str) -> list[Path]:
             continue
         suffixes = {SUFFIX.get(tool, ".json")} if tool != "auto" else {".json", ".xml", ".txt"}
         found = sorted(p for p in path.rglob("*") if p.suffix.lower() in suffixes)
-        found = [one for one in found if one.name not in NAME_FILES]
+        found = [one for one in found if not NO_LABELS.fullmatch(one.name)]
         if not found:
             raise ConfigError(f"{path} has no {' or '.join(sorted(suffixes))} file with labels")
         files += found
@@ -193,6 +204,7 @@ def import_labels(
         pictures=len(writer.keys),
         shapes=dict(sum(writer.shapes.values(), Counter())),
         unlabelled=tuple(writer.unlabelled),
+        without_area=tuple(writer.without_area),
         problems=tuple(writer.problems),
     )
 
@@ -236,6 +248,7 @@ class _Writer:
         self.keys: dict[str, Path] = {}
         self.shapes: dict[str, Counter[str]] = {}  # of each picture that was written
         self.unlabelled: list[str] = []
+        self.without_area: list[str] = []
         self._placement = PlacementTally()
         self._contrasts: list[float] = []
         shutil.rmtree(folder, ignore_errors=True)  # of an import that was killed
@@ -252,6 +265,7 @@ class _Writer:
             text = str(error)
             self.problems.append(text if picture.file in text else f"{picture.file}: {text}")
             return
+        self.without_area += [f"{path.name}: {reason}" for reason in picture.left_out]
         self.shapes[key] = Counter(shape.name for shape in picture.shapes)
         self._placement.add(key, image_rgb, label)
         self._measure(image_rgb, label)

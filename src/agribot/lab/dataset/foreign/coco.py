@@ -14,12 +14,17 @@ from agribot.lab.dataset.foreign.shapes import (
     LabelFileError,
     LabelledPicture,
     Mask,
+    NoAreaError,
+    Polygon,
     check_size,
     convert_json,
     fill_runs,
     pair_numbers,
+    read_shapes,
 )
 from agribot.lab.dataset.run_lengths import decompress
+
+BOX_NUMBERS = 4
 
 
 class _Image(msgspec.Struct):
@@ -33,6 +38,7 @@ class _Annotation(msgspec.Struct):
     image_id: int | str
     category_id: int
     segmentation: Any = None
+    bbox: Any = None
 
 
 class _Category(msgspec.Struct):
@@ -96,10 +102,14 @@ def _read_picture(
 ) -> LabelledPicture:
     try:
         size_px = check_size(image.width, image.height)
-        shapes = tuple(_read_shape(one, names[one.category_id], size_px) for one in annotations)
     except LabelFileError as error:
         return LabelledPicture(file=image.file_name, size_px=None, problem=str(error))
-    return LabelledPicture(file=image.file_name, size_px=size_px, shapes=shapes)
+    return read_shapes(
+        image.file_name,
+        size_px,
+        annotations,
+        lambda one: _read_shape(one, names[one.category_id], size_px),
+    )
 
 
 def _read_shape(annotation: _Annotation, name: str, size_px: tuple[int, int]) -> DrawnShape:
@@ -115,9 +125,31 @@ def _read_shape(annotation: _Annotation, name: str, size_px: tuple[int, int]) ->
         return DrawnShape(name=name, mask=partial(_fill, runs))
     if not isinstance(outline, list) or not all(isinstance(part, list) for part in outline):
         outline = []
-    if not outline:
+    if not outline and _is_box(annotation.bbox):
         raise LabelFileError(f"'{name}' is a box without an outline; export segmentations")
-    return DrawnShape(name=name, polygons=tuple(pair_numbers(part) for part in outline))
+    return DrawnShape(name=name, polygons=tuple(_pair_parts(outline, name)))
+
+
+def _is_box(bbox: Any) -> bool:
+    """Tell whether a shape without an outline may be a box: all but one of no size."""
+    is_list = isinstance(bbox, list) and len(bbox) == BOX_NUMBERS
+    return not is_list or all(isinstance(side, int | float) and side > 0 for side in bbox[2:])
+
+
+def _pair_parts(outline: list[Any], name: str) -> list[Polygon]:
+    """Pair the corners of the parts that cover something.
+
+    Raises: NoAreaError: none does.
+    """
+    found, reason = [], "an empty outline"
+    for part in outline:
+        try:
+            found.append(pair_numbers(part))
+        except NoAreaError as error:
+            reason = str(error)
+    if not found:
+        raise NoAreaError(f"'{name}' is {reason}")
+    return found
 
 
 def _fill(runs: _RunLengths) -> Mask:

@@ -13,12 +13,15 @@ from agribot.lab.dataset.foreign.shapes import (
     LabelFileError,
     LabelledPicture,
     Mask,
+    NoAreaError,
     check_size,
     fill_runs,
     make_polygon,
+    read_shapes,
 )
 
-NO_AREA = {"box", "polyline", "points", "cuboid", "skeleton", "ellipse"}
+NO_AREA = {"polyline", "points"}
+NO_OUTLINE = {"box", "cuboid", "skeleton", "ellipse"}
 
 
 def read_cvat(data: bytes) -> list[LabelledPicture]:
@@ -44,22 +47,23 @@ def _read_picture(image: ET.Element) -> LabelledPicture:
         ordered = sorted(
             (e for e in image if e.tag != "tag"), key=lambda e: int(e.get("z_order", 0))
         )
-        shapes = tuple(_read_shape(element, size_px) for element in ordered)
     except LabelFileError as error:
         return LabelledPicture(file=file, size_px=None, problem=str(error))
     except ValueError as error:
         return LabelledPicture(file=file, size_px=None, problem=f"z_order: {error}")
-    return LabelledPicture(file=file, size_px=size_px, shapes=shapes)
+    return read_shapes(file, size_px, ordered, partial(_read_shape, size_px=size_px))
 
 
 def _read_shape(element: ET.Element, size_px: tuple[int, int]) -> DrawnShape:
     name = element.get("label", "")
     if element.tag == "polygon":
-        points = [point.split(",") for point in element.get("points", "").split(";")]
+        points = [point.split(",") for point in element.get("points", "").split(";") if point]
         return DrawnShape(name=name, polygons=(make_polygon(points),))
     if element.tag == "mask":
         return DrawnShape(name=name, mask=partial(_read_mask, element, size_px))
-    what = element.tag if element.tag in NO_AREA else f"<{element.tag[:20]}>"
+    if element.tag in NO_AREA:
+        raise NoAreaError(f"'{name}' is a {element.tag}")
+    what = element.tag if element.tag in NO_OUTLINE else f"<{element.tag[:20]}>"
     raise LabelFileError(
         f"'{name}' is a {what}; only polygons and masks say which pixels are plant"
     )

@@ -14,11 +14,15 @@ from agribot.lab.dataset.foreign.shapes import (
     LabelFileError,
     LabelledPicture,
     Mask,
+    NoAreaError,
     check_size,
     convert_json,
     make_polygon,
+    read_shapes,
 )
 
+_PLACES = {"points", "rle", "x", "vertices"}
+_NO_AREA = {"keypointlabels", "keypoint"}
 CHANNELS = 4  # a brush stroke is stored as red, green, blue and alpha
 
 
@@ -80,20 +84,26 @@ def _find_file(task: _Task) -> str:
 
 
 def _read_picture(file: str, results: list[_Result]) -> LabelledPicture:
-    drawn = [one for one in results if one.type not in {"labels", "choices", "textarea"}]
+    drawn = [one for one in results if one.type != "labels" and _is_drawn(one.value)]
     if not drawn:
         return LabelledPicture(file=file, size_px=None)
     try:
         size_px = check_size(drawn[0].original_width, drawn[0].original_height)
-        shapes = tuple(_read_shape(one, size_px) for one in drawn)
     except LabelFileError as error:
         return LabelledPicture(file=file, size_px=None, problem=str(error))
-    return LabelledPicture(file=file, size_px=size_px, shapes=shapes)
+    return read_shapes(file, size_px, drawn, partial(_read_shape, size_px=size_px))
+
+
+def _is_drawn(value: Any) -> bool:
+    """Tell whether a result has a place: ratings, choices, texts and relations have none."""
+    return isinstance(value, dict) and not _PLACES.isdisjoint(value)
 
 
 def _read_shape(result: _Result, size_px: tuple[int, int]) -> DrawnShape:
     value = convert_json(result.value, _Value, "Label Studio")
     names = value.polygonlabels or value.brushlabels
+    if result.type in _NO_AREA:
+        raise NoAreaError(f"a {result.type[:30]}")
     if result.type not in {"polygonlabels", "brushlabels"} or len(names) != 1:
         raise LabelFileError(
             f"a label of type {result.type[:30]} with {len(names)} classes; only polygons and "

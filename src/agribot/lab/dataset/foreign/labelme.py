@@ -17,10 +17,14 @@ from agribot.lab.dataset.foreign.shapes import (
     LabelFileError,
     LabelledPicture,
     Mask,
+    NoAreaError,
     check_size,
     convert_json,
     make_polygon,
+    read_shapes,
 )
+
+_NO_AREA = {"point", "points", "line", "linestrip"}
 
 
 class _Shape(msgspec.Struct):
@@ -48,11 +52,8 @@ def read_labelme(value: Any) -> list[LabelledPicture]:
     """
     file = convert_json(value, _File, "LabelMe")
     size_px = check_size(file.image_width, file.image_height)
-    try:
-        shapes = tuple(_read_shape(shape, size_px) for shape in file.shapes)
-    except LabelFileError as error:
-        return [LabelledPicture(file=file.image_path, size_px=size_px, problem=str(error))]
-    return [LabelledPicture(file=file.image_path, size_px=size_px, shapes=shapes)]
+    read = partial(_read_shape, size_px=size_px)
+    return [read_shapes(file.image_path, size_px, file.shapes, read)]
 
 
 def _read_shape(shape: _Shape, size_px: tuple[int, int]) -> DrawnShape:
@@ -60,6 +61,8 @@ def _read_shape(shape: _Shape, size_px: tuple[int, int]) -> DrawnShape:
         return DrawnShape(
             name=shape.label, mask=partial(_read_mask, shape.mask, shape.points, size_px)
         )
+    if shape.shape_type in _NO_AREA:
+        raise NoAreaError(f"'{shape.label}' is a {shape.shape_type}")
     if shape.shape_type not in {"polygon", None}:
         raise LabelFileError(
             f"'{shape.label}' is a {shape.shape_type}; only polygons and masks say which pixels "

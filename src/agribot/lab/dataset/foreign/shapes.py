@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
 import msgspec
@@ -28,6 +28,10 @@ class LabelFileError(AgribotError):
     """A file of labels, or what it says of one picture, cannot be used; the message says why."""
 
 
+class NoAreaError(LabelFileError):
+    """A shape covers no pixel, such as a click; it is left out, and its picture kept."""
+
+
 class DrawnShape(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """Plants of one class: the union of polygons, in pixels, or a mask of the whole picture.
 
@@ -43,13 +47,36 @@ class LabelledPicture(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """A picture as a tool names it; later shapes lie over earlier ones.
 
     `size_px` is (width, height); None: the tool does not say, and polygons are in shares of it.
-    `problem` is why its shapes cannot be used, empty where they can.
+    `problem` is why its shapes cannot be used, empty where they can. `left_out` says which of them
+    cover nothing.
     """
 
     file: str
     size_px: tuple[int, int] | None
     shapes: tuple[DrawnShape, ...] = ()
     problem: str = ""
+    left_out: tuple[str, ...] = ()
+
+
+def read_shapes(
+    file: str,
+    size_px: tuple[int, int] | None,
+    items: Iterable[T],
+    read: Callable[[T], DrawnShape],
+) -> LabelledPicture:
+    """Read all shapes of a picture; one that covers nothing is left out by name."""
+    shapes, left_out = [], []
+    try:
+        for item in items:
+            try:
+                shapes.append(read(item))
+            except NoAreaError as error:
+                left_out.append(str(error))
+    except LabelFileError as error:
+        return LabelledPicture(file=file, size_px=size_px, problem=str(error))
+    return LabelledPicture(
+        file=file, size_px=size_px, shapes=tuple(shapes), left_out=tuple(left_out)
+    )
 
 
 def decode_json(data: bytes) -> Any:
@@ -77,16 +104,19 @@ def convert_json(value: Any, kind: type[T], tool: str) -> T:
 def make_polygon(points: Sequence[Any]) -> Polygon:
     """Make a polygon of pairs of numbers.
 
-    Raises: LabelFileError: no pairs of finite numbers, or fewer than three.
+    Raises: LabelFileError: no pairs of finite numbers. NoAreaError: they enclose nothing.
     """
     if len(points) < LEAST_CORNERS:
-        raise LabelFileError(f"a polygon of {len(points)} points; draw at least {LEAST_CORNERS}")
+        raise NoAreaError(f"a polygon of {len(points)} points; draw at least {LEAST_CORNERS}")
     try:
         corners = np.array(points, np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise LabelFileError(f"a polygon that is not of numbers: {_shorten(points)}") from error
     if corners.shape != (len(points), 2) or not np.isfinite(corners).all():
         raise LabelFileError(f"a polygon that is not of pairs of numbers: {_shorten(points)}")
+    (u, v), (next_u, next_v) = corners.T, np.roll(corners, -1, axis=0).T
+    if not (u * next_v - next_u * v).sum():
+        raise NoAreaError(f"a polygon without an area: {_shorten(points)}")
     return corners
 
 

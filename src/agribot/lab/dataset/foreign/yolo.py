@@ -6,7 +6,8 @@ classes stand in another file.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 from agribot.core.table_text import decode_text
 from agribot.lab.dataset.foreign.shapes import (
@@ -14,10 +15,12 @@ from agribot.lab.dataset.foreign.shapes import (
     LabelFileError,
     LabelledPicture,
     pair_numbers,
+    read_shapes,
 )
 from agribot.ui.small_yaml import UnusableYaml, read_yaml
 
 BOX_NUMBERS = 4
+SURE_WORDS = 8  # a class, three corners and how sure the network was
 
 
 def read_yolo(file: str, data: bytes, names: Mapping[int, str]) -> LabelledPicture:
@@ -29,33 +32,51 @@ def read_yolo(file: str, data: bytes, names: Mapping[int, str]) -> LabelledPictu
         lines = decode_text(data).split("\n")
     except ValueError as error:
         raise LabelFileError(f"is no text ({error})") from error
-    shapes = []
-    for number, line in enumerate(lines, 1):
-        if not line.strip():
-            continue
-        try:
-            shapes.append(_read_line(line, names))
-        except LabelFileError as error:
-            return LabelledPicture(
-                file=file, size_px=None, problem=f"{file}.txt, line {number}: {error}"
-            )
-    return LabelledPicture(file=file, size_px=None, shapes=tuple(shapes))
+    found = [(number, line.split()) for number, line in enumerate(lines, 1) if line.strip()]
+    read = partial(_read_numbered, file=file, names=names, drops_last=_has_confidence(found, lines))
+    return read_shapes(file, None, found, read)
 
 
-def _read_line(line: str, names: Mapping[int, str]) -> DrawnShape:
-    first, *words = line.split()
-    if not first.isascii() or not first.isdigit():
-        raise LabelFileError(f"'{first[:20]}' is no number of a class")
-    if len(words) == BOX_NUMBERS:
+def _has_confidence(found: Sequence[tuple[int, list[str]]], lines: Sequence[str]) -> bool:
+    """Tell whether each line ends with how sure a network was: all have a number too many.
+
+    A file that ends amid a line was cut off.
+    """
+    is_whole = len(found) > 1 or lines[-1] == ""
+    return is_whole and all(len(words) >= SURE_WORDS and not len(words) % 2 for _, words in found)
+
+
+def _read_numbered(
+    line: tuple[int, list[str]], file: str, names: Mapping[int, str], drops_last: bool
+) -> DrawnShape:
+    number, words = line
+    try:
+        return _read_words(words[:-1] if drops_last else words, names)
+    except LabelFileError as error:
+        raise type(error)(f"{file}.txt, line {number}: {error}") from error
+
+
+def _read_words(words: Sequence[str], names: Mapping[int, str]) -> DrawnShape:
+    first, *numbers = words
+    kind = _read_kind(first)
+    if len(numbers) == BOX_NUMBERS:
         raise LabelFileError("a box; export segmentations, with the corners of each plant")
-    polygon = pair_numbers(words)
+    polygon = pair_numbers(numbers)
     if polygon.min() < -0.01 or polygon.max() > 1.01:
         # In shares of the picture; the tolerance in pixels is applied once its size is known.
         raise LabelFileError(
             f"a corner at {polygon.max() if polygon.max() > 1.01 else polygon.min():g}, outside "
             "the picture, which goes from 0 to 1; are these pixels?"
         )
-    return DrawnShape(name=names.get(int(first), first), polygons=(polygon,))
+    return DrawnShape(name=names.get(kind, str(kind)), polygons=(polygon,))
+
+
+def _read_kind(text: str) -> int:
+    """Read the number of a class; numpy writes it as 1.0."""
+    whole = text.removesuffix(".0")
+    if not whole.isascii() or not whole.isdigit():
+        raise LabelFileError(f"'{text[:20]}' is no number of a class")
+    return int(whole)
 
 
 def read_names(file: str, data: bytes) -> dict[int, str]:
