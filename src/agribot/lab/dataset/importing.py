@@ -199,14 +199,7 @@ def import_labels(
         ) from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
-    return ImportReport(
-        folder=str(out),
-        pictures=len(writer.keys),
-        shapes=dict(sum(writer.shapes.values(), Counter())),
-        unlabelled=tuple(writer.unlabelled),
-        without_area=tuple(writer.without_area),
-        problems=tuple(writer.problems),
-    )
+    return writer.report(out)
 
 
 class _Indexes:
@@ -305,6 +298,17 @@ class _Writer:
             (self.folder / "images" / f"{key}{path.suffix.lower()}").unlink()
             (self.folder / "masks" / f"{key}.png").unlink()
             self.problems.append(f"{path.name}: its labels do not lie on its plants; {reason}")
+
+    def report(self, out: Path) -> ImportReport:
+        """Sum up what was written."""
+        return ImportReport(
+            folder=str(out),
+            pictures=len(self.keys),
+            shapes=dict(sum(self.shapes.values(), Counter())),
+            unlabelled=tuple(self.unlabelled),
+            without_area=tuple(self.without_area),
+            problems=tuple(self.problems),
+        )
 
     def check(self, out: Path) -> None:
         """Refuse a set that nothing can be learnt from.
