@@ -6,6 +6,7 @@ from typing import get_args
 
 import pytest
 
+from agribot.cli.main import main
 from agribot.core.errors import ConfigError
 from agribot.ui import wire
 from agribot.ui.hand.inputs import STILL
@@ -95,7 +96,14 @@ def test_the_table_knows_every_request_that_the_page_may_make() -> None:
 
 
 REFUSED = {
-    "{}": "no table 'teleop'",
+    "{}": "no commands: neither a table 'teleop' of joy_teleop",
+    "a: {ros__parameters: {require_enable_button: false, axis_linear: {x: 1}}}": (
+        "require_enable_button is off: nothing drives here without a button held"
+    ),
+    "a: {ros__parameters: {inverted_reverse: true, enable_button: 4}}": "inverted_reverse is on",
+    "a: {ros__parameters: {enable_button: 4, axis_linear: {x: 1, y: 2}}}": (
+        "a.normal: target 'linear.y'; known are linear.x and angular.z"
+    ),
     "teleop: [": "not valid YAML",
     "teleop: {a: {type: topic}}\njoy: 1": "unknown 'joy'",
     "teleop: {a: {type: dance}}": "teleop.a.type: invalid value 'dance'",
@@ -170,3 +178,86 @@ def test_a_gamepad_with_a_table_drives_and_asks_a_real_server(robot: Robot, tmp_
     finally:
         process.kill()
         process.communicate()
+
+
+ROS_2 = """
+joy_teleop:
+  ros__parameters:
+    use_sim_time: false
+    drive:
+      type: topic
+      interface_type: geometry_msgs/msg/Twist
+      topic_name: cmd_vel
+      deadman_buttons: [5]
+      axis_mappings:
+        linear-x: {axis: 1, scale: 0.7, offset: 0.0}
+        angular-z: {axis: 0, scale: 1.0}
+    creep:
+      type: topic
+      interface_type: geometry_msgs/msg/TwistStamped
+      topic_name: /cmd_vel
+      deadman_buttons: [6]
+      message_value:
+        header-frame_id: {value: base_link}
+        twist-linear-x: {value: 0.1}
+    halt: {type: action, interface_type: a_msgs/action/Stop, action_name: stop, buttons: [1]}
+"""
+TWIST_JOY = """
+joy_node: {ros__parameters: {deadzone: 0.3}}
+teleop_twist_joy_node:
+  ros__parameters:
+    axis_linear: {x: 1}
+    scale_linear: {x: 0.7}
+    scale_linear_turbo: {x: 1.5}
+    axis_angular: {yaw: 0}
+    scale_angular: {yaw: 0.4}
+    enable_button: 5
+    enable_turbo_button: 6
+    publish_stamped_twist: true
+"""
+DOTTED = """
+/**:
+  ros__parameters: {axis_linear.x: 1, scale_linear.x: 0.7, axis_angular.yaw: 0,
+                    scale_angular.yaw: 1.0, enable_button: 5}
+"""
+ROS_1 = "{axis_linear: 1, scale_linear: 0.7, axis_angular: 0, scale_angular: 1.0, enable_button: 5}"
+
+
+@pytest.mark.parametrize(
+    ("text", "twist"),
+    [(ROS_2, (0.7, 1.0)), (TWIST_JOY, (0.7, 0.4)), (DOTTED, (0.7, 1.0)), (ROS_1, (0.7, 1.0))],
+    ids=["joy_teleop", "teleop_twist_joy", "names with points", "ROS 1"],
+)
+def test_parameter_files_of_ros_drive_as_they_do_there(
+    text: str, twist: tuple[float, float], tmp_path: Path
+) -> None:
+    hand, stick = table(tmp_path, text), JoystickState()
+    stick.feed(FORWARD + event(-32767, AXIS, 0))
+    assert hand.wish(stick).twist == STILL
+    stick.feed(press(5))
+    assert hand.wish(stick).twist == twist
+
+
+def test_a_stamped_twist_and_an_action_of_ros_2_are_read(tmp_path: Path) -> None:
+    hand, stick = table(tmp_path, ROS_2), JoystickState()
+    stick.feed(press(6) + press(1))
+    wish = hand.wish(stick)
+    assert wish.twist == (0.1, 0.0)
+    assert [(asked.name, asked.request) for asked in wish.requests] == [("halt", wire.PressStop())]
+
+
+def test_the_turbo_button_of_teleop_twist_joy_drives_alone_and_wins(tmp_path: Path) -> None:
+    hand, stick = table(tmp_path, TWIST_JOY), JoystickState()
+    stick.feed(FORWARD + press(6))
+    assert hand.wish(stick).twist == (1.5, 0.0)
+    stick.feed(press(5))
+    assert hand.wish(stick).twist == (1.5, 0.0)
+
+
+def test_a_table_is_checked_before_a_robot_is_looked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "teleop.yaml"
+    path.write_text("joy_teleop: {}")
+    assert main(["teleop", "joystick", "--config", str(path), "--url", "ws://localhost:1"]) == 2
+    assert "no commands" in capsys.readouterr().err

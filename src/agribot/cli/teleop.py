@@ -64,17 +64,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     stick.add_argument(
         "--config",
         metavar="TELEOP_YAML",
-        help="joy_teleop's table of axes and buttons, in place of --deadman, --axes and the rates",
+        help="table of axes and buttons of joy_teleop or teleop_twist_joy, of ROS 1 or 2, in place "
+        "of --deadman, --axes and the rates",
     )
 
 
 def run(options: argparse.Namespace) -> int:
     extras.require("ui", "agribot teleop")
     rates = _read_rates(options)
+    hand = _choose_hand(options, rates) if options.device == "joystick" else None
     door = find_robot(options)
-    opened = _open_joystick if options.device == "joystick" else _open_terminal
     with (
-        opened(options, rates) as read,
+        _open_joystick(options, hand) if hand else _open_terminal(options, rates) as read,
         Remote(door, f"teleop {options.device}") as robot,
         stop_on_signal() as stop,
     ):
@@ -186,12 +187,11 @@ def _make_request(twist: Twist | None, asked: list[str]) -> Wish:
 
 
 @contextmanager
-def _open_joystick(options: argparse.Namespace, rates: HandRates) -> Iterator[Read]:
+def _open_joystick(options: argparse.Namespace, hand: StickHand | TableHand) -> Iterator[Read]:
     """Read a joystick or gamepad.
 
     Raises: ConfigError: no such device. PlatformError: it was pulled out.
     """
-    hand = _choose_hand(options, rates)
     try:
         handle = os.open(options.joy, os.O_RDONLY | os.O_NONBLOCK)
     except OSError as error:

@@ -1,4 +1,6 @@
-"""The original joy_teleop's table: what the axes and buttons of a gamepad do, from a YAML file.
+"""joy_teleop's table: what the axes and buttons of a gamepad do, from a YAML file.
+
+It is read in the form of the original, of ROS 2 and of teleop_twist_joy.
 
 Its topics are velocities here, its actions and services requests to the mission. Axes count as in
 ROS's `joy`: forward and left are positive.
@@ -16,11 +18,14 @@ from agribot.core.errors import ConfigError
 from agribot.ui import wire
 from agribot.ui.hand.inputs import STILL, HandRequest, Wish
 from agribot.ui.hand.joystick import JoystickState
+from agribot.ui.hand.ros2_tables import find_commands
 from agribot.ui.small_yaml import UnusableYaml, read_yaml_file
 
 # The largest speeds that a line may ask for, those of `agribot teleop`; the robot has its own.
 LIMITS = {"linear.x": 2.0, "angular.z": 3.0}
-TWISTS = ("geometry_msgs/Twist", "geometry_msgs/msg/Twist")
+TWISTS = tuple(
+    f"geometry_msgs/{folder}{name}" for name in ("Twist", "TwistStamped") for folder in ("", "msg/")
+)
 REQUESTS: dict[str, wire.PageRequest] = {
     "stop": wire.PressStop(),
     "clear_stop": wire.ClearStop(),
@@ -171,17 +176,17 @@ def read_table(path: Path, scale: float, dead_zone: float) -> TableHand:
     velocities: list[Velocity] = []
     requests: list[tuple[tuple[int, ...], HandRequest]] = []
     for name, entry in _commands(path).items():
-        at = f"{path}: teleop.{name}"
+        at = f"{path}: {name}"
         command = _command(entry, at)
         if isinstance(command, Velocity):
             _check_velocity(command, at)
             velocities.append(command)
         else:
-            requests.append((command.buttons, _request(str(name), command, at)))
+            requests.append((command.buttons, _request(name.rpartition(".")[2], command, at)))
     return TableHand(velocities, requests, scale, dead_zone)
 
 
-def _commands(path: Path) -> dict[Any, Any]:
+def _commands(path: Path) -> dict[str, Any]:
     try:
         tree = read_yaml_file(path)
     except OSError as error:
@@ -189,13 +194,18 @@ def _commands(path: Path) -> dict[Any, Any]:
     except UnusableYaml as error:
         raise ConfigError(f"{path} is not valid YAML: {error}") from error
     check_finite(tree, str(path), "")
-    tree = tree if isinstance(tree, dict) else {}
-    table = tree.get("teleop")
-    if not isinstance(table, dict) or not table:
-        raise ConfigError(f"{path}: no table 'teleop' of commands, as joy_teleop has it")
-    if others := [str(key) for key in tree if key != "teleop"]:
+    try:
+        commands = find_commands(tree)
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    if not commands:
+        raise ConfigError(
+            f"{path}: no commands: neither a table 'teleop' of joy_teleop, nor parameters of ROS "
+            "2's joy_teleop or of teleop_twist_joy"
+        )
+    if "teleop" in tree and (others := [str(key) for key in tree if key != "teleop"]):
         raise ConfigError(f"{path}: unknown '{others[0]}' beside 'teleop'")
-    return table
+    return commands
 
 
 def _command(entry: Any, at: str) -> Velocity | Action | Service:
