@@ -305,6 +305,40 @@ def test_a_gamepad_drives_only_while_its_shoulder_button_is_held(
     wait_for(lambda: ends_with_zero(server), "a zero when the gamepad is gone")
 
 
+def test_a_gamepad_of_another_layout_drives_only_after_its_axes_were_assigned(
+    open_page: OpenPage, server: FakeServer
+) -> None:
+    page = armed(open_page, server)
+    page.evaluate(
+        PLUG_IN + "Object.assign(window.__pad, {mapping: '', axes: [0, 0, -1, 0, 0, -1]})"
+    )
+    expect(page.get_by_text("its layout is not known; assign its axes to drive")).to_be_visible()
+    page.evaluate("window.__pad.axes[1] = -1;" + LEFT_SHOULDER % "true")
+    sent = server.robot.n
+    wait_for(lambda: server.robot.n > sent + 6, "six more ticks")
+    assert commands(server, wire.DriveByHand) == []
+    page.evaluate("window.__pad.axes[1] = 0;" + LEFT_SHOULDER % "false")
+    page.get_by_role("button", name="Assign its axes").click()
+    for axis, words in ((1, "drives forward"), (4, "turns to the left")):
+        expect(page.get_by_text(words)).to_be_visible()
+        page.evaluate(f"window.__pad.axes[{axis}] = -1")
+        expect(page.get_by_text("Now let it go")).to_be_visible()
+        page.evaluate(f"window.__pad.axes[{axis}] = 0")
+    expect(page.get_by_text("has to be held while driving")).to_be_visible()
+    page.evaluate(LEFT_SHOULDER % "true")
+    expect(page.get_by_text("Gamepad: Test pad")).to_be_visible()
+    page.evaluate(LEFT_SHOULDER % "false")
+
+    def press(page: Page) -> None:
+        page.evaluate("window.__pad.axes[1] = window.__pad.axes[4] = -1;" + LEFT_SHOULDER % "true")
+
+    def let_go(page: Page) -> None:
+        page.evaluate(LEFT_SHOULDER % "false")
+
+    hold(page, lambda: turning(server), press, let_go)
+    assert turning(server)[-1].yaw_rate_radps == pytest.approx(1.2)
+
+
 def test_a_gamepad_held_while_arming_must_be_let_go_first(
     open_page: OpenPage, server: FakeServer
 ) -> None:

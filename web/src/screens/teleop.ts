@@ -7,7 +7,8 @@ import { icon } from '../icons.ts'
 import { savedScale } from '../link.ts'
 import { HAND_MS } from '../link-monitor.ts'
 import { chooseSeat } from '../shell/seat.ts'
-import { listenKeys, listenLeaving, listenPad, readGamepad } from '../teleop/inputs.ts'
+import { GamepadLine } from '../teleop/gamepad-line.ts'
+import { listenKeys, listenLeaving, listenPad } from '../teleop/inputs.ts'
 import type { Limits } from '../teleop/machine.ts'
 import { SCALES, TeleopMachine } from '../teleop/machine.ts'
 
@@ -24,7 +25,7 @@ export const teleop: Screen = {
     const knob = el('div', { class: 'pad-knob', 'aria-hidden': 'true' })
     const pad = makePad(knob)
     const readout = el('output', { class: 'readout' })
-    const gamepad = el('span', { class: 'muted' })
+    const gamepad = new GamepadLine()
     const arm = armSwitch(app, machine)
     const camera = app.session.camera && !app.off.has('camera') ? new CameraPicture(app.store, false) : null
     const label = el('span', { class: 'picture-label' })
@@ -43,7 +44,7 @@ export const teleop: Screen = {
         readout,
         scaleChoice(app),
         el('p', { class: 'muted help' }, HELP),
-        gamepad,
+        gamepad.node,
       ),
     )
     listenPad(pad, knob, machine)
@@ -61,7 +62,7 @@ export const teleop: Screen = {
       if (nowMs - lastMs > HUNG_MS) machine.releaseAll() // the robot stood meanwhile and shall not set off by itself
       lastMs = nowMs
       if (app.store.isStopped) machine.releaseAll() // nor when somebody clears the stop
-      setText(gamepad, gamepadText(readGamepad(machine)))
+      gamepad.tick(machine)
       arm.update()
       send(app, machine)
       showDrive(readout, app)
@@ -99,10 +100,6 @@ function send(app: App, machine: TeleopMachine): void {
   const drive = machine.tick(limits(app))
   const sentMs = app.store.monitor.robotMs(performance.now())
   if (drive) app.link.send({ kind: 'drive_by_hand', v_mps: drive.v, yaw_rate_radps: drive.w, mono_ms: sentMs })
-}
-
-function gamepadText(name: string | null): string {
-  return name ? `Gamepad: ${name.slice(0, 40)}` : ''
 }
 
 function showDrive(readout: HTMLElement, app: App): void {

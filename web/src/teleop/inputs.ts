@@ -1,10 +1,8 @@
-/** Pad, keys and gamepad, and everything that takes a hand off them. */
+/** Pad and keys, and everything that takes a hand off them. */
 
 import type { TeleopMachine } from './machine.ts'
-import { isDriveKey, keysInput, padInput, withoutDeadZone } from './machine.ts'
+import { isDriveKey, keysInput, padInput } from './machine.ts'
 import { isTextField } from '../shell/stop.ts'
-
-const DEAD_MAN_BUTTONS = [4, 5, 6, 7] // either shoulder of a standard gamepad
 
 /** A round pad driven by finger, pen or mouse: held only while pressed. */
 export function listenPad(pad: HTMLElement, knob: HTMLElement, machine: TeleopMachine): void {
@@ -74,24 +72,6 @@ export function listenKeys(machine: TeleopMachine): () => void {
     window.removeEventListener('blur', forget)
     forget()
   }
-}
-
-/** Reads the first gamepad; drives only while a shoulder button is held. Returns its name, or null. */
-export function readGamepad(machine: TeleopMachine): string | null {
-  const gamepad = navigator.getGamepads?.().find((g) => g?.connected) ?? null
-  if (!gamepad) {
-    machine.release('gamepad')
-    return null
-  }
-  const held = DEAD_MAN_BUTTONS.some((i) => gamepad.buttons[i]?.pressed)
-  if (held)
-    machine.hold(
-      'gamepad',
-      -withoutDeadZone(gamepad.axes[1] ?? 0),
-      -withoutDeadZone(gamepad.axes[2] ?? gamepad.axes[0] ?? 0),
-    )
-  else machine.release('gamepad')
-  return gamepad.id
 }
 
 /** Leaving the window, hiding the tab and losing the link let go of everything. */
