@@ -35,7 +35,8 @@ FIELD_M2 = 2400.0
 
 
 def lonlat(points: Points) -> list[list[float]]:
-    return FRAME.lonlat_from_map(np.array(points, float)).tolist()
+    places: list[list[float]] = FRAME.lonlat_from_map(np.array(points, float)).tolist()
+    return places
 
 
 def ring(points: Points) -> list[list[float]]:

@@ -454,7 +454,7 @@ def write_multipoints(path: Path, count: int) -> Path:
     places = [[11.6 + 1e-5 * number, 52.1] for number in range(count)]
     shape = {"type": "MultiPoint", "coordinates": places}
     if path.suffix == ".geojson":
-        empty = {"type": "Feature", "geometry": None, "properties": {}}
+        empty: dict[str, Any] = {"type": "Feature", "geometry": None, "properties": {}}
         features = [empty, {"type": "Feature", "geometry": shape, "properties": {}}]
         path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     elif path.suffix == ".shp":

@@ -113,10 +113,12 @@ def run(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     from agribot.lab.dataset.check import check
     from agribot.lab.dataset.classes import read_ids
+    from agribot.lab.dataset.colour_tables import find_table_ids
     from agribot.lab.dataset.layouts import find_layout
 
-    ids = read_ids(options.ids)
     layout = find_layout(options.folder, options.images, options.masks)
+    told = read_ids(options.ids)
+    ids = find_table_ids(options.folder) if told is None else told
     progress = CountProgress(len(layout.items), "pairs")
     report = check(layout, progress, ids, keeps_misplaced=options.keep_misplaced)
     progress.close()

@@ -131,7 +131,7 @@ def test_ids_silence_no_doubt_about_colours_that_they_do_not_speak_of(
     status, report = checked(tmp_path, capsys, "--ids", "0=soil,1=crop,2=weed")
     ((kind, detail),) = ((p["kind"], p["detail"]) for p in report["problems"])
     assert (status, report["pairs"], kind) == (1, 0, "no class mask")
-    assert "shows colours, and --ids is for masks of values; leave --ids out" in detail
+    assert "shows colours, and --ids names values; leave --ids out" in detail
 
 
 @pytest.mark.parametrize("mode", ["RGB", "P"])

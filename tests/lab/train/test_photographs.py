@@ -82,7 +82,7 @@ def test_a_mask_of_colours_where_values_are_wanted_is_refused(tmp_path: Path) ->
     assert (read_label(path, {}) == PlantClass.WEED).all()
     with pytest.raises(PictureError, match="masks of this --data hold values"):
         read_label(path, KINDS["phenobench"].ids)
-    with pytest.raises(PictureError, match="--ids is for masks of values; leave --ids out"):
+    with pytest.raises(PictureError, match="--ids names values; leave --ids out"):
         read_label(path, {0: PlantClass.SOIL}, is_named=True)
 
 

@@ -15,11 +15,13 @@ from agribot.lab.dataset.classes import (
     ALL_IGNORED,
     UNKNOWN,
     UNLABELLED,
+    VALUE_MODES,
     ClassTally,
     MaskIds,
     advise_ids,
     advise_swapped,
     explain_no_classes,
+    names_colours,
     read_classes,
 )
 from agribot.lab.dataset.layouts import Item, Layout
@@ -136,9 +138,9 @@ def _check_item(root: Path, item: Item, tally: CheckTally, ids: MaskIds) -> None
         tally.note("nothing labelled", item.mask, ALL_IGNORED)
         return
     if counts[UNKNOWN]:
-        advice = "" if ids else advise_ids(mask)
+        advice = "" if ids and not names_colours(ids) else advise_ids(mask)
         tally.note("unknown class", item.mask, f"{int(counts[UNKNOWN])} pixels{advice}")
-    tally.holds_values |= mask.mode == "L"
+    tally.holds_values |= mask.mode in VALUE_MODES
     tally.pairs += 1
     tally.sizes[size] += 1
     tally.without_plants += not counts[PlantClass.WEED] + counts[PlantClass.CROP]

@@ -12,16 +12,22 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.lab.dataset.pictures import DEEP_MODES
 
-MaskIds = Mapping[int, int]  # stored value to class; 255 is a pixel that counts for nothing
+# Stored value, or COLOUR and 0xRRGGBB, to class; 255 is a pixel that counts for nothing.
+MaskIds = Mapping[int, int]
 
 UNLABELLED = 255
 UNKNOWN = 254
-COLOUR_MODES = {"RGB", "RGBA", "P"}
+COLOUR_MODES = {"RGB", "RGBA", "P", "PA"}
+VALUE_MODES = {"L", "LA", "1", *DEEP_MODES}
+COLOUR = 1 << 24  # marks a key of ids as a colour
+MOST_COLOURS = 8  # that are named
 # Colour as one number 0xRRGGBB. Soil is blue here and black in CWFID and in the Bonn data.
 COLOURS = {0xFF0000: 0, 0x00FF00: 1, 0x0000FF: 2, 0x000000: 2}
 NAMES = {**{kind.name.lower(): int(kind) for kind in PlantClass}, "ignore": UNLABELLED}
 USUAL_IDS = "0=weed,1=crop,2=soil"
 EXAMPLE_IDS = "0=soil,1=crop,2=weed"
+EXAMPLE_COLOURS = "000000=soil,800000=crop"
+COLOUR_DIGITS = 6
 ALL_IGNORED = "every pixel is ignored; label some of the picture, or move the mask away"
 USUAL_COLOURS = "red weed, green crop, black or blue soil"
 
@@ -35,43 +41,64 @@ SAMPLE_STRIDE_PX = 4
 
 
 def read_ids(text: str | None) -> dict[int, int] | None:
-    """Read "0=soil,1=crop,2=weed"; None where nothing was given.
+    """Read "0=soil,1=crop" or, of colours, "000000=soil,800000=crop"; None for nothing.
 
-    Raises: ConfigError: no such class, no such value, or a value twice.
+    Raises: ConfigError: no such class, no such value or colour, one twice, or both kinds.
     """
     if text is None:
         return None
     ids: dict[int, int] = {}
     for word in text.split(","):
         value, _, name = (part.strip() for part in word.partition("="))
-        is_value = value.isascii() and value.isdigit() and len(value) <= 3 and int(value) <= 255
-        if not is_value or name not in NAMES:
+        key = _read_key(value)
+        if key is None or name not in NAMES:
             raise ConfigError(
-                f"--ids {text}: '{word.strip()}' is not VALUE=CLASS with a value from 0 to 255 and "
-                f"a class of {', '.join(NAMES)}; write for instance --ids {EXAMPLE_IDS}"
+                f"--ids {text}: '{word.strip()}' is not VALUE=CLASS with a value from 0 to 255, or "
+                f"a colour RRGGBB, and a class of {', '.join(NAMES)}; write for instance --ids "
+                f"{EXAMPLE_IDS} or --ids {EXAMPLE_COLOURS}"
             )
-        if int(value) in ids:
+        if key in ids:
             raise ConfigError(f"--ids {text}: value {value} is given twice")
-        ids[int(value)] = NAMES[name]
-    return {UNLABELLED: UNLABELLED, **ids}
+        ids[key] = NAMES[name]
+    if len({key < COLOUR for key in ids}) > 1:
+        raise ConfigError(f"--ids {text}: name either values or colours, not both")
+    return ids if names_colours(ids) else {UNLABELLED: UNLABELLED, **ids}
+
+
+def _read_key(text: str) -> int | None:
+    """Read a value of up to three digits, or a colour of six hexadecimal ones."""
+    if len(text) == COLOUR_DIGITS and set(text.lower()) <= set("0123456789abcdef"):
+        return COLOUR | int(text, 16)
+    is_value = text.isascii() and text.isdigit() and len(text) <= 3 and int(text) <= 255
+    return int(text) if is_value else None
+
+
+def format_key(key: int) -> str:
+    """Write a value or a colour as --ids takes it."""
+    return f"{key & 0xFFFFFF:06x}" if key >= COLOUR else str(key)
+
+
+def names_colours(ids: MaskIds) -> bool:
+    """Tell whether ids are of colours, not of values."""
+    return any(key >= COLOUR for key in ids)
 
 
 def read_classes(mask: Image.Image, ids: MaskIds) -> ByteArray | None:
     """Read the classes (height, width) of a mask of values or of colours; UNKNOWN where none.
 
-    With `ids` a mask of values is wanted. Without them 8-bit grey holds values, those of
+    With `ids` of values such a mask is wanted. Without them grey holds values, those of
     `PlantClass` and 255 where nothing counts, and every other mask is one of colours. None for a
     picture that is not of the kind wanted.
     """
-    if ids or mask.mode == "L":
+    if not names_colours(ids) and (ids or mask.mode in VALUE_MODES):
         values = read_values(mask)
         return None if values is None else _look_up(values, ids)
-    if mask.mode not in COLOUR_MODES:
+    if mask.mode not in COLOUR_MODES | VALUE_MODES:
         return None
     code = _colour_codes(mask)
     classes = np.full(code.shape, UNKNOWN, np.uint8)
-    for colour, kind in COLOURS.items():
-        classes[code == colour] = kind
+    for colour, kind in (ids or COLOURS).items():
+        classes[code == colour & 0xFFFFFF] = kind
     return classes
 
 
@@ -81,8 +108,9 @@ def read_values(mask: Image.Image) -> npt.NDArray[np.int64] | None:
     Grey is a value, in three equal channels too. A palette mask is what it shows, grey or the
     colours of classes; where it shows any other colour, its values are the indexes.
     """
-    if mask.mode in {"L", *DEEP_MODES}:
-        return np.asarray(mask).astype(np.int64)
+    if mask.mode in VALUE_MODES:
+        grey = np.asarray(mask.convert("L") if mask.mode == "LA" else mask)
+        return grey.astype(np.int64)
     if mask.mode not in COLOUR_MODES:
         return None
     code = _colour_codes(mask)
@@ -103,17 +131,27 @@ def explain_no_classes(mask: Image.Image, *, is_named: bool) -> str:
         )
     if is_named:
         return (
-            "shows colours, and --ids is for masks of values; leave --ids out, or save the values "
-            "as 8-bit grey"
+            "shows colours, and --ids names values; leave --ids out, or name the colours: "
+            f"{advise_colours(mask)}"
         )
     return "shows colours, and masks of this --data hold values; save the values as 8-bit grey"
 
 
 def advise_ids(mask: Image.Image) -> str:
-    """Say how the unknown classes of a mask that was read without ids may be read, or ""."""
+    """Say how the unknown classes of a mask that was read without ids may be read."""
     if read_values(mask) is None:
-        return ""
+        return f"; say which colour is what: {advise_colours(mask)}"
     return f"; if it holds other values, say what they mean, such as --ids {EXAMPLE_IDS}"
+
+
+def advise_colours(mask: Image.Image) -> str:
+    """Write --ids for the colours of a mask, the most frequent first, with their shares."""
+    colours, counts = np.unique(_colour_codes(mask), return_counts=True)
+    most = np.argsort(-counts, kind="stable")[:MOST_COLOURS]
+    shares = ", ".join(f"{colours[at]:06x} {counts[at] / counts.sum():.1%}" for at in most)
+    more = f" and {len(colours) - len(most)} more" if len(colours) > len(most) else ""
+    ids = ",".join(f"{colours[at]:06x}=CLASS" for at in most)
+    return f"--ids {ids} (found: {shares}{more})"
 
 
 def advise_swapped(*, holds_values: bool) -> str:

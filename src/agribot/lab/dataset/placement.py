@@ -224,4 +224,5 @@ def _flatten(green: Grid) -> Grid:
 def _normalise(values: Grid) -> Grid:
     centred = values - values.mean()
     norm = float(np.linalg.norm(centred))
-    return centred / norm if norm > 0.0 else centred
+    scaled: Grid = centred / norm if norm > 0.0 else centred
+    return scaled

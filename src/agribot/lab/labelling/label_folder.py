@@ -20,7 +20,7 @@ from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.core.errors import AgribotError, ConfigError, RecordingError
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.core.whole_file import write_at_once
-from agribot.lab.dataset.classes import NAMES, UNLABELLED, MaskIds
+from agribot.lab.dataset.classes import NAMES, UNLABELLED, MaskIds, names_colours
 from agribot.lab.dataset.importing import encode_mask
 from agribot.lab.dataset.layouts import IMAGE_FOLDERS, MASK_FOLDERS, Item, find_layout
 from agribot.lab.dataset.pictures import read_picture
@@ -290,6 +290,8 @@ def _invert(ids: Mapping[int, int]) -> ByteArray:
     Raises: ConfigError: a class, or what is ignored, has no value.
     """
     table = np.arange(256, dtype=np.uint8)
+    if names_colours(ids):
+        raise ConfigError("--ids names colours, and masks are written as values; name values")
     for name, kind in NAMES.items() if ids else ():
         values = sorted(value for value, meant in ids.items() if meant == kind)
         if not values:

@@ -14,13 +14,17 @@ from agribot.lab.dataset.classes import (
     UNKNOWN,
     UNLABELLED,
     USUAL_COLOURS,
+    VALUE_MODES,
     ClassTally,
     MaskIds,
     advise_ids,
     advise_swapped,
     explain_no_classes,
+    format_key,
+    names_colours,
     read_classes,
 )
+from agribot.lab.dataset.colour_tables import find_table_ids
 from agribot.lab.dataset.layouts import Item, find_layout
 from agribot.lab.dataset.pictures import PictureError, open_mask, read_picture
 
@@ -95,12 +99,16 @@ def find_pairs(
 ) -> tuple[list[Pair], list[str]]:
     """Find all complete pairs, sorted by name, and what is wrong with the rest.
 
-    `ids` replaces what the values of the masks mean in data of this kind.
+    `ids` replaces what the values of the masks mean in data of this kind, or in the table beside
+    them.
 
     Raises: ConfigError: no pair at all.
     """
     known = KINDS[kind]
     layout = find_layout(folder, images or known.images, masks or known.masks)
+    is_named = ids is not None
+    if not is_named and not known.ids:
+        ids = find_table_ids(folder)
     pairs, problems = (
         [],
         [f"{folder / name}: {reason}" for reason, name in layout.left_out],
@@ -108,7 +116,7 @@ def find_pairs(
     for item in layout.items:
         pair = _make_pair(folder, item, known.ids if ids is None else ids)
         if isinstance(pair, Pair):
-            pairs.append(msgspec.structs.replace(pair, is_named=ids is not None))
+            pairs.append(msgspec.structs.replace(pair, is_named=is_named))
         else:
             problems.append(pair)
     if not pairs:
@@ -188,7 +196,8 @@ def read_label(path: Path, ids: MaskIds, *, is_named: bool = False) -> ByteArray
     if unknown:
         allowed = f"weed 0, crop 1, soil 2, unlabelled 255; {USUAL_COLOURS}{advise_ids(mask)}"
         if ids:
-            allowed = f"values {', '.join(str(value) for value in sorted(ids))}"
+            allowed = f"values {', '.join(format_key(key) for key in sorted(ids))}"
+            allowed += advise_ids(mask) if names_colours(ids) else ""
         raise PictureError(
             f"{path}: {unknown} pixels have a value or colour that is no class; allowed: {allowed}"
             + (", as --ids says" if is_named else "")
@@ -227,7 +236,7 @@ def check_sample(pairs: Sequence[Pair], folder: Path) -> None:
 def _holds_values(path: Path) -> bool:
     """Tell whether a mask that is read without ids is one of values."""
     try:
-        return open_mask(path).mode == "L"
+        return open_mask(path).mode in VALUE_MODES
     except PictureError:
         return False
 
