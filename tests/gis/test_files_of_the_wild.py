@@ -15,10 +15,14 @@ import shapely
 
 from agribot.app.field_work import plan_field_file
 from agribot.autonomy.plan.coverage.area import FieldArea
+from agribot.autonomy.plan.waypoint_text import parse_waypoints
 from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
+from agribot.description.drawn_rows import read_drawn_rows
+from agribot.description.field_generator import _read_boundary
+from agribot.description.field_settings import FieldSettings
 from agribot.description.loader import load_robot
 from agribot.gis.field_file import read_field
 from agribot.gis.formats.table import WRITERS, read_field_file, write_field_file
@@ -86,6 +90,21 @@ def test_a_collection_of_geometries_is_all_of_them(tmp_path: Path) -> None:
     found = read(tmp_path / "f.json", member({"type": "GeometryCollection", "geometries": parts}))
     assert measure_m2(found) == pytest.approx(FIELD_M2, rel=1e-4)
     assert len(found.rows) == 1
+
+
+def test_rows_boundaries_and_waypoints_of_qgis_are_read_where_no_field_is(tmp_path: Path) -> None:
+    rows = member(shape("MultiLineString", [lonlat(row) for row in ROWS], height=True), kind=None)
+    parcel = member(shape("MultiPolygon", [[ring(FIELD)]], height=True), kind="boundary")
+    tree = {"type": "FeatureCollection", "features": [member(None), rows, parcel]}
+    path = tmp_path / "f.geojson"
+    path.write_text(json.dumps(tree))
+    assert np.array(read_drawn_rows(path, HERE)) == pytest.approx(np.array(ROWS), abs=1e-3)
+    plan = FieldSettings(boundary=path.name, datum=HERE)
+    corners = _read_boundary(plan, tmp_path)
+    assert corners[:4] == pytest.approx(np.array(FIELD), abs=1e-3)
+    way = member(shape("MultiLineString", [lonlat(ROWS[0])], height=True))
+    text = json.dumps({"type": "FeatureCollection", "features": [member(None), way]})
+    assert len(parse_waypoints(text, "w.geojson")) == 2
 
 
 def farm() -> list[dict[str, Any]]:

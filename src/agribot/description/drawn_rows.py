@@ -12,6 +12,7 @@ import numpy as np
 
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import Datum, MapFrame
+from agribot.core.geometries import list_geometries
 from agribot.core.messages import FloatArray, Row
 from agribot.core.table_text import read_text_file
 
@@ -28,7 +29,7 @@ def read_drawn_rows(path: Path, datum: Datum) -> list[FloatArray]:
             np.array([frame.map_from_geodetic(at[1], at[0], datum.alt_m)[:2] for at in line])
             for line in _list_lines(tree)
         ]
-    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
         raise DescriptionError(
             f"rows.file {path.name} is no GeoJSON that can be read: {error!r}"
         ) from error
@@ -41,9 +42,8 @@ def read_drawn_rows(path: Path, datum: Datum) -> list[FloatArray]:
 
 
 def _list_lines(node: Any) -> Iterator[list[Any]]:
-    for feature in node.get("features", [node]):
-        kind = (feature.get("properties") or {}).get("kind", "row")
-        geometry = feature.get("geometry", feature)
+    for geometry, properties in list_geometries(node):
+        kind = properties.get("kind") or "row"
         if geometry["type"] == "LineString" and kind == "row":
             yield geometry["coordinates"]
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import MapFrame
+from agribot.core.geometries import list_geometries
 from agribot.core.messages import FloatArray, PlantClass, Row
 from agribot.core.table_text import read_text_file
 from agribot.core.world import GroundTile, Plant, Relief, Soil, SoilStrength, WorldSpec
@@ -279,13 +280,17 @@ def _read_boundary(plan: FieldSettings, folder: Path) -> FloatArray | None:
         return None
     try:
         tree = json.loads(read_text_file(folder / plan.boundary))
-        while tree["type"] in {"FeatureCollection", "Feature"}:
-            tree = tree["features"][0] if tree["type"] == "FeatureCollection" else tree["geometry"]
-        ring = tree["coordinates"][0] if tree["type"] == "Polygon" else tree["coordinates"][0][0]
+        ring = next(
+            geometry["coordinates"][0]
+            for geometry, properties in list_geometries(tree)
+            if geometry["type"] == "Polygon" and properties.get("kind") in {None, "", "boundary"}
+        )
         frame = MapFrame(plan.datum)
         places = [frame.map_from_geodetic(point[1], point[0], plan.datum.alt_m) for point in ring]
         return np.array(places, dtype=np.float64)[:, :2]
-    except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+    except StopIteration as error:
+        raise DescriptionError(f"boundary {plan.boundary} has no polygon of a field") from error
+    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
         raise DescriptionError(
             f"boundary {plan.boundary} is no GeoJSON polygon that can be read: {error!r}"
         ) from error

@@ -6,9 +6,11 @@ import csv
 import json
 import math
 from collections.abc import Iterator
+from typing import Any
 
 from agribot.core.errors import MissionError
 from agribot.core.geo import NOWHERE, is_nowhere
+from agribot.core.geometries import split_geometry
 from agribot.core.table_text import find_separator, names_separator, read_decimal
 
 LatLon = tuple[float, float]
@@ -128,9 +130,17 @@ def _list_geometries(node: object, where: str) -> Iterator[tuple[dict[str, objec
         for number, feature in enumerate(features):
             yield from _list_geometries(feature, f"{where} feature {number}")
     elif kind == "Feature":
-        yield from _list_geometries(node.get("geometry"), where)
+        if node.get("geometry") is not None:  # a record without a place, as of QGIS
+            yield from _list_geometries(node["geometry"], where)
+    elif kind == "MultiLineString" and _has_one_part(node):
+        yield next(split_geometry(node)), where
     else:
         yield node, where
+
+
+def _has_one_part(geometry: dict[str, Any]) -> bool:
+    parts = geometry.get("coordinates")
+    return isinstance(parts, list) and len(parts) == 1
 
 
 def _list_positions(

@@ -9,6 +9,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from agribot.core.errors import AgribotError, MissionError
+from agribot.core.geometries import split_geometry
 from agribot.gis.field_choice import choose_field, split_choice
 from agribot.gis.formats.geopackage import read_geopackage, write_geopackage
 from agribot.gis.formats.gpx import read_gpx, write_gpx
@@ -131,18 +132,17 @@ def find_ending(name: str) -> str:
 
 def _split_multi(geometry: Geometry, where: str) -> list[Geometry]:
     """Split multi-geometries, drop heights, and leave out what is empty."""
-    kind = str(geometry.get("type"))
-    if kind == "GeometryCollection":
-        return [one for part in geometry["geometries"] for one in _split_multi(part, where)]
-    single = kind.removeprefix("Multi")
-    if single not in _LEVELS:
-        raise MissionError(f"{where}: geometry {kind!r} cannot be used; use one of GeoJSON's own")
-    parts = geometry["coordinates"] if kind.startswith("Multi") else [geometry["coordinates"]]
-    return [
-        {"type": single, "coordinates": _drop_heights(part, where, _LEVELS[single])}
-        for part in parts
-        if part
-    ]
+    found = []
+    for single in split_geometry(geometry):
+        kind = single["type"]
+        if kind not in _LEVELS:
+            raise MissionError(
+                f"{where}: geometry {kind!r} cannot be used; use one of GeoJSON's own"
+            )
+        if single["coordinates"]:
+            places = _drop_heights(single["coordinates"], where, _LEVELS[kind])
+            found.append({"type": kind, "coordinates": places})
+    return found
 
 
 def _drop_heights(coordinates: Any, where: str, levels: Sequence[str]) -> Any:

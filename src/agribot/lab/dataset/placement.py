@@ -125,8 +125,12 @@ class PlacementTally:
         """Say how many are misplaced, what most have in common, and name the first ones."""
         reasons = list(self.misplaced.values())
         common = max(set(reasons), key=lambda one: (reasons.count(one), one))
-        what = f", {common}" if reasons.count(common) > len(reasons) / 2 else ""
-        some = [f"{name}: {reason}" for name, reason in self.misplaced.items()][:MOST_NAMED]
+        is_common = reasons.count(common) > max(1, len(reasons) / 2)
+        what = f", {common}" if is_common else ""
+        some = [
+            name if reason == common and is_common else f"{name}: {reason}"
+            for name, reason in [*self.misplaced.items()][:MOST_NAMED]
+        ]
         return (
             f"the labels of {len(reasons)} of {self.judged} pictures do not lie on their plants"
             f"{what} ({'; '.join(some)})"
