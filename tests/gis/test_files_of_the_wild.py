@@ -101,6 +101,7 @@ def test_rows_boundaries_and_waypoints_of_qgis_are_read_where_no_field_is(tmp_pa
     assert np.array(read_drawn_rows(path, HERE)) == pytest.approx(np.array(ROWS), abs=1e-3)
     plan = FieldSettings(boundary=path.name, datum=HERE)
     corners = _read_boundary(plan, tmp_path)
+    assert corners is not None
     assert corners[:4] == pytest.approx(np.array(FIELD), abs=1e-3)
     way = member(shape("MultiLineString", [lonlat(ROWS[0])], height=True))
     text = json.dumps({"type": "FeatureCollection", "features": [member(None), way]})

@@ -95,7 +95,7 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
         command=f"agribot train --data {args.data} --data-dir DIR --model {args.model} "
         f"--loss {args.loss} --train-width {args.train_width} --size {args.size} "
         f"--crop-px {args.crop_px}{options.batch_size}{options.ids}{options.fold}"
-        f"{options.with_sim}",
+        f"{options.with_sim}{' --keep-misplaced' if args.keep_misplaced else ''}",
         problems=tuple(problems),
     )
 
