@@ -20,6 +20,7 @@ from agribot.core.table_text import (
 )
 from agribot.description.conditions import load_condition_preset
 from agribot.description.drawn_rows import read_drawn_rows
+from agribot.description.markup import find_place, parse_xml
 from agribot.gis.geojson import read_json
 from agribot.lab.dataset.foreign.shapes import decode_json
 from agribot.lab.dataset.foreign.yolo import read_names, read_yolo
@@ -98,3 +99,12 @@ def test_a_large_text_in_utf_8_is_not_copied() -> None:
     data = TABLE.encode()
     assert recode_text(data) is data
     assert recode_text(TABLE.encode("utf-16")) == data
+
+
+@pytest.mark.parametrize("encoding", WINDOWS)
+def test_a_robot_and_a_world_are_read_as_windows_saves_them(encoding: str) -> None:
+    head = '\r\n<?xml version="1.0" encoding="UTF-8"?>\r\n'
+    text = f'{head}<robot name="Rübe">\r\n<link name="a"/></robot>'
+    root = parse_xml(text.encode(encoding), "r.urdf")
+    assert root.get("name") == "Rübe"
+    assert find_place(root[0]) == ("r.urdf", 4)

@@ -9,6 +9,7 @@ from typing import Any
 from xml.parsers import expat
 
 from agribot.core.errors import DescriptionError
+from agribot.core.xml_text import recode_xml
 
 _GAZEBO_NAME = re.compile(rb"</?[\w.-]+(?:::[\w.-]+)+")
 
@@ -38,7 +39,8 @@ def parse_xml(text: bytes | str, file: str) -> ET.Element:
     parser.EndElementHandler = lambda tag: builder.end(_expand_name(tag))
     parser.CharacterDataHandler = builder.data
     try:
-        parser.Parse(_join_prefixes(text.encode() if isinstance(text, str) else text), True)
+        recoded = text.encode() if isinstance(text, str) else recode_xml(text)
+        parser.Parse(_join_prefixes(recoded), True)
     except (expat.ExpatError, LookupError, ValueError) as error:  # also an unknown encoding
         raise DescriptionError(f"{file}: not well-formed XML: {error}; mend that line") from error
     root: ET.Element = builder.close()

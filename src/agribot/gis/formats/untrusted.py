@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Iterator
@@ -11,14 +10,12 @@ from pathlib import PurePosixPath
 from typing import NoReturn
 from xml.parsers import expat
 
-from agribot.core.table_text import recode_text
+from agribot.core.xml_text import recode_xml
 
 MAX_FILE_BYTES = 100_000_000
 MAX_MEMBERS = 10_000
 MAX_ELEMENTS = 1_000_000
 MAX_DEPTH = 100
-_DECLARED = re.compile(rb"""\s*<\?xml[^>]{0,100}?encoding\s*=\s*["']([^"']{1,40})""")
-_DECLARATION = re.compile(rb"\s*(<\?xml[^>]{0,200}\?>)?")
 
 
 def parse_xml(data: bytes) -> ET.Element:
@@ -37,22 +34,6 @@ def parse_xml(data: bytes) -> ET.Element:
     except (expat.ExpatError, LookupError) as error:  # also an encoding that is not known
         raise ValueError(f"not XML: {error}") from error
     return tree.close()
-
-
-def recode_xml(data: bytes) -> bytes:
-    """Recode what is not in the encoding that it declares, and drop what stands before its begin.
-
-    Raises: ValueError: it is no text.
-    """
-    if declares_other(data):
-        return data.lstrip()
-    return _DECLARATION.sub(b"", recode_text(data), count=1)
-
-
-def declares_other(data: bytes) -> bool:
-    """Tell whether XML declares an encoding that is none of Unicode, which its parser obeys."""
-    declared = _DECLARED.match(data)
-    return declared is not None and not declared[1].lower().startswith(b"utf")
 
 
 class _BoundedTree:

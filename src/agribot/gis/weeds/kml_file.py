@@ -10,7 +10,8 @@ from xml.sax.saxutils import escape
 
 from agribot.autonomy.weeds.plant_table import PlantTable
 from agribot.core.table_text import CHUNK_BYTES, find_encoding
-from agribot.gis.formats.untrusted import declares_other, refuse_doctype
+from agribot.core.xml_text import declares_other
+from agribot.gis.formats.untrusted import refuse_doctype
 from agribot.gis.weeds.found_plants import Reading
 from agribot.gis.weeds.records import COLUMNS, Record, iterate_records
 from agribot.gis.weeds.styles import STYLES, find_style
