@@ -147,6 +147,12 @@ def test_an_obstacle_across_the_edge_is_no_field_of_its_own(tmp_path: Path) -> N
         read_field(Path(f"{tmp_path / 'f.geojson'}#field 1"), HERE)
 
 
+def test_a_polygon_without_an_area_is_refused_and_no_field_of_its_own(tmp_path: Path) -> None:
+    flat = member(shape("Polygon", [lonlat([(5.0, 5.0), (9.0, 5.0), (5.0, 5.0)])]))
+    with pytest.raises(MissionError, match="obstacle 1 has 2 corners; an area needs at least 3"):
+        read(tmp_path / "f.geojson", flat, member(shape("Polygon", [ring(FIELD)])))
+
+
 @pytest.mark.parametrize("ending", WRITERS)
 def test_fields_and_lines_of_every_format_keep_their_names(ending: str, tmp_path: Path) -> None:
     kinds = ["boundary", "boundary", "obstacle"]

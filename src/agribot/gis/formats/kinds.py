@@ -48,7 +48,10 @@ def give_kinds(found: Members) -> int:
 
 
 def find_inner(areas: Sequence[dict[str, Any]]) -> set[int]:
-    """Find the areas that lie inside another one: a place in them does, and they are smaller."""
+    """Find the areas that lie inside another one: a place in them does, and they are smaller.
+
+    What encloses nothing is no field beside others.
+    """
     import numpy as np
     import shapely
 
@@ -60,7 +63,8 @@ def find_inner(areas: Sequence[dict[str, Any]]) -> set[int]:
         shapely.point_on_surface(shapes), predicate="within"
     )
     is_inner = (size[around] > size[inside]) | ((size[around] == size[inside]) & (around < inside))
-    return set(inside[is_inner].tolist())
+    flat = np.flatnonzero(size == 0.0) if size.any() else []
+    return {*inside[is_inner].tolist(), *map(int, flat)}
 
 
 def make_outline(area: dict[str, Any]) -> Any:
