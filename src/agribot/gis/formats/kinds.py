@@ -63,8 +63,8 @@ def find_inner(areas: Sequence[dict[str, Any]]) -> set[int]:
         shapely.point_on_surface(shapes), predicate="within"
     )
     is_inner = (size[around] > size[inside]) | ((size[around] == size[inside]) & (around < inside))
-    flat = np.flatnonzero(size == 0.0) if size.any() else []
-    return {*inside[is_inner].tolist(), *map(int, flat)}
+    flat = np.flatnonzero((size == 0.0) & size.any())
+    return {*inside[is_inner].tolist(), *flat.tolist()}
 
 
 def make_outline(area: dict[str, Any]) -> Any:
