@@ -20,7 +20,8 @@ from tests import nightly
 from tests.mission.paper_camera import CameraOnPaper
 
 SETTINGS = ["seed=1", "perception.enabled=false", "record.enabled=false",
-            "field.row_length_m=5", 'world="empty"', "mission.stall_timeout_s=20"]  # fmt: skip
+            "field.row_length_m=5", 'world="empty"', "field.start_map_m=[-1,0]",
+            "field.start_yaw_deg=0", "mission.stall_timeout_s=20"]  # fmt: skip
 BRISK = ["mission.speed_mps=0.8", "mission.turn_speed_mps=0.5"]  # twice as fast as usual
 PITCH_M = 1.0
 

@@ -26,7 +26,7 @@ from tests import nightly
 from tests.mission.paper_camera import CameraOnPaper
 
 SETTINGS = ["seed=1", "perception.enabled=false", "record.enabled=false", 'world="empty"',
-            "field.start_map_m=[-1.5,0.2]"]  # fmt: skip
+            "field.start_map_m=[-1.5,0.2]", "field.start_yaw_deg=0"]  # fmt: skip
 # Neither parallel nor of one length, the last one bent, and none where the profile has one.
 CROP = (
     Row(index=0, start_map_m=(0.0, 0.4), end_map_m=(9.0, 1.0)),

@@ -15,6 +15,7 @@ from agribot.app.prescribed_zones import read_prescription_file, read_zones
 from agribot.app.robot_stack import build_stack
 from agribot.app.tasks import read_goals
 from agribot.app.whole_job import JobSoFar
+from agribot.app.world_rows import take_world_rows
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.stack import Stack
@@ -78,7 +79,7 @@ def prepare_run(
     """
     if plan_text:
         config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
-    config = _settle_inputs(config)
+    config = take_world_rows(_settle_inputs(config))
     described = load_robot(config.robot)
     read_faults(config, has_camera=described.camera is not None, began_s=earlier.sim_s)
     robot = apply_calibration(described, config.calibration)

@@ -15,6 +15,7 @@ from agribot.app.run_setup import RunSetup, prepare_run
 from agribot.app.run_world import RunWorld, make_run_world
 from agribot.app.truth_log import TruthLog
 from agribot.app.whole_job import JobSoFar
+from agribot.app.world_rows import check_rows
 from agribot.autonomy.perception_host import PerceptionHost
 from agribot.autonomy.plan.coverage.area import measure_footprint
 from agribot.autonomy.plan.rows import lay_rows
@@ -51,6 +52,7 @@ class SimulatedRun(Run):
         from agribot.sim.referee import Referee
 
         made = make_run_world(setup.config)
+        check_rows(made, setup.config)
         self.world = _place_robot(made.world, setup)
         self._drawn = made.conditions
         self.simulator, platform = _open_simulator(

@@ -11,12 +11,14 @@ from pathlib import Path
 import msgspec
 
 from agribot.app.calibration.robot_file import RobotFile
+from agribot.app.world_rows import take_world_rows
 from agribot.cli.origin import HELP, apply_origin
 from agribot.cli.ranges import finite, seed
 from agribot.core import config
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError
 from agribot.core.home import find_home
+from agribot.core.platforms import find_platform
 
 # Option and the setting that it is short for.
 _SHORT_FOR = {
@@ -96,7 +98,21 @@ def read_settings(
     wanted = [*before, *measured, *options.set, *assigned, *after]
     is_stated = config.is_stated("field.datum", options.profile, wanted)
     settings = apply_origin(config.load(options.profile, wanted), options, is_stated=is_stated)
-    return _add_faults(settings, options)
+    return _add_faults(_take_world_rows(settings), options)
+
+
+def _take_world_rows(settings: RunConfig) -> RunConfig:
+    """Take the field of a world that is not the profile's, and report it."""
+    taken = take_world_rows(settings)
+    field = taken.field
+    if settings.field.from_world and find_platform(settings.platform).is_simulated:
+        east_m, north_m = field.first_row_start_map_m
+        sys.stderr.write(
+            f"field of world '{settings.world}': {field.row_count} rows of "
+            f"{field.row_length_m:.4g} m, {field.row_pitch_m:.4g} m apart, the first from East "
+            f"{east_m:.4g} m, North {north_m:.4g} m\n"
+        )
+    return taken
 
 
 def _add_faults(settings: RunConfig, options: argparse.Namespace) -> RunConfig:

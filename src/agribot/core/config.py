@@ -20,6 +20,7 @@ import tomli_w
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum
 from agribot.core.messages import SafetyInput
+from agribot.core.own_world import WORLD, OwnWorld
 from agribot.core.platforms import find_platform
 from agribot.core.suggestions import suggest_name
 from agribot.core.table_text import read_text_file
@@ -66,6 +67,8 @@ class FieldConfig(Config, frozen=True):
     start_yaw_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] | None = None
     start_std_m: Positive = 0.05  # how well it is put on the mark
     start_yaw_std_deg: Positive = 3.0  # how well it is turned there
+    # Settings of this group that a simulated run takes from its world, which is not the profile's.
+    from_world: tuple[str, ...] = ()
 
 
 class MissionConfig(Config, frozen=True):
@@ -275,7 +278,7 @@ class RunConfig(Config, frozen=True):
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
     # What drives: `sim`, `firmware`, `hardware`, a registered platform, or module:function.
     platform: str = "sim"
-    world: str = "Farm"  # what is simulated: a packaged name or an SDF file
+    world: str = WORLD  # what is simulated: a packaged name or an SDF file
     # Its description: a packaged name, URDF or xacro, with arguments as in "x.xacro side:=left".
     robot: str = "agribot"
     waypoints: str = ""  # a file of places to visit, the task instead of the rows of the field
@@ -333,6 +336,7 @@ def is_stated(key: str, profile: str, settings: Iterable[str] = ()) -> bool:
 def _read_tree(profile: str, settings: Iterable[str]) -> tuple[dict[str, Any], str]:
     """Read a profile with settings on top, not checked yet, and say where they come from."""
     source, tree = _read_profile(profile)
+    own, stated = OwnWorld.read(tree), set[str]()
     for setting in settings:
         key, _, name = (part.strip() for part in setting.partition("="))
         if key == "profile":
@@ -341,7 +345,9 @@ def _read_tree(profile: str, settings: Iterable[str]) -> tuple[dict[str, Any], s
                 f"instead, as in: agribot run {name}"
             )
         assign(tree, setting)
+        stated.add(".".join(key.split(".")[:2]))
         source = f"{source} --set {setting}"
+    own.leave_rows_to_other(tree, stated)
     return tree, source
 
 

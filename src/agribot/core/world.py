@@ -170,9 +170,28 @@ class Relief(msgspec.Struct, frozen=True, kw_only=True):
     rows: tuple[Row, ...] = ()
 
 
+class RowTable(msgspec.Struct, frozen=True, kw_only=True):
+    """The parallel crop rows of a world, under the names of the settings in `field`."""
+
+    first_row_start_map_m: tuple[float, float]
+    row_yaw_deg: float
+    row_length_m: float
+    row_curvature_radpm: float = 0.0
+    row_pitch_m: float
+    row_count: int
+    plant_spacing_m: float | None = None
+
+
 class WorldSpec(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """`datum` is where the map lies on Earth; a world that states no place is not `is_placed`.
+
+    `rows` are its crop rows, None where it has none or they are no table.
+    """
+
     name: str
     datum: Datum
+    is_placed: bool = True
+    rows: RowTable | None = None
     spawn_xy_map_m: tuple[float, float] = (0.0, 0.0)
     spawn_yaw_map_rad: float = 0.0
     gravity_mps2: float = 9.8

@@ -17,7 +17,7 @@ from agribot.core.geo import MapFrame
 from agribot.core.geometries import list_geometries
 from agribot.core.messages import FloatArray, PlantClass, Row
 from agribot.core.table_text import read_text_file
-from agribot.core.world import GroundTile, Plant, Relief, Soil, SoilStrength, WorldSpec
+from agribot.core.world import GroundTile, Plant, Relief, RowTable, Soil, SoilStrength, WorldSpec
 from agribot.description.drawn_rows import (
     list_pieces,
     measure_line_m,
@@ -67,6 +67,7 @@ def generate_field(plan: FieldSettings, seed: int, folder: Path = Path()) -> Wor
     return WorldSpec(
         name=plan.name,
         datum=plan.datum,
+        rows=_make_row_table(plan),
         spawn_xy_map_m=plan.spawn_xy_map_m,
         spawn_yaw_map_rad=math.radians(plan.spawn_yaw_deg),
         ground=(*_make_ground(crops_xy_m, plan.spawn_xy_map_m), *_make_tracks(plan)),
@@ -80,6 +81,22 @@ def generate_field(plan: FieldSettings, seed: int, folder: Path = Path()) -> Wor
         ),
         relief=_make_relief(plan, seed, list_pieces(drawn)),
         plants=tuple(plants),
+    )
+
+
+def _make_row_table(plan: FieldSettings) -> RowTable | None:
+    """Make the table of a plan's rows; none where they lie as no table says."""
+    rows = plan.rows
+    if rows.file or rows.tramline_every or plan.boundary:
+        return None
+    return RowTable(
+        first_row_start_map_m=rows.first_row_start_map_m,
+        row_yaw_deg=rows.yaw_deg,
+        row_length_m=rows.length_m,
+        row_curvature_radpm=rows.curvature_radpm,
+        row_pitch_m=rows.pitch_m,
+        row_count=rows.count,
+        plant_spacing_m=plan.crop.spacing_m,
     )
 
 

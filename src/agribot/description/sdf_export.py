@@ -18,6 +18,7 @@ from agribot.core.world import (
     Obstacle,
     Plant,
     Relief,
+    RowTable,
     Soil,
     SoilStrength,
     Walker,
@@ -73,6 +74,8 @@ def build_world_element(world: WorldSpec, terrain_file: str) -> ET.Element:
         ET.SubElement(
             top, qualify_tag("soil"), {name: repr(value) for name, value in values.items()}
         )
+    if world.rows is not None:
+        _add_rows(top, world.rows)
     if world.relief != Relief():
         _add_relief(top, world.relief)
     if world.strength != SoilStrength():
@@ -96,6 +99,18 @@ def _add_text(parent: ET.Element, name: str, value: str | tuple[float, ...]) -> 
     element = ET.SubElement(parent, name)
     element.text = value if isinstance(value, str) else " ".join(repr(float(v)) for v in value)
     return element
+
+
+def _add_rows(top: ET.Element, rows: RowTable) -> None:
+    values = {
+        "x": rows.first_row_start_map_m[0], "y": rows.first_row_start_map_m[1],
+        "yaw_deg": rows.row_yaw_deg, "length_m": rows.row_length_m, "pitch_m": rows.row_pitch_m,
+        "count": rows.row_count, "curvature_radpm": rows.row_curvature_radpm,
+    }  # fmt: skip
+    if rows.plant_spacing_m is not None:
+        values["spacing_m"] = rows.plant_spacing_m
+    texts = {name: repr(value) for name, value in values.items()}
+    ET.SubElement(top, qualify_tag("rows"), texts)
 
 
 def _add_relief(top: ET.Element, relief: Relief) -> None:

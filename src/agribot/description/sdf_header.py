@@ -35,6 +35,7 @@ class Header:
     def __init__(self, world: ET.Element, source: SourceFile) -> None:
         self._world = world
         self._source = source
+        self.is_placed = True
         self.datum, heading_deg = self._read_place()
         self.map_from_world: FloatArray = make_yaw_rotation(math.radians(heading_deg))
         self.gravity_mps2 = -self._read_vec3("gravity", (0.0, 0.0, -9.8))[2]
@@ -61,7 +62,7 @@ class Header:
     def _read_field(self) -> Vec3:
         """Read the magnetic field, T; Gazebo's default is turned to true North."""
         written = self._read_vec3("magnetic_field", GAZEBO_FIELD_T)
-        if not np.allclose(written, GAZEBO_FIELD_T, rtol=0.0, atol=ROUNDED_T):
+        if not _is_gazebos(written):
             return self._turn_to_map(written)
         if self._world.find("magnetic_field") is not None:
             self._source.warn(
@@ -81,9 +82,7 @@ class Header:
         if reference is not None:
             return reference
         if self._world.find("spherical_coordinates") is None:
-            self._source.warn(
-                "no <spherical_coordinates>: the map lies at 0 N, 0 E and x points East"
-            )
+            return self._assume_place()
         frame = self._world.findtext("spherical_coordinates/world_frame_orientation", "ENU").strip()
         if frame not in FRAME_YAW_DEG:
             raise self._source.fail(
@@ -104,6 +103,20 @@ class Header:
         )
         heading_deg = self._read_number("spherical_coordinates/heading_deg", 0.0)
         return datum, heading_deg + FRAME_YAW_DEG[frame]
+
+    def _assume_place(self) -> tuple[Datum, float]:
+        """Leave the place to the settings, and turn x by the compass where the file allows it."""
+        self.is_placed = False
+        field_t = self._read_vec3("magnetic_field", GAZEBO_FIELD_T)
+        heading_deg, why = 0.0, "x points East"
+        if math.hypot(*field_t[:2]) > 0.0 and not _is_gazebos(field_t):
+            heading_deg = 90.0 - round(math.degrees(math.atan2(field_t[1], field_t[0])), 6)
+            why = f"x points {heading_deg:.4g} degrees from East, as <magnetic_field> says"
+        self._source.warn(
+            f"no <spherical_coordinates>: the map lies at field.datum, and {why}; add the tag, "
+            "with its <heading_deg>, to change this"
+        )
+        return Datum(lat_deg=0.0, lon_deg=0.0), heading_deg
 
     def _read_hector_reference(self) -> tuple[Datum, float] | None:
         """Read the place in the GPS plugin of a robot in old worlds, with x to the North."""
@@ -207,3 +220,8 @@ class Header:
             return default
         colour = self._source.parse_numbers(" ".join(text.split()[:3]), 3, "<light>")
         return round(sum(colour) / 3.0, 9)
+
+
+def _is_gazebos(field_t: Vec3) -> bool:
+    """Return whether a magnetic field is Gazebo's default."""
+    return bool(np.allclose(field_t, GAZEBO_FIELD_T, rtol=0.0, atol=ROUNDED_T))

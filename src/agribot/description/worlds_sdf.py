@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -11,11 +13,12 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import DescriptionError
 from agribot.core.messages import FloatArray
 from agribot.core.robot import Shape
-from agribot.core.world import HeightField, Obstacle, WorldSpec
+from agribot.core.world import HeightField, Obstacle, Plant, WorldSpec
 from agribot.description.elements import FileFinding, SourceFile
 from agribot.description.markup import find_place, read_xml
 from agribot.description.package import find_packaged_or_file, list_world_files
 from agribot.description.poses import extract_yaw, make_yaw_rotation, to_origin
+from agribot.description.row_table import fit_row_table, list_crop_m, read_row_table
 from agribot.description.scatter import Crop, grow_plants, read_crop, read_plants, read_weed_areas
 from agribot.description.sdf_actors import read_walkers
 from agribot.description.sdf_header import Header
@@ -25,6 +28,7 @@ from agribot.description.sdf_placing import PlacedModel, WorldModels, is_robot
 from agribot.description.surfaces import Surfaces
 from agribot.description.terrain import load_heights, make_volcano, place_heights
 
+START_M = 3.0  # from the start to the first plant, in a world that states no start
 CLEAR_M = 2.0  # between the robot's start and the middle of a box in an absent model's place
 
 
@@ -47,10 +51,10 @@ def load_world(
 
 
 def load_run_world(config: RunConfig) -> WorldSpec:
-    """Load the world of the settings, at their datum where that was chosen for the run."""
+    """Load the world of the settings, at their datum where it states no place or `--origin` did."""
     density_per_m2 = config.sim.weed_density_per_m2
     world = load_world(config.world, seed=config.seed, weed_density_per_m2=density_per_m2)
-    if not config.field.datum_source:
+    if world.is_placed and not config.field.datum_source:
         return world
     return msgspec.structs.replace(world, datum=config.field.datum)
 
@@ -111,7 +115,7 @@ class _WorldReader:
         areas = read_weed_areas(self._world, self._source)
         plants = grow_plants(self._crops, areas, self._map_from_world, seed, weed_density_per_m2)
         plants += read_plants(self._world, self._map_from_world, self._source)
-        where = np.eye(4) if spawn is None else spawn
+        where = self._find_start(plants) if spawn is None else spawn
         self._clear_start(float(where[0, 3]), float(where[1, 3]))
         terrain = self._read_terrain()
         surfaces = Surfaces(self._patches, self._reliefs, terrain, self._source)
@@ -119,6 +123,8 @@ class _WorldReader:
         return WorldSpec(
             name=self._world.get("name", ""),
             datum=self._header.datum,
+            is_placed=self._header.is_placed,
+            rows=read_row_table(self._world, self._map_from_world, self._source),
             spawn_xy_map_m=(float(where[0, 3]), float(where[1, 3])),
             spawn_yaw_map_rad=extract_yaw(where),
             gravity_mps2=self._header.gravity_mps2,
@@ -136,6 +142,16 @@ class _WorldReader:
             walkers=read_walkers(self._world, self._source, self._library, self._map_from_world),
             warnings=self._source.list_warnings(),
         )
+
+    def _find_start(self, plants: Sequence[Plant]) -> FloatArray:
+        """Return where a robot starts that the world puts nowhere, (4, 4): before the first row."""
+        x_m, y_m = self._map_from_world[:2, 3].tolist()
+        rows = fit_row_table(list_crop_m(plants), (x_m, y_m))
+        if rows is None:
+            return np.eye(4)
+        start = make_yaw_rotation(math.radians(rows.row_yaw_deg))
+        start[:2, 3] = np.array(rows.first_row_start_map_m) - START_M * start[:2, 0]
+        return start
 
     def _take_model(self, model: PlacedModel) -> None:
         """Take a model: a crop, or obstacles and the ground they contain."""
