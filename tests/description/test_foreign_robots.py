@@ -156,16 +156,6 @@ def test_motors_that_nobody_told_fit_the_mass_and_the_wheels(tmp_path: Path) -> 
     assert robot.drive.no_load_a == pytest.approx(own.drive.no_load_a * mass, rel=1e-3)
 
 
-def test_four_of_six_wheels_drive(tmp_path: Path) -> None:
-    middle = "".join(
-        WHEEL.format(name=n, shape=CYLINDER, axis="0 1 0", parent="base_link", x=0.0, y=y)
-        for n, y in (("middle_left_wheel", 0.28), ("middle_right_wheel", -0.28))
-    )
-    robot = load_robot(_file(tmp_path, BODY + middle + _wheels()))
-    assert robot.drive.wheelbase_m == 0.5
-    assert any("6 wheels" in warning for warning in robot.warnings)
-
-
 @pytest.mark.parametrize(
     "wheels",
     ["", _wheels(axis="1 0 0"), _wheels().replace("0.28", "0.0")],

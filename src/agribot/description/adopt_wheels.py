@@ -5,12 +5,10 @@ The tree is changed in place, so that export, recording and physics all see the 
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +22,12 @@ from agribot.description.adopt_masses import (
     give_wheel_mass,
     mend_inertias,
 )
+from agribot.description.drive_kind import (
+    Wheel,
+    find_wheels,
+    leave_driven,
+    list_fixed_castors,
+)
 from agribot.description.elements import SourceFile
 from agribot.description.markup import PlacedElement
 from agribot.description.mesh_bounds import measure_mesh_m
@@ -31,18 +35,8 @@ from agribot.description.package import find_package_folder
 from agribot.description.poses import to_origin
 
 BASE_WORDS = ("base", "chassis", "body", "base_footprint")
-ACROSS = 0.7  # of an axle: the part of it that lies across the robot
 DEFAULT_RADIUS_M = 0.1
 WIDTH_PER_RADIUS = 0.5
-
-
-class Wheel(NamedTuple):
-    """A turning link; `centre_m` and `axle`, (3,), are in base_link, the axle about leftwards."""
-
-    joint: Joint
-    centre_m: FloatArray
-    axle: FloatArray
-    flipped: bool
 
 
 def make_names_unique(root: ET.Element, source: SourceFile) -> None:
@@ -91,10 +85,12 @@ def adopt_wheels(
 ) -> None:
     """Name four wheels by their place, put them on base_link and give them size and mass.
 
-    Raises: DescriptionError: there are no four wheels whose axles lie across the robot.
+    Raises: DescriptionError: there are no four wheels whose axles lie across the robot, or it
+        drives otherwise.
     """
     poses = _compute_poses(links, joints)
-    wheels = _choose_wheels(_find_candidates(joints, poses), joints, source)
+    driven = leave_driven(root, find_wheels(joints, poses), joints, poses, source)
+    wheels = _choose_wheels(root, driven, joints, source)
     for name, wheel in zip(WHEEL_NAMES, wheels, strict=True):
         if wheel.joint.child != name:
             source.warn(f"link '{wheel.joint.child}' is taken for {name}, from its place")
@@ -130,34 +126,14 @@ def _compute_poses(links: Sequence[Link], joints: Sequence[Joint]) -> dict[str, 
     return {link.name: base_from_root @ root_from(link.name) for link in links}
 
 
-def _find_candidates(joints: Sequence[Joint], poses: dict[str, FloatArray]) -> list[Wheel]:
-    found = []
-    for joint in joints:
-        turns = joint.kind == "continuous" or (
-            joint.kind == "revolute" and "wheel" in (joint.name + joint.child).lower()
-        )
-        if not turns or joint.child not in poses:
-            continue
-        length = math.hypot(*joint.axis)
-        axle = poses[joint.child][:3, :3] @ np.array(joint.axis) / (length or 1.0)
-        if abs(axle[1]) > ACROSS:
-            flipped = bool(axle[1] < 0.0)
-            centre_m = poses[joint.child][:3, 3]
-            found.append(Wheel(joint, centre_m, -axle if flipped else axle, flipped))
-    return found
-
-
-def _choose_wheels(wheels: list[Wheel], joints: Sequence[Joint], source: SourceFile) -> list[Wheel]:
+def _choose_wheels(
+    root: ET.Element, wheels: list[Wheel], joints: Sequence[Joint], source: SourceFile
+) -> list[Wheel]:
     """Choose four wheels, in the order of WHEEL_NAMES: rear and front, right and left."""
     own = {wheel.joint.child: wheel for wheel in wheels if wheel.joint.child in WHEEL_NAMES}
     if len(own) == len(WHEEL_NAMES):
         return [own[name] for name in WHEEL_NAMES]
-    if len(wheels) > len(WHEEL_NAMES):
-        named = [w for w in wheels if "wheel" in (w.joint.name + w.joint.child).lower()]
-        wheels = named if len(named) >= len(WHEEL_NAMES) else wheels
     ordered = sorted(wheels, key=lambda wheel: float(wheel.centre_m[0]))
-    if len(ordered) > len(WHEEL_NAMES):
-        source.warn(f"{len(ordered)} wheels; the four outermost drive, the others roll along")
     pairs = [
         sorted(pair, key=lambda w: float(w.centre_m[1])) for pair in (ordered[:2], ordered[-2:])
     ]
@@ -166,10 +142,12 @@ def _choose_wheels(wheels: list[Wheel], joints: Sequence[Joint], source: SourceF
     )
     if not apart or pairs[1][0].centre_m[0] - pairs[0][0].centre_m[0] < 0.01:
         turning = [j.child for j in joints if j.kind not in {"fixed", "floating"}]
+        castors = list_fixed_castors(root)
         raise source.fail(
             "wheels",
             "four wheel joints at the corners are needed, of type continuous and with their axles "
-            f"along y of {BASE}; turning links: {', '.join(turning) or 'none'}",
+            f"along y of {BASE}; turning links: {', '.join(turning) or 'none'}"
+            + (f"; castors: {', '.join(castors)}" if castors else ""),
         )
     return [wheel for pair in pairs for wheel in pair]
 

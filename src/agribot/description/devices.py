@@ -19,6 +19,7 @@ from agribot.core.robot import (
 )
 from agribot.description.elements import SourceFile
 from agribot.description.tags import (
+    DRIVE_PLUGINS,
     TagBlock,
     collect_contact_tags,
     find_extra,
@@ -27,7 +28,6 @@ from agribot.description.tags import (
     list_plugin_names,
 )
 
-DRIVE_PLUGINS = ("skid_steer", "skidsteer", "diff_drive", "diffdrive", "diff-drive")
 IMU_PLUGINS = ("ros_imu", "imu_sensor")
 GNSS_PLUGINS = ("ros_gps", "navsat")
 MOST_RADIUS_M = 3.0  # of a wheel; the largest of tractors have 1.1

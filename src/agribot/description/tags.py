@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from agribot.description.elements import SourceFile
 
 Tags = dict[str, str]
+DRIVE_PLUGINS = ("skid_steer", "skidsteer", "diff_drive", "diffdrive", "diff-drive")
 
 
 class TagBlock:

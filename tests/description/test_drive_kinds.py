@@ -1,0 +1,181 @@
+"""Robots that drive otherwise than by skid steer on four wheels are refused by what they have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from agribot.cli.main import main
+from agribot.core.errors import DescriptionError
+from agribot.description.loader import check_robot, load_robot
+from agribot.description.package import ROOT
+
+BASE = """<link name="base_link"><inertial><mass value="30"/>
+  <inertia ixx="0.6" ixy="0" ixz="0" iyy="1.7" iyz="0" izz="2.0"/></inertial></link>"""
+WHEEL = """<link name="{name}"><collision><origin rpy="1.5707963 0 0"/>
+    <geometry><cylinder radius="0.16" length="0.1"/></geometry></collision></link>
+<joint name="{name}_joint" type="continuous"><parent link="{parent}"/><child link="{name}"/>
+  <origin xyz="{x} {y} 0"/><axis xyz="0 1 0"/></joint>
+"""
+MOUNT = """<link name="{name}"/><joint name="{name}_joint" type="{kind}">
+  <parent link="base_link"/><child link="{name}"/><origin xyz="{x} {y} 0"/><axis xyz="0 0 1"/>
+  <limit lower="-0.5" upper="0.5" effort="5" velocity="1"/></joint>
+"""
+ROLLER = """<link name="{name}"/><joint name="{name}_joint" type="continuous">
+  <parent link="{parent}"/><child link="{name}"/><axis xyz="1 1 0"/></joint>"""
+PLUGIN = '<gazebo><plugin name="drive" filename="{file}">{inside}</plugin></gazebo>'
+CORNERS = {"rear_right": (-0.25, -0.28), "rear_left": (-0.25, 0.28),
+           "front_right": (0.25, -0.28), "front_left": (0.25, 0.28)}  # fmt: skip
+ONLY = "only skid steer on four driven wheels is simulated and controlled"
+
+
+def wheel(name: str, x: float, y: float, parent: str = "base_link") -> str:
+    return WHEEL.format(name=name, x=x, y=y, parent=parent)
+
+
+def wheels(*places: str, name: str = "{}_wheel") -> str:
+    return "".join(wheel(name.format(place), *CORNERS[place]) for place in places)
+
+
+def on_mounts(kind: str, mount: str, name: str, *places: str) -> str:
+    """Wheels on links that turn about the vertical."""
+    parts = []
+    for place in places:
+        x, y = CORNERS[place]
+        parts.append(MOUNT.format(name=mount.format(place), kind=kind, x=x, y=y))
+        parts.append(wheel(name.format(place), 0.0, 0.0, mount.format(place)))
+    return "".join(parts)
+
+
+def file_of(folder: Path, inside: str) -> str:
+    file = folder / "rover.urdf"
+    file.write_text(f'<?xml version="1.0"?>\n<robot name="rover">{BASE}{inside}</robot>\n')
+    return str(file)
+
+
+REAR, FRONT, ALL = ("rear_right", "rear_left"), ("front_right", "front_left"), tuple(CORNERS)
+FOUR = wheels(*ALL)
+MIDDLE = wheel("middle_right_wheel", 0.0, -0.28) + wheel("middle_left_wheel", 0.0, 0.28)
+OBLIQUE = '<gazebo reference="front_left_wheel"><fdir1>1 -1 0</fdir1></gazebo>'
+CASTORS = "castors ('castor_front_right', 'castor_front_left')"
+KINDS = {
+    "car": (
+        wheels(*REAR) + on_mounts("revolute", "steer_{}", "{}_wheel", *FRONT),
+        "wheels: 'front_right_wheel', 'front_left_wheel' are steered, by "
+        "'steer_front_right_joint', 'steer_front_left_joint'",
+    ),
+    "four steered wheels": (
+        on_mounts("continuous", "steer_{}", "{}_wheel", *ALL),
+        "are steered, by 'steer_rear_right_joint', 'steer_rear_left_joint'",
+    ),
+    "mower": (
+        wheels(*REAR) + on_mounts("continuous", "{}_fork", "castor_{}", *FRONT),
+        f"wheels: it drives on 'rear_right_wheel', 'rear_left_wheel' and rolls on {CASTORS}",
+    ),
+    "castors without forks": (
+        wheels(*REAR) + wheels(*FRONT, name="castor_{}"),
+        f"it drives on 'rear_right_wheel', 'rear_left_wheel' and rolls on {CASTORS}",
+    ),
+    "two wheels between four castors": (
+        wheel("left_wheel", 0.0, 0.28) + wheel("right_wheel", 0.0, -0.28)
+        + on_mounts("continuous", "{}_caster_fork", "{}_wheel", *ALL),
+        "it drives on 'left_wheel', 'right_wheel' and rolls on castors ('rear_right_wheel', "
+        "'rear_left_wheel', 'front_right_wheel', 'front_left_wheel')",
+    ),
+    "two wheels and a sphere": (
+        wheels(*REAR) + '<link name="caster_ball"/><joint name="b" type="fixed">'
+        '<parent link="base_link"/><child link="caster_ball"/></joint>',
+        "four wheel joints at the corners are needed, of type continuous and with their axles "
+        "along y of base_link; turning links: rear_right_wheel, rear_left_wheel; castors: "
+        "caster_ball",
+    ),
+    "six wheels": (
+        FOUR + MIDDLE,
+        "wheels: 'middle_right_wheel', 'middle_left_wheel' stand beside the four at the corners",
+    ),
+    "mecanum by name": (
+        wheels(*ALL, name="{}_mecanum_wheel"),
+        "wheels: 'rear_right_mecanum_wheel', 'rear_left_mecanum_wheel', "
+        "'front_right_mecanum_wheel', 'front_left_mecanum_wheel' have rollers (mecanum)",
+    ),
+    "mecanum by friction": (FOUR + OBLIQUE, "wheels: 'front_left_wheel' have rollers (mecanum)"),
+    "mecanum by rollers": (
+        FOUR + "".join(ROLLER.format(name=f"r{k}", parent="front_left_wheel") for k in range(8)),
+        "wheels: 'front_left_wheel' have rollers (mecanum) and drive sideways",
+    ),
+    "planar plugin": (
+        FOUR + PLUGIN.format(file="libgazebo_ros_planar_move.so", inside=""),
+        "plugin 'libgazebo_ros_planar_move.so': it drives sideways",
+    ),
+    "steering plugin": (
+        FOUR + PLUGIN.format(file="gz-sim-ackermann-steering-system", inside=""),
+        "plugin 'gz-sim-ackermann-steering-system': it steers wheels",
+    ),
+    "tracks": (
+        FOUR + PLUGIN.format(file="gz-sim-tracked-vehicle-system", inside=""),
+        "plugin 'gz-sim-tracked-vehicle-system': it drives tracks",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_no_skid_steer_on_four_wheels_is_refused_by_its_parts(
+    tmp_path: Path, kind: str
+) -> None:
+    inside, words = KINDS[kind]
+    with pytest.raises(DescriptionError) as refused:
+        load_robot(file_of(tmp_path, inside))
+    assert words in str(refused.value)
+    assert ONLY in str(refused.value) or "four wheel joints at the corners" in words
+
+
+def test_a_check_lists_it_as_a_fault_and_a_run_does_not_begin(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = file_of(tmp_path, KINDS["car"][0])
+    assert any(ONLY in finding.text and finding.is_fault for finding in check_robot(file))
+    assert main(["describe", "--robot", file, "--check"]) == 1
+    out = tmp_path / "run"
+    assert main(["run", "farm", "--robot", file, "--headless", "--out", str(out)]) == 2
+    assert "are steered, by 'steer_front_right_joint'" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_middle_pair_in_our_own_description_is_refused(tmp_path: Path) -> None:
+    """Under the names that the packaged robot gives its wheels, as its xacro's macro makes them."""
+    text = (ROOT / "urdf" / "agribot.urdf").read_text()
+    middle = wheel("right_wheel_M", 0.0, -0.39) + wheel("left_wheel_M", 0.0, 0.39)
+    file = tmp_path / "six.urdf"
+    file.write_text(text.replace("</robot>", f"{middle}</robot>"))
+    with pytest.raises(DescriptionError, match=r"'right_wheel_M', 'left_wheel_M' stand beside"):
+        load_robot(str(file))
+
+
+def test_suspensions_and_reels_are_no_steering_and_no_wheels(tmp_path: Path) -> None:
+    rocker = """<link name="rocker"/><joint name="pivot" type="revolute"><parent link="base_link"/>
+      <child link="rocker"/><axis xyz="0 1 0"/></joint>
+      <link name="strut"/><joint name="spring" type="prismatic"><parent link="rocker"/>
+      <child link="strut"/><axis xyz="0 0 1"/></joint>"""
+    parts = "".join(wheel(f"{name}_wheel", *CORNERS[name], "strut") for name in ALL)
+    robot = load_robot(file_of(tmp_path, rocker + parts + wheel("reel", 0.4, 0.0)))
+    assert robot.drive.track_m == pytest.approx(0.56)
+    assert "link 'reel' turns as a wheel does; it does not drive" in robot.warnings
+
+
+def test_castors_beside_four_driven_wheels_are_named(tmp_path: Path) -> None:
+    castor = MOUNT.format(name="fork", kind="continuous", x=0.5, y=0.0)
+    robot = load_robot(file_of(tmp_path, FOUR + castor + wheel("caster_wheel", 0, 0, "fork")))
+    assert robot.drive.wheelbase_m == 0.5
+    assert "castor 'caster_wheel' is not simulated; four wheels carry the robot" in robot.warnings
+
+
+def test_wheels_that_the_robots_own_plugin_leaves_to_roll_are_named(tmp_path: Path) -> None:
+    two = "<left_joint>rear_left_wheel_joint</left_joint>"
+    two += "<right_joint>rear_right_wheel_joint</right_joint>"
+    plugin = PLUGIN.format(file="gz-sim-diff-drive-system", inside=two)
+    told = load_robot(file_of(tmp_path, FOUR + plugin)).warnings
+    assert (
+        "plugin 'gz-sim-diff-drive-system' does not drive 'front_right_wheel', "
+        "'front_left_wheel'; here all four wheels drive"
+    ) in told
