@@ -140,15 +140,6 @@ def test_poses_may_be_relative_to_other_models(tmp_path: Path) -> None:
     assert (oak.x_map_m, oak.y_map_m) == pytest.approx((10.0, 2.0))
 
 
-def test_an_unknown_frame_and_a_circle_of_frames_are_only_warned_of(tmp_path: Path) -> None:
-    body = (
-        '<frame name="a"><pose relative_to="b">1 0 0 0 0 0</pose></frame>'
-        '<frame name="b"><pose relative_to="a">1 0 0 0 0 0</pose></frame>'
-        '<include><uri>model://oak</uri><pose relative_to="a">2 0 0 0 0 0</pose></include>'
-    )
-    assert any("relative to" in w for w in load_world(_file(tmp_path, body)).warnings)
-
-
 def test_a_model_that_includes_itself_ends(tmp_path: Path) -> None:
     folder = tmp_path / "models" / "matryoshka"
     folder.mkdir(parents=True)

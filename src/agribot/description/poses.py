@@ -7,10 +7,13 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from agribot.core.geo import transform
+from agribot.core.geo import rotation_from_quaternion, transform
 from agribot.core.messages import FloatArray
 from agribot.core.robot import Origin
 from agribot.description.elements import SourceFile
+
+EULER, QUATERNION = "euler_rpy", "quat_xyzw"  # forms of a rotation in SDF
+LEAST_QUATERNION = 1e-6  # its length, of which nothing but the direction counts
 
 
 def read_pose(element: ET.Element, source: SourceFile, where: str) -> FloatArray:
@@ -18,10 +21,27 @@ def read_pose(element: ET.Element, source: SourceFile, where: str) -> FloatArray
     pose = element.find("pose")
     if pose is None or not (pose.text or "").strip():
         return np.eye(4)
-    x, y, z, roll, pitch, yaw = source.parse_numbers(pose.text, 6, f"{where} <pose>")
+    where = f"{where} <pose>"
+    form = pose.get("rotation_format", EULER)
+    if form == QUATERNION:
+        return _read_quaternion_pose(pose, source, where)
+    if form != EULER:
+        raise source.fail(where, f"rotation_format '{form}' is not read; use {EULER}")
+    x, y, z, roll, pitch, yaw = source.parse_numbers(pose.text, 6, where)
     if pose.get("degrees", "false").lower() in {"true", "1"}:
         roll, pitch, yaw = math.radians(roll), math.radians(pitch), math.radians(yaw)
     return transform((x, y, z), (roll, pitch, yaw))
+
+
+def _read_quaternion_pose(pose: ET.Element, source: SourceFile, where: str) -> FloatArray:
+    x, y, z, qx, qy, qz, qw = source.parse_numbers(pose.text, 7, f"{where} {QUATERNION}")
+    length = math.hypot(qx, qy, qz, qw)
+    if length < LEAST_QUATERNION:
+        raise source.fail(where, f"the quaternion '{pose.text}' has no length; use 0 0 0 1")
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation_from_quaternion(*(part / length for part in (qw, qx, qy, qz)))
+    matrix[:3, 3] = x, y, z
+    return matrix
 
 
 def tell_large_angles(root: ET.Element, source: SourceFile) -> None:

@@ -13,7 +13,8 @@ from agribot.core.robot import Origin, Shape
 from agribot.description.elements import SourceFile
 from agribot.description.kinematics import GREY, Rgba
 from agribot.description.mesh_bounds import measure_mesh_m
-from agribot.description.poses import read_pose, to_origin
+from agribot.description.poses import to_origin
+from agribot.description.sdf_frames import FrameScope
 from agribot.description.sdf_library import ModelLibrary, parse_mesh_folder
 
 NAMESPACE = "urn:agribot:sdf"
@@ -107,13 +108,14 @@ class _ModelReader:
         return ModelParts(_merge_shapes(self._shapes), tuple(self._patches), tuple(self._reliefs))
 
     def _collect_parts(self, model: ET.Element, frame: FloatArray, depth: int) -> list[_Part]:
+        """Collect the parts of a model that stands at `frame`, (4, 4), and of those in it."""
         found: list[_Part] = []
+        scope = FrameScope(model, self._source, self._library)
         for link in model.findall("link"):
-            model_from_link = frame @ read_pose(link, self._source, self._where)
             for kind in ("collision", "visual"):
                 for part in link.findall(kind):
                     with self._source.attempt(part):
-                        pose = model_from_link @ read_pose(part, self._source, self._where)
+                        pose = frame @ scope.find_pose(part, link.get("name", ""))
                         found.append(_Part(part, pose, kind == "collision"))
         inside = [(inner, inner) for inner in model.findall("model")]
         for include in model.findall("include") if depth else ():
@@ -124,8 +126,9 @@ class _ModelReader:
             else:
                 inside.append((named, include))
         for inner, at in inside:
-            pose = frame @ read_pose(at, self._source, self._where)
-            found += self._collect_parts(inner, pose, max(depth - 1, 0))
+            with self._source.attempt(at):
+                pose = frame @ scope.find_pose(at)
+                found += self._collect_parts(inner, pose, max(depth - 1, 0))
         return found
 
     def _find_form(self, part: ET.Element) -> ET.Element:

@@ -6,12 +6,11 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from typing import NamedTuple
 
-import numpy as np
-
 from agribot.core.messages import FloatArray
 from agribot.description.elements import SourceFile
 from agribot.description.markup import PlacedElement
 from agribot.description.poses import read_pose
+from agribot.description.sdf_frames import FrameScope
 from agribot.description.sdf_library import ModelLibrary, parse_kind
 from agribot.description.sdf_models import guess_surface, qualify_tag
 
@@ -36,7 +35,7 @@ class _FoundModel(NamedTuple):
     name: str
     kind: str
     element: ET.Element
-    placed: ET.Element  # that holds the <pose>
+    placed: ET.Element  # that the world places: the model, or its <include>
 
 
 class WorldModels:
@@ -51,18 +50,13 @@ class WorldModels:
     ) -> None:
         self._world, self._source, self._library = world, source, library
         self._map_from_world = map_from_world
-        self._frames = {
-            element.get("name", ""): element
-            for kind in ("frame", "model")
-            for element in world.findall(kind)
-        }
+        self._scope = FrameScope(world, source, library)
 
     def find_spawn(self) -> FloatArray | None:
         """Return the robot's start pose that the world states, (4, 4) in the map, or None."""
-        frame = self._frames.get(SPAWN_FRAME)
-        if frame is None:
+        if not any(frame.get("name") == SPAWN_FRAME for frame in self._world.findall("frame")):
             return None
-        pose: FloatArray = self._map_from_world @ self._find_world_pose(frame, SPAWN_FRAME)
+        pose: FloatArray = self._map_from_world @ self._scope.find_frame(SPAWN_FRAME, "the start")
         return pose
 
     def list_models(self) -> list[PlacedModel]:
@@ -84,7 +78,7 @@ class WorldModels:
                 if len(saved) == counts[model.name]:
                     world_from_model = saved[number]
                 else:
-                    world_from_model = self._find_world_pose(model.placed, model.name)
+                    world_from_model = self._scope.find_pose(model.placed)
                 models.append(
                     PlacedModel(
                         name, model.kind, model.element, self._map_from_world @ world_from_model
@@ -146,8 +140,7 @@ class WorldModels:
                     f"model '{uri}' is in no model folder; the packaged '{kind}' stands in for it"
                 )
         name = name or model.get("name") or kind
-        placed = element if element.find("pose") is not None else model
-        return [_FoundModel(name, kind, model, placed)]
+        return [_FoundModel(name, kind, model, element)]
 
     def _make_stand_in(self, uri: str, kind: str) -> ET.Element:
         """Make a box, or a piece of ground where the name suggests one."""
@@ -176,25 +169,6 @@ class WorldModels:
                     pose = read_pose(model, self._source, "<state>")
                     states.setdefault(model.get("name", ""), []).append(pose)
         return states
-
-    def _find_world_pose(self, element: ET.Element, name: str, depth: int = 8) -> FloatArray:
-        """Return an element's pose in the world, (4, 4), through the frames it is relative to."""
-        pose = read_pose(element, self._source, f"{element.tag} '{name}'")
-        written = element.find("pose")
-        relative = "" if written is None else written.get("relative_to", "")
-        if not relative and element.tag == "frame":
-            relative = element.get("attached_to", "")
-        if relative in {"", "world"}:
-            return pose
-        base = self._frames.get(relative)
-        if base is None or base is element or depth == 0:
-            self._source.warn(
-                f"'{name}' is placed relative to '{relative}', which is no frame of the world; "
-                "its pose is taken as it stands"
-            )
-            return pose
-        placed: FloatArray = np.asarray(self._find_world_pose(base, relative, depth - 1) @ pose)
-        return placed
 
 
 def is_robot(model: ET.Element) -> bool:
