@@ -151,3 +151,33 @@ def test_a_frame_that_is_none_is_refused_and_a_check_names_it(
     assert any(words in finding.text and finding.is_fault for finding in check_world(file))
     assert main(["world", "check", file, "--strict"]) == 1
     assert words in capsys.readouterr().out
+
+
+UNREAD = {
+    "model 'm': sensor 'eye' of type 'camera' is not simulated": model(
+        f'<link name="b">{BOX}<sensor name="eye" type="camera"/></link>'
+    ),
+    "model 'm' stands still; its joints are not simulated: 'hinge'": model(
+        f'<link name="b">{BOX}</link><joint name="hinge" type="revolute"/>'
+    ),
+    "<wind> of 3 0 0 m/s is not simulated": "<wind><linear_velocity>3 0 0</linear_velocity></wind>",
+}
+
+
+@pytest.mark.parametrize("words", UNREAD)
+def test_what_a_world_holds_and_is_not_simulated_is_named(tmp_path: Path, words: str) -> None:
+    file = file_of(tmp_path, UNREAD[words])
+    assert words in load_world(file).warnings
+    assert any(finding.text == words and not finding.is_fault for finding in check_world(file))
+
+
+def test_a_plugin_of_a_world_is_named_in_a_check_unless_its_work_is_done_here(
+    tmp_path: Path,
+) -> None:
+    plugins = "".join(
+        f'<plugin filename="gz-sim-{name}-system" name="x"/>' for name in ("physics", "buoyancy")
+    )
+    texts = [finding.text for finding in check_world(file_of(tmp_path, plugins))]
+    assert [text for text in texts if "plugin" in text] == [
+        "plugin 'gz-sim-buoyancy-system' is not read"
+    ]

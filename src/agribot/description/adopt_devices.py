@@ -12,14 +12,19 @@ import numpy as np
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import GRAVITY_MPS2, Joint, Link
 from agribot.description.devices import (
-    GNSS_PLUGINS,
-    IMU_PLUGINS,
-    MAG_PLUGINS,
     find_wheel_size,
     is_in_plugin,
 )
 from agribot.description.elements import SourceFile
-from agribot.description.tags import DRIVE_PLUGINS, find_extra, find_plugin, find_sensor
+from agribot.description.tags import (
+    DRIVE_PLUGINS,
+    GNSS_PLUGINS,
+    IMU_PLUGINS,
+    MAG_PLUGINS,
+    find_extra,
+    find_plugin,
+    find_sensor,
+)
 
 # The packaged robot, whose drive and tyres others are scaled from.
 MASS_KG, RADIUS_M = 5.1122, 0.09

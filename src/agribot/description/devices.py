@@ -20,6 +20,9 @@ from agribot.core.robot import (
 from agribot.description.elements import SourceFile
 from agribot.description.tags import (
     DRIVE_PLUGINS,
+    GNSS_PLUGINS,
+    IMU_PLUGINS,
+    MAG_PLUGINS,
     TagBlock,
     collect_contact_tags,
     find_extra,
@@ -28,8 +31,6 @@ from agribot.description.tags import (
     list_plugin_names,
 )
 
-IMU_PLUGINS = ("ros_imu", "imu_sensor")
-GNSS_PLUGINS = ("ros_gps", "navsat")
 MOST_RADIUS_M = 3.0  # of a wheel; the largest of tractors have 1.1
 # Where SDF has a default of its own.
 CAMERA_DEFAULTS = {
@@ -49,7 +50,6 @@ MOTOR_TAGS = (
     "controller_efficiency_ratio",
 )  # fmt: skip
 LOSS_TAGS = ("no_load_a", "regeneration_ratio")
-MAG_PLUGINS = ("ros_magnetic", "magnetometer")
 
 
 def read_drive(

@@ -6,6 +6,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import msgspec
+
 from agribot.core.errors import DescriptionError
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import DriveSpec, Link, RobotSpec
@@ -28,6 +30,7 @@ from agribot.description.package import (
     split_arguments,
 )
 from agribot.description.poses import tell_large_angles
+from agribot.description.sensor_places import place_sensors, tell_turned, tell_unread
 
 # Of the wheels together: a lighter body lacks its mass, and its physics would be unstable.
 MIN_BODY_RATIO = 0.05
@@ -92,6 +95,8 @@ def _adopt(root: ET.Element, source: SourceFile, folder: Path) -> None:
     """Complete the tree in place with all links, names and tags that AGRIBOT needs."""
     make_names_unique(root, source)
     adopt_base(root, read_joints(root, source), source)
+    tell_unread(root, source)
+    place_sensors(root, source)
     tell_loose_links(root, read_joints(root, source), source)
     adopt_wheels(root, read_links(root, source), read_joints(root, source), source, folder)
     adopt_devices(root, read_links(root, source), read_joints(root, source), source)
@@ -106,7 +111,7 @@ def _read_robot(root: ET.Element, source: SourceFile, path: Path) -> RobotSpec:
     drive = devices.read_drive(root, links, joints, source)
     _check_weight(links, drive, source)
     imu, gnss, mag = devices.read_mounts(root, links, source)
-    return RobotSpec(
+    robot = RobotSpec(
         name=root.get("name", path.stem),
         links=links,
         joints=joints,
@@ -117,8 +122,9 @@ def _read_robot(root: ET.Element, source: SourceFile, path: Path) -> RobotSpec:
         mag=mag,
         camera=devices.read_camera(root, links, source),
         implement=read_implement(root, source),
-        warnings=source.list_warnings(),
     )
+    tell_turned(robot, source)
+    return msgspec.structs.replace(robot, warnings=source.list_warnings())
 
 
 def _check_masses(links: Sequence[Link], source: SourceFile) -> None:

@@ -12,6 +12,9 @@ from collections.abc import Iterator
 from agribot.description.elements import SourceFile
 
 Tags = dict[str, str]
+IMU_PLUGINS = ("ros_imu", "imu_sensor")
+GNSS_PLUGINS = ("ros_gps", "navsat")
+MAG_PLUGINS = ("ros_magnetic", "magnetometer")
 DRIVE_PLUGINS = ("skid_steer", "skidsteer", "diff_drive", "diffdrive", "diff-drive")
 
 

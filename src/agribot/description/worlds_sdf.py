@@ -27,6 +27,7 @@ from agribot.description.sdf_models import HeightMap, ModelParts, Patch, read_pa
 from agribot.description.sdf_placing import PlacedModel, WorldModels, is_robot
 from agribot.description.surfaces import Surfaces
 from agribot.description.terrain import load_heights, make_volcano, place_heights
+from agribot.description.unread_world import tell_unread_parts, tell_unread_systems
 
 START_M = 3.0  # from the start to the first plant, in a world that states no start
 CLEAR_M = 2.0  # between the robot's start and the middle of a box in an absent model's place
@@ -112,6 +113,7 @@ class _WorldReader:
                 continue
             with self._source.attempt(model.element):
                 self._take_model(model)
+        tell_unread_systems(self._world, self._source)
         areas = read_weed_areas(self._world, self._source)
         plants = grow_plants(self._crops, areas, self._map_from_world, seed, weed_density_per_m2)
         plants += read_plants(self._world, self._map_from_world, self._source)
@@ -161,6 +163,7 @@ class _WorldReader:
             return
         if find_place(model.element)[1] == 0:
             self._stand_ins.add(model.name)
+        tell_unread_parts(model.element, model.name, self._source)
         parts = read_parts(model.element, self._source, self._library)
         self._obstacles += _make_obstacles(model, parts)
         self._patches += [(model.map_from_model, patch) for patch in parts.patches]
