@@ -15,7 +15,7 @@ BLOCK_BYTES = 512  # of st_blocks
 
 
 def list_installed(*extras: str) -> set[str]:
-    """List the names of all packages that `pip install agribot[extras]` brings, itself too."""
+    """List the names of all packages that `pip install .[extras]` brings, itself too."""
     found: set[tuple[str, frozenset[str]]] = set()
     waiting = [("agribot", frozenset(extras))]
     while waiting:

@@ -32,8 +32,8 @@ from tests.app.test_hardware_run import words
 from tests.drivers.hardware_bench import HardwareBench
 from tests.drivers.slow_clock import PACES, run_agribot
 
-pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
-cv2 = pytest.importorskip("cv2", reason="OpenCV is missing (pip install 'agribot[camera]')")
+pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
+cv2 = pytest.importorskip("cv2", reason="OpenCV is missing (pip install -e '.[camera]')")
 ROBOT = load_robot()
 assert ROBOT.camera is not None
 CAMERA, SIZE_PX = ROBOT.camera, (ROBOT.camera.width_px, ROBOT.camera.height_px)

@@ -40,7 +40,7 @@ from tests.ui.client import Page
 from tests.ui.page.robots import resumed_with_page
 from tests.waiting import PATIENCE_S, wait_for
 
-pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
+pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
 SETTINGS = [
     "platform=hardware", "perception.enabled=false", "field.row_count=1",
     # A busy machine is no fault of the robot's.

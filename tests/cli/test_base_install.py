@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -147,9 +148,7 @@ def test_without_extras_a_command_works_or_names_what_it_needs(
     extra = COMMANDS[words][1]
     assert "Traceback" not in said
     if extra:
-        assert (status, f"pip install 'agribot[{extra}]'" in said.splitlines()[-1]) == (2, True), (
-            said
-        )
+        assert (status, f"[{extra}]'" in said.splitlines()[-1]) == (2, True), said
     else:
         assert status == 0, said
 
@@ -165,4 +164,4 @@ def test_the_page_is_refused_before_anything_is_compiled(tmp_path: Path) -> None
     )
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert "pip install 'agribot[ui]'" in done.stderr
+    assert re.search(r"pip install .*\[ui\]'", done.stderr)

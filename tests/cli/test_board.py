@@ -26,7 +26,7 @@ from agribot.drivers.board_protocol import (
 from tests.drivers.board_emulator import BoardEmulator
 from tests.drivers.lines import Line
 
-pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
+pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
 
 
 @pytest.fixture

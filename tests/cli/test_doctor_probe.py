@@ -29,7 +29,7 @@ from tests.drivers.lines import Line
 from tests.drivers.test_line_holders import held
 from tests.drivers.test_udev_names import CH340, MEGA
 
-pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
+pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
 
 
 class Desk:
@@ -182,7 +182,7 @@ def test_without_the_package_for_lines_that_is_said_and_nothing_opened(
     desk.plug("ttyUSB0", "1a86:7523")
     monkeypatch.setattr("agribot.core.extras.has", lambda extra: False)
     (finding,) = desk.probe(open_line=refuse_to_open).check_lines()
-    assert finding.state == "missing" and "agribot[hardware]" in finding.detail
+    assert finding.state == "missing" and "[hardware]" in finding.detail
 
 
 def test_the_rules_name_each_board_by_what_it_said_it_is(desk: Desk) -> None:
@@ -209,7 +209,7 @@ def test_a_camera_that_gives_no_picture_is_told_with_the_reason(desk: Desk) -> N
 
 
 def test_pictures_are_taken_by_opencv(tmp_path: Path) -> None:
-    cv2 = pytest.importorskip("cv2", reason="pip install 'agribot[camera]'")
+    cv2 = pytest.importorskip("cv2", reason="pip install -e '.[camera]'")
     import numpy as np
 
     from agribot.drivers.camera_probe import probe_camera

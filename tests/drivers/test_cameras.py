@@ -118,7 +118,7 @@ def test_how_well_the_times_of_pictures_are_known_is_told(opened: Opened, progra
 def test_a_video_file_is_a_camera_that_begins_again_at_its_end(
     opened: Opened, tmp_path: Path
 ) -> None:
-    cv2 = pytest.importorskip("cv2", reason="OpenCV is missing (pip install 'agribot[camera]')")
+    cv2 = pytest.importorskip("cv2", reason="OpenCV is missing (pip install -e '.[camera]')")
     file = tmp_path / "drive.avi"
     size = (WIDTH // 2, HEIGHT // 2)
     writer = cv2.VideoWriter(str(file), cv2.VideoWriter_fourcc(*"MJPG"), 50.0, size)
@@ -135,7 +135,7 @@ def test_a_video_file_is_a_camera_that_begins_again_at_its_end(
 def test_a_camera_of_the_network_is_read_over_rtsp_and_again_after_it_restarted(
     opened: Opened,
 ) -> None:
-    pytest.importorskip("cv2", reason="OpenCV is missing (pip install 'agribot[camera]')")
+    pytest.importorskip("cv2", reason="OpenCV is missing (pip install -e '.[camera]')")
     from tests.drivers.rtsp_server import RtspServer, paint
 
     with RtspServer(paint(WIDTH, HEIGHT)) as server:
@@ -168,6 +168,6 @@ def test_a_camera_that_cannot_be_opened_is_refused_in_words(
     uri: str, name: str, why: str, opened: Opened
 ) -> None:
     if not uri.startswith("pipe"):
-        pytest.importorskip("cv2", reason="OpenCV is missing (pip install 'agribot[camera]')")
+        pytest.importorskip("cv2", reason="OpenCV is missing (pip install -e '.[camera]')")
     with pytest.raises(ConfigError, match=why):
         opened.open(uri, name)

@@ -254,7 +254,7 @@ class LivingBus:
 
 @pytest.fixture
 def channel(request: pytest.FixtureRequest) -> Iterator[str]:
-    pytest.importorskip("can", reason="python-can is missing (pip install 'agribot[can]')")
+    pytest.importorskip("can", reason="python-can is missing (pip install -e '.[can]')")
     yield f"bus of {request.node.name}"
 
 

@@ -67,7 +67,7 @@ def test_a_receivers_times_are_told_with_what_its_arrivals_leave_open(
 def test_an_imu_that_tells_no_time_is_known_as_well_as_its_lines_come(
     line: Line, opened: Opened
 ) -> None:
-    pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
+    pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
     source = opened.open("imu", f"serial:{line.path}")
 
     def find() -> str:

@@ -50,7 +50,7 @@ class Relay:
 
 @pytest.fixture
 def line(tmp_path: Path) -> Iterator[Line]:
-    pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
+    pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
     line = Line(tmp_path)
     yield line
     line.unplug()

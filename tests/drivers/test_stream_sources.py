@@ -17,7 +17,7 @@ from tests.drivers import receiver_bytes as written
 from tests.drivers.lines import Line, Opened, free_port, is_open, speak_ubx
 from tests.waiting import wait_for
 
-pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
+pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
 IMU_LINE = b"A0B0C16384D0E0F131G\r\n"
 
 

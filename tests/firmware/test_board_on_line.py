@@ -113,7 +113,7 @@ def test_what_the_bench_prints_is_a_board_that_a_robot_takes() -> None:
 
 @pytest.fixture
 def mega(bench_library: ctypes.CDLL, bootloader: Path, tmp_path: Path) -> Iterator[Mega]:
-    pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
+    pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
     mega = Mega(bench_library, bootloader, tmp_path)
     yield mega
     mega.line.unplug()

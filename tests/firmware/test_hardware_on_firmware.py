@@ -33,7 +33,7 @@ OPTIONS = "counts_per_turn=2048&full_speed_radps=30"
 def test_a_robot_is_armed_driven_by_hand_and_stopped_by_the_red_button_of_its_firmware(
     bench_library: ctypes.CDLL, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
+    pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
     monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     bench = AvrBench(bench_library, PREBUILT / "motor_board.hex")
@@ -126,7 +126,7 @@ def test_a_builders_robot_with_real_firmware_and_a_real_gpsd_drives_to_its_place
     bench_library: ctypes.CDLL, bootloader: Path, line: Line, daemon: Daemon, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
-    pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
+    pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
     monkeypatch.setenv("AGRIBOT_HOME", str(tmp_path))
     daemon.start(line.path)
     for pace in PACES:

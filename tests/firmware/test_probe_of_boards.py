@@ -15,7 +15,7 @@ from firmware.bench.avr_bench import AvrBench
 from firmware.bench.board_on_line import BoardOnLine
 from firmware.build import PREBUILT
 
-pytest.importorskip("serial", reason="pyserial is missing (pip install 'agribot[hardware]')")
+pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from PIL import Image
 
 from agribot.core.config import load
 from agribot.core.errors import RecordingError
+from agribot.core.extras import format_install
 from agribot.core.messages import PlantClass
 from agribot.record.drawing import encode_png, thin
 from agribot.record.events import Event
@@ -305,7 +306,7 @@ def test_where_nothing_draws_figures_the_numbers_are_written_and_the_rest_is_sai
     assert {path.name for path in tmp_path.iterdir()} == {
         "report.json", "config.toml", "weeds.geojson"
     }  # fmt: skip
-    assert "pip install 'agribot[report]'" in explain_absence()
+    assert format_install("report") in explain_absence()
     monkeypatch.undo()
     write_run_files(tmp_path, _report(ok=True, reason="done"), nothing)
     assert explain_absence() == ""

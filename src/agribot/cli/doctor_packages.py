@@ -44,13 +44,13 @@ def check_packages(*, loads: bool) -> Iterator[CheckResult]:
         else:
             yield finding
     for extra, names in absent.items():
-        detail = f"{', '.join(names)} not installed; pip install 'agribot[{extra}]' brings it"
+        detail = f"{', '.join(names)} not installed; {extras.format_install(extra)} brings it"
         yield CheckResult(what=f"extra {extra}", state="missing", detail=detail)
 
 
 def _check_package(wanted: extras.Requirement, *, loads: bool) -> CheckResult:
     name, least, extra = wanted.package, wanted.least, wanted.extra
-    source = f"agribot[{extra}]" if extra else "agribot"
+    install = extras.format_install(extra)
     try:
         version = importlib.metadata.version(name)
         if loads:
@@ -59,7 +59,7 @@ def _check_package(wanted: extras.Requirement, *, loads: bool) -> CheckResult:
         return CheckResult(
             what=name,
             state="missing" if extra else "bad",
-            detail=f"not installed; pip install '{source}' brings it",
+            detail=f"not installed; {install} brings it",
         )
     except (ImportError, OSError) as error:
         detail = f"is installed but cannot be loaded: {error}; reinstall it"
@@ -68,7 +68,7 @@ def _check_package(wanted: extras.Requirement, *, loads: bool) -> CheckResult:
         return CheckResult(
             what=name,
             state="bad",
-            detail=f"{version} is older than {least}; pip install --upgrade '{source}'",
+            detail=f"{version} is older than {least}; {install} --upgrade",
         )
     return CheckResult(
         what=name, state="ok", detail=version + (f" (extra {extra})" if extra else "")

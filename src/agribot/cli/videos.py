@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from agribot.core.errors import PerceptionError
+from agribot.core.extras import format_install
 from agribot.core.messages import ByteArray
 
 VIDEO_SUFFIXES = {".mp4", ".avi", ".mkv", ".mov", ".webm", ".m4v"}
@@ -26,7 +27,7 @@ def open_capture(source: str | int) -> Any:
         import cv2
     except ImportError as error:
         raise PerceptionError(
-            f"{source}: reading a video or camera needs OpenCV; pip install opencv-python-headless"
+            f"{source}: reading a video or camera needs OpenCV; {format_install('camera')}"
         ) from error
     capture = cv2.VideoCapture(source)
     if not capture.isOpened():

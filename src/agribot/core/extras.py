@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import json
 import re
+import shlex
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 from agribot.core.errors import ConfigError
 
@@ -27,6 +32,7 @@ MODULE_OF = {
     "tomli-w": "tomli_w",
 }
 FOR_CONTRIBUTORS = "dev"
+DIRECT_URL = "direct_url.json"  # file of PEP 610, beside the metadata
 _REQUIREMENT = re.compile(
     r"([A-Za-z0-9_.-]+)(?:[^;]*?>=\s*([\d.]+))?[^;]*(?:;.*extra == ['\"](\w+))?"
 )
@@ -85,7 +91,52 @@ def explain(error: ModuleNotFoundError) -> str:
 
 
 def format_install(extra: str) -> str:
-    return f"pip install 'agribot[{extra}]'" if extra else "pip install --force-reinstall agribot"
+    """Format the command that installs an extra; "" is what every robot needs.
+
+    It names the clone, folder or wheel that this program was installed from. No index has the
+    program, so that the packages are named where that is not known or there no more.
+    """
+    source = _find_source()
+    if source:
+        target = f"{source.target}[{extra}]" if extra else source.target
+        return " ".join(["pip install", *source.options, _quote(target)])
+    packages = [
+        one.package + (f">={one.least}" if one.least else "")
+        for one in _list_requirements()
+        if one.extra == extra
+    ]
+    if packages:
+        return " ".join(["pip install", *map(_quote, packages)])
+    return f"pip install -e '.[{extra}]' in its folder"
+
+
+class _Source(NamedTuple):
+    """What pip installed the program from, and the options for it."""
+
+    target: str
+    options: tuple[str, ...] = ()
+
+
+def _find_source() -> _Source | None:
+    """Find what the program was installed from; None where that is not known or there no more."""
+    try:
+        told = importlib.metadata.distribution("agribot").read_text(DIRECT_URL)
+        tree = json.loads(told or "{}")
+    except (importlib.metadata.PackageNotFoundError, ValueError):
+        return None
+    url = str(tree.get("url", ""))
+    if not url.startswith("file://"):
+        return None
+    path = Path(url2pathname(urlsplit(url).path))
+    if not path.exists():
+        return None
+    is_editable = bool(tree.get("dir_info", {}).get("editable"))
+    target = "." if path == Path.cwd() else str(path)
+    return _Source(target, ("-e",) if is_editable else ())
+
+
+def _quote(word: str) -> str:
+    return f"'{word}'" if shlex.quote(word) != word else word
 
 
 def _list_requirements() -> list[Requirement]:

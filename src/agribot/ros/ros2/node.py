@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import BridgeError
+from agribot.core.extras import format_install
 from agribot.core.topics import Qos, Topic
 from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.ros2 import wire
@@ -154,7 +155,7 @@ def _open_session(router: str, *, listen: bool) -> tuple[zenoh.Session, str]:
         import zenoh
     except ImportError as error:
         raise BridgeError(
-            "the ROS 2 bridge needs eclipse-zenoh and xxhash: pip install 'agribot[ros]'"
+            f"the ROS 2 bridge needs eclipse-zenoh and xxhash: {format_install('ros')}"
         ) from error
     zenoh.init_log_from_env_or("error")
     roles = {"router": [router]} if listen else {}
