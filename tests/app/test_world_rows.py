@@ -116,7 +116,7 @@ def test_rows_that_are_not_those_of_the_world_are_refused_before_anything_moves(
     assert (
         "world 'final': 18 of 36 crop plants between the rows of the settings stand more than "
         "0.25 m off every row; leave out the settings of field to drive the rows of the world, or "
-        "give --field FILE, --waypoints FILE or --task explore"
+        "give agribot run another task (--field FILE, --waypoints FILE, --task explore)"
     ) in told
     assert not out.exists()
 

@@ -2,7 +2,10 @@ from __future__ import annotations
 
 import json
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -34,6 +37,8 @@ class Camera:
             return None
         self.given += 1
         return np.full((48, 64, 3), self.given, np.uint8)
+
+    def stop(self) -> None: ...
 
     def close(self) -> None:
         self.closed = True
@@ -106,3 +111,55 @@ def test_the_simulated_drive_shows_plants(capsys: pytest.CaptureFixture[str]) ->
     assert (first != second).mean() > 0.2
     green = (first[..., 1] > first[..., 0].astype(int) + 20).mean()
     assert green > 0.003
+
+
+class Picture:
+    """A message of 3 x 2 pixels, of which the first is blue."""
+
+    encoding, height, width, step, is_bigendian = "bgr8", 2, 3, 9, 0
+    data = np.array([255, 0, 0] + [0] * 15, np.uint8)
+
+    header = SimpleNamespace(stamp=SimpleNamespace(sec=5, nanosec=0))
+
+
+class Network:
+    """A ROS on which one picture comes at once; the topics that are asked for."""
+
+    asked: ClassVar[list[str]] = []
+    closed: ClassVar[list[str]] = []
+
+    def __init__(self, name: str, *_: object, **__: object) -> None:
+        self.name = name
+
+    def subscribe_any(self, name: str, on_message: Callable[[str, bytes], None]) -> None:
+        self.asked.append(name)
+        on_message("sensor_msgs/msg/Image", b"")
+
+    def decode(self, ros_type: str, data: bytes) -> Picture:
+        return Picture()
+
+    def close(self) -> None:
+        self.closed.append(self.name)
+
+
+@pytest.mark.parametrize("uri", ["ros1:/usb_cam/image_raw", "ros1://robot:11311/usb_cam/image_raw"])
+def test_the_pictures_of_a_topic_are_seen_whatever_their_size(
+    monkeypatch: pytest.MonkeyPatch, uri: str
+) -> None:
+    monkeypatch.setattr("agribot.ros.ros1.connection.Ros1Connection", Network)
+    monkeypatch.setattr(Network, "asked", [])
+    monkeypatch.setattr(Network, "closed", [])
+    seen = []
+    for frame in NewestFrame(live.open_source(uri, 0), patience_s=WAIT_S):
+        seen.append(frame.image_rgb)
+        break
+    assert seen[0].shape == (2, 3, 3) and seen[0][0, 0].tolist() == [0, 0, 255]
+    assert Network.asked == ["/usb_cam/image_raw"]
+    assert Network.closed == ["agribot_sensors"]
+
+
+def test_a_topic_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["live", "ros1:"]) == 2
+    assert "ros1: names no topic; write ros1:/image_raw or ros2://HOST:PORT/image_raw" in (
+        capsys.readouterr().err
+    )

@@ -123,7 +123,7 @@ def _advise(world: WorldSpec) -> str:
         where = "state its rows (field.first_row_start_map_m and the other settings of field), or"
     else:
         where = "leave out the settings of field to drive the rows of the world, or"
-    return f"{where} give --field FILE, --waypoints FILE or --task explore"
+    return f"{where} give agribot run another task (--field FILE, --waypoints FILE, --task explore)"
 
 
 def _measure_off_m(rows: Sequence[Row], crop_xy_m: FloatArray, config: RunConfig) -> FloatArray:

@@ -8,7 +8,7 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -16,6 +16,7 @@ from agribot.app.workers import results, usable_cpus
 from agribot.cli.counting import CountProgress
 from agribot.cli.dataset_import import add_import, import_files
 from agribot.cli.dataset_rows import add_label_by_rows, label_by_rows
+from agribot.cli.folder_options import NAME_FOLDERS, list_given
 from agribot.cli.ids_option import add_ids_option
 from agribot.cli.misplaced_option import add_misplaced_option
 from agribot.cli.output_names import check_ending
@@ -23,6 +24,9 @@ from agribot.cli.ranges import seed
 from agribot.cli.stopping import stop_on_signal
 from agribot.core.errors import ConfigError, RecordingError
 from agribot.core.whole_file import write_at_once
+
+if TYPE_CHECKING:
+    from agribot.lab.dataset.layouts import Layout
 
 LARGEST_SIDE_PX = 8192
 MOST_LINES = 20  # of problems, on the terminal
@@ -110,13 +114,20 @@ def run(options: argparse.Namespace) -> int:
     return actions[options.action](options)
 
 
+def _find_layout(options: argparse.Namespace) -> Layout:
+    from agribot.lab.dataset.layouts import IMAGE_FOLDERS, MASK_FOLDERS, find_layout
+
+    images = list_given(options.images) or IMAGE_FOLDERS
+    masks = list_given(options.masks) or MASK_FOLDERS
+    return find_layout(options.folder, images, masks, NAME_FOLDERS)
+
+
 def _check(options: argparse.Namespace) -> int:
     from agribot.lab.dataset.check import check
     from agribot.lab.dataset.classes import read_ids
     from agribot.lab.dataset.colour_tables import find_table_ids
-    from agribot.lab.dataset.layouts import find_layout
 
-    layout = find_layout(options.folder, options.images, options.masks)
+    layout = _find_layout(options)
     told = read_ids(options.ids)
     ids = find_table_ids(options.folder) if told is None else told
     progress = CountProgress(len(layout.items), "pairs")
@@ -131,6 +142,9 @@ def _check(options: argparse.Namespace) -> int:
         f"{report.without_plants} without plants; sizes "
         f"{', '.join(f'{size} ({count})' for size, count in report.sizes.items()) or '-'}\n"
     )
+    sets = report.annotated if len(report.groups) > 1 else {}
+    for name, pairs in list(sets.items())[:MOST_LINES]:
+        text += f"  {name or report.folder}: {pairs} of {report.groups[name]} annotated\n"
     for problem in report.problems[:MOST_LINES]:
         text += f"  {problem.kind}: {problem.file} {problem.detail}".rstrip() + "\n"
     if len(report.problems) > MOST_LINES:
@@ -140,14 +154,13 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _split(options: argparse.Namespace) -> int:
-    from agribot.lab.dataset.layouts import find_layout
     from agribot.lab.dataset.split import PARTS, read_ratios, split
 
     ratios = read_ratios(options.ratios)
     if options.seed < 0:
         raise ConfigError(f"--seed {options.seed}: must be at least 0")
     check_ending("-o", options.out, "JSON", ".json")
-    layout = find_layout(options.folder, options.images, options.masks)
+    layout = _find_layout(options)
     result = split(layout, options.by, ratios, options.seed)
     try:
         data = msgspec.json.format(msgspec.json.encode(result), indent=2)

@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from agribot.cli.folder_options import NAME_FOLDERS, list_given
 from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import threads
 from agribot.cli.standard_error import print_line
@@ -61,7 +62,10 @@ def run(args: argparse.Namespace) -> int:
         extras.require("report", "--out")
     tile_px = read_size(args.tile) if args.tile else None
     segmenter = open_network(args.model, args.threads, args.size)
-    pairs, problems = find_pairs(folder, args.data, args.images, args.masks, read_ids(args.ids))
+    pairs, problems = find_pairs(
+        folder, args.data, list_given(args.images), list_given(args.masks), read_ids(args.ids),
+        NAME_FOLDERS,
+    )  # fmt: skip
     if args.fold is not None:
         pairs = split_fold(pairs, args.folds, args.fold)[1]
     if args.data == "folder" and args.ids is None:

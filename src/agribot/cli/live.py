@@ -21,7 +21,9 @@ LINE_EVERY_S = 1.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "source", help="sim, number of a webcam, path of a video, or address such as rtsp://..."
+        "source",
+        help="sim, number of a webcam, path of a video, address such as rtsp://..., or topic of "
+        "pictures: ros1:/usb_cam/image_raw, ros2://HOST:PORT/image",
     )
     parser.add_argument("--model", default=DEFAULT_MODEL, help="name, or path to an .onnx file")
     parser.add_argument("--size", help="another input size for the network, WxH px")
@@ -106,9 +108,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def open_source(name: str, seed: int) -> FrameSource:
-    from agribot.cli.live_sources import Capture, SimulatedDrive
+    from agribot.cli.live_sources import TOPICS, Capture, SimulatedDrive, TopicFrames
 
-    return SimulatedDrive(seed) if name == "sim" else Capture(name)
+    if name == "sim":
+        return SimulatedDrive(seed)
+    return TopicFrames(name) if name.startswith(TOPICS) else Capture(name)
 
 
 def _watch(

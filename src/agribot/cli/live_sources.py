@@ -1,17 +1,25 @@
-"""Sources of `agribot live`: the simulator, a video file, a webcam, a network camera."""
+"""Sources of `agribot live`: the simulator, a video file, a camera, a topic of ROS."""
 
 from __future__ import annotations
 
+import argparse
 import math
 import time
+from collections import deque
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 
 from agribot.cli.videos import open_capture
+from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray
 
 SIM_SPEED_MPS = 0.5
+TOPICS = ("ros1:", "ros2:")
+# Of the networks: as ROS_DOMAIN_ID and ROS_MASTER_URI say, or the address in the URI.
+NETWORK = {"ros_domain": None, "ros_router": None, "ros_master": None}
+PERIOD_S = 0.01  # of a look for the next picture of a topic
 MOST_DIGITS = 4  # of the number of a webcam
 
 
@@ -63,8 +71,54 @@ class SimulatedDrive:
         )
         return drawn.image_rgb
 
+    def stop(self) -> None:
+        pass
+
     def close(self) -> None:
         pass
+
+
+class TopicFrames:
+    """The pictures of a topic of ROS 1 or 2, of any size."""
+
+    ends = False
+
+    def __init__(self, uri: str) -> None:
+        """Subscribe to the topic. Raises: AgribotError: no topic, or no network."""
+        from agribot.cli.sensor_sources import source_context
+        from agribot.cli.standard_error import print_line
+        from agribot.description.loader import load_robot
+        from agribot.drivers.ros_topics import open_pictures
+        from agribot.drivers.schemes import read_uri, require_extras
+
+        if not urlsplit(uri).path.strip("/"):
+            raise ConfigError(
+                f"{uri} names no topic; write ros1:/image_raw or ros2://HOST:PORT/image_raw"
+            )
+        place, network = read_uri("source", uri), argparse.Namespace(**NETWORK)
+        require_extras({"camera": place})
+        self.name = uri
+        self._start_s = time.monotonic()
+        self._waiting: deque[ByteArray] = deque()
+        self._is_closed = False
+        self._context = source_context(load_robot(), network, print_line)
+        self._topic = open_pictures(place, self._context)
+
+    def read(self) -> ByteArray | None:
+        """Wait for the next picture, (H, W, 3)."""
+        while not self._waiting and not self._is_closed:
+            frames = self._topic.take(time.monotonic() - self._start_s)
+            self._waiting += [frame.image_rgb for frame in frames]
+            if not frames:
+                time.sleep(PERIOD_S)
+        return self._waiting.popleft() if self._waiting else None
+
+    def stop(self) -> None:
+        """Let a thread that waits in `read` end."""
+        self._is_closed = True
+
+    def close(self) -> None:
+        self._context.__exit__()
 
 
 class Capture:
@@ -86,6 +140,9 @@ class Capture:
             time.sleep(max(0.0, self._due_s - time.monotonic()))
         good, frame_bgr = self._capture.read()
         return np.ascontiguousarray(frame_bgr[..., ::-1]) if good else None
+
+    def stop(self) -> None:
+        pass
 
     def close(self) -> None:
         self._capture.release()

@@ -14,6 +14,8 @@ from agribot.core.messages import ByteArray
 class FrameSource(Protocol):
     """`read` blocks for the next frame (height, width, 3); None at the end of the source.
 
+    `stop` lets a `read` in another thread end, where that can be; `close` comes after it.
+
     `ends`: an end is normal, as of a file, and not a camera that stopped.
     """
 
@@ -21,6 +23,8 @@ class FrameSource(Protocol):
     ends: bool
 
     def read(self) -> ByteArray | None: ...
+
+    def stop(self) -> None: ...
 
     def close(self) -> None: ...
 
@@ -66,6 +70,7 @@ class NewestFrame:
 
     def stop(self) -> None:
         self._stopped = True
+        self._source.stop()
         self._thread.join(timeout=2.0)
         if not self._thread.is_alive():
             self._source.close()

@@ -32,6 +32,7 @@ from agribot.description.package import (
 from agribot.description.poses import tell_large_angles
 from agribot.description.sensor_places import place_sensors, tell_turned, tell_unread
 
+SDF_SUFFIXES = (".sdf", ".world")
 # Of the wheels together: a lighter body lacks its mass, and its physics would be unstable.
 MIN_BODY_RATIO = 0.05
 MOST_KG_PER_M2 = 3000.0  # of the ground under it; a tractor has 1500, a tank 2500
@@ -162,4 +163,9 @@ def _check_weight(links: Sequence[Link], drive: DriveSpec, source: SourceFile) -
 
 
 def _find_robot_file(name_or_path: str) -> Path:
+    if Path(name_or_path).suffix.lower() in SDF_SUFFIXES:
+        raise DescriptionError(
+            f"{name_or_path}: SDF is read for worlds and models, not for robots; give the robot's "
+            "URDF or xacro, from which this SDF was made or with which it was published"
+        )
     return find_packaged_or_file("robot", name_or_path, list_robot_files(), (".xacro", ".urdf"))

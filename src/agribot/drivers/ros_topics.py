@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agribot.core.platform import Sensor
 from agribot.drivers.schemes import SourceContext, SourceUri
-from agribot.ros.messages.sensor_readers import make_readers
+from agribot.ros.messages.sensor_readers import make_image_readers, make_readers
 from agribot.ros.ros1.master import check_master
 from agribot.ros.topic_source import TopicSource, UntypedConnection
 
@@ -16,14 +16,7 @@ def open_ros2_topic(sensor: Sensor, uri: SourceUri, context: SourceContext) -> T
 
     Raises: BridgeError: the network cannot be reached.
     """
-    from agribot.ros.ros2.connection import Ros2Connection
-
-    router = f"tcp/{uri.at}" if uri.at else context.ros.router()
-    link = context.share(
-        ("ros2", uri.at),
-        lambda: Ros2Connection(NODE, domain=context.ros.domain(), router=router, listen=not uri.at),
-    )
-    return _open_topic(sensor, uri, context, link)
+    return _open_topic(sensor, uri, context, _connect_ros2(uri, context))
 
 
 def open_ros1_topic(sensor: Sensor, uri: SourceUri, context: SourceContext) -> TopicSource:
@@ -31,11 +24,34 @@ def open_ros1_topic(sensor: Sensor, uri: SourceUri, context: SourceContext) -> T
 
     Raises: BridgeError: the master cannot be reached.
     """
+    return _open_topic(sensor, uri, context, _connect_ros1(uri, context))
+
+
+def open_pictures(uri: SourceUri, context: SourceContext) -> TopicSource:
+    """Open a topic of ROS 1 or 2 with pictures of any size.
+
+    Raises: BridgeError: the network cannot be reached.
+    """
+    connect = _connect_ros1 if uri.scheme == "ros1" else _connect_ros2
+    readers = make_image_readers(None)
+    return TopicSource("frames", uri.path, connect(uri, context), readers, context.refuse)
+
+
+def _connect_ros2(uri: SourceUri, context: SourceContext) -> UntypedConnection:
+    from agribot.ros.ros2.connection import Ros2Connection
+
+    router = f"tcp/{uri.at}" if uri.at else context.ros.router()
+    return context.share(
+        ("ros2", uri.at),
+        lambda: Ros2Connection(NODE, domain=context.ros.domain(), router=router, listen=not uri.at),
+    )
+
+
+def _connect_ros1(uri: SourceUri, context: SourceContext) -> UntypedConnection:
     from agribot.ros.ros1.connection import Ros1Connection
 
     master = check_master(f"http://{uri.at}") if uri.at else context.ros.master()
-    link = context.share(("ros1", uri.at), lambda: Ros1Connection(NODE, context.refuse, master))
-    return _open_topic(sensor, uri, context, link)
+    return context.share(("ros1", uri.at), lambda: Ros1Connection(NODE, context.refuse, master))
 
 
 def _open_topic(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -40,7 +40,9 @@ class DatasetProblem(msgspec.Struct, frozen=True, kw_only=True):
 class CheckReport(msgspec.Struct, frozen=True, kw_only=True):
     """The result of a check; `without_plants` counts the masks that are all soil.
 
-    `pixel_ratio` is over all pixels of known class in readable pairs; null where there are none.
+    `groups` and `annotated` are the files of each set of a collection, such as a day, and those
+    that are image and mask. `pixel_ratio` is over all pixels of known class in readable pairs;
+    null where there are none.
     """
 
     folder: str
@@ -49,6 +51,7 @@ class CheckReport(msgspec.Struct, frozen=True, kw_only=True):
     masks: int
     pairs: int
     groups: dict[str, int]
+    annotated: dict[str, int]
     sizes: dict[str, int]
     pixel_ratio: dict[str, float | None]
     without_plants: int
@@ -102,11 +105,22 @@ def check(
         masks=sum(item.mask is not None for item in layout.items),
         pairs=tally.pairs,
         groups=dict(Counter(item.group for item in layout.items)),
+        annotated={
+            group: sum(item.image is not None and item.mask is not None for item in items)
+            for group, items in _group(layout.items).items()
+        },
         sizes=dict(tally.sizes),
         pixel_ratio=tally.classes.ratios(),
         without_plants=tally.without_plants,
         problems=tuple(tally.problems),
     )
+
+
+def _group(items: Sequence[Item]) -> dict[str, list[Item]]:
+    groups: dict[str, list[Item]] = {}
+    for item in items:
+        groups.setdefault(item.group, []).append(item)
+    return groups
 
 
 def _check_item(root: Path, item: Item, tally: CheckTally, ids: MaskIds) -> None:

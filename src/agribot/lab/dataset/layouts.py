@@ -17,7 +17,9 @@ from agribot.core.errors import ConfigError
 from agribot.lab.dataset.pictures import MISNAMED, SUFFIXES, is_text, show_name
 
 IMAGE_FOLDERS = ("images/rgb", "images", "rgb")
-MASK_FOLDERS = ("annotations/dlp/colorCleaned", "annotations", "masks", "labels")
+BONN_MASKS = ("annotations/dlp/colorCleaned", "annotations/dlp/color")
+MASK_FOLDERS = (*BONN_MASKS, "annotations", "masks", "labels")
+ADVICE = "call your folders so, or link them"
 ENDING = re.compile(r"[._-](image|img|rgb|mask|annotation|annotations|label|labels|gt)$")
 
 
@@ -46,8 +48,15 @@ class Layout(msgspec.Struct, frozen=True, kw_only=True):
     left_out: tuple[UnusedFile, ...]
 
 
-def find_layout(root: Path, images: str | None = None, masks: str | None = None) -> Layout:
-    """Pair the files below `root`; `images` and `masks` name the folders where a guess would fail.
+def find_layout(
+    root: Path,
+    images: Sequence[str] = IMAGE_FOLDERS,
+    masks: Sequence[str] = MASK_FOLDERS,
+    advice: str = ADVICE,
+) -> Layout:
+    """Pair the files below `root`, in the first folders of `images` and `masks` that exist.
+
+    `advice` says what to do where none does.
 
     Raises: ConfigError: no such folder, or no folders of images and masks in it.
     """
@@ -56,8 +65,8 @@ def find_layout(root: Path, images: str | None = None, masks: str | None = None)
     items: list[Item] = []
     left_out: list[UnusedFile] = []
     for group in (root, *sorted(path for path in root.iterdir() if path.is_dir())):
-        image_folder = _find_first(group, (images,) if images else IMAGE_FOLDERS)
-        mask_folder = _find_first(group, (masks,) if masks else MASK_FOLDERS)
+        image_folder = _find_first(group, images)
+        mask_folder = _find_first(group, masks)
         if image_folder is None or mask_folder is None:
             continue
         name = "" if group == root else group.name
@@ -74,8 +83,8 @@ def find_layout(root: Path, images: str | None = None, masks: str | None = None)
         raise ConfigError(f"{root}: no file can be used; {left_out[0].reason}: {left_out[0].file}")
     if not items:
         raise ConfigError(
-            f"{root} has no pair of folders with images ({images or ', '.join(IMAGE_FOLDERS)}) and "
-            f"masks ({masks or ', '.join(MASK_FOLDERS)}); name them with --images and --masks"
+            f"{root} has no pair of folders with images ({', '.join(images)}) and masks "
+            f"({', '.join(masks)}); {advice}"
         )
     return Layout(root=root, items=tuple(items), left_out=tuple(left_out))
 

@@ -25,7 +25,14 @@ from agribot.lab.dataset.classes import (
     read_classes,
 )
 from agribot.lab.dataset.colour_tables import find_table_ids
-from agribot.lab.dataset.layouts import Item, find_layout
+from agribot.lab.dataset.layouts import (
+    ADVICE,
+    BONN_MASKS,
+    IMAGE_FOLDERS,
+    MASK_FOLDERS,
+    Item,
+    find_layout,
+)
 from agribot.lab.dataset.pictures import PictureError, open_mask, read_picture
 
 NON_COMMERCIAL = "non-commercial research use only"
@@ -39,8 +46,8 @@ class DataKind(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     about: str
-    images: str | None = None
-    masks: str | None = None
+    images: tuple[str, ...] = IMAGE_FOLDERS
+    masks: tuple[str, ...] = MASK_FOLDERS
     ids: MaskIds = {}
     license: str = "that of your images"
 
@@ -48,20 +55,20 @@ class DataKind(msgspec.Struct, frozen=True, kw_only=True):
 KINDS = {
     "cwfid": DataKind(
         about="Crop/Weed Field Image Dataset (Haug and Ostermann, ECCV 2014 Workshops)",
-        images="images",
-        masks="annotations",
+        images=("images",),
+        masks=("annotations",),
         license=NON_COMMERCIAL,
     ),
     "bonn": DataKind(
         about="Sugar Beets 2016, University of Bonn (Chebrolu et al., IJRR 2017)",
-        images="images/rgb",
-        masks="annotations/dlp/colorCleaned",
+        images=("images/rgb",),
+        masks=BONN_MASKS,
         license=NON_COMMERCIAL,
     ),
     "phenobench": DataKind(
         about="PhenoBench (Weyler et al., TPAMI 2024)",
-        images="images",
-        masks="semantics",
+        images=("images",),
+        masks=("semantics",),
         # Parts of plants that the image edge cuts (3, 4) are plants all the same.
         ids={
             0: PlantClass.SOIL,
@@ -93,19 +100,20 @@ class Pair(msgspec.Struct, frozen=True, kw_only=True):
 def find_pairs(
     folder: Path,
     kind: str,
-    images: str | None = None,
-    masks: str | None = None,
+    images: Sequence[str] = (),
+    masks: Sequence[str] = (),
     ids: MaskIds | None = None,
+    advice: str = ADVICE,
 ) -> tuple[list[Pair], list[str]]:
     """Find all complete pairs, sorted by name, and what is wrong with the rest.
 
-    `ids` replaces what the values of the masks mean in data of this kind, or in the table beside
-    them.
+    `images` and `masks` replace the folders of this kind, `ids` what the values of its masks mean,
+    also in the table beside them; `advice` says what to do where there are no such folders.
 
     Raises: ConfigError: no pair at all.
     """
     known = KINDS[kind]
-    layout = find_layout(folder, images or known.images, masks or known.masks)
+    layout = find_layout(folder, images or known.images, masks or known.masks, advice)
     is_named = ids is not None
     if not is_named and not known.ids:
         ids = find_table_ids(folder)

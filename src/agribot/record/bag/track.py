@@ -87,8 +87,8 @@ def _find_topic(bag: Bag) -> BagTopic:
     if not found:
         raise RecordingError(
             f"{bag.path} has no topic with positions on Earth ({', '.join(FIXES)}), only "
-            f"{bag.contents}; name one with odometry of a run of ours (--topic NAME), or "
-            "draw paths without a place on Earth: agribot report"
+            f"{bag.contents}; name one with odometry of a run of ours (agribot bag track BAG "
+            "--topic NAME -o FILE), or draw paths without a place on Earth: agribot report"
         )
     preferred = [topic for topic in found if topic.name in _PREFERRED]
     return (preferred or found)[0]

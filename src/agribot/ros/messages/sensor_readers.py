@@ -84,6 +84,11 @@ def make_readers(sensor: Sensor, robot: RobotSpec) -> Mapping[str, ReadSample]:
         raise ConfigError("others: no type of ROS message stands for them; write a source for it")
     if sensor == "contactor":
         raise ConfigError("contactor: it is switched, not heard; use contactor=lcus:/dev/...")
+    return make_image_readers(robot)
+
+
+def make_image_readers(robot: RobotSpec | None) -> Mapping[str, ReadSample]:
+    """Make the readers of pictures by type; without a robot they take any size."""
     images = ImageReader(robot)
     return {
         "sensor_msgs/msg/Image": images.read_raw,
@@ -136,14 +141,16 @@ def read_mag(vector: Any, t_s: float) -> MagSample:
 
 
 class ImageReader:
-    """Reads and numbers the frames; all must have the size of the robot's camera.
+    """Reads and numbers the frames; all must have the size of the robot's camera, if there is one.
 
     Of 16-bit pixels the upper eight of the bits that the camera uses are kept, as far as its
     frames have told them: a dark frame after a bright one stays dark.
     """
 
-    def __init__(self, robot: RobotSpec) -> None:
-        camera = robot.camera
+    def __init__(self, robot: RobotSpec | None) -> None:
+        """Take the size from a robot; without one, pictures of any size are read."""
+        camera = None if robot is None else robot.camera
+        self._takes_any = robot is None
         self._shape = (camera.height_px, camera.width_px, 3) if camera else None
         self._index = 0
         self._depth = 8
@@ -180,7 +187,7 @@ class ImageReader:
         return narrow_pixels(pixels, self._depth)
 
     def _make_frame(self, image_rgb: ByteArray, t_s: float) -> CameraFrame:
-        if image_rgb.shape != self._shape:
+        if not self._takes_any and image_rgb.shape != self._shape:
             wanted = "no camera" if self._shape is None else f"{self._shape[1]} x {self._shape[0]}"
             raise BridgeError(
                 f"an image of {image_rgb.shape[1]} x {image_rgb.shape[0]} pixels, but the robot's "
