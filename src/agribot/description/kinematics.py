@@ -78,7 +78,11 @@ def read_palette(root: ET.Element, source: SourceFile) -> dict[str, Rgba]:
 
 
 def _read_rgba(color: ET.Element, source: SourceFile) -> Rgba:
-    red, green, blue, alpha = source.parse_numbers(color.get("rgba"), 4, "<color>")
+    text = color.get("rgba") or ""
+    if len(text.split()) == 3:
+        source.warn(f"<color> '{text}' has no alpha; it is opaque", color, quiet=True)
+        text += " 1"
+    red, green, blue, alpha = source.parse_numbers(text, 4, "<color>")
     return red, green, blue, alpha
 
 

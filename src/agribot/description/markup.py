@@ -11,6 +11,11 @@ from xml.parsers import expat
 from agribot.core.errors import DescriptionError
 from agribot.core.xml_text import recode_xml
 
+_PREFIX = re.compile(rb"(?:</?|\s)([A-Za-z_][\w.-]*):[\w.-]+(?=[\s=/>])")
+_DECLARED = re.compile(rb"\sxmlns:([\w.-]+)\s*=")
+_FIRST_TAG = re.compile(rb"<[A-Za-z_][\w.:-]*")
+# Of XML itself, and of xacro, without whose namespace nothing would be expanded.
+_NEVER_DECLARED = {b"xml", b"xmlns", b"xacro"}
 _GAZEBO_NAME = re.compile(rb"</?[\w.-]+(?:::[\w.-]+)+")
 
 
@@ -39,8 +44,8 @@ def parse_xml(text: bytes | str, file: str) -> ET.Element:
     parser.EndElementHandler = lambda tag: builder.end(_expand_name(tag))
     parser.CharacterDataHandler = builder.data
     try:
-        recoded = text.encode() if isinstance(text, str) else recode_xml(text)
-        parser.Parse(_join_prefixes(recoded), True)
+        data = text.encode() if isinstance(text, str) else recode_xml(text)
+        parser.Parse(_declare_prefixes(_join_prefixes(data)), True)
     except (expat.ExpatError, LookupError, ValueError) as error:  # also an unknown encoding
         raise DescriptionError(f"{file}: not well-formed XML: {error}; mend that line") from error
     root: ET.Element = builder.close()
@@ -50,6 +55,13 @@ def parse_xml(text: bytes | str, file: str) -> ET.Element:
 def _join_prefixes(text: bytes) -> bytes:
     """Write Gazebo's `<gz::name>`, which is no XML, as an element that is left alone."""
     return _GAZEBO_NAME.sub(lambda name: name[0].replace(b"::", b"-"), text)
+
+
+def _declare_prefixes(text: bytes) -> bytes:
+    """Declare prefixes such as `gz:`, which Gazebo takes without; what they name is left alone."""
+    missing = {*_PREFIX.findall(text)} - {*_DECLARED.findall(text)} - _NEVER_DECLARED
+    names = b"".join(b' xmlns:%s="urn:undeclared:%s"' % (one, one) for one in sorted(missing))
+    return _FIRST_TAG.sub(lambda tag: tag[0] + names, text, count=1) if names else text
 
 
 def read_xml(path: Path) -> ET.Element:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from agribot.core.geo import transform
@@ -14,6 +15,7 @@ from agribot.description.elements import SourceFile
 from agribot.description.kinematics import GREY, Rgba
 from agribot.description.mesh_bounds import measure_mesh_m
 from agribot.description.poses import to_origin
+from agribot.description.sdf_forms import FORMS
 from agribot.description.sdf_frames import FrameScope
 from agribot.description.sdf_library import ModelLibrary, parse_mesh_folder
 
@@ -148,6 +150,14 @@ class _ModelReader:
             self._reliefs.append(relief)
         elif form.tag in {"box", "cylinder", "sphere"}:
             self._shapes.append(PlacedShape(self._read_shape(part, form), part.collides))
+        elif form.tag in FORMS:
+            what, shapes = FORMS[form.tag](form, part.model_from_part, self._source, self._where)
+            self._source.warn(f"{self._where}: <{form.tag}> is taken as {what}")
+            rgba = self._read_colour(part.element)
+            self._shapes += [
+                PlacedShape(msgspec.structs.replace(shape, rgba=rgba), part.collides)
+                for shape in shapes
+            ]
         elif form.tag != "empty":
             self._source.warn(
                 f"{self._where}: <{form.tag}> geometry is not read; the part is left out"
