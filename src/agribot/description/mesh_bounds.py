@@ -15,6 +15,12 @@ NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 def measure_mesh_m(path: Path) -> tuple[FloatArray, FloatArray] | None:
     """Return the lowest and highest corner, (3,) each, m; None where the file cannot be read."""
+    points = read_mesh_points(path)
+    return None if points is None else (points.min(axis=0), points.max(axis=0))
+
+
+def read_mesh_points(path: Path) -> FloatArray | None:
+    """Read the corners (n, 3) of a mesh, m; None where the file cannot be read."""
     read = {".stl": _read_stl, ".obj": _read_obj, ".dae": _read_dae}.get(path.suffix.lower())
     if read is None:
         return None
@@ -24,7 +30,7 @@ def measure_mesh_m(path: Path) -> tuple[FloatArray, FloatArray] | None:
         return None
     if len(points) == 0 or not np.isfinite(points).all():
         return None
-    return points.min(axis=0), points.max(axis=0)
+    return points
 
 
 def _read_stl(data: bytes) -> FloatArray:

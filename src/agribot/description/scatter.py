@@ -13,6 +13,7 @@ from agribot.core.errors import DescriptionError
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.world import Plant
 from agribot.description.elements import SourceFile
+from agribot.description.plant_names import NamedPlant
 from agribot.description.sdf_models import qualify_tag
 
 MAX_DRAWS = 200  # of a place for one weed, before the field counts as full
@@ -162,6 +163,17 @@ def grow_plants(
         count = int(rng[2].poisson(max(0.0, density * area.area_m2 - beside * part)))
         plants += _scatter_weeds(area, count, map_from_world, crops_xy_m, rng[2])
     return tuple(plants)
+
+
+def grow_named_weeds(
+    weeds: Sequence[tuple[float, float, NamedPlant]], seed: int
+) -> tuple[Plant, ...]:
+    """Grow the weeds that names of models speak of, at their places (x, y) in the map."""
+    rng = np.random.default_rng([seed, 3])
+    return tuple(
+        _grow_weed(x_m, y_m, WeedKind((weed.name.species,), weed.height_m, weed.height_m), rng)
+        for x_m, y_m, weed in weeds
+    )
 
 
 def _read_kind(element: ET.Element, source: SourceFile, where: str) -> WeedKind:

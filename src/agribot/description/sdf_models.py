@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import msgspec
@@ -13,7 +14,14 @@ from agribot.core.messages import FloatArray, Vec3
 from agribot.core.robot import Origin, Shape
 from agribot.description.elements import SourceFile
 from agribot.description.kinematics import GREY, Rgba
-from agribot.description.mesh_bounds import measure_mesh_m
+from agribot.description.mesh_bounds import read_mesh_points
+from agribot.description.mesh_ground import PlacedMesh
+from agribot.description.plant_names import (
+    HEIGHT_LIMITS_M,
+    MOST_SIDE_M,
+    NamedPlant,
+    find_plant_name,
+)
 from agribot.description.poses import to_origin
 from agribot.description.sdf_forms import FORMS
 from agribot.description.sdf_frames import FrameScope
@@ -66,6 +74,22 @@ class ModelParts(NamedTuple):
     shapes: tuple[PlacedShape, ...]
     patches: tuple[Patch, ...]
     reliefs: tuple[HeightMap, ...]
+    plants: tuple[NamedPlant, ...]
+    meshes: tuple[PlacedMesh, ...]
+
+    @property
+    def has_ground(self) -> bool:
+        return bool(self.patches or self.reliefs)
+
+    def leave_out(self, box: Shape) -> ModelParts:
+        """Return the parts without the box of a mesh, wherever it is solid or seen."""
+        place = box.kind, box.size_m, box.origin
+        kept = [
+            part
+            for part in self.shapes
+            if (part.shape.kind, part.shape.size_m, part.shape.origin) != place
+        ]
+        return self._replace(shapes=tuple(kept))
 
 
 class _Part(NamedTuple):
@@ -74,6 +98,23 @@ class _Part(NamedTuple):
     element: ET.Element
     model_from_part: FloatArray
     collides: bool
+
+
+def measure_side_m(shapes: Sequence[PlacedShape]) -> float:
+    """Measure the longer side in plan of what stands in a model, m, without its turns."""
+    spans = []
+    for shape in (part.shape for part in shapes):
+        x_m, y_m = shape.origin.xyz_m[:2]
+        half = (
+            [side / 2.0 for side in shape.size_m[:2]]
+            if shape.kind == "box"
+            else [shape.size_m[0]] * 2
+        )
+        spans.append((x_m - half[0], x_m + half[0], y_m - half[1], y_m + half[1]))
+    if not spans:
+        return 0.0
+    west, east, south, north = np.array(spans).T
+    return float(max(east.max() - west.min(), north.max() - south.min()))
 
 
 def qualify_tag(name: str) -> str:
@@ -93,6 +134,8 @@ class _ModelReader:
         self._shapes: list[PlacedShape] = []
         self._patches: list[Patch] = []
         self._reliefs: list[HeightMap] = []
+        self._plants: dict[tuple[float, float], NamedPlant] = {}
+        self._meshes: list[PlacedMesh] = []
         self._stood_in: set[tuple[ET.Element, bool, Origin]] = set()
 
     def read(self) -> ModelParts:
@@ -107,7 +150,10 @@ class _ModelReader:
         for part, form in meshes:
             with self._source.attempt(part.element):
                 self._take_mesh(part, form)
-        return ModelParts(_merge_shapes(self._shapes), tuple(self._patches), tuple(self._reliefs))
+        return ModelParts(
+            _merge_shapes(self._shapes), tuple(self._patches), tuple(self._reliefs),
+            tuple(self._plants.values()), tuple(self._meshes),
+        )  # fmt: skip
 
     def _collect_parts(self, model: ET.Element, frame: FloatArray, depth: int) -> list[_Part]:
         """Collect the parts of a model that stands at `frame`, (4, 4), and of those in it."""
@@ -167,21 +213,29 @@ class _ModelReader:
         """Add a box of the mesh's size; without the mesh a packaged model, else a guess."""
         uri = (form.findtext("uri") or "").strip()
         file = self._library.find_file(uri)
-        bounds = None if file is None else measure_mesh_m(file)
+        corners_m = None if file is None else read_mesh_points(file)
+        scale = self._source.parse_vec3(form.findtext("scale", "1 1 1"), f"{self._where} <scale>")
+        if corners_m is not None:
+            corners_m = corners_m * np.array(scale)
+        if self._take_plant(part, uri, corners_m):
+            return
+        bounds = None if corners_m is None else (corners_m.min(axis=0), corners_m.max(axis=0))
         packaged = self._library.find_stand_in(uri) if bounds is None else None
         if packaged is not None:
             self._add_stand_in(part, uri, packaged)
             return
-        scale = self._source.parse_vec3(form.findtext("scale", "1 1 1"), f"{self._where} <scale>")
         rgba = self._read_colour(part.element)
-        if bounds is not None:
-            low, high = (corner * np.array(scale) for corner in bounds)
+        words = f"{self._model.get('name', '')} {uri}"
+        if bounds is not None and corners_m is not None:
+            low, high = bounds
             x, y, z = ((low + high) / 2.0).tolist()
             shape = _make_box(
                 (high - low).tolist(), part.model_from_part @ transform((x, y, z)), rgba
             )
             self._source.warn(f"{self._where}: mesh '{uri}' is taken as a box of its size")
             self._shapes.append(PlacedShape(shape, part.collides))
+            placed_m = corners_m @ part.model_from_part[:3, :3].T + part.model_from_part[:3, 3]
+            self._meshes.append(PlacedMesh(words, placed_m, shape))
         elif self._shapes:
             self._source.warn(
                 f"{self._where}: <mesh> '{uri}' is not on this machine; the part is left out"
@@ -192,7 +246,24 @@ class _ModelReader:
             )
             size = [unit * abs(ratio) for unit, ratio in zip(STAND_IN_M, scale, strict=True)]
             lifted = part.model_from_part @ transform((0.0, 0.0, size[2] / 2.0))
-            self._shapes.append(PlacedShape(_make_box(size, lifted, rgba), part.collides))
+            box = _make_box(size, lifted, rgba)
+            self._shapes.append(PlacedShape(box, part.collides))
+            self._meshes.append(PlacedMesh(words, np.zeros((0, 3)), box))
+
+    def _take_plant(self, part: _Part, uri: str, corners_m: FloatArray | None) -> bool:
+        """Take a mesh as a plant where its name or its model's speaks of one, and it is no row."""
+        name = find_plant_name(uri) or find_plant_name(self._model.get("name", ""))
+        sides_m = np.zeros(3) if corners_m is None else np.ptp(corners_m, axis=0)
+        if name is None or max(sides_m[:2]) > MOST_SIDE_M:
+            return False
+        middle = np.zeros(3) if corners_m is None else corners_m.mean(axis=0)
+        x_m, y_m, _ = (part.model_from_part[:3, :3] @ middle + part.model_from_part[:3, 3]).tolist()
+        height_m = name.height_m if corners_m is None else float(sides_m[2])
+        self._plants.setdefault(
+            (round(x_m, 2), round(y_m, 2)),
+            NamedPlant(name, (x_m, y_m), float(np.clip(height_m, *HEIGHT_LIMITS_M))),
+        )
+        return True
 
     def _add_stand_in(self, part: _Part, uri: str, packaged: ET.Element) -> None:
         """Add the solid shapes of a packaged model for a collision, the visible for a visual.

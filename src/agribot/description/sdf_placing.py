@@ -144,7 +144,7 @@ class WorldModels:
 
     def _make_stand_in(self, uri: str, kind: str) -> ET.Element:
         """Make a box, or a piece of ground where the name suggests one."""
-        if any(word in kind.lower() for word in GROUND_WORDS):
+        if is_ground(kind):
             what, shape = "level ground", f"<plane><size>{GROUND_M} {GROUND_M}</size></plane>"
             pose, surface = "0 0 0", guess_surface(kind)
         else:
@@ -169,6 +169,11 @@ class WorldModels:
                     pose = read_pose(model, self._source, "<state>")
                     states.setdefault(model.get("name", ""), []).append(pose)
         return states
+
+
+def is_ground(name: str) -> bool:
+    """Return whether a name suggests a piece of ground."""
+    return any(word in name.lower() for word in GROUND_WORDS)
 
 
 def is_robot(model: ET.Element) -> bool:

@@ -11,25 +11,40 @@ import numpy as np
 
 from agribot.core.config import RunConfig
 from agribot.core.errors import DescriptionError
-from agribot.core.messages import FloatArray
+from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.robot import Shape
 from agribot.core.world import HeightField, Obstacle, Plant, WorldSpec
 from agribot.description.elements import FileFinding, SourceFile
 from agribot.description.markup import find_place, read_xml
+from agribot.description.mesh_ground import (
+    GroundMesh,
+    choose_ground_mesh,
+    make_height_field,
+    transform_points,
+)
 from agribot.description.package import find_packaged_or_file, list_world_files
+from agribot.description.plant_names import MOST_SIDE_M, NamedPlant, find_plant_name
 from agribot.description.poses import extract_yaw, make_yaw_rotation, to_origin
 from agribot.description.row_table import fit_row_table, list_crop_m, read_row_table
-from agribot.description.scatter import Crop, grow_plants, read_crop, read_plants, read_weed_areas
+from agribot.description.scatter import (
+    Crop,
+    grow_named_weeds,
+    grow_plants,
+    read_crop,
+    read_plants,
+    read_weed_areas,
+)
 from agribot.description.sdf_actors import read_walkers
 from agribot.description.sdf_header import Header
 from agribot.description.sdf_library import ModelLibrary, is_crop_with_weed
-from agribot.description.sdf_models import HeightMap, ModelParts, Patch, read_parts
-from agribot.description.sdf_placing import PlacedModel, WorldModels, is_robot
+from agribot.description.sdf_models import HeightMap, ModelParts, Patch, measure_side_m, read_parts
+from agribot.description.sdf_placing import GROUND_M, PlacedModel, WorldModels, is_ground, is_robot
 from agribot.description.surfaces import Surfaces
 from agribot.description.terrain import load_heights, make_volcano, place_heights
 from agribot.description.unread_world import tell_unread_parts, tell_unread_systems
 
 START_M = 3.0  # from the start to the first plant, in a world that states no start
+STEM_M = 0.02  # radius of the stem of a plant that only a name speaks of
 CLEAR_M = 2.0  # between the robot's start and the middle of a box in an absent model's place
 
 
@@ -99,6 +114,8 @@ class _WorldReader:
         self._patches: list[tuple[FloatArray, Patch]] = []
         self._reliefs: list[tuple[FloatArray, HeightMap]] = []
         self._stand_ins: set[str] = set()
+        self._taken: list[tuple[PlacedModel, ModelParts]] = []
+        self._weeds: list[tuple[float, float, NamedPlant]] = []
 
     def read(self, seed: int, weed_density_per_m2: float | None) -> WorldSpec:
         placing = WorldModels(self._world, self._source, self._library, self._map_from_world)
@@ -117,9 +134,11 @@ class _WorldReader:
         areas = read_weed_areas(self._world, self._source)
         plants = grow_plants(self._crops, areas, self._map_from_world, seed, weed_density_per_m2)
         plants += read_plants(self._world, self._map_from_world, self._source)
+        plants += grow_named_weeds(self._weeds, seed)
         where = self._find_start(plants) if spawn is None else spawn
+        terrain = self._read_terrain() or self._find_mesh_ground()
+        self._obstacles += [o for taken in self._taken for o in _make_obstacles(*taken)]
         self._clear_start(float(where[0, 3]), float(where[1, 3]))
-        terrain = self._read_terrain()
         surfaces = Surfaces(self._patches, self._reliefs, terrain, self._source)
         friction_ratio, grip = surfaces.find_friction()
         return WorldSpec(
@@ -165,9 +184,56 @@ class _WorldReader:
             self._stand_ins.add(model.name)
         tell_unread_parts(model.element, model.name, self._source)
         parts = read_parts(model.element, self._source, self._library)
-        self._obstacles += _make_obstacles(model, parts)
+        if self._take_named_plants(model, parts):
+            return
+        self._taken.append((model, parts))
         self._patches += [(model.map_from_model, patch) for patch in parts.patches]
         self._reliefs += [(model.map_from_model, relief) for relief in parts.reliefs]
+
+    def _take_named_plants(self, model: PlacedModel, parts: ModelParts) -> bool:
+        """Take the plants that a model's names speak of; tell whether it is but one plant."""
+        plants, is_whole = parts.plants, False
+        name = find_plant_name(model.kind) or find_plant_name(model.name)
+        is_small = measure_side_m(parts.shapes) <= MOST_SIDE_M and not parts.has_ground
+        if not plants and name is not None and is_small:
+            plants, is_whole = (NamedPlant(name, (0.0, 0.0), name.height_m),), True
+        for plant in plants:
+            x_m, y_m = (model.map_from_model @ np.array([*plant.xy_m, 0.0, 1.0]))[:2].tolist()
+            self._source.warn(
+                f"models and meshes with '{plant.name.word}' in their names are taken for "
+                f"{plant.name.plant.name.lower()} plants, drawn as {plant.name.species}"
+            )
+            if plant.name.plant is PlantClass.WEED:
+                self._weeds.append((x_m, y_m, plant))
+            else:
+                species = plant.name.species
+                self._crops.append(Crop(x_m, y_m, species, plant.height_m, 0.0, STEM_M, None))
+        return is_whole
+
+    def _find_mesh_ground(self) -> HeightField | None:
+        """Take a wide mesh as the ground of a world without any, level ground for a lost one."""
+        if self._patches or self._reliefs:
+            return None
+        meshes = [
+            GroundMesh(mesh, transform_points(model.map_from_model, mesh.corners_m), index)
+            for index, (model, parts) in enumerate(self._taken)
+            for mesh in parts.meshes
+        ]
+        chosen = choose_ground_mesh(meshes)
+        lost = next((m for m in meshes if not len(m.corners_m) and is_ground(m.mesh.words)), None)
+        if chosen is not None:
+            field = make_height_field(chosen.corners_m)
+            what = f"a grid of {field.resolution_m:.2g} m"
+        elif lost is not None:
+            chosen, field, what = lost, None, "level"
+            patch = Patch("soil", np.eye(4), (GROUND_M, GROUND_M), False, 1.0)
+            self._patches.append((self._taken[lost.model][0].map_from_model, patch))
+        else:
+            return None
+        model, parts = self._taken[chosen.model]
+        self._source.warn(f"mesh of '{model.name}' is the ground of this world, {what}")
+        self._taken[chosen.model] = (model, parts.leave_out(chosen.mesh.box))
+        return field
 
     def _clear_start(self, x_m: float, y_m: float) -> None:
         """Remove boxes in the place of absent models from where the robot starts."""
