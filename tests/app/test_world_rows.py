@@ -206,7 +206,8 @@ def test_rows_are_found_from_plants_with_gaps_and_jitter_in_any_direction(yaw_de
     crop = (crop + rng.uniform(-0.02, 0.02, crop.shape))[rng.uniform(size=len(crop)) > 0.2]
     table = fit_row_table(crop[:, :1] * ahead + crop[:, 1:] * right + (5.0, 3.0), (5.0, 3.0))
     assert table is not None
-    assert (table.row_count, table.row_length_m) == (8, pytest.approx(19.75, abs=0.5))
+    assert table.row_count == 8
+    assert table.row_length_m == pytest.approx(19.75, abs=0.5)
     assert table.row_pitch_m == pytest.approx(0.75, abs=0.005)
     turn_deg = (table.row_yaw_deg - yaw_deg + 180.0) % 360.0 - 180.0
     assert turn_deg == pytest.approx(0.0, abs=0.1)

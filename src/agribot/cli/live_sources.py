@@ -13,7 +13,7 @@ import numpy as np
 
 from agribot.cli.videos import open_capture
 from agribot.core.errors import ConfigError
-from agribot.core.messages import ByteArray
+from agribot.core.messages import ByteArray, CameraFrame
 
 SIM_SPEED_MPS = 0.5
 TOPICS = ("ros1:", "ros2:")
@@ -108,7 +108,7 @@ class TopicFrames:
         """Wait for the next picture, (H, W, 3)."""
         while not self._waiting and not self._is_closed:
             frames = self._topic.take(time.monotonic() - self._start_s)
-            self._waiting += [frame.image_rgb for frame in frames]
+            self._waiting += [f.image_rgb for f in frames if isinstance(f, CameraFrame)]
             if not frames:
                 time.sleep(PERIOD_S)
         return self._waiting.popleft() if self._waiting else None

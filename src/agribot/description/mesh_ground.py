@@ -78,7 +78,7 @@ def _find_step_m(extent_m: FloatArray, corners: int) -> float:
     step_m = (half + math.sqrt(half**2 + (corners - 1.0) * x_m * y_m)) / max(corners - 1.0, 1.0)
     longest_m = max(x_m, y_m)
     cells = min(max(round(longest_m / step_m), 1), MOST_CELLS - 1)
-    return min(longest_m / cells, x_m, y_m)
+    return float(min(longest_m / cells, x_m, y_m))
 
 
 def _fill(heights_m: FloatArray) -> FloatArray:
