@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -227,6 +228,14 @@ def test_crop_in_no_straight_rows_asks_for_its_rows(tmp_path: Path) -> None:
     write_world(generate_field(FieldSettings(rows=rows), 0), path)
     with pytest.raises(MissionError, match=r"off every row; state its rows \(field\.first_row"):
         check(load("farm", [f'world="{path}"']))
+
+
+def test_a_check_of_a_world_says_where_its_rows_are(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["world", "check", "final"]) == 0
+    told = "rows: 4 of 8 m, 1.2 m apart, the first from East 1 m, North 2 m towards 90 degrees\n"
+    assert told in capsys.readouterr().out
+    assert main(["world", "check", "empty", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"] is None
 
 
 @pytest.mark.slow

@@ -11,13 +11,14 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from agribot.cli.ranges import positive, seed
 from agribot.core.errors import DescriptionError, RecordingError
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
 from agribot.core.messages import ByteArray, FloatArray
-from agribot.core.world import WorldSpec
+from agribot.core.world import RowTable, WorldSpec
 
 if TYPE_CHECKING:
     from agribot.description.elements import FileFinding
@@ -127,7 +128,18 @@ def _generate(options: argparse.Namespace) -> int:
     return 0
 
 
+def _format_rows(rows: RowTable) -> str:
+    east_m, north_m = rows.first_row_start_map_m
+    bent = f", bent by {rows.row_curvature_radpm:g} rad/m" if rows.row_curvature_radpm else ""
+    return (
+        f"{rows.row_count} of {rows.row_length_m:.4g} m, {rows.row_pitch_m:.4g} m apart, the first "
+        f"from East {east_m:.4g} m, North {north_m:.4g} m towards {rows.row_yaw_deg:.4g} degrees"
+        f"{bent}"
+    )
+
+
 def _check(options: argparse.Namespace) -> int:
+    from agribot.description.row_table import find_row_table
     from agribot.description.worlds_sdf import check_world, load_world
 
     if Path(options.world).suffix in MAP_SUFFIXES:
@@ -138,10 +150,12 @@ def _check(options: argparse.Namespace) -> int:
     world = load_world(options.world)
     species = Counter(plant.species for plant in world.plants)
     warnings = [*world.warnings, *_name_unknown_species(species)]
+    rows = find_row_table(world)
     summary = {
         "name": world.name,
         "datum": [world.datum.lat_deg, world.datum.lon_deg],
         "plants": dict(species),
+        "rows": None if rows is None else msgspec.structs.asdict(rows),
         "obstacles": len(world.obstacles),
         "walkers": len(world.walkers),
         "ground_tiles": len(world.ground),
@@ -152,6 +166,7 @@ def _check(options: argparse.Namespace) -> int:
         sys.stdout.write(json.dumps(summary) + "\n")
     else:
         summary["warnings"] = len(warnings)
+        summary["rows"] = None if rows is None else _format_rows(rows)
         sys.stderr.writelines(f"warning: {warning}\n" for warning in warnings)
         sys.stdout.write("".join(f"{key}: {value}\n" for key, value in summary.items()))
     return 0
