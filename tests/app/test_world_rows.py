@@ -183,6 +183,44 @@ def test_where_neither_place_nor_compass_is_stated_x_points_east(tmp_path: Path)
     check(load("farm", [f'world="{path}"']))
 
 
+CYLINDER = """<link name="l"><collision name="c"><geometry><cylinder><radius>.055</radius>
+<length>.2</length></cylinder></geometry></collision></link></model>"""
+GROUND = """<model name="ground_plane"><static>1</static><link name="l"><collision name="c"><geometry>
+<plane><normal>0 0 1</normal><size>50 50</size></plane></geometry></collision></link></model>"""
+GPS = """<plugin name="gps" filename="libhector_gazebo_ros_gps.so"><referenceHeading>0
+</referenceHeading><referenceLatitude>21.161289</referenceLatitude><referenceLongitude>72.787022
+</referenceLongitude></plugin>"""
+ROBOT = """<model name="agribot"><pose>2 0 0 0 0 0</pose><link name="base_link"/>
+<plugin name="d" filename="libgazebo_ros_skid_steer_drive.so"/>{gps}</model><state
+world_name="default"><model name="agribot"><pose>0 2 0.02 0 0 0</pose></model></state>"""
+
+
+@pytest.mark.parametrize("has_gps", [True, False])
+def test_a_world_as_the_original_saved_it_is_driven_along_its_rows(
+    tmp_path: Path, has_gps: bool
+) -> None:
+    """Crops of one name, the robot and its state in the world, x to the North, or to nowhere."""
+    crop = "".join(
+        f'<model name="Crop_with_weed"><pose>{x} {y} 0.1 0 0 0</pose>{CYLINDER}'
+        for x in range(2, 13, 2)
+        for y in range(-6, 0)
+    )
+    path = tmp_path / "old.world"
+    robot = ROBOT.format(gps=GPS if has_gps else "")
+    path.write_text(
+        '<?xml version="1.0"?><sdf version="1.6"><world name="default"><magnetic_field>6e-06 '
+        f"2.3e-05 -4.2e-05</magnetic_field>{GROUND}{crop}{robot}</world></sdf>"
+    )
+    field = field_of(path)
+    if has_gps:
+        assert describe(field) == PACKAGED["Farm"][0]
+        assert field.start_map_m == pytest.approx((-2.0, 0.0))
+    else:  # Gazebo's default magnetic field is that of no place
+        assert describe(field) == (6, 10.0, 1.0, 0.0, 2.0, -1.0)
+        assert field.start_map_m == pytest.approx((0.0, 2.0))
+    check(load("farm", [f'world="{path}"']))
+
+
 def test_a_robot_that_a_world_puts_nowhere_starts_before_the_first_row(tmp_path: Path) -> None:
     path = tmp_path / "no-robot.world"
     path.write_text(START.sub("", (ROOT / "worlds" / "world1.world").read_text()))
