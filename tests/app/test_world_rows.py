@@ -186,7 +186,8 @@ def test_where_neither_place_nor_compass_is_stated_x_points_east(tmp_path: Path)
 CYLINDER = """<link name="l"><collision name="c"><geometry><cylinder><radius>.055</radius>
 <length>.2</length></cylinder></geometry></collision></link></model>"""
 GROUND = """<model name="ground_plane"><static>1</static><link name="l"><collision name="c">
-<geometry><plane><normal>0 0 1</normal><size>50 50</size></plane></geometry></collision></link></model>"""
+<geometry><plane><normal>0 0 1</normal><size>50 50</size></plane></geometry></collision></link>
+</model>"""
 GPS = """<plugin name="gps" filename="libhector_gazebo_ros_gps.so"><referenceHeading>0
 </referenceHeading><referenceLatitude>21.161289</referenceLatitude><referenceLongitude>72.787022
 </referenceLongitude></plugin>"""
