@@ -36,6 +36,7 @@ NOT_SHOWN_BY = {
     "agribot.lab.dataset.classes": {"dataset", "label"},  # masks of a known --data
     "agribot.lab.dataset.importing": {"label"},
     "agribot.lab.dataset.picture_index": {"label"},
+    "agribot.lab.dataset.placement": {"label"},  # it makes labels
     "agribot.lab.dataset.pictures": {"dataset", "label", "train", "eval", "live", "export"},
     "agribot.lab.dataset.recorded_rows": {"dataset"},  # --set of the run that is recorded
     "agribot.lab.sweep.execution": {"sweep"},  # of ray start

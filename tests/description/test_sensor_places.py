@@ -67,6 +67,7 @@ def test_a_camera_is_where_its_pose_puts_it(tmp_path: Path, outer: str, inner: s
 def test_every_sensor_is_where_its_pose_puts_it(tmp_path: Path, kind: str) -> None:
     robot = load_robot(file_of(tmp_path, sensor(kind, "<pose>-0.2 0 0.9 0 0 0</pose>")))
     mount = {"imu": robot.imu, "magnetometer": robot.mag}.get(kind, robot.gnss)
+    assert mount is not None
     assert robot.base_from_link(mount.link)[:3, 3] == pytest.approx((-0.2, 0.0, 0.9))
     assert mount.rate_hz == 10.0
 

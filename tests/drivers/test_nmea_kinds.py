@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
@@ -139,7 +140,8 @@ def test_a_place_is_not_surer_than_its_last_digit(digits: str, least_m: float) -
 
 
 def test_a_stream_without_any_checksum_is_read_after_some_sentences() -> None:
-    decoder, found = ReceiverDecoder(pytest.fail), []
+    decoder = ReceiverDecoder(pytest.fail)
+    found: list[Any] = []
     for second in range(10, 20):
         assert bool(found) == (second - 10 >= BARE_SENTENCES)
         body = GGA.format(time=f"0930{second}.00", quality=1)

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from agribot.core.messages import FloatArray
-from agribot.core.robot import RobotSpec, SensorMount
+from agribot.core.robot import RobotSpec
 from agribot.description.adopt_masses import format_numbers
 from agribot.description.elements import SourceFile
 from agribot.description.poses import read_pose, to_origin
@@ -117,8 +117,9 @@ def _tell_plugin(plugin: ET.Element, source: SourceFile) -> None:
 
 def tell_turned(robot: RobotSpec, source: SourceFile) -> None:
     """Name an IMU and a magnetometer whose axes are not the body's."""
-    mounts: tuple[tuple[str, SensorMount], ...] = (("IMU", robot.imu), ("magnetometer", robot.mag))
-    for what, mount in mounts:
+    for what, mount in (("IMU", robot.imu), ("magnetometer", robot.mag)):
+        if mount is None:
+            continue
         turn = robot.base_from_link(mount.link)[:3, :3]
         turn_rad = float(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))
         if turn_rad > TURNED_RAD:

@@ -90,7 +90,7 @@ def table(entries: list[LogEntry], sensor: str) -> FloatArray:
             case GnssFix() as fix:
                 yield from (fix.lat_deg, fix.lon_deg, fix.alt_m, fix.pos_std_m)
             case ImuSample() as imu:
-                yield from (*imu.gyro_radps, *imu.accel_mps2)
+                yield from (*imu.gyro_radps, *(imu.accel_mps2 or ()))
             case MagSample() as mag:
                 yield from mag.field_t
             case TwistSample() as twist:

@@ -91,8 +91,10 @@ def _place(
         return wheels.turn(t_s, sample)
     mount, mag_mount = mounts
     if isinstance(sample, ImuSample):
-        x, y, z = mount.turn(sample.accel_mps2)
-        accel: Vec3 = (x * mount.accel_sign, y * mount.accel_sign, z * mount.accel_sign)
+        accel: Vec3 | None = None
+        if sample.accel_mps2 is not None:
+            x, y, z = mount.turn(sample.accel_mps2)
+            accel = (x * mount.accel_sign, y * mount.accel_sign, z * mount.accel_sign)
         return ImuSample(t_s=t_s, gyro_radps=mount.turn(sample.gyro_radps), accel_mps2=accel)
     if isinstance(sample, MagSample):
         return MagSample(t_s=t_s, field_t=mag_mount.turn(sample.field_t))

@@ -97,7 +97,8 @@ class LogScan:
             self._ways[entry.frame].add(entry.stamp_s, sample, self._way.place_m)
         elif isinstance(sample, ImuSample):
             self.most_gyro_radps = max(self.most_gyro_radps, *map(abs, sample.gyro_radps))
-            self._pieces.add_imu(sample.gyro_radps, sample.accel_mps2)
+            # Without accelerations it shows no more of its mount than one that takes off gravity.
+            self._pieces.add_imu(sample.gyro_radps, sample.accel_mps2 or (0.0, 0.0, 0.0))
         elif isinstance(sample, WheelSample | TwistSample):
             self.has_wheels = isinstance(sample, WheelSample)
             v_mps, yaw_radps = find_twist(sample, self._drive)

@@ -10,7 +10,8 @@ from agribot.app.localization.log import LogChannel, LogEntry
 from agribot.core.errors import RecordingError
 from agribot.core.messages import FloatArray, GnssFix, GnssHeading
 from agribot.drivers import nmea
-from agribot.drivers.receiver import GpsdDecoder, ReceiverDecoder
+from agribot.drivers.receiver import GpsdDecoder
+from agribot.drivers.receiver_decoder import ReceiverDecoder
 
 BLOCK_BYTES = 4096
 DATE_BYTES = 1 << 20  # of the beginning, in which a date is sought
