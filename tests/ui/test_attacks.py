@@ -184,6 +184,9 @@ def test_a_flood_of_requests_for_the_seat_pushes_no_answer_out(
 def test_refusals_and_points_of_viewers_leave_room_for_what_operators_do(
     lan: Robot, viewer: Tablet, operator: Tablet
 ) -> None:
+    def is_goodbye_of_bob(note: wire.EventOrder) -> bool:
+        return note.source == "Bob" and note.text == "leaves the operator's seat"
+
     guest = Tablet.__new__(Tablet)
     guest.robot, guest.origin, guest.cookie = lan, operator.origin, ""
     assert {guest.ask("GET", "/api/v1/field")[0] for _ in range(NOTES_PER_MINUTE + 10)} == {401}
@@ -196,7 +199,7 @@ def test_refusals_and_points_of_viewers_leave_room_for_what_operators_do(
         page.take_seat()
         page.ask(wire.PointOut(x_map_m=1.0, y_map_m=2.0))
         page.send(wire.LeaveSeat())
-        lan.wait_for_event("note", lambda note: note.text == "leaves the operator's seat")
+        lan.wait_for_event("note", is_goodbye_of_bob)
     notes = lan.of_kind(wire.EventOrder)
     assert [note.text for note in notes if note.source == "Bob"] == [
         "takes the operator's seat",

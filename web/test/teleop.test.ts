@@ -51,6 +51,18 @@ test('an input held while arming does nothing until it was let go once', () => {
   assert.equal(machine.tick(limits)?.v, 0.8)
 })
 
+test('what is held in vain is known until it is let go', () => {
+  const machine = armed()
+  machine.hold('pad', 1, 0)
+  assert.equal(machine.isHeldInVain, false)
+  machine.setArmed(false) // the line was slow
+  machine.setArmed(true)
+  machine.hold('pad', 1, 0)
+  assert.equal(machine.isHeldInVain, true)
+  machine.release('pad')
+  assert.equal(machine.isHeldInVain, false)
+})
+
 test('after leaving the window a stick that is still held does not drive on', () => {
   const machine = armed()
   machine.hold('gamepad', 1, 0)

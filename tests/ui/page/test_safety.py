@@ -24,6 +24,7 @@ from tests.ui.page.conftest import (
     hold,
     show,
     take_control,
+    take_seat,
     until,
 )
 from tests.ui.page.fake_server import FakeServer
@@ -164,15 +165,28 @@ def test_the_pad_commands_nothing_before_it_is_armed(
 ) -> None:
     server.robot.mode = "paused"
     page = open_page("teleop")
+    why_not = page.locator(".why-not")
+    place = page.locator(".pad").bounding_box()
     drag_pad(page)
+    expect(why_not).to_have_text("Take control first.")
     page.mouse.up()
+    expect(why_not).to_have_text("")
     page.keyboard.press("w")
-    take_control(page)
+    take_seat(page)
     drag_pad(page)
+    expect(why_not).to_have_text('Press "Drive by hand" first.')
+    assert page.locator(".pad").bounding_box() == place, "the pad moved under a finger"
     page.mouse.up()
     sent = server.robot.n
     wait_for(lambda: server.robot.n > sent + 6, "six more ticks")
     assert commands(server, wire.DriveByHand) == []
+
+
+def test_one_press_takes_control_and_arms_the_pad(open_page: OpenPage, server: FakeServer) -> None:
+    server.robot.mode = "paused"
+    page = open_page("teleop")
+    page.get_by_role("button", name="Take control to drive").click()
+    expect(page.locator(".pad.armed")).to_be_visible()
 
 
 def armed(open_page: OpenPage, server: FakeServer) -> Page:
@@ -344,11 +358,12 @@ def test_a_gamepad_held_while_arming_must_be_let_go_first(
 ) -> None:
     server.robot.mode = "paused"
     page = open_page("teleop")
-    take_control(page)
+    take_seat(page)
     page.evaluate(PLUG_IN + "window.__pad.axes[1] = -1;" + LEFT_SHOULDER % "true")
     expect(page.get_by_text("Gamepad: Test pad")).to_be_visible()
     page.get_by_role("button", name="Drive by hand", exact=True).click()
     expect(page.locator(".pad.armed")).to_be_visible()
+    expect(page.locator(".why-not")).to_have_text("Let go and hold again to drive.")
     sent = server.robot.n
     wait_for(lambda: server.robot.n > sent + 6, "six more ticks")
     assert commands(server, wire.DriveByHand) == []
@@ -359,7 +374,6 @@ def test_driving_by_hand_asks_before_it_interrupts_a_mission(
 ) -> None:
     page = open_page("teleop")
     take_control(page)
-    page.get_by_role("button", name="Drive by hand", exact=True).click()
     expect(page.get_by_role("dialog", name="Interrupt the mission?")).to_be_visible()
     page.get_by_role("button", name="Cancel").click()
     expect(page.locator(".pad.armed")).to_have_count(0)

@@ -15,6 +15,9 @@ import { SCALES, TeleopMachine } from '../teleop/machine.ts'
 const SEND_EVERY_MS = 50
 const HUNG_MS = 1000
 const HELP = 'Hold to drive, let go to stop. Keys: W A S D or arrows. Gamepad: hold a shoulder button.'
+const AGAIN = 'Let go and hold again to drive.'
+const ARM_FIRST = 'Press "Drive by hand" first.'
+const SEAT_FIRST = 'Take control first.'
 
 export const teleop: Screen = {
   id: 'teleop',
@@ -41,6 +44,7 @@ export const teleop: Screen = {
         { class: 'card teleop-pad' },
         arm.node,
         pad,
+        arm.whyNot,
         readout,
         scaleChoice(app),
         el('p', { class: 'muted help' }, HELP),
@@ -108,10 +112,13 @@ function showDrive(readout: HTMLElement, app: App): void {
   setText(readout, `${v.toFixed(2)} m/s   ${((w * 180) / Math.PI).toFixed(0)} °/s`)
 }
 
-function armSwitch(app: App, machine: TeleopMachine): { node: HTMLElement; update: () => void; done: () => void } {
+function armSwitch(
+  app: App,
+  machine: TeleopMachine,
+): { node: HTMLElement; whyNot: HTMLElement; update: () => void; done: () => void } {
   const button = el('button', { type: 'button', class: 'button primary arm', 'aria-pressed': 'false' })
   const word = el('span')
-  const slow = el('p', { class: 'slow-line', role: 'status' })
+  const why = el('p', { class: 'why-not', role: 'status' })
   button.append(icon('hand', 20), word)
   let wanted = false
   const update = (): void => {
@@ -120,7 +127,7 @@ function armSwitch(app: App, machine: TeleopMachine): { node: HTMLElement; updat
     if (store.seat !== 'you' && machine.isArmed) wanted = false
     machine.setArmed(wanted && allowed)
     button.setAttribute('aria-pressed', String(machine.isArmed))
-    setText(slow, wanted && !allowed ? slowText(app) : '')
+    setText(why, whyNot(app, machine, wanted))
     setText(
       word,
       machine.isArmed ? 'Driving by hand: end' : store.seat === 'you' ? 'Drive by hand' : 'Take control to drive',
@@ -142,18 +149,28 @@ function armSwitch(app: App, machine: TeleopMachine): { node: HTMLElement; updat
     wanted = true
     update()
   }
+  const takeSeatAndArm = async (): Promise<void> => {
+    if (await app.command({ kind: 'take_seat' })) void arm()
+  }
   button.addEventListener('click', () => {
     if (machine.isArmed || wanted) wanted = false
     else if (app.store.seat === 'you') void arm()
-    else if (app.store.seat === 'free' && app.session.role === 'operator') void app.command({ kind: 'take_seat' })
+    else if (app.store.seat === 'free' && app.session.role === 'operator') void takeSeatAndArm()
     else void chooseSeat(app)
     update()
   })
   update()
-  return { node: el('div', { class: 'arm-switch' }, button, slow), update, done: app.store.on('seat', update) }
+  return { node: button, whyNot: why, update, done: app.store.on('seat', update) }
 }
 
 const seconds = (ms: number): string => `${(ms / 1000).toFixed(1)} s`
+
+/** Why what is held does not drive, or would not. */
+function whyNot(app: App, machine: TeleopMachine, wanted: boolean): string {
+  if (wanted && !app.mayDriveByHand) return slowText(app)
+  if (!machine.isHeldInVain || app.store.isStopped) return ''
+  return machine.isArmed ? AGAIN : app.store.seat === 'you' ? ARM_FIRST : SEAT_FIRST
+}
 
 /** Why a hand may not drive now. */
 function slowText({ store }: App): string {

@@ -50,6 +50,11 @@ export class TeleopMachine {
     this.held.clear()
   }
 
+  /** Something is held that has no effect until it is let go and held again. */
+  get isHeldInVain(): boolean {
+    return this.blocked.size > 0 && this.held.size === 0
+  }
+
   /** The command to send in this tick, or null for silence. Letting go gives exactly one zero. */
   tick(limits: Limits): Drive | null {
     const input = this.armed ? this.first() : undefined
