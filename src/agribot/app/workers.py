@@ -16,6 +16,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
+from agribot.core.signals import ignore_interrupts
+
 JobT = TypeVar("JobT")
 ResultT = TypeVar("ResultT")
 Stop = Callable[[], bool]
@@ -77,8 +79,7 @@ def _results_of_processes(
 def _enter_worker(event: multiprocessing.synchronize.Event) -> None:
     global _stop_event  # noqa: PLW0603  (one per worker process, set before its first job)
     _stop_event = event
-    for number in (signal.SIGINT, signal.SIGHUP):  # the parent decides when to stop
-        signal.signal(number, signal.SIG_IGN)
+    ignore_interrupts()
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

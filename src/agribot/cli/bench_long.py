@@ -57,11 +57,11 @@ def run(options: argparse.Namespace) -> int:
     ways = long_mission.WayToldNow([folder.run_dir(job) for job in jobs])
     result = drive(folder, executor, ways)
     summary = long_mission.summarise(list(folder.read_finished().values()))
-    each = summary["km_per_intervention"]
+    each, memory_mb = summary["km_per_intervention"], summary["memory_mb"]
     sys.stdout.write(
         f"{summary['km']:.2f} km in {summary['hours']:.2f} h, needed a person "
         f"{summary['interventions']} times{'' if each is None else f', every {each:.2f} km'}; "
-        f"{summary['cpu_s']:.0f} s of a CPU, {summary['memory_mb']:.0f} MB\n"
+        f"{summary['cpu_s']:.0f} s of a CPU{'' if memory_mb is None else f', {memory_mb:.0f} MB'}\n"
     )
     if options.json:
         sys.stdout.write(json.dumps({"folder": str(options.out), **summary}) + "\n")

@@ -10,6 +10,8 @@ import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+from agribot.core.signals import HANG_UP
+
 
 @contextmanager
 def stop_on_signal() -> Iterator[list[int]]:
@@ -23,15 +25,15 @@ def stop_on_signal() -> Iterator[list[int]]:
 
     def note(signum: int, _frame: object) -> None:
         received.append(signum)
-        if signum == signal.SIGHUP:
+        if signum == HANG_UP:
             signal.signal(signum, signal.SIG_IGN)  # it comes from the shell and from the system
             _silence(terminals)
         else:
             signal.signal(signum, signal.default_int_handler)
 
     numbers = [signal.SIGINT, signal.SIGTERM]
-    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
-        numbers.append(signal.SIGHUP)
+    if HANG_UP is not None and signal.getsignal(HANG_UP) != signal.SIG_IGN:
+        numbers.append(HANG_UP)
     before = {number: signal.signal(number, note) for number in numbers}
     try:
         yield received

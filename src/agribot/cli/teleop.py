@@ -6,9 +6,7 @@ import argparse
 import os
 import select
 import sys
-import termios
 import time
-import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +14,7 @@ from pathlib import Path
 from agribot.cli.ranges import finite
 from agribot.cli.robot_address import add_robot_arguments, find_robot
 from agribot.cli.stopping import stop_on_signal
+from agribot.cli.terminal import ReadKeys, has_mouse, open_keys
 from agribot.core import extras
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.ui.hand.inputs import (
@@ -140,46 +139,57 @@ def _open_terminal(options: argparse.Namespace, rates: HandRates) -> Iterator[Re
     """Read keys and mouse of the terminal on stdin."""
     if not sys.stdin.isatty():
         raise ConfigError(f"teleop {options.device} needs a terminal on its standard input")
-    handle = sys.stdin.fileno()
-    words, keys, mouse = TerminalInput(), KeyHand(rates), MouseHand(rates)
     is_mouse = options.device == "mouse"
+    if is_mouse and not has_mouse():
+        raise ConfigError("teleop mouse: this console reports no mouse; use keyboard or the page")
+    with open_keys() as read_keys:
+        _write(MOUSE_ON if is_mouse else "")
+        try:
+            yield _TerminalHand(rates, read_keys, is_mouse=is_mouse).read
+        finally:
+            _write(MOUSE_OFF if is_mouse else "")
 
-    def read(timeout_s: float) -> Wish:
+
+class _TerminalHand:
+    """Keys and the mouse of a terminal as a hand."""
+
+    def __init__(self, rates: HandRates, read_keys: ReadKeys, *, is_mouse: bool) -> None:
+        self._rates, self._read_keys, self._is_mouse = rates, read_keys, is_mouse
+        self._words, self._keys, self._mouse = TerminalInput(), KeyHand(rates), MouseHand(rates)
+
+    def read(self, timeout_s: float) -> Wish:
         asked: list[str] = []
         end_s = time.monotonic() + timeout_s
-        if mouse.is_held:
-            sys.stderr.write(ASK_TERMINAL)
-            sys.stderr.flush()
-        while select.select([handle], [], [], max(0.0, end_s - time.monotonic()))[0]:
-            try:
-                data = os.read(handle, 1024)
-            except OSError:
-                return _make_request(None, asked)  # the terminal was closed
-            for word, column, row in words.feed(data):
+        if self._mouse.is_held:
+            _write(ASK_TERMINAL)
+        while data := self._read_keys(max(0.0, end_s - time.monotonic())):
+            for word, column, row in self._words.feed(data):
                 if word == "quit":
                     return _make_request(None, asked)
                 asked += [word] if word in KEY_REQUESTS else []
-                keys.press(word, time.monotonic())
-                if is_mouse:
-                    said = "release" if word == "stop" else word
-                    mouse.move(said, column, row, time.monotonic())
-        was_held, now_s = mouse.is_held, time.monotonic()
-        twist = mouse.twist(now_s) if is_mouse else keys.twist(now_s)
-        if was_held and not mouse.is_held:
-            sys.stderr.write(
-                f"\rthe terminal was silent for {rates.hold_s:g} s; press anew\x1b[K\r\n"
-            )
-        return _make_request(twist, asked)
+                self._take(word, column, row)
+        if data is None:  # the terminal was closed
+            return _make_request(None, asked)
+        return _make_request(self._find_twist(time.monotonic()), asked)
 
-    before = termios.tcgetattr(handle)
-    tty.setcbreak(handle)
-    sys.stderr.write(MOUSE_ON if is_mouse else "")
+    def _take(self, word: str, column: int, row: int) -> None:
+        self._keys.press(word, time.monotonic())
+        if self._is_mouse:
+            said = "release" if word == "stop" else word
+            self._mouse.move(said, column, row, time.monotonic())
+
+    def _find_twist(self, now_s: float) -> Twist:
+        was_held = self._mouse.is_held
+        twist = self._mouse.twist(now_s) if self._is_mouse else self._keys.twist(now_s)
+        if was_held and not self._mouse.is_held:
+            hold_s = self._rates.hold_s
+            _write(f"\rthe terminal was silent for {hold_s:g} s; press anew\x1b[K\r\n")
+        return twist
+
+
+def _write(text: str) -> None:
+    sys.stderr.write(text)
     sys.stderr.flush()
-    try:
-        yield read
-    finally:
-        sys.stderr.write(MOUSE_OFF if is_mouse else "")
-        termios.tcsetattr(handle, termios.TCSADRAIN, before)
 
 
 def _make_request(twist: Twist | None, asked: list[str]) -> Wish:
@@ -193,7 +203,7 @@ def _open_joystick(options: argparse.Namespace, hand: StickHand | TableHand) -> 
     Raises: ConfigError: no such device. PlatformError: it was pulled out.
     """
     try:
-        handle = os.open(options.joy, os.O_RDONLY | os.O_NONBLOCK)
+        handle = os.open(options.joy, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
     except OSError as error:
         raise ConfigError(
             f"cannot open joystick {options.joy}: {error.strerror}; plug it in or choose --joy"

@@ -6,9 +6,9 @@ loss, first at once, then ever more rarely. The control loop never waits for it.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import socket
-import termios
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
@@ -30,6 +30,14 @@ HOST_HELP = (
     "it, and that no firewall is between"
 )
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0  # between two tries to open a line
+
+
+# What pyserial lets through when a line does not know a speed; Windows has no termios.
+_BAUD_ERRORS: tuple[type[Exception], ...] = (ValueError,)
+with contextlib.suppress(ImportError):
+    import termios
+
+    _BAUD_ERRORS += (termios.error,)
 
 
 class ByteStream(Protocol):
@@ -90,7 +98,7 @@ class SerialStream:
         try:
             self._port.baudrate = baud
             self._port.reset_input_buffer()  # what came at the old one makes no sense
-        except (serial.SerialException, ValueError, termios.error) as error:
+        except (serial.SerialException, *_BAUD_ERRORS) as error:
             raise OSError(errno.EIO, f"{baud} baud: {error}") from error
 
     def close(self) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import resource
 from collections.abc import Sequence
 from pathlib import Path
 from time import monotonic as read_clock
@@ -178,12 +177,10 @@ def _tell_way(out_dir: Path) -> str:
 def summarise(reports: Sequence[Report]) -> dict[str, Any]:
     """Sum up way, time, what needed a person, and what the missions cost.
 
-    `memory_mb` is the most that a process of this command has held.
+    `memory_mb` is the most that a process of this command has held; None on Windows.
     """
     km = sum(report.mission.distance_m or 0.0 for report in reports) / 1000.0
     count = sum(len(report.safety.interventions) for report in reports)
-    spent = [resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF,
-                                                          resource.RUSAGE_CHILDREN)]  # fmt: skip
     return {
         "missions": len(reports),
         "km": km,
@@ -192,5 +189,15 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
         "km_per_intervention": km / count if count else None,
         "outside_m_max": max((r.safety.outside_m_max or 0.0 for r in reports), default=None),
         "cpu_s": sum(report.time.cpu_s or 0.0 for report in reports),
-        "memory_mb": max(spent) / 1024.0,
+        "memory_mb": _find_peak_mb(),
     }
+
+
+def _find_peak_mb() -> float | None:
+    """Find the most memory that a process of this command has held; Windows does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    whose = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    return max(resource.getrusage(who).ru_maxrss for who in whose) / 1024.0

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from agribot.app.simulated_run import SimulatedRun
     from agribot.ui.robot_side.operator_page import OperatorPage
 
-TICKS_PER_S = os.sysconf("SC_CLK_TCK")
-PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 WARM_UP_S = 3.0
 SETTLE_S = 20.0  # until buffers have their size
 SLOW_MPS = 0.15
@@ -281,8 +279,9 @@ def _wait_for_result(watching: subprocess.Popen[str] | None, clock: _Clock) -> d
 
 def _read_cpu_s(pid: int) -> float:
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS_PER_S
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _read_rss_bytes(pid: int) -> int:
-    return int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1]) * PAGE_BYTES
+    pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")

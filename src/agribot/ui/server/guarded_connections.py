@@ -10,10 +10,8 @@ from __future__ import annotations
 import array
 import asyncio
 import contextlib
-import fcntl
 import socket
 import ssl
-import termios
 from asyncio.sslproto import SSLProtocol
 from collections.abc import Awaitable, Callable
 from typing import Any
@@ -165,10 +163,21 @@ async def serve_guarded(
 
 def count_unsent(line: asyncio.Transport) -> int:
     """Count what was written and not yet taken by the other side, here and in the system."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):  # the line has gone
+        return _count_in_system(line.get_extra_info("socket")) + line.get_write_buffer_size()
+    return line.get_write_buffer_size()
+
+
+def _count_in_system(line: socket.socket) -> int:
+    """Count what the system has not sent yet; 0 where it does not tell, as on Windows."""
+    try:
+        import fcntl
+        import termios
+    except ImportError:
+        return 0
     count = array.array("i", [0])
-    with contextlib.suppress(OSError, ValueError, AttributeError):  # gone, or not known there
-        fcntl.ioctl(line.get_extra_info("socket").fileno(), termios.TIOCOUTQ, count)  # tcp(7)
-    return count[0] + line.get_write_buffer_size()
+    fcntl.ioctl(line.fileno(), termios.TIOCOUTQ, count)  # tcp(7)
+    return count[0]
 
 
 class GuardedSocket(WebSocketsSansIOProtocol):

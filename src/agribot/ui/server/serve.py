@@ -18,6 +18,7 @@ from typing import Any
 
 import uvicorn
 
+from agribot.core.signals import ignore_interrupts
 from agribot.ui import wire
 from agribot.ui.about import About
 from agribot.ui.server.app import build_app
@@ -63,8 +64,7 @@ class RobotLine:
 
 def main(about: About, link: Connection, camera_link: Connection, listener: socket.socket) -> None:
     """Serve until the robot's end of `link` is closed."""
-    for number in (signal.SIGINT, signal.SIGHUP):  # the robot's process decides when to stop
-        signal.signal(number, signal.SIG_IGN)
+    ignore_interrupts()
     gc.freeze()
     asyncio.run(_serve(about, link, camera_link, listener))
 
@@ -111,7 +111,8 @@ async def _serve(
     loop = asyncio.get_running_loop()
     guarded = functools.partial(serve_guarded, loop.create_server)
     loop.create_server = guarded  # type: ignore[method-assign]
-    loop.add_signal_handler(signal.SIGTERM, lambda: _end(hub, server))
+    with contextlib.suppress(NotImplementedError):  # Windows, which has no such signal
+        loop.add_signal_handler(signal.SIGTERM, lambda: _end(hub, server))
     await server.serve(sockets=[listener])
 
 
