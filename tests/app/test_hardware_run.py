@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -38,14 +39,20 @@ from tests.drivers.hardware_bench import HardwareBench
 from tests.drivers.lines import Line, Opened
 from tests.ui.client import Page
 from tests.ui.page.robots import resumed_with_page
-from tests.waiting import PATIENCE_S, wait_for
+from tests.waiting import PATIENCE_S, POLL_S, wait_for
 
 pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
 SETTINGS = [
     "platform=hardware", "perception.enabled=false", "field.row_count=1",
-    # A busy machine is no fault of the robot's.
+    "safety.clock_jump_s=60",  # a busy machine is no fault of the robot's
+]  # fmt: skip
+# Of a robot in the bench's own process, which stand still together: it notices a silent bench.
+WATCHFUL = [
     "safety.sensor_timeout_s=1.5", "estimate.wheel_timeout_s=1.5", "estimate.imu_timeout_s=1.5",
-    "safety.clock_jump_s=10",
+]  # fmt: skip
+# Of a robot in a process of its own: a bench that the machine lets wait is no silent one.
+PATIENT = [
+    "safety.sensor_timeout_s=60", "estimate.wheel_timeout_s=60", "estimate.imu_timeout_s=60",
 ]  # fmt: skip
 START = (-2.0, 0.0, math.pi / 2.0)  # the mark of the farm
 AHEAD_M = 1.2
@@ -84,14 +91,14 @@ def _ahead() -> tuple[float, float]:
 
 
 def words(bench: HardwareBench, out: Path, *more: str) -> list[str]:
-    sets = [word for setting in SETTINGS[1:] for word in ("--set", setting)]
+    sets = [word for setting in (*SETTINGS[1:], *PATIENT) for word in ("--set", setting)]
     return ["run", "farm", "--platform", "hardware", *bench.sources, *sets, "--headless",
             "--out", str(out), *more]  # fmt: skip
 
 
 def open_bench(bench: HardwareBench, out: Path, *more: str, is_armed: bool) -> Run:
     sources = [f"sources.base='{bench.base_uri}'"]
-    settings = config.load("farm", [*SETTINGS, *sources, *more])
+    settings = config.load("farm", [*SETTINGS, *WATCHFUL, *sources, *more])
     return open_run(settings, out, is_armed=is_armed)
 
 
@@ -111,7 +118,7 @@ def test_a_builder_starts_the_robot_it_drives_to_a_place_and_a_replay_gives_the_
     bench: HardwareBench, places: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "run"
-    options = words(bench, out, "--arm", "--waypoints", str(places), "--for", "90")
+    options = words(bench, out, "--arm", "--waypoints", str(places), "--for", "300")
     done = subprocess.run(
         [sys.executable, "-m", "agribot.cli", *options], capture_output=True, text=True, check=False
     )
@@ -137,7 +144,7 @@ def test_a_terminal_that_is_closed_stops_the_robot_and_the_run_writes_its_report
     far, near = pty.openpty()
     process = subprocess.Popen(
         [sys.executable, "-c", IN_TERMINAL, sys.executable, "-m", "agribot.cli",
-         *words(bench, out, "--arm", "--for", "90")],
+         *words(bench, out, "--arm", "--for", "300")],
         stdin=near, stdout=near, stderr=near, start_new_session=True,
     )  # fmt: skip
     os.close(near)
@@ -354,9 +361,31 @@ def test_a_stop_outlives_the_program_until_a_person_clears_it(
     told = capsys.readouterr().err
     assert "the red button is pressed" in told and "--clear-stop" in told
     assert StopCause.ESTOP in bench.board.causes and not bench.board.commands
-    main(words(bench, tmp_path / "cleared", "--arm", "--clear-stop", "--for", "2"))
+    with interrupted_once(lambda: not bench.board.causes):
+        main(words(bench, tmp_path / "cleared", "--arm", "--clear-stop"))
     assert not bench.board.causes
     assert not list((tmp_path / "home" / "stops").glob("*.json"))
+
+
+@contextlib.contextmanager
+def interrupted_once(is_so: Callable[[], bool]) -> Iterator[None]:
+    """Press Ctrl-C in a command of this process once it is so."""
+    ended = threading.Event()
+
+    def look() -> None:
+        end_s = time.monotonic() + PATIENCE_S
+        while not is_so() and time.monotonic() < end_s:
+            if ended.wait(POLL_S):
+                return
+        os.kill(os.getpid(), signal.SIGINT)
+
+    hand = threading.Thread(target=look)
+    hand.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        hand.join()
 
 
 @contextlib.contextmanager
@@ -384,7 +413,7 @@ def test_a_run_that_was_killed_in_a_stop_goes_on_once_a_person_has_cleared_it(
         robot.send_signal(signal.SIGKILL)
     bench.board.is_button_pressed = False
     bench.forget_commands()
-    resume = ["run", "--resume", str(killed), "--arm", "--headless", "--for", "90"]
+    resume = ["run", "--resume", str(killed), "--arm", "--headless", "--for", "300"]
     assert main([*resume, "--out", str(tmp_path / "refused")]) == 2
     told = capsys.readouterr().err
     assert "the red button is pressed" in told and "--clear-stop" in told
@@ -541,8 +570,9 @@ def test_a_robot_whose_settings_state_no_origin_drives_rows_from_its_first_fix(
     elsewhere: HardwareBench, tmp_path: Path
 ) -> None:
     out = tmp_path / "run"
-    options = words(elsewhere, out, "--arm", "--for", "6", "--set", "mission.waits_for_goals=false")
-    main(["run", "hardware", *options[2:]])
+    options = words(elsewhere, out, "--arm", "--set", "mission.waits_for_goals=false")
+    with interrupted_once(lambda: any(any(c.speed_countps) for c in elsewhere.board.commands)):
+        main(["run", "hardware", *options[2:]])
     datum = config.load(str(out / "config.toml")).field.datum
     assert (datum.lat_deg, datum.lon_deg) == pytest.approx((48.7, 9.2), abs=1e-4)
     assert (tmp_path / "home" / "first-fix.toml").exists()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import os
+import pty
 
 import msgspec
 import pytest
@@ -42,3 +44,14 @@ def test_the_list_before_the_start_and_a_stop_are_told_at_once() -> None:
         "camera silent for 1.2 s > 1.0 s",
         "stopped: RUNAWAY",
     ]
+
+
+def test_a_run_goes_on_where_the_terminal_was_closed_that_shows_its_progress() -> None:
+    ours, theirs = pty.openpty()
+    with os.fdopen(theirs, "w", encoding="utf-8") as terminal:
+        progress = RunProgress(WeedMap(WeedConfig()), terminal)
+        os.close(ours)
+        for record in samples.ticks(3):
+            progress(record)
+            progress.note("the line of the board is lost")
+        progress.close()

@@ -17,7 +17,7 @@ from tests.waiting import wait_for
 
 FIX_EVERY = 10  # ticks of the board
 FULL_RADPS = 40.0  # of a wheel at full voltage
-PATIENT_S = 3.0  # with a busy machine
+PATIENT_S = 60.0  # of the board with a busy machine
 
 
 class Plug(Line):

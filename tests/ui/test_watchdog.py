@@ -20,9 +20,10 @@ from agribot.ui.address import Address
 from agribot.ui.robot_side import server_process
 from agribot.ui.robot_side.operator_page import OperatorPage
 from tests.ui.client import Page
-from tests.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S, wait_for
 
 SETTINGS = ["perception.enabled=false", "seed=1"]
+LOST = "operator lost (the page's server)"
 
 
 @contextmanager
@@ -48,16 +49,30 @@ def drive(
         records.append(record)
         if browser is not None and record.batch.t_s >= next_s:
             next_s += 0.05
-            browser.send(wire.DriveByHand(v_mps=v_mps, yaw_rate_radps=0.0))
+            mono_ms = 1e3 * time.monotonic()
+            browser.send(wire.DriveByHand(v_mps=v_mps, yaw_rate_radps=0.0, mono_ms=mono_ms))
         if record.batch.t_s >= from_s + seconds:
             break
         pacer.wait(record.batch.t_s)
     return records
 
 
-def fastest_mps(records: list[TickRecord]) -> float:
-    """Of what the robot was told; a page on a busy machine lets go for a moment now and then."""
-    return max(record.command.drive.v_mps for record in records)
+def drive_until(
+    session: SimulatedRun,
+    is_so: Callable[[TickRecord], object],
+    browser: Page | None = None,
+    meanwhile: Callable[[], object] = lambda: None,
+) -> None:
+    end_s = time.monotonic() + PATIENCE_S
+    while session.last is None or not is_so(session.last):
+        assert time.monotonic() < end_s, session.last
+        meanwhile()
+        drive(session, browser, 0.1)
+
+
+def drive_by_hand(session: SimulatedRun, browser: Page) -> None:
+    """Until it drives; a page on a busy machine lets go for a moment now and then."""
+    drive_until(session, lambda record: record.command.drive.v_mps > 0.1, browser)
 
 
 def stopped_after_s(records: list[TickRecord]) -> float:
@@ -68,14 +83,14 @@ def stopped_after_s(records: list[TickRecord]) -> float:
 
 def test_the_robot_stands_soon_after_its_operators_line_is_cut(tmp_path: Path) -> None:
     with simulated(tmp_path) as (session, _, browser):
-        assert fastest_mps(drive(session, browser, 1.5)) > 0.1
+        drive_by_hand(session, browser)
         browser.line.socket.close()
         assert stopped_after_s(drive(session, None, 1.0)) <= 0.5
 
 
 def test_the_robot_stands_soon_after_the_page_falls_silent(tmp_path: Path) -> None:
     with simulated(tmp_path) as (session, _, browser):
-        assert fastest_mps(drive(session, browser, 1.5)) > 0.1
+        drive_by_hand(session, browser)
         assert stopped_after_s(drive(session, None, 1.0)) <= 0.5
 
 
@@ -84,18 +99,12 @@ def test_a_killed_server_stops_the_hand_and_the_mission_goes_on_as_configured(
     tmp_path: Path, policy: str, state: str
 ) -> None:
     with simulated(tmp_path, f'safety.on_operator_lost="{policy}"') as (session, page, browser):
-        assert fastest_mps(drive(session, browser, 1.5)) > 0.1
-        browser.send(wire.DriveByHand(v_mps=0.0, yaw_rate_radps=0.0))
-        assert browser.ask(wire.ControlMission(action="resume")).ok
-        drive(session, browser, 4.0, v_mps=0.0)
-        assert session.last is not None
-        assert session.last.status.state == "running", session.last.status.reason
+        drive_by_hand(session, browser)
+        resume_until_it_runs(session, browser)
         assert page.server.process.pid is not None
         os.kill(page.server.process.pid, signal.SIGKILL)
-        records = drive(session, None, 1.0)
-        assert records[-1].status.state == state
-        log = [event.reason for event in session.event_log.events]
-        assert "operator lost (the page's server)" in log
+        drive_until(session, lambda _: LOST in reasons(session))
+        assert drive(session, None, 0.2)[-1].status.state == state
 
 
 def test_a_server_that_hangs_counts_as_the_loss_of_the_operator_who_goes_on_afterwards(
@@ -106,29 +115,30 @@ def test_a_server_that_hangs_counts_as_the_loss_of_the_operator_who_goes_on_afte
         resume_until_it_runs(session, browser)
         pid = page.server.process.pid
         assert pid is not None
-        os.kill(pid, signal.SIGSTOP)
-        drive_until(session, "paused", lambda: None)
+
+        def hang() -> None:  # again, where something else let it go on
+            os.kill(pid, signal.SIGSTOP)
+
+        drive_until(session, lambda _: LOST in reasons(session), meanwhile=hang)
+        drive_until(session, lambda record: record.status.state == "paused", meanwhile=hang)
         os.kill(pid, signal.SIGCONT)
-        log = [event.reason for event in session.event_log.events]
-        assert "operator lost (the page's server)" in log
         resume_until_it_runs(session, browser)
 
 
+def reasons(session: SimulatedRun) -> list[str]:
+    return [event.reason for event in session.event_log.events]
+
+
 def resume_until_it_runs(session: SimulatedRun, browser: Page) -> None:
-    drive_until(session, "running", lambda: browser.send(wire.ControlMission(action="resume")))
+    def resume() -> None:
+        browser.send(wire.ControlMission(action="resume"))
 
-
-def drive_until(session: SimulatedRun, state: str, meanwhile: Callable[[], None]) -> None:
-    end_s = time.monotonic() + PATIENCE_S
-    while session.last is None or session.last.status.state != state:
-        assert time.monotonic() < end_s, session.last
-        meanwhile()
-        drive(session, None, 0.1)
+    drive_until(session, lambda record: record.status.state == "running", meanwhile=resume)
 
 
 def test_a_hand_on_the_stick_when_the_server_is_killed_lets_go(tmp_path: Path) -> None:
     with simulated(tmp_path) as (session, page, browser):
-        assert fastest_mps(drive(session, browser, 1.5)) > 0.1
+        drive_by_hand(session, browser)
         assert page.server.process.pid is not None
         os.kill(page.server.process.pid, signal.SIGKILL)
         assert stopped_after_s(drive(session, None, 1.0)) <= 0.5
@@ -136,21 +146,20 @@ def test_a_hand_on_the_stick_when_the_server_is_killed_lets_go(tmp_path: Path) -
 
 def test_a_stop_by_the_page_holds_until_it_is_cleared(tmp_path: Path) -> None:
     with simulated(tmp_path) as (session, _, browser):
-        drive(session, browser, 1.0)
+        drive_by_hand(session, browser)
         browser.send(wire.PressStop())
+        drive_until(session, lambda record: record.status.stopped, browser)
         records = drive(session, browser, 1.0)
-        assert records[-1].command.drive.v_mps == 0.0
+        assert {record.command.drive.v_mps for record in records[1:]} == {0.0}
         state = browser.receive(wire.State)
         while state.mode != "stopped":
             state = browser.receive(wire.State)
         assert "stopped by operator 1" in state.stop
         assert browser.ask(wire.ClearStop()).ok
-        assert fastest_mps(drive(session, browser, 1.0)) > 0.1
+        drive_by_hand(session, browser)
 
 
 def test_a_simulation_ahead_of_the_clock_waits_for_a_hand(tmp_path: Path) -> None:
     with simulated(tmp_path) as (session, page, browser):
-        drive(session, browser, 0.5)
-        assert page.pace_limit == 1.0
-        time.sleep(1.0)
-        assert page.pace_limit > 1.0
+        drive_until(session, lambda _: page.pace_limit == 1.0, browser)
+        wait_for(lambda: page.pace_limit > 1.0, "the simulation to run ahead again")

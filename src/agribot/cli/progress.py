@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
+from agribot.cli.standard_error import write_words
 from agribot.core.messages import GateStatus, TickRecord
 from agribot.record.events import describe_checks
 
@@ -47,11 +48,8 @@ class RunProgress:
         if record.batch.t_s < self._next_s:
             return
         self._next_s = record.batch.t_s + (BAR_EVERY_S if self._is_terminal else LINE_EVERY_S)
-        if self._is_terminal:
-            self._stream.write(f"\r{self._format_line(record)}\x1b[K")
-        else:
-            self._stream.write(f"{self._format_line(record)}\n")
-        self._stream.flush()
+        line = self._format_line(record)
+        write_words(self._stream, f"\r{line}\x1b[K" if self._is_terminal else f"{line}\n")
 
     def _note_gate(self, gate: GateStatus) -> None:
         """Print at once what the list before the start found, why it stopped, and what is wrong."""
@@ -67,13 +65,11 @@ class RunProgress:
 
     def note(self, text: str) -> None:
         """Print a line of its own, above the bar."""
-        self._stream.write(f"\r\x1b[K{text}\n" if self._is_terminal else f"{text}\n")
-        self._stream.flush()
+        write_words(self._stream, f"\r\x1b[K{text}\n" if self._is_terminal else f"{text}\n")
 
     def close(self) -> None:
         if self._is_terminal:
-            self._stream.write("\n")
-            self._stream.flush()
+            write_words(self._stream, "\n")
 
     def _format_line(self, record: TickRecord) -> str:
         status = record.status

@@ -27,6 +27,7 @@ from agribot.cli.page import (
 from agribot.cli.progress import RunProgress, explain_wait
 from agribot.cli.ranges import finite
 from agribot.cli.run_settings import add_setting_arguments, choose_out_dir, read_settings
+from agribot.cli.standard_error import write_words
 from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.config import RunConfig
@@ -127,7 +128,7 @@ def run(options: argparse.Namespace) -> int:
             with service.allow_quiet():
                 why_ended = "interrupted by the operator" if stop else ""
                 report = session.finish(why_ended, lambda: signal.SIGTERM not in stop)
-            sys.stderr.write(_format_summary(report, session.out_dir))
+            write_words(sys.stderr, _format_summary(report, session.out_dir))
             was_interrupted = bool(stop)
             if page is not None and is_kept_open(options) and not stop:
                 keep_ready(session, page, stop, keeps_up=has_sources)

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 
+from agribot.cli.standard_error import drop_output
 from agribot.core.signals import HANG_UP
 
 
@@ -27,7 +28,7 @@ def stop_on_signal() -> Iterator[list[int]]:
         received.append(signum)
         if signum == HANG_UP:
             signal.signal(signum, signal.SIG_IGN)  # it comes from the shell and from the system
-            _silence(terminals)
+            drop_output(*terminals)
         else:
             signal.signal(signum, signal.default_int_handler)
 
@@ -40,11 +41,3 @@ def stop_on_signal() -> Iterator[list[int]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _silence(numbers: Sequence[int]) -> None:
-    """Let what is written to these descriptors go nowhere; a terminal that is gone is an error."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    for number in numbers:
-        os.dup2(nowhere, number)
-    os.close(nowhere)
