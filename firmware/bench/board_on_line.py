@@ -7,6 +7,7 @@ turn in the air. With `imu`, it is the IMU board, for `--source imu=`.
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import os
 import queue
@@ -26,6 +27,7 @@ from firmware.build import PREBUILT
 STEP_S = 0.002
 FULL_RADPS, LAG_S = 30.0, 0.05  # of a wheel in the air
 READ_BYTES = 4096
+KINDS = ("motor", "imu")
 
 
 class BoardOnLine:
@@ -120,8 +122,13 @@ def name_source(path: str, *, is_imu: bool) -> str:
     return f"serial:{path}" + ("" if is_imu else motors)
 
 
-def main() -> None:
-    is_imu = "imu" in sys.argv[1:]
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(
+        prog="python -m firmware.bench.board_on_line",
+        description="Run a board's program on a serial line of this computer until Ctrl-C.",
+    )
+    parser.add_argument("kind", nargs="?", choices=KINDS, default="motor", help="default: motor")
+    is_imu = parser.parse_args(arguments).kind == "imu"
     name = "imu_board" if is_imu else "motor_board"
     with tempfile.TemporaryDirectory() as folder:
         library = load_library(build_library(Path(folder)))

@@ -21,13 +21,23 @@ from agribot.drivers.board_protocol import BAUD, BoardMessage, BoardState, Clear
 from agribot.drivers.byte_streams import ByteStream, SerialStream
 from agribot.drivers.hardware_platform import HardwarePlatform
 from firmware.bench.avr_bench import AvrBench
-from firmware.bench.board_on_line import BoardOnLine, name_source
+from firmware.bench.board_on_line import BoardOnLine, main, name_source
 from firmware.build import PREBUILT
 from tests import nightly
 from tests.firmware.board_on_bench import REST, command, configure
 from tests.waiting import wait_for
 
 FORWARD = (4.0, 4.0, 4.0, 4.0)
+
+
+@pytest.mark.parametrize(("words", "status"), [(["--help"], 0), (["imus"], 2)])
+def test_no_board_is_started_for_help_or_for_a_board_that_there_is_not(
+    words: list[str], status: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == status
+    assert "usage: python -m firmware.bench.board_on_line" in "".join(capsys.readouterr())
 
 
 def test_a_program_drives_the_board_over_a_serial_line(bench_library: ctypes.CDLL) -> None:
