@@ -209,6 +209,14 @@ def test_the_map_is_1200_pixels_wide_and_shows_path_and_weeds() -> None:
     assert blue.sum() > 500
 
 
+def test_crops_and_weeds_on_the_map_differ_by_shape() -> None:
+    (axes,) = draw_map(_data()).axes
+    markers = {str(line.get_label()): line.get_marker() for line in axes.lines}
+    crops = {marker for label, marker in markers.items() if label.endswith(" crop")}
+    weeds = {marker for label, marker in markers.items() if label.endswith(" weed")}
+    assert crops == {"^"} and weeds and not crops & weeds
+
+
 def test_what_stands_in_the_field_is_a_circle_on_the_map() -> None:
     data = _data()
     field = msgspec.structs.replace(data.config.field, obstacles_map_m=((-4.0, 2.0, 0.3),))

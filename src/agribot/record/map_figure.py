@@ -11,7 +11,18 @@ from matplotlib.patches import Circle
 
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.row_shape import row_points_map_m, start_yaw_rad
-from agribot.record.drawing import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure, sample_every
+from agribot.record.drawing import (
+    BLUE,
+    CROP_MARKER,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    RED,
+    WEED_MARKER,
+    new_figure,
+    sample_every,
+)
 from agribot.record.series import RunData
 
 _MARGIN_M = 0.8
@@ -91,15 +102,15 @@ def _draw_field(axes: Axes, data: RunData) -> None:
 
 def _draw_truth(axes: Axes, data: RunData) -> None:
     assert data.world is not None
-    for kind, colour, label in (
-        (PlantClass.CROP, GREEN, "true crop"),
-        (PlantClass.WEED, RED, "true weed"),
+    for kind, colour, marker, label in (
+        (PlantClass.CROP, GREEN, CROP_MARKER, "true crop"),
+        (PlantClass.WEED, RED, ".", "true weed"),
     ):
         places = [(p.x_map_m, p.y_map_m) for p in data.world.plants if p.plant == kind]
         if places:
             xy = np.array(places)
             axes.plot(
-                xy[:, 0], xy[:, 1], ".", color=colour, alpha=0.45, markersize=4, label=label,
+                xy[:, 0], xy[:, 1], marker, color=colour, alpha=0.45, markersize=4, label=label,
                 zorder=2,
             )  # fmt: skip
     crushed = [data.world.plants[index] for index in data.crushed]
@@ -132,9 +143,9 @@ def _draw_plants(axes: Axes, data: RunData) -> None:
     treated = [p for p in weeds if p.treated_s is not None]
     left = [p for p in weeds if p.treated_s is None]
     for plants, marker, size, colour, fill, label in (
-        (crops, "o", 5.0, GREEN, GREEN, "mapped crop"),
-        (left, "o", 8.0, RED, "none", "mapped weed"),
-        (treated, "o", 8.0, RED, RED, "treated weed"),
+        (crops, CROP_MARKER, 6.0, GREEN, GREEN, "mapped crop"),
+        (left, WEED_MARKER, 8.0, RED, "none", "mapped weed"),
+        (treated, WEED_MARKER, 8.0, RED, RED, "treated weed"),
     ):
         if plants:
             xy = np.array([(p.x_map_m, p.y_map_m) for p in plants])

@@ -16,7 +16,7 @@ from agribot.core.messages import FloatArray, Row
 from agribot.core.row_shape import row_points_map_m
 from agribot.gis.weeds.styles import STYLES
 from agribot.record.crop_stand import RowStand
-from agribot.record.drawing import GREEN, GREY, INK, ORANGE, new_figure
+from agribot.record.drawing import CROP_MARKER, GREEN, GREY, INK, ORANGE, WEED_MARKER, new_figure
 from agribot.record.map_figure import add_scale_bar
 
 _MOST_CELLS = 120  # along the longer side
@@ -137,6 +137,7 @@ def draw_treatment(
         shown = xy_m[:: max(1, len(xy_m) * len(STYLES) // _MOST_DOTS)]
         axes.scatter(
             shown[:, 0], shown[:, 1], s=size * (0.5 if name == "crop" else 1.0), linewidths=1.4,
+            marker=CROP_MARKER if name.startswith("crop") else WEED_MARKER,
             facecolors="none" if is_hollow else colour, edgecolors=colour,
             label=f"{name} ({len(xy_m)})", zorder=4 if name == "crop" else 5,
         )  # fmt: skip

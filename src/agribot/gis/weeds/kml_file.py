@@ -20,7 +20,7 @@ _HEAD = (
     '<?xml version="1.0" encoding="utf-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2">'
     "<Document><name>Weed map</name>\n"
 )
-_ICON = "http://maps.google.com/mapfiles/kml/shapes/shaded_dot.png"
+_ICONS = "http://maps.google.com/mapfiles/kml/shapes"
 _BLOCK_BYTES = 1 << 20
 _HEAD_BYTES = 400  # enough for the declaration of an encoding
 MAX_DEPTH = 30
@@ -31,10 +31,11 @@ def write_kml(path: Path, table: PlantTable) -> None:
     with path.open("w", encoding="utf-8") as file:
         file.write(_HEAD)
         for number, (name, colour) in enumerate(STYLES.items()):
+            shape = "triangle" if name == "crop" else "shaded_dot"
             blue_first = "ff" + colour[5:7] + colour[3:5] + colour[1:3]
             file.write(
                 f'<Style id="s{number}"><IconStyle><color>{blue_first}</color><scale>0.4</scale>'
-                f"<Icon><href>{_ICON}</href></Icon></IconStyle><LabelStyle><scale>0</scale>"
+                f"<Icon><href>{_ICONS}/{shape}.png</href></Icon></IconStyle><LabelStyle><scale>0</scale>"
                 f"</LabelStyle><!-- {name} --></Style>\n"
             )
         for records in iterate_records(table):

@@ -47,7 +47,8 @@ def make_qgis_style() -> str:
         layer = ElementTree.SubElement(symbol, "layer", {"class": "SimpleMarker", "enabled": "1"})
         red, green, blue = (int(colour[at : at + 2], 16) for at in (1, 3, 5))
         for key, value in {
-            "name": "circle", "color": f"{red},{green},{blue},255",
+            "name": "triangle" if name == "crop" else "circle",
+            "color": f"{red},{green},{blue},255",
             "outline_color": "255,255,255,255", "outline_width": "0.2", "size": "2.2",
             "size_unit": "MM",
         }.items():  # fmt: skip
