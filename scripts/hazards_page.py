@@ -12,7 +12,7 @@ from pathlib import Path
 
 from agribot.autonomy.control.gate_machine import STATES
 from agribot.autonomy.control.hazards import CHECKS, HAZARDS, ForHand, Hazard, Reaction
-from agribot.core.config import SafetyConfig
+from agribot.core.config import EstimateConfig, SafetyConfig
 
 CAMPAIGN = Path(__file__).parents[1] / "docs" / "fault-campaign.md"
 HEAD = """# Hazards
@@ -71,7 +71,8 @@ by `safety.checks` in `report.json`, and in the status.
 | item | good unless |
 |---|---|
 """
-_SETTING = re.compile(r"`safety\.(\w+)`")
+_SETTING = re.compile(r"`(safety|estimate)\.(\w+)`")
+_DEFAULTS = {"safety": SafetyConfig(), "estimate": EstimateConfig()}
 
 
 def page() -> str:
@@ -124,7 +125,7 @@ def _describe_fault(name: str, rows: list[dict[str, str]]) -> str:
 
 
 def _add_default(match: re.Match[str]) -> str:
-    value = getattr(SafetyConfig(), match[1])
+    value = getattr(_DEFAULTS[match[1]], match[2])
     return f"{match[0]} ({value:g})" if isinstance(value, float) else f"{match[0]} ({value})"
 
 

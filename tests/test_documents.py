@@ -10,6 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from agribot.autonomy.estimate import ekf, verdicts
+from agribot.autonomy.implements.crop_guard import CROP_STEM_M, STEM_MARGIN_M
+from agribot.core import platform
+from agribot.core.config import EstimateConfig, MissionConfig
 from tests.cli.parser_tree import Words, every_parser
 
 ROOT = Path(__file__).parents[1]
@@ -151,3 +155,55 @@ def test_every_type_in_the_glossary_is_one_of_the_code() -> None:
     assert types and not {
         name for name in types if not re.search(rf"^class {name}\b|^{name} = ", code, re.M)
     }
+
+
+KEEP_OFF_CM = 100.0 * (CROP_STEM_M + STEM_MARGIN_M)
+ESTIMATE, MISSION = EstimateConfig(), MissionConfig()
+
+
+@pytest.mark.parametrize(
+    ("page", "text"),
+    [
+        ("README.md", f"extended Kalman filter, {ekf.STATES} states"),
+        ("docs/navigation.md", f"\n{ekf.STATES} states: position"),
+        ("README.md", f"the {KEEP_OFF_CM:g} cm around the middle of its stem never"),
+        ("docs/safety.md", f"keeps {KEEP_OFF_CM:g} cm off every stem of crop"),
+        (
+            "docs/safety.md",
+            f"off stems of crop as the edge of the spray does: by {KEEP_OFF_CM:g} cm",
+        ),
+        ("docs/safety.md", f"`mission.stall_timeout_s` ({MISSION.stall_timeout_s:g} s) fails"),
+        ("docs/ros.md", f"says nothing for {platform.SILENCE_S:g} s"),
+        ("docs/navigation.md", f"| {platform.SILENCE_S:g} s | a source outside"),
+        ("docs/navigation.md", f"| {verdicts.SILENT_S:g} s | `gnss` is `silent`"),
+        ("docs/navigation.md", f"`estimate.gnss_timeout_s` ({ESTIMATE.gnss_timeout_s:g} s)"),
+        ("docs/navigation.md", f"dead_reckoning_std_m` ({ESTIMATE.dead_reckoning_std_m:g} m)"),
+    ],
+)
+def test_a_figure_in_the_text_is_that_of_the_code(page: str, text: str) -> None:
+    assert text in text_of(ROOT / page)
+
+
+def test_the_readme_says_of_faults_what_the_campaign_measured() -> None:
+    campaign = text_of(ROOT / "docs/fault-campaign.md")
+    found = re.search(
+        r"--no-camera`: Of (\d+) faults on 10 seeds the robot noticed (\d+) %.* "
+        r"of the others it noticed (\d+) %",
+        campaign,
+    )
+    assert found
+    faults, of_all, of_harmful = found.groups()
+    drives = campaign.partition("--fault-free 500`")[2].partition("<!-- end")[0].splitlines()
+    crushed = sum(int(row.split("|")[11]) for row in drives if row.startswith("| no fault"))
+    readme = text_of(ROOT / "README.md")
+    assert f"of {faults} faults without a camera" in readme
+    assert f"noticed {of_all} % of all and {of_harmful} % of those that had an effect" in readme
+    assert f"in which {crushed} plants were crushed" in readme
+
+
+def test_the_readme_has_the_iou_that_perception_measured_in_the_farm_world() -> None:
+    (row,) = re.findall(r"^\| Farm world, all three pooled \|(.+)$", text_of(
+        ROOT / "docs/perception.md"), re.MULTILINE)  # fmt: skip
+    field, kind = (row.split("|")[k].strip().replace(", ", " and ") for k in (1, 3))
+    said = f"weed and crop IoU {field} on the preset `field`, {kind} on `kind`"
+    assert said in text_of(ROOT / "README.md")

@@ -83,7 +83,8 @@ class MissionConfig(Config, frozen=True):
     off_path_limit_m: Positive = 0.5  # farther from the path than this, the mission fails
     resume_limit_m: Positive = 0.5  # moved farther while it stood, the robot does not go on
     waits_for_goals: bool = False  # begins when it is resumed, visits what it is sent to, and stays
-    stall_timeout_s: Positive = 60.0  # without headway for so long, the mission fails
+    # Without headway; then the mission fails, or pauses where the robot may reach crop.
+    stall_timeout_s: Positive = 60.0
     # Stuck, it backs out as it came and tries again, so often at one place before it stops.
     free_tries: Annotated[int, msgspec.Meta(ge=0, le=10)] = 5
     # Known across the row so well (1 sigma) the robot drives at full speed, so badly not at all.
@@ -115,7 +116,7 @@ class EstimateConfig(Config, frozen=True):
     row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
     # Less sure than this of the row in which it is, the robot asks a person.
     row_certainty: Ratio = 0.9
-    gnss_timeout_s: Positive = 10.0  # without a fix for so long, GNSS counts as silent
+    gnss_timeout_s: Positive = 10.0  # without a fix; only dead reckoning is left then
     dead_reckoning_std_m: Positive = 1.0  # without GNSS, the pose is good up to this 1 sigma
     wheel_timeout_s: Positive = 0.3  # so long without a wheel reading, the pose is not good
     imu_timeout_s: Positive = 0.3  # so long without an IMU reading, the pose is not good

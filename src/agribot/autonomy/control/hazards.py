@@ -266,8 +266,10 @@ HAZARDS = (
     Hazard(name="motors without power", seen_by="contactor",
            limit="until the wheels stood for 0.5 s after the stop was cleared", reaction="wait",
            for_hand="yes", find=lambda now: now.power.waiting()),
-    Hazard(name="no position", seen_by="estimate", limit="its own", reaction="wait",
-           find=_pose_missing, check="position",
+    Hazard(name="no position", seen_by="estimate",
+           limit="`estimate.wheel_timeout_s`, `estimate.imu_timeout_s`; without fixes for "
+           "`estimate.gnss_timeout_s`, `estimate.dead_reckoning_std_m` of dead reckoning",
+           reaction="wait", find=_pose_missing, check="position",
            faults=("gnss.outage", "start.aside", "start.turned")),
     Hazard(name="position is old", seen_by="time of the estimate",
            limit="`safety.sensor_timeout_s`", reaction="wait", find=_pose_stale,
