@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
 PATIENCE_S = 180.0
@@ -18,3 +22,24 @@ def wait_for(ask: Callable[[], T | None], what: str, patience_s: float = PATIENC
         assert time.monotonic() < end_s, f"waited {patience_s:g} s in vain for {what}"
         time.sleep(POLL_S)
     return value
+
+
+@contextmanager
+def interrupted_once(is_so: Callable[[], object]) -> Iterator[None]:
+    """Press Ctrl-C in a command of this process once it is so."""
+    ended = threading.Event()
+
+    def look() -> None:
+        end_s = time.monotonic() + PATIENCE_S
+        while not is_so() and time.monotonic() < end_s:
+            if ended.wait(POLL_S):
+                return
+        os.kill(os.getpid(), signal.SIGINT)
+
+    hand = threading.Thread(target=look)
+    hand.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        hand.join()

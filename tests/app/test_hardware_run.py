@@ -16,7 +16,6 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -39,7 +38,7 @@ from tests.drivers.hardware_bench import HardwareBench
 from tests.drivers.lines import Line, Opened
 from tests.ui.client import Page
 from tests.ui.page.robots import resumed_with_page
-from tests.waiting import PATIENCE_S, POLL_S, wait_for
+from tests.waiting import PATIENCE_S, interrupted_once, wait_for
 
 pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
 SETTINGS = [
@@ -365,27 +364,6 @@ def test_a_stop_outlives_the_program_until_a_person_clears_it(
         main(words(bench, tmp_path / "cleared", "--arm", "--clear-stop"))
     assert not bench.board.causes
     assert not list((tmp_path / "home" / "stops").glob("*.json"))
-
-
-@contextlib.contextmanager
-def interrupted_once(is_so: Callable[[], bool]) -> Iterator[None]:
-    """Press Ctrl-C in a command of this process once it is so."""
-    ended = threading.Event()
-
-    def look() -> None:
-        end_s = time.monotonic() + PATIENCE_S
-        while not is_so() and time.monotonic() < end_s:
-            if ended.wait(POLL_S):
-                return
-        os.kill(os.getpid(), signal.SIGINT)
-
-    hand = threading.Thread(target=look)
-    hand.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        hand.join()
 
 
 @contextlib.contextmanager

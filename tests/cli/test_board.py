@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from agribot.cli import board as board_command
 from agribot.cli.main import main
 from agribot.drivers.board_codec import BoardDecoder, encode
 from agribot.drivers.board_protocol import (
@@ -25,6 +26,7 @@ from agribot.drivers.board_protocol import (
 )
 from tests.drivers.board_emulator import BoardEmulator
 from tests.drivers.lines import Line
+from tests.waiting import interrupted_once
 
 pytest.importorskip("serial", reason="pyserial is missing (pip install -e '.[hardware]')")
 
@@ -92,8 +94,16 @@ def test_a_motor_board_is_told_with_what_stops_it(
     assert json.loads(out)["version"]["board"] == BoardKind.MOTOR
 
 
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Lines of `agribot board show`, as it prints them."""
+    lines: list[str] = []
+    monkeypatch.setattr(board_command, "print_line", lines.append)
+    return lines
+
+
 def test_the_state_of_a_board_is_told_on_while_a_person_tries_its_inputs(
-    line: Line, capsys: pytest.CaptureFixture[str]
+    line: Line, told: list[str]
 ) -> None:
     board = BoardEmulator()
 
@@ -102,10 +112,9 @@ def test_the_state_of_a_board_is_told_on_while_a_person_tries_its_inputs(
         board.is_bumper_pressed = True
         return board.advance()
 
-    with living(line, live):
-        assert main(["board", "show", f"serial:{line.path}", "--for", "2"]) == 0
-    told = capsys.readouterr().err.strip().splitlines()
-    assert len(told) >= 2 and "bumper pressed" in told[-1] and "counts 0 0 0 0" in told[-1]
+    with living(line, live), interrupted_once(lambda: len(told) > 1 and "bumper" in told[-1]):
+        assert main(["board", "show", f"serial:{line.path}", "--for", "600"]) == 0
+    assert "bumper pressed" in told[-1] and "counts 0 0 0 0" in told[-1]
 
 
 def test_an_imu_board_is_told_from_a_motor_board(
@@ -133,29 +142,21 @@ def test_a_board_of_another_table_is_to_be_flashed(
     assert "battery" not in told and "stopped" not in told, "read by another table"
 
 
-def test_a_board_that_falls_silent_is_not_told_as_it_was(
-    line: Line, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_board_that_falls_silent_is_not_told_as_it_was(line: Line, told: list[str]) -> None:
     board = BoardEmulator()
 
     def live(data: bytes) -> bytes:
         board.feed(data)
         said = board.advance()
-        is_told = "motor board" in told_so_far()
-        return b"" if is_told else said
+        return b"" if told else said
 
-    shown: list[str] = []
+    def is_silent() -> bool:
+        return bool(told) and told[-1].startswith("nothing from the board for ")
 
-    def told_so_far() -> str:
-        shown.append(capsys.readouterr().err)
-        return "".join(shown)
-
-    with living(line, live):
-        assert main(["board", "show", f"serial:{line.path}", "--for", "3"]) == 1
-    lines = told_so_far().strip().splitlines()
-    assert "battery 25.2 V" in lines[0]
-    assert lines[-1].startswith("nothing from the board for ")
-    assert "battery" not in lines[-1]
+    with living(line, live), interrupted_once(is_silent):
+        assert main(["board", "show", f"serial:{line.path}", "--for", "600"]) == 1
+    assert "battery 25.2 V" in told[0]
+    assert is_silent() and "battery" not in told[-1]
 
 
 def test_what_is_no_word_of_a_board_is_told_with_its_length(

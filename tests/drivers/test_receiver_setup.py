@@ -11,12 +11,17 @@ import threading
 import pytest
 from pyubx2 import GET, SET, UBX_CONFIG_DATABASE, UBXMessage, UBXReader
 
+from agribot.cli import gnss
 from agribot.cli.main import main
+from agribot.core.messages import GnssFix, GnssQuality
 from agribot.drivers.ubx import UbxDecoder, UbxFrame, make_frame
 from agribot.drivers.ubx_setup import ACK, MON_VER, NAK, ReceiverSetup, SetupPlan, write_setup
 from tests.drivers import receiver_bytes as written
 from tests.drivers.lines import Line
 from tests.drivers.test_real_gpsd import speaking
+from tests.waiting import interrupted_once
+
+_USED = re.compile(r"\d+ of \d+ corrections used by the receiver")
 
 
 def test_the_keys_of_the_ninth_generation_are_those_of_its_maker() -> None:
@@ -122,9 +127,21 @@ def test_what_no_receiver_can_do_is_refused(
     assert line.hear() == b""
 
 
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Lines of `agribot gnss show`, as it prints them."""
+    lines: list[str] = []
+    monkeypatch.setattr(gnss, "print_line", lines.append)
+    return lines
+
+
 def test_the_command_shows_what_a_receiver_tells(
-    line: Line, capsys: pytest.CaptureFixture[str]
+    line: Line, told: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
+    def is_shown() -> bool:
+        words = ("RTK fixed +-0.010 m", "2 of 3 satellites, HDOP 0.9", "heading 0.0 deg")
+        return any(all(word in text for word in words) and _USED.search(text) for text in told)
+
     ended = threading.Event()
 
     def speak() -> None:
@@ -140,37 +157,38 @@ def test_the_command_shows_what_a_receiver_tells(
     receiver.start()
     uri = f"serial:{line.path}?heading_offset_deg=90"
     try:
-        assert main(["gnss", "show", uri, "--for", "2.5", "--json"]) == 0
+        with interrupted_once(is_shown):
+            assert main(["gnss", "show", uri, "--for", "600", "--json"]) == 0
     finally:
         ended.set()
         receiver.join()
-    told = capsys.readouterr()
-    assert "RTK fixed +-0.010 m" in told.err and "2 of 3 satellites, HDOP 0.9" in told.err
-    assert "heading 0.0 deg" in told.err
-    assert re.search(r"(\d+) of \d+ corrections used by the receiver", told.err)
-    result = json.loads(told.out.splitlines()[-1])
+    assert is_shown(), told
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
     used, unused = (result["status"][f"corrections_{what}"] for what in ("used", "unused"))
     assert used > 0 and used == unused
     assert result["fix"]["lat_deg"] == pytest.approx(written.LAT_DEG)
 
 
 def test_the_command_shows_satellites_of_a_receiver_that_searches_and_fails_for_want_of_a_fix(
-    line: Line, capsys: pytest.CaptureFixture[str]
+    line: Line, told: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with speaking((line, written.make_ubx_searching)):
-        assert main(["gnss", "show", f"serial:{line.path}", "--for", "2.5", "--json"]) == 1
-    told = capsys.readouterr()
-    assert "no fix yet, 0 of 3 satellites" in told.err
-    result = json.loads(told.out.splitlines()[-1])
+    def is_shown() -> bool:
+        return any("no fix yet, 0 of 3 satellites" in text for text in told)
+
+    with speaking((line, written.make_ubx_searching)), interrupted_once(is_shown):
+        assert main(["gnss", "show", f"serial:{line.path}", "--for", "600", "--json"]) == 1
+    assert is_shown(), told
+    result = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert result["fix"] is None and len(result["status"]["satellites"]) == 3
 
 
-def test_the_command_does_not_show_an_old_fix_as_one_of_now(
-    line: Line, capsys: pytest.CaptureFixture[str]
-) -> None:
-    receiver = threading.Timer(0.5, lambda: line.say(written.make_ubx_pvt()))
-    receiver.start()
-    assert main(["gnss", "show", f"serial:{line.path}", "--for", "4.5"]) == 0
-    receiver.join()
-    *_, last = capsys.readouterr().err.splitlines()
-    assert last == "no fix for 4 s"
+def test_the_command_does_not_show_an_old_fix_as_one_of_now() -> None:
+    summary = gnss.Summary()
+    fix = GnssFix(
+        t_s=0.5, lat_deg=48.7, lon_deg=9.2, alt_m=200.0, pos_std_m=0.01,
+        quality=GnssQuality.RTK_FIXED,
+    )  # fmt: skip
+    summary.add(0.6, (fix,), {})
+    assert summary.describe().startswith("48.70000000, 9.20000000")
+    summary.add(4.5, (), {})
+    assert summary.describe() == "no fix for 4 s"
