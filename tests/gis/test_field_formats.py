@@ -261,6 +261,16 @@ HOSTILE: dict[str, tuple[str, Callable[[], bytes], str]] = {
         "a.geojson", lambda: b'{"type": "Polygon", "coordinates": [[]]}', "a ring has no places"),
     "empty alone": (
         "a.geojson", lambda: b'{"type": "Polygon", "coordinates": []}', "holds no point"),
+    "a list": ("a.geojson", lambda: b"[0, 0]", "the file: expected a GeoJSON object, got list"),
+    "a number for a feature": (
+        "a.geojson", lambda: b'{"type": "FeatureCollection", "features": [5]}',
+        "feature 0: expected a GeoJSON object, got int"),
+    "a number for features": (
+        "a.geojson", lambda: b'{"type": "FeatureCollection", "features": 5}',
+        "a FeatureCollection needs a list 'features'"),
+    "a number for a geometry": (
+        "a.geojson", lambda: b'{"type": "GeometryCollection", "geometries": [0]}',
+        "expected a GeoJSON object, got int"),
     "unknown": ("a.dwg", lambda: b"", "end with"),
 }  # fmt: skip
 

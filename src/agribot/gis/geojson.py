@@ -156,14 +156,31 @@ def parse_features(root: object, source_name: str) -> list[Feature]:
     return found
 
 
-def _iterate_features(node: object, where: str) -> Iterator[Feature]:
+def need_object(node: object, where: str) -> dict[str, Any]:
+    """Return `node`, which has to be a GeoJSON object.
+
+    Raises: MissionError: it is none.
+    """
     if not isinstance(node, dict):
         raise MissionError(f"{where}: expected a GeoJSON object, got {type(node).__name__}")
+    return node
+
+
+def need_members(node: dict[str, Any], name: str, where: str) -> Sequence[Any]:
+    """Return the list `name` of a GeoJSON object.
+
+    Raises: MissionError: it has none.
+    """
+    members = node.get(name)
+    if not isinstance(members, list | tuple):
+        raise MissionError(f"{where}: a {node.get('type')} needs a list '{name}'")
+    return members
+
+
+def _iterate_features(root: object, where: str) -> Iterator[Feature]:
+    node: Any = need_object(root, where)
     if node.get("type") == "FeatureCollection":
-        members = node.get("features")
-        if not isinstance(members, list):
-            raise MissionError(f"{where}: a FeatureCollection needs a list 'features'")
-        for number, member in enumerate(members):
+        for number, member in enumerate(need_members(node, "features", where)):
             yield from _iterate_features(member, f"{where} feature {number}")
         return
     properties: dict[str, Any] = {}
