@@ -23,6 +23,8 @@ from agribot.ui import wire
 from agribot.ui.address import Address
 from agribot.ui.panels import Panels
 from agribot.ui.robot_side.operator_page import OperatorPage
+from agribot.ui.server.answers import Unusable
+from agribot.ui.server.field_routes import find_file_in_form
 from tests.ui.client import Browser, Page
 from tests.ui.conftest import Robot
 from tests.ui.messages import make_weed
@@ -35,6 +37,31 @@ RING = [
     [72.787, 21.1615],
     [72.787, 21.161],
 ]
+
+
+FORM = 'multipart/form-data; boundary="b"'
+PART = b'--b\r\nContent-Disposition: form-data; name="f"; filename="a.kml"\r\n\r\n%s\r\n--b--\r\n'
+
+
+def test_the_file_in_a_form_is_taken_byte_by_byte() -> None:
+    data = b"\x00\r\n\r\n--\n\xff--b"
+    assert find_file_in_form(FORM, PART % data) == ("a.kml", data)
+
+
+@pytest.mark.parametrize(
+    ("form", "data"),
+    [
+        ("multipart/form-data", PART % b"x"),
+        (FORM, b""),
+        (FORM, (PART % b"x").replace(b"filename", b"other")),
+        (FORM, b"--b\r\nContent-Type: multipart/mixed; boundary=c\r\n\r\n"
+               + (PART % b"x").replace(b"--b", b"--c") + b"\r\n--b--"),
+    ],
+    ids=["no boundary", "nothing", "no file", "a file in a form in the form"],
+)  # fmt: skip
+def test_a_form_without_a_file_of_its_own_is_refused(form: str, data: bytes) -> None:
+    with pytest.raises(Unusable, match="the form"):
+        find_file_in_form(form, data)
 
 
 @pytest.fixture

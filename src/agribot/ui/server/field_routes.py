@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from email import message_from_bytes
+from email import message_from_bytes, message_from_string
 from typing import Any
 
 import msgspec
@@ -30,6 +30,7 @@ from agribot.ui.server.planning import Made, make_plan
 from agribot.ui.server.store import Store
 
 PLAN_TIMEOUT_S = 60.0
+MAX_PART_HEAD_BYTES = 4_000
 Route = tuple[str, str, Callable[[Request], Awaitable[Response]]]  # method, path, what answers
 
 
@@ -104,17 +105,22 @@ async def export_field(request: Request) -> Response:
 def _read_file(name: str, data: bytes, form: str) -> bytes:
     """Read the FeatureCollection in a file, as JSON; `form` is the type of a form around it."""
     if form:
-        name, data = _first_file(form, data)
+        name, data = find_file_in_form(form, data)
     return msgspec.json.encode(read_field_file(name, data))
 
 
-def _first_file(content_type: str, data: bytes) -> tuple[str, bytes]:
-    message = message_from_bytes(f"Content-Type: {content_type}\r\n\r\n".encode() + data)
-    for part in message.walk():
-        name = part.get_filename()
-        if name:
-            payload = part.get_payload(decode=True)
-            return name, payload if isinstance(payload, bytes) else b""
+def find_file_in_form(content_type: str, data: bytes) -> tuple[str, bytes]:
+    """Find name and content of the first file of a form; one inside of it is not opened (RFC 7578).
+
+    Raises: Unusable: the form holds no file.
+    """
+    boundary = message_from_string(f"Content-Type: {content_type}\n\n").get_boundary()
+    if not boundary:
+        raise Unusable(400, "the form names no boundary between its parts")
+    for part in (b"\r\n" + data).split(b"\r\n--" + boundary.encode())[1:-1]:
+        head, _, payload = part.removeprefix(b"\r\n").partition(b"\r\n\r\n")
+        if name := message_from_bytes(head[:MAX_PART_HEAD_BYTES]).get_filename():
+            return name, payload
     raise Unusable(400, "the form holds no file")
 
 
