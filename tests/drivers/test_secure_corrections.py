@@ -21,7 +21,7 @@ from agribot.drivers.corrections import CorrectionLink, CorrectionTiming, make_t
 from tests import machine
 from tests.drivers.caster import STATION, YES, FakeCaster, make_observation
 from tests.drivers.lines import Line, Opened, speak_ubx
-from tests.waiting import wait_for
+from tests.waiting import PATIENCE_S, wait_for
 
 pytestmark = machine.needs("openssl")
 NEW_KEY = ("-newkey", "rsa:2048", "-nodes")
@@ -31,7 +31,7 @@ TIMING = CorrectionTiming(gga_period_s=0.02, stall_s=600, first_wait_s=0.01, lon
 
 def openssl(*words: str | Path) -> None:
     command = ["openssl", *map(str, words)]
-    subprocess.run(command, check=True, capture_output=True, timeout=60)
+    subprocess.run(command, check=True, capture_output=True, timeout=PATIENCE_S)
 
 
 class Authority(NamedTuple):

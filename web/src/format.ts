@@ -15,6 +15,11 @@ export function metres(value: number | null | undefined): string {
   return `${(value / 1000).toFixed(2)} km`
 }
 
+/** A number that keeps its unit where the line is broken. */
+export function glue(text: string): string {
+  return text.replaceAll(' ', '\u00a0')
+}
+
 export function duration(seconds: number | null | undefined): string {
   if (seconds === null || seconds === undefined || !Number.isFinite(seconds)) return NONE
   const s = Math.max(0, Math.round(seconds))

@@ -23,6 +23,8 @@ import { installHooks } from './test-hooks.ts'
 import type { SessionInfo } from './wire.ts'
 
 const RETRY_MS = 1500
+/** A login lasts for hours after what was asked last, and a page that only listens asks nothing. */
+const RENEW_MS = 3_600_000
 
 /** Asks until the robot answers who it is; what keeps it from that is said in the middle of the page. */
 async function openSession(main: HTMLElement, logIn: () => Promise<void>): Promise<SessionInfo> {
@@ -87,13 +89,9 @@ function beginPage() {
     el('div', { class: 'brand' }, el('b', { class: 'brand-name' }, 'AGRIBOT')),
   )
   const content = el('div', { class: 'content' }, banners.node, main)
-  const shell = el(
-    'div',
-    { class: 'shell' },
-    el('h1', { class: 'visually-hidden' }, 'AGRIBOT operator page'),
-    top,
-    content,
-  )
+  const heading = el('h1', { class: 'visually-hidden' }, 'AGRIBOT operator page')
+  top.append(heading)
+  const shell = el('div', { class: 'shell' }, top, content)
   document.body.append(shell)
   const toasts = new Toasts()
   const dialogs = new Dialogs(shell)
@@ -112,7 +110,7 @@ function beginPage() {
     stop.raise()
     link.resume()
   }
-  return { store, link, main, banners, top, content, shell, toasts, dialogs, stop, logIn }
+  return { store, link, main, banners, heading, top, content, shell, toasts, dialogs, stop, logIn }
 }
 
 async function boot(): Promise<void> {
@@ -127,11 +125,14 @@ async function boot(): Promise<void> {
     page.stop.remove()
     return showDescription(app, page.shell)
   }
+  setInterval(() => void api.session().catch(() => undefined), RENEW_MS)
   store.setHasRobot(session.source !== 'replay')
   link.onUnopened = sessionCheck(session.run)
   link.expect(session.run)
   page.banners.onRelease = () => void app.command({ kind: 'clear_stop' }, 'Stop released.')
-  page.top.replaceWith(new StatusBar(app).node)
+  const bar = new StatusBar(app).node
+  bar.append(page.heading)
+  page.top.replaceWith(bar)
   store.on('channel', () => void app.loadWorld())
   store.on('field', () => void app.loadWorld())
   tellRefusals(store, toasts)

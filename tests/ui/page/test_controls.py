@@ -52,7 +52,7 @@ def test_the_status_bar_tells_link_age_position_battery_stop_operator_and_viewer
         "Battery": "87 %",
         "Stop": "Clear",
         "Operator": "Nobody",
-        "Viewers": "1",
+        "Connected": "1",
     }
     for label, said in told.items():
         expect(chip(page, label)).to_have_text(said)

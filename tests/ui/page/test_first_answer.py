@@ -55,6 +55,19 @@ def test_a_stop_without_any_line_says_that_it_is_not_confirmed_and_is_sent_on_th
     until(page, "window.__agribot?.ready")
 
 
+def test_a_page_that_only_listens_renews_its_login(
+    context: BrowserContext, server: FakeServer
+) -> None:
+    asked: list[str] = []
+    context.on("request", lambda request: asked.append(request.url))
+    context.clock.install()
+    page = opened(context, server.address)
+    until(page, "window.__agribot?.ready")
+    asked.clear()
+    page.clock.fast_forward("02:00:00")
+    wait_for(lambda: any(url.endswith("/api/v1/session") for url in asked), "another question")
+
+
 def test_a_stop_of_a_page_that_has_a_recording_alone_waits_for_no_robot(
     context: BrowserContext, server: FakeServer
 ) -> None:

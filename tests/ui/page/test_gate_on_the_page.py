@@ -37,7 +37,7 @@ def test_a_jump_of_the_receiver_is_told_once_with_state_sensor_and_the_list_befo
         gate, listed = page.locator(".gate-line"), page.locator(".start-list")
         expect(gate.get_by_role("status")).to_have_text("Driving")
         expect(listed).to_contain_text(re.compile(r"Before the start: all \d+ good"))
-        expect(page.locator(".sensors li")).to_have_count(6)
+        expect(page.locator(".sensors li")).to_have_count(5)
         expect(page.locator(".sensors .doubt")).to_have_count(0)
         assert listed.evaluate("list => !list.open")
         listed.locator("summary").click()

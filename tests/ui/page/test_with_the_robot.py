@@ -113,7 +113,7 @@ def test_the_robot_drives_its_mission_and_the_page_shows_it(page: Page) -> None:
     assert page.evaluate(f"{STATE}.pos_std_m") < 0.1
     expect(page.locator(".gate-line").get_by_role("status")).to_have_text("Driving")
     expect(page.locator(".start-list")).to_contain_text(BEFORE_THE_START)
-    expect(page.locator(".sensors li")).to_have_count(6)
+    expect(page.locator(".sensors li")).to_have_count(5)
     expect(page.locator(".sensors .doubt")).to_have_count(0)
 
 

@@ -3,7 +3,7 @@
 import type { App, Screen } from '../app.ts'
 import { CameraPicture } from '../camera/picture.ts'
 import { el, setText } from '../dom.ts'
-import { duration, fixed, metres, NONE } from '../format.ts'
+import { duration, fixed, glue, metres, NONE } from '../format.ts'
 import { compassText } from '../geo.ts'
 import { mapControls } from '../map/controls.ts'
 import { openMap } from '../map/shared.ts'
@@ -106,7 +106,9 @@ class Facts {
     })
     this.row('Row', () => this.rowText())
     this.row('Goals', () => this.goalText())
-    this.row('Distance', () => (mission() ? `${metres(mission()?.s_m)} of ${metres(mission()?.length_m)}` : NONE))
+    this.row('Distance', () =>
+      mission() ? `${glue(metres(mission()?.s_m))} of ${glue(metres(mission()?.length_m))}` : NONE,
+    )
     this.row('Time left', () => duration(mission()?.eta_s))
     this.row('Off the path', () => metres(absolute(state()?.cross_track_m)))
     this.row('Position ±', () => metres(state()?.pos_std_m))

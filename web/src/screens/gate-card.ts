@@ -87,8 +87,9 @@ export interface SensorLine {
   reason: string
 }
 
-/** Every sensor in one line, those that are not fine first. */
-export function readSensors(state: State, hasCamera: boolean): SensorLine[] {
+/** Every sensor in one line, those that are not fine first; a camera only where the start asks for it. */
+export function readSensors(state: State): SensorLine[] {
+  const hasCamera = state.checks.some(([name]) => name === 'camera')
   const said = sayings(state)
   const lines = state.doubts.map((doubt) => doubtLine(doubt, state.t_s, said))
   const doubted = new Set(state.doubts.map(({ sensor }) => sensor))
@@ -162,7 +163,7 @@ export class GateCard {
     this.node.hidden = !state?.gate
     if (!state?.gate) return
     this.showList(readStartList(state))
-    this.showSensors(readSensors(state, this.app.session.camera))
+    this.showSensors(readSensors(state))
   }
 
   private showList(list: StartList | null): void {

@@ -57,7 +57,7 @@ export class StatusBar {
   constructor(private readonly app: App) {
     this.operator = new Chip('person', 'Operator', () => void chooseSeat(app))
     this.operator.node.classList.add('operator')
-    this.clients = new Chip('people', 'Viewers', () => void showConnect(app))
+    this.clients = new Chip('people', 'Connected', () => void showConnect(app))
     const chips = [this.link, this.age, this.gnss, this.battery, this.stop, this.clients]
     for (const part of [this.mode, this.gnss.node, this.battery.node, this.stop.node]) part.classList.add('of-robot')
     this.node = el(
