@@ -95,10 +95,11 @@ class SerialStream:
         """
         import serial
 
+        errors: tuple[type[Exception], ...] = (serial.SerialException, *_BAUD_ERRORS)
         try:
             self._port.baudrate = baud
             self._port.reset_input_buffer()  # what came at the old one makes no sense
-        except (serial.SerialException, *_BAUD_ERRORS) as error:
+        except errors as error:
             raise OSError(errno.EIO, f"{baud} baud: {error}") from error
 
     def close(self) -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
 from agribot.lab.bench import sim
@@ -24,7 +26,7 @@ def test_missions_are_told_as_a_share_of_physics_alone_in_the_same_run(
     speeds = {"physics_rtf": 200.0, "mission_rtf_cpu.camera": 1.0}
     speeds |= {"mission_rtf_cpu.no_camera_recorded": 12.0, "mission_rtf_cpu.no_camera": 14.0}
     monkeypatch.setattr(sim, "FIGURES", {
-        name: FIGURES[name]._replace(measure=lambda name=name: speeds[name]) for name in speeds
+        name: FIGURES[name]._replace(measure=partial(speeds.__getitem__, name)) for name in speeds
     })  # fmt: skip
     lines: list[str] = []
     result = measure([name for name in speeds if name != "physics_rtf"], lines.append)
