@@ -30,6 +30,8 @@ def split_geometry(geometry: dict[str, Any] | None) -> Iterator[dict[str, Any]]:
     """Split a collection or a multi-geometry into single ones; nothing of none."""
     if geometry is None:
         return
+    if not isinstance(geometry, dict):
+        raise TypeError(f"expected a GeoJSON object, got {type(geometry).__name__}")
     kind = str(geometry["type"])
     if kind == "GeometryCollection":
         for part in geometry["geometries"]:

@@ -104,17 +104,14 @@ def read_geojson(data: bytes) -> Found:
     other = find_other_crs(root.get("crs")) if isinstance(root, dict) else ""
     if other:
         raise ValueError(f"its coordinates are in {other}; convert it to WGS-84 (EPSG:4326) first")
-    yield from _iterate_members(root)
+    yield from _iterate_members(root, "the file")
 
 
-def _iterate_members(node: object) -> Found:
-    if not isinstance(node, dict):
-        raise ValueError(f"expected a GeoJSON object, got {type(node).__name__}")
+def _iterate_members(root: object, where: str) -> Found:
+    node = need_object(root, where)
     if node.get("type") == "FeatureCollection":
-        if not isinstance(node.get("features"), list):
-            raise ValueError("a FeatureCollection needs a list 'features'")
-        for member in node["features"]:
-            yield from _iterate_members(member)
+        for number, member in enumerate(need_members(node, "features", where)):
+            yield from _iterate_members(member, f"feature {number}")
         return
     is_feature = node.get("type") == "Feature"
     geometry, properties = (
