@@ -134,6 +134,22 @@ def test_work_begins_at_the_nearest_corner(
     assert path.xy_map_m[first, 1] == pytest.approx(north_m, abs=0.01)
 
 
+@pytest.mark.parametrize("too_near_m", [-0.1, 0.0, 0.05, 0.1, 0.2])
+@pytest.mark.parametrize(("left_m", "turned_deg"), [(0.0, 0.0), (0.05, 3.0), (-0.08, -4.0)])
+def test_a_robot_that_stands_a_little_too_near_drives_into_its_first_row_at_once(
+    too_near_m: float, left_m: float, turned_deg: float
+) -> None:
+    """It drove the first row with the tool off to turn behind it, or a circle in front of it."""
+    north_m = 2.0 - MISSION.headland_m + too_near_m
+    path = planned(FARM, (1.0 - left_m, north_m, math.radians(90.0 + turned_deg)))
+    certify(path, lay_rows(FARM), rover(), MISSION.plant_clearance_m)
+    first = int(np.flatnonzero(path.row >= 0)[0])
+    assert rows_in_order(path)[0] == 0
+    assert path.s_m[first] == pytest.approx(2.0 - north_m, abs=0.05)
+    run_in = path.curvature_radpm[(path.s_m > path.s_m[first] - 0.3) & (path.s_m < path.s_m[first])]
+    assert np.all(run_in == 0.0)
+
+
 @pytest.mark.parametrize("yaw_deg", [0.0, 90.0, 180.0, -90.0])
 @pytest.mark.parametrize("place", [(-2.0, 7.0), (8.5, 7.0), (3.5, -2.0), (3.5, 16.0)])
 def test_the_way_in_goes_around_the_crop_from_every_side(

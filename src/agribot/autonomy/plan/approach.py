@@ -37,15 +37,17 @@ Segments = tuple[Segment, ...]
 
 def plan_approach(
     start: Pose2, entries: Sequence[Pose2], rows: Sequence[Row], robot: RobotSpec,
-    mission: MissionConfig, obstacles: Obstacles = NO_OBSTACLES,
+    mission: MissionConfig, obstacles: Obstacles = NO_OBSTACLES, costs_m: Sequence[float] = (),
 ) -> tuple[int, Segments]:  # fmt: skip
     """Find the entry that is reached first, by its index, and the shortest clear way to it.
+
+    `costs_m` is way that each entry counts in addition; none without it.
 
     Raises: MissionError: the robot stands where it cannot leave without crushing crop, or without
         touching an obstacle.
     """
     ways = [
-        (length_m(route), index, route)
+        (length_m(route) + (costs_m[index] if costs_m else 0.0), index, route)
         for index, entry in enumerate(entries)
         for route in _list_ways(start, entry, rows, mission.headland_m, obstacles)
     ]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +26,10 @@ from agribot.core.row_shape import (
 )
 
 MAX_TURN_RADIUS_M = 0.5  # wider pitches get a straight piece, so that the headland stays narrow
+# Straight way before the first plant of the first row, m: at least, and between two that are tried.
+LEAST_RUN_IN_M, RUN_IN_STEP_M = 0.3, 0.1
+NEAR_ENTRY_M = 2.0  # distance from an entry within which a shorter run-in may help, m
+SHORT_RUN_IN_COST_M = 0.5  # way that a shorter run-in has to save, m
 
 
 def plan_rows(
@@ -38,8 +43,9 @@ def plan_rows(
     """Drive over every row once, neighbours in alternating direction.
 
     `start_pose` is (x_map_m, y_map_m, yaw_map_rad). Work begins at the corner of the field that
-    is reached first; the path runs `headland_m` past the last plant before each turn. The way
-    there keeps off `crop`, if more rows stand there than are driven.
+    is reached first; the path runs `headland_m` past the last plant before each turn, and as far
+    towards the first plant unless the robot stands too near for that. The way there keeps off
+    `crop`, if more rows stand there than are driven.
     Raises: MissionError: no rows, a row without length, or no clear way from the start.
     """
     if not rows:
@@ -48,14 +54,16 @@ def plan_rows(
         if math.dist(row.start_map_m, row.end_map_m) < MIN_RADIUS_M:
             raise MissionError(f"row {row.index} is shorter than {MIN_RADIUS_M} m; check the field")
     start = Pose2(*start_pose)
-    orders = [
-        _order_passes(ordered, is_first_flipped)
+    ways_in = [
+        way
         for ordered in _list_orders(rows)
         for is_first_flipped in (False, True)
+        for way in _list_ways_in(_order_passes(ordered, is_first_flipped), start, mission)
     ]
-    entries = [_find_entry(order, 0, mission.headland_m) for order in orders]
-    chosen, way_in = plan_approach(start, entries, crop or rows, robot, mission, obstacles)
-    return sample(start, (*way_in, *_chain_passes(orders[chosen], mission.headland_m)))
+    entries, costs_m = [way.entry for way in ways_in], [way.cost_m for way in ways_in]
+    found = plan_approach(start, entries, crop or rows, robot, mission, obstacles, costs_m)
+    chosen, way_in = ways_in[found[0]], found[1]
+    return sample(start, (*way_in, *_chain_passes(chosen, mission.headland_m)))
 
 
 def plan_without(
@@ -121,6 +129,25 @@ def plan_home(
     return sample(start, way)
 
 
+class _WayIn(NamedTuple):
+    """Passes in driving order, the pose at which their path begins, and what it costs, m."""
+
+    passes: list[Row]
+    entry: Pose2
+    cost_m: float
+
+
+def _list_ways_in(passes: list[Row], start: Pose2, mission: MissionConfig) -> Iterator[_WayIn]:
+    """List the whole run-in, and shorter ones for a robot that stands too near to its beginning."""
+    entry = _find_entry(passes, 0, mission.headland_m)
+    yield _WayIn(passes, entry, 0.0)
+    if math.dist(start.xy_m, entry.xy_m) > NEAR_ENTRY_M:
+        return
+    count = int((mission.headland_m - LEAST_RUN_IN_M) / RUN_IN_STEP_M + 1e-9)
+    for missing_m in (RUN_IN_STEP_M * (number + 1) for number in range(count)):
+        yield _WayIn(passes, advance(entry, missing_m), SHORT_RUN_IN_COST_M + missing_m)
+
+
 def _list_orders(rows: Sequence[Row]) -> list[Sequence[Row]]:
     return [rows] if len(rows) == 1 else [rows, rows[::-1]]
 
@@ -136,13 +163,12 @@ def _order_passes(rows: Sequence[Row], is_first_flipped: bool) -> list[Row]:
     return passes
 
 
-def _chain_passes(passes: Sequence[Row], headland_m: float) -> list[Segment]:
+def _chain_passes(way_in: _WayIn, headland_m: float) -> list[Segment]:
     pieces: list[Segment] = []
+    passes = way_in.passes
     for number, row in enumerate(passes):
-        entry, leave = (
-            _find_entry(passes, number, headland_m),
-            _find_exit(passes, number, headland_m),
-        )
+        entry = _find_entry(passes, number, headland_m) if number else way_in.entry
+        leave = _find_exit(passes, number, headland_m)
         first_plant_m = math.dist((entry.x_m, entry.y_m), row.start_map_m)
         last_plant_m = math.dist((leave.x_m, leave.y_m), row.end_map_m)
         pieces += (
