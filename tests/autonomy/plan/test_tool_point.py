@@ -13,6 +13,7 @@ from agribot.autonomy.plan.boustrophedon import plan_rows
 from agribot.autonomy.plan.coverage.area import FieldPlan, Leg, PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.autonomy.plan.plan_sweep import trace_tool
 from agribot.autonomy.plan.route import Route, Tool
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig
@@ -48,6 +49,21 @@ def test_the_ground_behind_the_last_place_of_the_tool_is_not_worked() -> None:
         covered_m2 = certify_plan(plan, SQUARE, SHAPE, request).covered_area_m2
         assert covered_m2 == pytest.approx(worked.area)
         assert not worked.contains(shapely.Point(missed.east_m, missed.north_m))
+
+
+def test_a_tool_behind_a_robot_that_drives_an_arc_moves_along_a_wider_arc() -> None:
+    """It was traced as a saw with teeth of 4 cm, whose ground took half a second a field."""
+    bend_rad = np.arange(0.0, math.pi, 0.1)
+    arc = 0.5 * np.column_stack([np.sin(bend_rad), -np.cos(bend_rad)])
+    trace = trace_tool(arc, BEHIND_M)
+    assert np.hypot(*trace[1:-1].T) == pytest.approx(math.hypot(0.5, BEHIND_M), abs=1e-3)
+    assert len(trace) == len(arc)
+
+
+def test_a_tool_swings_where_the_robot_turns_in_place() -> None:
+    corner = np.array([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0)])
+    trace = trace_tool(corner, -0.5)
+    assert trace == pytest.approx(np.array([(-0.5, 0.0), (1.5, 0.0), (2.0, -0.5), (2.0, 1.5)]))
 
 
 @pytest.mark.parametrize("area", [SQUARE, WITH_HOLE], ids=["plain", "with a hole"])

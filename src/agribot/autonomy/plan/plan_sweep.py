@@ -12,6 +12,7 @@ from agribot.core.messages import FloatArray
 
 TURN_STEP_RAD = math.radians(2.0)
 BEND_REACH_M = 0.06
+SLIGHT_RAD = 0.2  # a bend of a sampled arc, on which the tool moves along an arc too
 
 
 def sweep_footprint(
@@ -72,12 +73,24 @@ def trace_wheels(
 
 
 def trace_tool(xy: FloatArray, tool_x_m: float) -> FloatArray:
-    """Trace a point of the body ahead of its origin along a line (M, 2); (N, 2) with swings."""
+    """Trace a point of the body ahead of its origin along a line (M, 2); (N, 2) with swings.
+
+    At slight bends it is one point, where the robot looks along the tangent; at others it swings
+    from one course to the next.
+    """
     if tool_x_m == 0.0:
         return xy
     yaw = _list_courses_rad(xy)
-    shift = tool_x_m * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
-    return np.stack([xy[:-1] + shift, xy[1:] + shift], axis=1).reshape(-1, 2)
+    half_rad = np.angle(np.exp(1j * np.diff(yaw))) / 2.0
+    is_slight = np.abs(half_rad) <= SLIGHT_RAD / 2.0
+    before, after = yaw.copy(), yaw.copy()  # at the beginning and the end of each piece
+    after[:-1] += np.where(is_slight, half_rad, 0.0)
+    before[1:] = np.where(is_slight, after[:-1], yaw[1:])
+    first = xy[:-1] + tool_x_m * np.stack([np.cos(before), np.sin(before)], axis=-1)
+    last = xy[1:] + tool_x_m * np.stack([np.cos(after), np.sin(after)], axis=-1)
+    swings = np.concatenate([[True], ~is_slight])
+    kept = np.stack([swings, np.ones(len(yaw), dtype=bool)], axis=1)
+    return np.asarray(np.stack([first, last], axis=1)[kept])
 
 
 def measure_bends_radpm(xy: FloatArray) -> FloatArray:

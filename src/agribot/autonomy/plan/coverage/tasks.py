@@ -107,9 +107,7 @@ def order_tasks(
             for number, variant in enumerate(tasks[task][1])
         )[: ROUTED_CANDIDATES if here else 1]
         if here and len({task for _, task, _ in choices}) > 1:
-            choices = sorted(
-                (_measure_length_m(way(here, _find_entry(tasks, c))), *c[1:]) for c in choices
-            )
+            choices = [_choose_nearest(here, choices, tasks, way)]
         _, chosen, number = choices[0]
         kind, variants = tasks[chosen]
         legs += [(chosen, Leg(kind=kind, xy_map_m=np.asarray(xy))) for xy in variants[number]]
@@ -117,6 +115,21 @@ def order_tasks(
         here = (float(last[0]), float(last[1]))
         remaining.remove(chosen)
     return legs
+
+
+def _choose_nearest(
+    here: MapPoint,
+    choices: Sequence[tuple[float, int, int]],
+    tasks: Sequence[CoverageTask],
+    way: Callable[[MapPoint, MapPoint], list[MapPoint]],
+) -> tuple[float, int, int]:
+    """Choose by the length of the way; a way is no shorter than the distance, which is sorted."""
+    best = (math.inf, 0, 0)
+    for choice in choices:
+        if choice[0] > best[0]:
+            break
+        best = min(best, (_measure_length_m(way(here, _find_entry(tasks, choice))), *choice[1:]))
+    return best
 
 
 def _find_entry(tasks: Sequence[CoverageTask], choice: tuple[float, int, int]) -> MapPoint:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import heapq
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from agribot.autonomy.plan.coverage.free_space import ROUNDING_M
 from agribot.core.errors import MissionError
@@ -16,8 +17,13 @@ if TYPE_CHECKING:
     import shapely
     from shapely.geometry.base import BaseGeometry
 
+IndexArray = npt.NDArray[np.int64]
+
 MAX_CORNERS = 800
 FIRST_SIMPLIFY_M = 0.05
+# A way that is no longer than this against the distance, and this, is searched for first, m.
+DETOUR_RATIO, DETOUR_M = 1.2, 4.0
+ALONG_M = 1e-3  # a place that is off the line of an edge by less lies on it
 
 
 class Ways:
@@ -26,7 +32,7 @@ class Ways:
     def __init__(self, region: shapely.Polygon, drivable: BaseGeometry) -> None:
         self._drivable = drivable
         self._region = region
-        self._corners: FloatArray | None = None
+        self._corners: _Corners | None = None
         self._graph: list[list[tuple[float, int]]] = []
 
     def is_open(self, start: MapPoint, end: MapPoint) -> bool:
@@ -42,17 +48,13 @@ class Ways:
         inner_start, inner_end = self._inside(start), self._inside(end)
         if math.dist(start, end) < 1e-9 or self.is_open(inner_start, inner_end):
             return [start, end]
-        if self._corners is None:
-            self._build()
-        assert self._corners is not None
-        from_start, from_end = self._seen_from(inner_start), self._seen_from(inner_end)
-        found = self._search(from_start, from_end)
+        found = self._find_way(inner_start, inner_end)
         if found is None:
             raise MissionError(
                 f"no way from East {start[0]:.2f} m, North {start[1]:.2f} m to East "
                 f"{end[0]:.2f} m, North {end[1]:.2f} m keeps the robot inside the field"
             )
-        return [start, *((float(x), float(y)) for x, y in self._corners[found]), end]
+        return [start, *found, end]
 
     def _inside(self, place: MapPoint) -> MapPoint:
         """Find the place, or the edge beside it: a rounded bend ends some millimetres outside."""
@@ -64,27 +66,43 @@ class Ways:
         x_m, y_m = shapely.get_coordinates(shapely.shortest_line(here, self._region))[1]
         return float(x_m), float(y_m)
 
-    def _build(self) -> None:
-        """Every pair of corners that see each other."""
+    def _build(self) -> _Corners:
+        """Find every pair of corners that see each other and that a shortest way may join."""
         corners = _find_inner_corners(self._region)
-        self._corners = corners
-        first, second = np.triu_indices(len(corners), 1)
-        seen = self._find_covered(corners[first], corners[second])
+        first, second = np.triu_indices(len(corners.places), 1)
+        starts, ends = corners.places[first], corners.places[second]
+        touches = corners.is_tangent(second, starts) & corners.is_tangent(first, ends)
+        first, second = first[touches], second[touches]
+        seen = self._find_covered(corners.places[first], corners.places[second])
         first, second = first[seen], second[seen]
-        lengths = np.hypot(*(corners[first] - corners[second]).T)
-        self._graph = [[] for _ in corners]
+        lengths = np.hypot(*(corners.places[first] - corners.places[second]).T)
+        self._graph = [[] for _ in corners.places]
         for a, b, length_m in zip(first.tolist(), second.tolist(), lengths.tolist(), strict=True):
             self._graph[a].append((length_m, b))
             self._graph[b].append((length_m, a))
+        return corners
 
-    def _seen_from(self, point: MapPoint) -> dict[int, float]:
-        assert self._corners is not None
-        if not len(self._corners):
-            return {}
-        starts = np.broadcast_to(np.array(point), self._corners.shape)
-        seen = self._find_covered(starts, self._corners)
-        lengths = np.hypot(*(self._corners - starts).T)
-        return {int(k): float(lengths[k]) for k in np.flatnonzero(seen)}
+    def _find_way(self, start: MapPoint, end: MapPoint) -> list[MapPoint] | None:
+        """Find the bends of the shortest way, first among those that a short one can touch."""
+        corners = self._corners
+        if corners is None:
+            corners = self._corners = self._build()
+        for most_m in (DETOUR_RATIO * math.dist(start, end) + DETOUR_M, math.inf):
+            found = self._search(corners, start, end, most_m)
+            if found is not None:
+                return [(float(x), float(y)) for x, y in corners.places[found]]
+        return None
+
+    def _see(
+        self, corners: _Corners, point: MapPoint, near: IndexArray, away_m: FloatArray
+    ) -> dict[int, float]:
+        """Find which of some corners a shortest way from a point may bend around first."""
+        starts = np.broadcast_to(np.array(point), (len(near), 2))
+        if corners.is_exact:  # of a simplified outline a place may lie outside
+            touches = corners.is_tangent(near, starts)
+            near, starts = near[touches], starts[touches]
+        near = near[self._find_covered(starts, corners.places[near])]
+        return dict(zip(near.tolist(), away_m[near].tolist(), strict=True))
 
     def _find_covered(self, starts: FloatArray, ends: FloatArray) -> FloatArray:
         import shapely
@@ -94,13 +112,18 @@ class Ways:
         lines = shapely.linestrings(np.stack([starts, ends], axis=1))
         return np.asarray(shapely.covers(self._drivable, lines))
 
-    def _search(self, from_start: dict[int, float], to_end: dict[int, float]) -> list[int] | None:
-        """Dijkstra over the corners; the last step is the one to the end."""
-        best = dict(from_start)
+    def _search(
+        self, corners: _Corners, start: MapPoint, end: MapPoint, most_m: float
+    ) -> list[int] | None:
+        """Search a way of at most that length over the corners; the last step is to the end."""
+        from_m, to_m = (np.hypot(*(corners.places - p).T) for p in (start, end))
+        near = np.flatnonzero(from_m + to_m <= most_m)
+        best = self._see(corners, start, near, from_m)
+        to_end = self._see(corners, end, near, to_m)
         before: dict[int, int] = {}
-        queue = [(length_m, corner) for corner, length_m in from_start.items()]
+        queue = [(length_m, corner) for corner, length_m in best.items()]
         heapq.heapify(queue)
-        goal_m, last = math.inf, -1
+        goal_m, last = most_m, -1
         while queue:
             done_m, corner = heapq.heappop(queue)
             if done_m > best[corner] or done_m >= goal_m:
@@ -108,7 +131,7 @@ class Ways:
             if corner in to_end and done_m + to_end[corner] < goal_m:
                 goal_m, last = done_m + to_end[corner], corner
             for step_m, other in self._graph[corner]:
-                if done_m + step_m < best.get(other, math.inf):
+                if done_m + step_m < best.get(other, goal_m):
                     best[other], before[other] = done_m + step_m, corner
                     heapq.heappush(queue, (done_m + step_m, other))
         if last < 0:
@@ -119,29 +142,61 @@ class Ways:
         return trail[::-1]
 
 
-def _find_inner_corners(region: shapely.Polygon) -> FloatArray:
+class _Corners(NamedTuple):
+    """Places (N, 2) at which an outline points into the area, and how it leaves them.
+
+    `before` and `after` are unit vectors along the outline, away from the place.
+    """
+
+    places: FloatArray
+    before: FloatArray
+    after: FloatArray
+    is_exact: bool = True
+
+    def is_tangent(self, at: IndexArray, starts: FloatArray) -> FloatArray:
+        """Say for corners (M,) whether the line from a start (M, 2) has the outline on one side.
+
+        A shortest way comes to its bends so.
+        """
+        ahead = self.places[at] - starts
+        one, other = _cross(ahead, self.before[at]), _cross(ahead, self.after[at])
+        is_left = (one >= -ALONG_M) & (other >= -ALONG_M)
+        return np.asarray(is_left | ((one <= ALONG_M) & (other <= ALONG_M)))
+
+
+def _aim(starts: FloatArray, ends: FloatArray) -> FloatArray:
+    step = ends - starts
+    return np.asarray(step / np.maximum(np.hypot(*step.T), 1e-12)[:, None])
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+def _find_inner_corners(region: shapely.Polygon) -> _Corners:
     """Corners that a shortest way can bend around: those that point into the area.
 
     A boundary with very many corners is simplified inwards until they are few enough.
     """
     tolerance_m = FIRST_SIMPLIFY_M
     corners = _find_reflex(region)
-    while len(corners) > MAX_CORNERS:
+    while len(corners.places) > MAX_CORNERS:
         smaller = region.buffer(-tolerance_m, join_style="mitre").simplify(tolerance_m)
-        corners = _find_reflex(smaller)
+        corners = _find_reflex(smaller)._replace(is_exact=False)
         tolerance_m *= 2.0
     return corners
 
 
-def _find_reflex(region: BaseGeometry) -> FloatArray:
+def _find_reflex(region: BaseGeometry) -> _Corners:
     import shapely
 
-    found = []
+    found = [np.zeros((0, 3, 2))]
     for part in shapely.get_parts(region):
         normal = shapely.orient_polygons(part)
         for ring in (normal.exterior, *normal.interiors):
             xy = shapely.get_coordinates(ring)[:-1]
-            before, after = xy - np.roll(xy, 1, axis=0), np.roll(xy, -1, axis=0) - xy
-            cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-            found.append(xy[cross < 0.0])
-    return np.concatenate(found) if found else np.zeros((0, 2))
+            before, after = (_aim(xy, np.roll(xy, step, axis=0)) for step in (1, -1))
+            is_reflex = _cross(after, before) < 0.0
+            found.append(np.stack([xy, before, after], axis=1)[is_reflex])
+    table = np.concatenate(found)
+    return _Corners(table[:, 0], table[:, 1], table[:, 2])
