@@ -212,3 +212,19 @@ def test_the_direction_of_the_swaths_does_not_depend_on_how_many_are_tried_at_on
     at_once = swaths.search_yaw_rad(work, 0.7)
     monkeypatch.setattr(swaths, "MAX_PRODUCTS", 100)
     assert swaths.search_yaw_rad(work, 0.7) == at_once
+
+
+@pytest.mark.parametrize("margin_m", [0.0, 0.05, 0.5, 2.0])
+def test_a_plan_keeps_the_margin_that_it_is_asked_for_around_every_corner(margin_m: float) -> None:
+    """Chords around corners and rounded bends took up to 13 cm of it."""
+    notch = FieldArea(
+        boundary=((0.0, 0.0), (30.0, 0.0), (30.0, 24.0), (16.0, 23.0), (15.0, 17.0), (0.0, 20.0)),
+        holes=(((9.0, 8.0), (9.6, 8.0), (9.6, 8.6), (9.0, 8.6)),),
+    )
+    request = msgspec.structs.replace(REQUEST, margin_m=margin_m, min_coverage_ratio=0.98)
+    plan, certificate = certified(notch, request)
+    assert certificate.ok, certificate.problems
+    assert margin_m <= certificate.clearance_m < margin_m + 0.002
+    field = shapely.Polygon(notch.boundary, notch.holes)
+    ways = shapely.MultiLineString([leg.xy_map_m for leg in plan.legs])
+    assert ways.distance(field.boundary) >= SHAPE.turn_radius_m + margin_m

@@ -36,14 +36,24 @@ def rules(certificate: Certificate) -> set[str]:
 
 
 def test_a_straight_drive_close_along_the_edge_is_fine_though_turning_there_is_not() -> None:
-    beside = leg("swath", (2.0, 0.45), (18.0, 0.45))
+    beside = leg("swath", (2.0, 0.48), (18.0, 0.48))
     good = check(beside)
     assert good.ok, good.problems
-    assert good.clearance_m == pytest.approx(0.45 - SHAPE.half_width_m, abs=1e-6)
-    turned = check(beside, leg("link", (18.0, 0.45), (18.0, 5.0)))
+    assert good.clearance_m == pytest.approx(0.48 - SHAPE.half_width_m, abs=1e-6)
+    turned = check(beside, leg("link", (18.0, 0.48), (18.0, 5.0)))
     assert rules(turned) == {"footprint"}
     assert turned.problems[0].east_m == pytest.approx(18.0, abs=1.0)
     assert turned.problems[0].north_m < 0.0
+
+
+def test_a_plan_that_comes_nearer_to_an_edge_than_was_asked_for_is_refused_at_that_place() -> None:
+    """Plans were certified with 13 mm where 50 were asked for."""
+    near = check(leg("swath", (2.0, 0.45), (18.0, 0.45)), leg("link", (18.0, 0.45), (19.0, 0.45)))
+    assert rules(near) == {"margin"}
+    assert near.problems[0].north_m == pytest.approx(0.0, abs=1e-6)
+    assert "within 0.0300 m of an edge" in near.problems[0].message
+    touching = check(leg("swath", (2.0, 0.42), (18.0, 0.42)))
+    assert rules(touching) == {"margin"}
 
 
 def test_a_way_through_a_hole_is_refused_at_the_hole() -> None:

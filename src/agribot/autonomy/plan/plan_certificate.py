@@ -33,6 +33,7 @@ from agribot.core.messages import FloatArray, MapPoint
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
+ROUNDED_M = 1e-4  # places in a plan file
 JOINT_M = 1e-3  # legs meet this closely; a plan file keeps a tenth of a millimetre
 CURVATURE_SLACK_RATIO = 1.05  # arcs are checked on their chords
 MAX_PROBLEMS = 20
@@ -84,8 +85,8 @@ def certify_plan(
     field = shapely.Polygon(area.boundary, area.holes)
     bends, sharpest = _check_bends(plan.legs)
     problems += bends
-    clearance_m, outside_m, found = _check_edges(plan.legs, field, shape)
-    problems += found
+    clearance_m, outside_m, found = _check_edges(plan.legs, field, shape, request.margin_m)
+    problems += found or _check_margin(plan.legs, clearance_m, field, request)
     row_clearance_m, found = _check_rows(plan.legs, area, shape, request)
     problems += found
     target = find_reachable(plan, area, field, shape, request)
@@ -187,12 +188,12 @@ def _check_bends(legs: tuple[Leg, ...]) -> tuple[list[PlanProblem], float]:
 
 
 def _check_edges(
-    legs: tuple[Leg, ...], field: BaseGeometry, shape: Footprint
+    legs: tuple[Leg, ...], field: BaseGeometry, shape: Footprint, margin_m: float = 0.0
 ) -> tuple[float, float, list[PlanProblem]]:
     """Smallest clearance of the footprint, length of way outside the field, and where.
 
-    A leg that keeps the turning circle clear of every edge is clear whichever way the robot
-    looks; along the others the rectangle itself is moved.
+    A leg that keeps the turning circle off every edge by the margin is clear whichever way the
+    robot looks; along the others the rectangle itself is moved.
     """
     import shapely
 
@@ -202,7 +203,7 @@ def _check_edges(
     lines = np.array([shapely.LineString(leg.xy_map_m) for leg in legs])
     inside = np.asarray(shapely.covers(field, lines))
     away_m = np.asarray(shapely.distance(edge, lines)) - shape.turn_radius_m
-    is_clear = inside & (away_m >= 0.0)
+    is_clear = inside & (away_m >= margin_m)
     clearance_m = float(away_m[is_clear].min(initial=math.inf))
     found, outside_m = [], 0.0
     for number in np.flatnonzero(~is_clear):
@@ -223,6 +224,24 @@ def _check_edges(
                      f"hole on leg {number} ({legs[number].kind})", (place.x, place.y))
         )  # fmt: skip
     return clearance_m, outside_m, found
+
+
+def _check_margin(
+    legs: tuple[Leg, ...], clearance_m: float, field: BaseGeometry, request: PlanRequest
+) -> list[PlanProblem]:
+    """Check that the footprint keeps the margin from every edge."""
+    if clearance_m >= request.margin_m - ROUNDED_M:
+        return []
+    import shapely
+
+    lines = np.array([shapely.LineString(leg.xy_map_m) for leg in legs])
+    number = int(np.argmin(shapely.distance(field.boundary, lines)))
+    near = shapely.shortest_line(field.boundary, lines[number])
+    return [
+        _report("margin", f"the robot comes within {clearance_m:.4f} m of an edge, on leg {number} "
+                 f"({legs[number].kind}), and {request.margin_m:g} m were asked for; plan it again",
+                 shapely.get_coordinates(near)[0])
+    ]  # fmt: skip
 
 
 def _check_rows(

@@ -3,23 +3,37 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from agribot.autonomy.plan.coverage.area import FieldArea, Footprint, PlanRequest
 from agribot.core.errors import MissionError
-from agribot.core.messages import MapPoint
+from agribot.core.messages import FloatArray, MapPoint
 
 if TYPE_CHECKING:
     import shapely
     from shapely.geometry.base import BaseGeometry
 
-# The outline is drawn with few points, and cut where bends are rounded: this eats at the margin.
-SIMPLIFY_M = 0.01
-QUARTER_SEGMENTS = 4
+
+class _Outline(NamedTuple):
+    """Chords in a quarter of a circle, and how far points may be left out, m."""
+
+    quarter_segments: int
+    simplify_m: float
+
+
+# The outline is drawn with few points; where that eats at the margin, it is drawn in farther.
+# Of obstacles there may be many, and around them less ground is lost.
+BOUNDARY, OBSTACLES = _Outline(32, 0.001), _Outline(8, 0.003)
+MAX_REDRAWN = 4
 ROUNDING_M = 0.01  # rounded bends cut this much off their corners
 MITRE_LIMIT = 2.0
 # Ways may touch the edge of the free space; this forgives the rounding of such touches.
 TOUCH_M = 1e-4
+# Kept beyond the margin, m: such touches, and as much for the digits of a plan file.
+SPARE_M = 2e-4
 
 
 class FreeSpace:
@@ -31,14 +45,22 @@ class FreeSpace:
         shape: Footprint,
         request: PlanRequest,
         keep_out: BaseGeometry | None = None,
+        spare_m: float = 0.0,
     ) -> None:
-        """Find the room to turn. Raises: MissionError: there is none anywhere in the field."""
+        """Find the room to turn, and to go beyond the outline by `spare_m`.
+
+        Raises: MissionError: there is none anywhere in the field.
+        """
         import shapely
 
-        self.field = shapely.Polygon(area.boundary, area.holes)
-        depth_m = shape.turn_radius_m + max(request.margin_m, measure_spent_m(shape))
-        rounded = self.field.buffer(-depth_m, quad_segs=QUARTER_SEGMENTS)
-        free = rounded.simplify(SIMPLIFY_M)
+        self.edge = shapely.Polygon(area.boundary, area.holes).boundary
+        shapely.prepare(self.edge)
+        self.away_m = shape.turn_radius_m + request.margin_m + SPARE_M
+        depth_m = self.away_m + spare_m
+        free = _keep_off(shapely.Polygon(area.boundary), -depth_m, BOUNDARY)
+        if area.holes:
+            holes = shapely.union_all([shapely.Polygon(ring) for ring in area.holes])
+            free = free.difference(_keep_off(holes, depth_m, OBSTACLES))
         parts = list_polygons(free if keep_out is None else free.difference(keep_out))
         if not parts:
             raise MissionError(
@@ -51,6 +73,17 @@ class FreeSpace:
         self.left_out = [part for part in parts if part is not self.region]
         self.drivable = self.region.buffer(TOUCH_M, join_style="mitre")
         shapely.prepare(self.drivable)
+
+    def measure_short_m(self, lines: Sequence[FloatArray]) -> float:
+        """Measure how much nearer to an edge than they may lines (N, 2) come; 0 where they do not.
+
+        The robot counts as its turning circle.
+        """
+        import shapely
+
+        drawn = np.array([shapely.LineString(line) for line in lines])
+        nearest_m = float(np.min(shapely.distance(self.edge, drawn), initial=math.inf))
+        return max(0.0, self.away_m - TOUCH_M - nearest_m)
 
     def nearest(self, place: MapPoint) -> MapPoint:
         """Find the place itself, or where the region is nearest to it."""
@@ -95,10 +128,21 @@ def measure_crop_clearance_m(area: FieldArea, shape: Footprint, request: PlanReq
     return max(shape.wheel_turn_radius_m, tool_m) + request.turn_clearance_m
 
 
-def measure_spent_m(shape: Footprint) -> float:
-    """Return what the outline of the free space may lie too near to the edge of the field."""
-    chord_m = shape.turn_radius_m * (1.0 - math.cos(math.pi / (4 * QUARTER_SEGMENTS)))
-    return SIMPLIFY_M + ROUNDING_M + chord_m
+def _keep_off(ground: BaseGeometry, by_m: float, outline: _Outline) -> BaseGeometry:
+    """Draw areas larger, or smaller by a negative number, by no less than that, with few points."""
+    import shapely
+
+    edge = ground.boundary
+    shapely.prepare(edge)
+    drawn_m = by_m
+    for _ in range(MAX_REDRAWN):
+        drawn = ground.buffer(drawn_m, quad_segs=outline.quarter_segments)
+        drawn = drawn.simplify(outline.simplify_m)
+        short_m = 0.0 if drawn.is_empty else abs(by_m) - float(edge.distance(drawn.boundary))
+        if short_m <= TOUCH_M / 2.0:
+            break
+        drawn_m += math.copysign(short_m, by_m)
+    return drawn
 
 
 def list_polygons(shape: BaseGeometry) -> list[shapely.Polygon]:

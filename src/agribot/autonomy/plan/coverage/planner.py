@@ -18,6 +18,8 @@ from agribot.autonomy.plan.coverage.area import (
     TurnStyle,
 )
 from agribot.autonomy.plan.coverage.free_space import (
+    ROUNDING_M,
+    TOUCH_M,
     FreeSpace,
     draw_crop_strips,
     list_polygons,
@@ -68,13 +70,7 @@ def plan_field(area: FieldArea, shape: Footprint, request: PlanRequest) -> Field
             f"{len(area.holes)} obstacles in the field are more than the limit of {MAX_HOLES}; "
             "draw one area around those that stand close together, or split the field"
         )
-    clear_m = measure_crop_clearance_m(area, shape, request)
-    strips = draw_crop_strips(area, clear_m)
-    space = FreeSpace(area, shape, request, strips if area.crop and not area.rows else None)
-    if area.rows:
-        swath_yaw_rad, tasks = _make_row_tasks(area, clear_m, strips, space)
-    else:
-        swath_yaw_rad, tasks = _make_area_tasks(area, request, space)
+    space, swath_yaw_rad, tasks = _lay_out(area, shape, request)
     ways = Ways(space.region, space.drivable)
     working = order_tasks(tasks, request.start_map_m, ways.way)
     legs = _join([leg for _, leg in working], request, ways, space.drivable)
@@ -84,6 +80,25 @@ def plan_field(area: FieldArea, shape: Footprint, request: PlanRequest) -> Field
         legs = _number(legs, list(range(len(working))))
     warnings = (*([area.left_out] if area.left_out else ()), *_describe_left_out(space))
     return FieldPlan(legs=tuple(legs), swath_yaw_rad=swath_yaw_rad, warnings=warnings)
+
+
+def _lay_out(
+    area: FieldArea, shape: Footprint, request: PlanRequest
+) -> tuple[FreeSpace, float, list[CoverageTask]]:
+    """Find the free space and what is to be worked in it; bends cut by rounding get more room."""
+    clear_m = measure_crop_clearance_m(area, shape, request)
+    strips = draw_crop_strips(area, clear_m)
+    keep_out = strips if area.crop and not area.rows else None
+    spare_m = 0.0
+    while True:
+        space = FreeSpace(area, shape, request, keep_out, spare_m)
+        if area.rows:
+            return space, *_make_row_tasks(area, clear_m, strips, space)
+        swath_yaw_rad, tasks = _make_area_tasks(area, request, space)
+        short_m = space.measure_short_m([line for _, variants in tasks for line in variants[0]])
+        if short_m == 0.0 or spare_m >= ROUNDING_M:
+            return space, swath_yaw_rad, tasks
+        spare_m = min(spare_m + short_m + TOUCH_M, ROUNDING_M)
 
 
 def _describe_left_out(space: FreeSpace) -> tuple[str, ...]:
@@ -112,7 +127,7 @@ def _make_area_tasks(
         edge = FreeSpace.inset(space.region, number * request.spacing_m)
         if not list_polygons(edge):
             break
-        rings += make_ring_tasks(shapely.MultiPolygon(list_polygons(edge)))
+        rings += make_ring_tasks(shapely.MultiPolygon(list_polygons(edge)), space.away_m)
         if number:  # what this ring does not reach of the band that it should reach
             slivers += list_polygons(work.difference(edge.buffer(half_m + 1e-3)))
         work, inner = FreeSpace.inset(edge, request.spacing_m / 2.0), edge

@@ -11,7 +11,7 @@ import numpy as np
 
 from agribot.autonomy.plan.coverage.area import Leg, LegKind, MapLine
 from agribot.autonomy.plan.coverage.swaths import Swath, find_drive, rotate
-from agribot.autonomy.plan.coverage.turns import smooth
+from agribot.autonomy.plan.coverage.turns import BendRadii, smooth
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray, MapPoint
 
@@ -49,14 +49,20 @@ def _list_ends(swath: Swath, is_flipped: bool, tool_x_m: float) -> list[MapPoint
     return [(start_m, swath.v_m), (end_m, swath.v_m)]
 
 
-def make_ring_tasks(region: BaseGeometry) -> list[CoverageTask]:
-    """Drive once around every edge of a region, begun at any of its first corners."""
+def make_ring_tasks(region: BaseGeometry, around_m: float) -> list[CoverageTask]:
+    """Drive once around every edge of a region, begun at any of its first corners.
+
+    A bend around something outside of the region is rounded with at most that radius, which is
+    what the region keeps from it, so that the arc does not come nearer.
+    """
     import shapely
 
     tasks: list[CoverageTask] = []
     for part in shapely.get_parts(region):
-        for ring in (part.exterior, *part.interiors):
-            pieces = smooth(shapely.get_coordinates(ring), is_closed=True)
+        for number, ring in enumerate((part.exterior, *part.interiors)):
+            is_inside_left = shapely.is_ccw(ring) == (number == 0)
+            most = BendRadii(right_m=around_m) if is_inside_left else BendRadii(left_m=around_m)
+            pieces = smooth(shapely.get_coordinates(ring), is_closed=True, most=most)
             step = max(1, len(pieces) // RING_STARTS)
             turned = [pieces[k:] + pieces[:k] for k in range(0, len(pieces), step)]
             tasks.append(("headland", turned))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -112,7 +112,17 @@ def sample_turn(start: Pose2, segments: Iterable[Segment]) -> FloatArray:
     return _drop_repeats(np.array(points))
 
 
-def smooth(xy: FloatArray, is_closed: bool) -> list[FloatArray]:
+class BendRadii(NamedTuple):
+    """The largest radii with which bends to the left and to the right are rounded, m."""
+
+    left_m: float = MAX_ROUNDING_RADIUS_M
+    right_m: float = MAX_ROUNDING_RADIUS_M
+
+
+ANY_BEND = BendRadii()
+
+
+def smooth(xy: FloatArray, is_closed: bool, most: BendRadii = ANY_BEND) -> list[FloatArray]:
     """Cut a broken line (N, 2) at the corners where the robot must turn in place.
 
     Slight bends are rounded, at most ROUNDING_M off their corner. A closed ring begins at a
@@ -123,7 +133,9 @@ def smooth(xy: FloatArray, is_closed: bool) -> list[FloatArray]:
         if np.allclose(xy[0], xy[-1]):
             xy = xy[:-1]
         corners = [
-            k for k in range(len(xy)) if not _round_bend(xy[k - 1], xy[k], xy[(k + 1) % len(xy)])
+            k
+            for k in range(len(xy))
+            if not _round_bend(xy[k - 1], xy[k], xy[(k + 1) % len(xy)], most)
         ]
         first = corners[0] if corners else _choose_widest(xy)
         xy = np.concatenate([xy[first:], xy[: first + 1]])
@@ -132,7 +144,7 @@ def smooth(xy: FloatArray, is_closed: bool) -> list[FloatArray]:
             xy = np.concatenate([[middle], xy[1:], [middle]])
     pieces, current = [], [xy[0]]
     for k in range(1, len(xy) - 1):
-        arc = _round_bend(xy[k - 1], xy[k], xy[k + 1])
+        arc = _round_bend(xy[k - 1], xy[k], xy[k + 1], most)
         if arc:
             current += arc
         else:
@@ -159,7 +171,9 @@ def _drop_repeats(xy: FloatArray) -> FloatArray:
     return np.array(kept)
 
 
-def _round_bend(before: FloatArray, at: FloatArray, after: FloatArray) -> list[FloatArray]:
+def _round_bend(
+    before: FloatArray, at: FloatArray, after: FloatArray, most: BendRadii
+) -> list[FloatArray]:
     """Points of the arc that replaces a slight bend; none where the robot must pivot."""
     bend = bend_rad(before, at, after)
     if abs(bend) < 1e-9:
@@ -167,7 +181,8 @@ def _round_bend(before: FloatArray, at: FloatArray, after: FloatArray) -> list[F
     half_tan = abs(math.tan(bend / 2.0))
     room_m = 0.5 * min(math.dist(before, at), math.dist(at, after))
     cut_ratio = 1.0 / math.cos(bend / 2.0) - 1.0
-    radius_m = min(room_m / half_tan, ROUNDING_M / cut_ratio, MAX_ROUNDING_RADIUS_M)
+    most_m = most.left_m if bend > 0.0 else most.right_m
+    radius_m = min(room_m / half_tan, ROUNDING_M / cut_ratio, most_m)
     if abs(bend) > math.pi / 2.0 or radius_m < MIN_RADIUS_M * 1.05:
         return []
     course = yaw_rad(before, at)
