@@ -9,12 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 import shapely
 
 from agribot.app.field_work import plan_field_file
-from agribot.autonomy.plan.coverage.area import measure_footprint
+from agribot.autonomy.plan.coverage.area import FieldArea, measure_footprint
 from agribot.autonomy.plan.plan_certificate import certify_plan
 from agribot.cli.main import main
 from agribot.core.config import load
@@ -22,6 +23,7 @@ from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.description.loader import load_robot
 from agribot.gis.field_file import read_field
+from agribot.gis.formats.table import read_field_file
 from agribot.gis.plan_file import SavedPlan, format_plan, read_plan
 from tests.autonomy.plan.fields import REQUEST, ROWS, SHAPE, WITH_HOLE, certified
 
@@ -105,7 +107,7 @@ def cross(features: list[dict[str, Any]]) -> None:
 
 
 BAD = {
-    "crossing": (bad(cross), r"boundary crosses or touches itself at latitude 52\.1"),
+    "crossing": (bad(cross), r"boundary crosses itself at latitude 52\.1"),
     "swapped": (bad(swap_all), "more than 20 km; it seems that latitude and longitude are"),
     "nan": (bad(lambda f: ring_of(f)[1].__setitem__(0, math.nan)), "nan is not a number"),
     "text": (bad(lambda f: ring_of(f)[1].__setitem__(0, "east")), "'east' is not a number"),
@@ -135,6 +137,12 @@ BAD = {
         {**field(), "crs": {"type": "link", "properties": {"href": "http://a/25832"}}},
         "are in http://a/25832; convert it"),
     "other coordinates in a word": ({**field(), "crs": "EPSG:25832"}, "are in EPSG:25832"),
+    "ab lines": (bad(lambda f: f.append(line([(0, 1), (3, 1)], "ab_line"))),
+                 "2 lines of kind 'ab_line'"),
+    "ab ring": (bad(lambda f: f.__setitem__(3, line([(0, 1), (9, 1), (0, 1)], "ab_line"))),
+                "ab_line ends where it begins, at latitude 52"),
+    "all pond": (bad(lambda f: f.append(polygon([(-1, -1), (31, -1), (31, 21), (-1, 21)],
+                                                "obstacle"))), "obstacles leave nothing"),
     "no geojson": ([1, 2], "expected a GeoJSON object"),
 }  # fmt: skip
 
@@ -144,6 +152,93 @@ def test_a_broken_field_is_refused_with_what_and_where(name: str, tmp_path: Path
     tree, message = BAD[name]
     with pytest.raises(MissionError, match=message):
         read_field(written(tree, tmp_path), HERE)
+
+
+def area_m2(area: FieldArea) -> float:
+    return float(shapely.Polygon(area.boundary, area.holes).area)
+
+
+def with_ring(points: list[tuple[float, float]]) -> dict[str, Any]:
+    return bad(lambda f: f.__setitem__(0, polygon(points, "boundary")))
+
+
+def with_obstacle(points: list[tuple[float, float]]) -> dict[str, Any]:
+    return bad(lambda f: f.__setitem__(1, polygon(points, "obstacle")))
+
+
+AS_DRAWN = {
+    "a spike of no width": (
+        with_ring([*OUTLINE[:2], (30.0, 10.0), (45.0, 10.0), (30.0, 10.0), *OUTLINE[2:]]), 584.0),
+    "a spike into the field": (
+        with_ring([*OUTLINE[:2], (30.0, 10.0), (20.0, 10.0), (30.0, 10.0), *OUTLINE[2:]]), 584.0),
+    "a ring that touches itself": (
+        with_ring([(0, 0), (15, 0), (20, 5), (25, 5), (25, 2), (20, 5), (15, 0), (30, 0), (30, 20),
+                   (0, 20)]), 600.0 - 16.0 - 7.5),
+    "a tree in the hedge": (with_obstacle([(28, 4), (32, 4), (32, 8), (28, 8)]), 592.0),
+    "a house at the edge": (with_obstacle([(26, 4), (30, 4), (30, 8), (26, 8)]), 584.0),
+    "a house beyond the edge": (with_obstacle([(30, 4), (34, 4), (34, 8), (30, 8)]), 600.0),
+    "a pond that touches in a point": (with_obstacle([(30, 4), (26, 6), (26, 2)]), 592.0),
+    "a pond of two loops": (
+        with_obstacle([(10, 5), (14, 5), (12, 8), (14, 11), (10, 11), (12, 8)]), 588.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", AS_DRAWN)
+def test_a_field_as_people_draw_it_is_the_ground_that_they_meant(name: str, tmp_path: Path) -> None:
+    """Each of these was refused, with "put its corners in order" or "lies outside"."""
+    tree, ground_m2 = AS_DRAWN[name]
+    area, _ = read_field(written(tree, tmp_path), HERE)
+    assert area_m2(area) == pytest.approx(ground_m2, abs=0.02)
+    assert shapely.Polygon(area.boundary, area.holes).is_valid
+    assert not area.left_out
+
+
+def test_what_an_obstacle_cuts_off_is_named(tmp_path: Path) -> None:
+    ditch = with_obstacle([(20, -1), (21, -1), (21, 21), (20, 21)])
+    area, _ = read_field(written(ditch, tmp_path), HERE)
+    assert area_m2(area) == pytest.approx(400.0, abs=0.02)
+    assert "a part of 180.0 m2, the largest at latitude 52.1" in area.left_out
+    assert "cut off from the rest of the field" in area.left_out
+
+
+def test_of_a_parcel_of_several_parts_the_largest_is_the_field_and_the_others_are_named(
+    tmp_path: Path,
+) -> None:
+    """As a cadastre exports every parcel."""
+    small = [(40.0, 0.0), (50.0, 0.0), (50.0, 20.0), (40.0, 20.0)]
+    parts = [[[*lonlat(ring), lonlat(ring)[0]]] for ring in (small, OUTLINE)]
+    parcel = {"type": "MultiPolygon", "coordinates": parts}
+    feature = {"type": "Feature", "properties": {}, "geometry": parcel}
+    for tree in (parcel, feature, {"type": "FeatureCollection", "features": [feature]}):
+        area, _ = read_field(written(tree, tmp_path), HERE)
+        assert area_m2(area) == pytest.approx(600.0, abs=0.02)
+        assert "left out: a part of the boundary of 200 m2" in area.left_out
+
+
+def test_rows_of_several_lines_and_features_without_a_place_are_read_as_the_page_reads_them(
+    tmp_path: Path,
+) -> None:
+    tree = field()
+    lines = {"type": "MultiLineString", "coordinates": [lonlat([(x, 3), (x, 17)]) for x in (3, 4)]}
+    tree["features"][2]["geometry"] = lines
+    tree["features"].append({"type": "Feature", "properties": {}, "geometry": None})
+    area, _ = read_field(written(tree, tmp_path), HERE)
+    assert len(area.rows) == 2
+    assert area.left_out == "field.geojson: left out: a feature without a place"
+    page = read_field_file("field.geojson", json.dumps(tree).encode())
+    assert [f["properties"]["kind"] for f in page["features"]].count("row") == 2
+
+
+def test_an_ab_line_of_many_points_leads_from_its_first_to_its_last(tmp_path: Path) -> None:
+    recorded = [(0.0, 1.0), (10.0, 1.4), (20.0, 1.6), (30.0, 2.0)]
+    tree = bad(lambda f: f.__setitem__(slice(2, 4), [line(recorded, "ab_line")]))
+    area, _ = read_field(written(tree, tmp_path), HERE)
+    plan, certificate = certified(area)
+    assert certificate.ok
+    assert plan.swath_yaw_rad == pytest.approx(math.atan2(1.0, 30.0), abs=1e-4)
+    assert not plan.warnings
+    bent = msgspec.structs.replace(area, ab_line=((0.0, 1.0), (15.0, 4.5), (30.0, 2.0)))
+    assert any("up to 3.00 m beside the straight line" in w for w in certified(bent)[0].warnings)
 
 
 @pytest.mark.parametrize(("asked_m", "kept_m"), [(None, 0.8), (0.3, 0.3)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -24,6 +23,7 @@ from agribot.core.messages import MapPoint
 from agribot.gis.field_choice import choose_field, split_choice
 from agribot.gis.formats.table import read_fields
 from agribot.gis.geojson import KINDS, Feature, LonLat, parse_features
+from agribot.gis.ground import clean_ground, locate
 
 if TYPE_CHECKING:
     import shapely
@@ -50,7 +50,8 @@ def read_field(
         root["features"] = [f for f in root["features"] if f["properties"]["kind"] != "ab_line"]
     found = parse_features(choose_field(root, [], name), name)
     area, datum = parse_field(found, name, datum)
-    return msgspec.structs.replace(area, left_out=root.get("left_out", "")), datum
+    left_out = "; ".join(line for line in (root.get("left_out", ""), area.left_out) if line)
+    return msgspec.structs.replace(area, left_out=left_out), datum
 
 
 def parse_field(
@@ -95,9 +96,10 @@ def _sort_by_kind(found: Sequence[Feature], source_name: str) -> dict[str, list[
             f"{_list_names(kinds['boundary'])}; a field needs exactly one, others may be of kind "
             "'obstacle', and a line around the field has to end where it began"
         )
-    if len(kinds["ab_line"]) > 1 or any(len(f.parts[0]) != 2 for f in kinds["ab_line"]):
+    if len(kinds["ab_line"]) > 1:
         raise MissionError(
-            f"{source_name}: give one ab_line of two points, A and B{_list_names(kinds['ab_line'])}"
+            f"{source_name} has {len(kinds['ab_line'])} lines of kind 'ab_line'"
+            f"{_list_names(kinds['ab_line'])}; swaths run along one, so remove the others"
         )
     return kinds
 
@@ -162,73 +164,20 @@ def _to_map_line(line: Sequence[LonLat], frame: MapFrame) -> MapLine:
 
 
 def check_field(area: FieldArea, frame: MapFrame, source_name: str) -> FieldArea:
-    """Check that all parts of a field fit each other, and merge overlapping obstacles."""
-    import shapely
-
-    outer = _make_polygon(area.boundary, f"{source_name}: the boundary", frame)
+    """Check that all parts of a field fit each other, and cut overlapping obstacles out of it."""
     _check_lines(area, source_name, frame)
-    holes = []
-    for number, ring in enumerate(area.holes, 1):
-        name = f"{source_name}: obstacle {number}"
-        hole = _make_polygon(ring, name, frame)
-        if not outer.buffer(TOUCH_M).covers(hole):
-            place = (
-                hole.difference(outer).representative_point()
-                if hole.difference(outer).area
-                else hole.exterior
-            )
-            raise MissionError(
-                f"{name} lies outside the boundary or crosses it at "
-                f"{_locate(shapely.get_coordinates(place)[0], frame)}; draw the boundary around "
-                "it, or remove it"
-            )
-        holes.append(hole)
-    joined = [h for h in shapely.get_parts(shapely.union_all(holes)) if h.area > 0] if holes else []
-    _check_rows(area.rows, outer.difference(shapely.union_all(holes)), source_name, frame)
-    rings = tuple(_list_points(h.exterior) for h in joined if outer.contains_properly(h))
-    outer = _cut_edges(outer, [h for h in joined if not outer.contains_properly(h)], source_name)
-    return msgspec.structs.replace(area, boundary=_list_points(outer.exterior), holes=rings)
-
-
-def _cut_edges(
-    outer: shapely.Polygon, touching: Sequence[shapely.Polygon], source_name: str
-) -> shapely.Polygon:
-    """Cut obstacles that touch the edge from the field, as a difference in QGIS leaves them.
-
-    Raises: MissionError: they divide the field.
-    """
-    import shapely
-
-    if not touching:
-        return outer
-    left = outer.difference(shapely.union_all(touching).buffer(TOUCH_M, join_style="mitre"))
-    parts = [part for part in shapely.get_parts(left) if part.area > LEAST_PART_M2]
-    if len(parts) != 1:
-        raise MissionError(
-            f"{source_name}: obstacles divide the field into {len(parts)} parts; give each of them "
-            "a file of its own"
-        )
-    return shapely.Polygon(parts[0].exterior)
+    ground, left_out = clean_ground(area.boundary, area.holes, source_name, frame)
+    _check_rows(area.rows, ground, source_name, frame)
+    return msgspec.structs.replace(
+        area,
+        boundary=_list_points(ground.exterior),
+        holes=tuple(_list_points(ring) for ring in ground.interiors),
+        left_out=left_out,
+    )
 
 
 def _list_points(ring: shapely.LinearRing) -> MapLine:
     return tuple((float(x), float(y)) for x, y in ring.coords[:-1])
-
-
-def _make_polygon(ring: MapLine, name: str, frame: MapFrame) -> shapely.Polygon:
-    import shapely
-
-    if len(ring) < 3:
-        raise MissionError(f"{name} has {len(ring)} corners; an area needs at least 3")
-    polygon = shapely.Polygon(ring)
-    if polygon.area == 0.0:
-        raise MissionError(f"{name} encloses no area")
-    if not polygon.is_valid:
-        reason = shapely.is_valid_reason(polygon)
-        spot = re.search(r"\[(\S+) (\S+)\]", reason)
-        where = f" at {_locate((float(spot[1]), float(spot[2])), frame)}" if spot else ""
-        raise MissionError(f"{name} crosses or touches itself{where}; put its corners in order")
-    return polygon
 
 
 def _check_lines(area: FieldArea, source_name: str, frame: MapFrame) -> None:
@@ -239,9 +188,14 @@ def _check_lines(area: FieldArea, source_name: str, frame: MapFrame) -> None:
         length_m = sum(math.dist(a, b) for a, b in pairwise(line))
         if length_m < MIN_LINE_M:
             raise MissionError(
-                f"{source_name}: {name} at {_locate(line[0], frame)} is {length_m:.2f} m long, "
+                f"{source_name}: {name} at {locate(line[0], frame)} is {length_m:.2f} m long, "
                 f"shorter than {MIN_LINE_M} m; give it a beginning and an end"
             )
+    if area.ab_line and math.dist(area.ab_line[0], area.ab_line[-1]) < MIN_LINE_M:
+        raise MissionError(
+            f"{source_name}: the ab_line ends where it begins, at "
+            f"{locate(area.ab_line[0], frame)}; swaths run from its first to its last point"
+        )
 
 
 def _check_rows(
@@ -255,10 +209,5 @@ def _check_rows(
             place = shapely.get_coordinates(outside)[0]
             raise MissionError(
                 f"{source_name}: {outside.length:.1f} m of row {number} lie outside the field or "
-                f"in an obstacle, first at {_locate(place, frame)}; check the rows and the boundary"
+                f"in an obstacle, first at {locate(place, frame)}; check the rows and the boundary"
             )
-
-
-def _locate(point: Sequence[float], frame: MapFrame) -> str:
-    lat_deg, lon_deg, _ = frame.geodetic_from_map(float(point[0]), float(point[1]))
-    return f"latitude {lat_deg:.7f}, longitude {lon_deg:.7f}"

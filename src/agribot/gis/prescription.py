@@ -16,7 +16,7 @@ from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray
 from agribot.gis.formats.isoxml import holds_task_data
-from agribot.gis.formats.table import read_field_file
+from agribot.gis.formats.table import read_areas_file
 from agribot.gis.formats.untrusted import list_members
 from agribot.gis.isoxml_zones import RateGrid, read_task_zones
 
@@ -67,7 +67,7 @@ def _as_zone(part: RateGrid | tuple[Any, float]) -> Zone | RateGrid:
 
 
 def _read_polygons(name: str, data: bytes, column: str) -> Iterator[Zone]:
-    features = read_field_file(name, data)["features"]
+    features = read_areas_file(name, data)
     areas = [f for f in features if f["geometry"]["type"] == "Polygon"]
     if not areas:
         raise ValueError("no zone in it: a zone is a polygon with a rate")

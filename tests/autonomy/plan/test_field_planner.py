@@ -228,3 +228,21 @@ def test_a_plan_keeps_the_margin_that_it_is_asked_for_around_every_corner(margin
     field = shapely.Polygon(notch.boundary, notch.holes)
     ways = shapely.MultiLineString([leg.xy_map_m for leg in plan.legs])
     assert ways.distance(field.boundary) >= SHAPE.turn_radius_m + margin_m
+
+
+@pytest.mark.parametrize("pitch_m", [0.3, 0.45, 0.5])
+def test_rows_narrower_than_the_track_are_refused_with_the_machine_and_the_numbers(
+    pitch_m: float,
+) -> None:
+    """Sugar beet stands at 45 cm. The check spoke of a wheel and of the row, not of the robot."""
+    rows = tuple(((x * pitch_m, 0.0), (x * pitch_m, 10.0)) for x in range(3))
+    beet = msgspec.structs.replace(ROWS, rows=rows)
+    shape = measure_footprint(load_robot("agribot"), 0.4)
+    words = (
+        rf"rows 1 and 2 are {pitch_m:.2f} m apart, which is no room for agribot: its wheels are "
+        r"0\.78 m apart.* within 0\.\d\d m of row 2 .* 0\.10 m are needed; rows have to be 0\.52 m"
+    )
+    with pytest.raises(MissionError, match=words):
+        plan_field(beet, shape, ROW_REQUEST)
+    wide = tuple(((0.52 * x, 0.0), (0.52 * x, 10.0)) for x in range(3))
+    assert certified(msgspec.structs.replace(ROWS, rows=wide), ROW_REQUEST, shape)[1].ok

@@ -26,6 +26,7 @@ from agribot.gis.geojson import (
     read_geojson,
     read_position,
 )
+from agribot.gis.parts import find_boundary, keep_largest
 
 MAX_NAMED = 8  # of the things that a file holds and that are left out
 _LEVELS = {"Point": (), "LineString": ("position",), "Polygon": ("ring", "position")}
@@ -38,12 +39,25 @@ def read_field_file(name: str, data: bytes) -> dict[str, Any]:
     obstacles, lines are rows.
     Raises: MissionError: an unknown kind of file, a broken one, or one in other coordinates.
     """
+    return _read_shapes(name, data, is_field=True)
+
+
+def read_areas_file(name: str, data: bytes) -> list[dict[str, Any]]:
+    """Read the features of a file that is no field, all parts of them.
+
+    Raises: MissionError: as `read_field_file`.
+    """
+    found: list[dict[str, Any]] = _read_shapes(name, data, is_field=False)["features"]
+    return found
+
+
+def _read_shapes(name: str, data: bytes, *, is_field: bool) -> dict[str, Any]:
     shown = f"'{name[:80]}'"
     reader = READERS.get(PurePath(name).suffix.lower())
     if reader is None:
         raise MissionError(f"{shown}: files that can be read end with {', '.join(sorted(READERS))}")
     try:
-        found, left_out = _read_members(reader(data), shown)
+        found, left_out = _read_members(reader(data), shown, is_field=is_field)
     except AgribotError:
         raise
     except Exception as error:  # each library has its own errors for broken files
@@ -58,15 +72,32 @@ def read_field_file(name: str, data: bytes) -> dict[str, Any]:
     return {"type": "FeatureCollection", "features": found, **more}
 
 
-def _read_members(members: Found, shown: str) -> tuple[list[dict[str, Any]], Counter[str]]:
-    found: list[dict[str, Any]] = []
+def _read_members(
+    members: Found, shown: str, *, is_field: bool
+) -> tuple[list[dict[str, Any]], Counter[str]]:
+    """Split members into features of one part each; count what is left out, in words.
+
+    Of a boundary of several parts the largest is kept: no way leads from one to another.
+    """
+    whole: list[dict[str, Any]] = []
     left_out: Counter[str] = Counter()
-    for number, (geometry, properties) in enumerate(members):
+    for geometry, properties in members:
         if geometry is None:
             left_out[properties["left_out"]] += 1
+        whole.append({"geometry": geometry, "properties": properties})
+    boundary = find_boundary(whole) if is_field else None
+    found: list[dict[str, Any]] = []
+    for number, feature in enumerate(whole):
+        if feature["geometry"] is None:
             continue
-        for shape in _split_multi(geometry, f"{shown} feature {number}"):
-            found.append({"type": "Feature", "geometry": shape, "properties": {**properties}})
+        parts = _split_multi(feature["geometry"], f"{shown} feature {number}")
+        if feature is boundary and len(parts) > 1:
+            parts, smaller = keep_largest(parts)
+            left_out.update(smaller)
+        found += [
+            {"type": "Feature", "geometry": part, "properties": {**feature["properties"]}}
+            for part in parts
+        ]
     return found, left_out
 
 

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from agribot.core.geo import Datum, MapFrame
+from agribot.gis.ground import clean_area
 from agribot.ui import wire
 from agribot.ui.server.answers import Unusable
 
@@ -31,6 +32,8 @@ def check_field(collection: Any, datum: Datum) -> wire.FieldReply:
 
     Raises: Unusable: it is no FeatureCollection at all.
     """
+    from shapely.ops import unary_union
+
     features = _features(collection)
     frame = MapFrame(datum)
     reasons: list[wire.FieldReason] = []
@@ -43,12 +46,12 @@ def check_field(collection: Any, datum: Datum) -> wire.FieldReply:
             what = f"feature {number} ({kind or 'no kind'}): {fault}"
             reasons.append(_reason(what, fault.at_map_m))
     reasons += _find_misplaced(shapes, frame)
-    area_m2 = sum(b.area for b in shapes["boundary"]) - sum(o.area for o in shapes["obstacle"])
+    area_m2 = unary_union(shapes["boundary"]).difference(unary_union(shapes["obstacle"])).area
     lines = (*shapes["row"], *shapes["path"])
     return wire.FieldReply(
         ok=not reasons,
         reasons=reasons,
-        area_m2=round(max(area_m2, 0.0), 2),
+        area_m2=round(area_m2, 2),
         length_m=round(sum(line.length for line in lines), 2),
     )
 
@@ -102,10 +105,11 @@ def _shape_of(feature: dict[str, Any], kind: str, frame: MapFrame) -> Any:
     if far is not None:
         raise _Fault(f"farther than {MAX_DISTANCE_M / 1e3:g} km from the field's origin", far)
     shape = shapely.transform(lonlat, lambda points: _in_map(points, frame))
-    if not shape.is_valid:
+    cleaned = clean_area(shape) if shape.geom_type == "Polygon" else shape
+    if cleaned is None or not cleaned.is_valid:
         text = shapely.is_valid_reason(shape).lower().split("[")[0]
         raise _Fault(text, _fault_place(shape))
-    return shape
+    return cleaned
 
 
 def _in_map(points: Any, frame: MapFrame) -> Any:
@@ -144,9 +148,10 @@ def _find_misplaced(shapes: dict[str, list[Any]], frame: MapFrame) -> list[wire.
     if not shapes["boundary"]:
         return reasons
     field = unary_union(shapes["boundary"])
+    near = field.buffer(0.01)
     for kind in ("row", "waypoint", "obstacle"):
         for number, shape in enumerate(shapes[kind], start=1):
-            if not field.buffer(0.01).covers(shape):
+            if not (near.intersects(shape) if kind == "obstacle" else near.covers(shape)):
                 at = shape.difference(field).representative_point()
                 reasons.append(_reason(f"{kind} {number} lies outside the boundary", (at.x, at.y)))
     for number, row in enumerate(shapes["row"], start=1):

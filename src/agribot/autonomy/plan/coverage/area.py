@@ -23,9 +23,9 @@ class FieldArea(msgspec.Struct, frozen=True, kw_only=True):
     """A field: outer ring, holes that must not be entered, and what is marked in it.
 
     Rings do not repeat their first point. `rows` are crop rows to be straddled, `crop` rows that
-    stand there, maybe beyond the boundary, and are not worked: no wheel comes near them. `ab_line`
-    is two points that the swaths run along. `margin_m` is what a plan keeps from the footprint to
-    every edge where nobody asks for another margin.
+    stand there, maybe beyond the boundary, and are not worked: no wheel comes near them. The
+    swaths run along `ab_line`, from its first to its last point. `margin_m` is what a plan keeps
+    from the footprint to every edge where nobody asks for another margin.
     """
 
     boundary: MapLine
@@ -55,6 +55,7 @@ class Footprint(msgspec.Struct, frozen=True, kw_only=True):
     wheel_xy_body_m: tuple[MapPoint, ...] = ()
     wheel_half_width_m: float = 0.0
     wheel_radius_m: float = 0.0
+    machine: str = "the robot"
 
     @property
     def turn_radius_m(self) -> float:
@@ -165,6 +166,7 @@ def measure_footprint(
         wheel_xy_body_m=tuple((float(x), float(y)) for x, y in wheels),
         wheel_half_width_m=half_wheel_m,
         wheel_radius_m=radius_m,
+        machine=robot.name,
     )
 
 

@@ -14,6 +14,7 @@ from agribot.autonomy.plan.coverage.area import (
     Footprint,
     Leg,
     LegKind,
+    MapLine,
     PlanRequest,
     TurnStyle,
 )
@@ -41,6 +42,7 @@ from agribot.autonomy.plan.coverage.tasks import (
 )
 from agribot.autonomy.plan.coverage.turns import plan_arc_turn, plan_three_point_turn, yaw_rad
 from agribot.autonomy.plan.coverage.ways import Ways
+from agribot.autonomy.plan.row_room import check_row_room
 from agribot.core.errors import MissionError
 from agribot.core.messages import FloatArray, MapPoint
 from agribot.core.pose import Pose2
@@ -52,6 +54,7 @@ MAX_SWATHS = 20000
 # The ways between four-cornered obstacles then bend at MAX_CORNERS of `Ways`; to see which of
 # them see each other took 44 CPU seconds and 330 MB.
 MAX_HOLES = 200
+STRAIGHT_M = 0.1  # an ab_line that bends by less is straight
 BEYOND_ROW_M, NEAR_M = 0.05, 1e-3
 
 
@@ -78,7 +81,11 @@ def plan_field(area: FieldArea, shape: Footprint, request: PlanRequest) -> Field
         legs = _number(legs, [task for task, _ in working])
     else:
         legs = _number(legs, list(range(len(working))))
-    warnings = (*([area.left_out] if area.left_out else ()), *_describe_left_out(space))
+    warnings = (
+        *([area.left_out] if area.left_out else ()),
+        *_describe_bend(area.ab_line),
+        *_describe_left_out(space),
+    )
     return FieldPlan(legs=tuple(legs), swath_yaw_rad=swath_yaw_rad, warnings=warnings)
 
 
@@ -93,12 +100,35 @@ def _lay_out(
     while True:
         space = FreeSpace(area, shape, request, keep_out, spare_m)
         if area.rows:
+            _check_row_room(area, shape, request)
             return space, *_make_row_tasks(area, clear_m, strips, space)
         swath_yaw_rad, tasks = _make_area_tasks(area, request, space)
         short_m = space.measure_short_m([line for _, variants in tasks for line in variants[0]])
         if short_m == 0.0 or spare_m >= ROUNDING_M:
             return space, swath_yaw_rad, tasks
         spare_m = min(spare_m + short_m + TOUCH_M, ROUNDING_M)
+
+
+def _check_row_room(area: FieldArea, shape: Footprint, request: PlanRequest) -> None:
+    wheels_left_m = [left_m for _, left_m in shape.wheel_xy_body_m]
+    width_m, clear_m = 2.0 * shape.wheel_half_width_m, request.plant_clearance_m
+    check_row_room(area.rows, area.standing, wheels_left_m, width_m, clear_m, shape.machine)
+
+
+def _describe_bend(line: MapLine) -> tuple[str, ...]:
+    """Say that swaths are straight where the line that they are to run along is not."""
+    import shapely
+
+    if len(line) < 3:
+        return ()
+    chord = shapely.LineString((line[0], line[-1]))
+    bent_m = float(np.max(shapely.distance(chord, shapely.points(line))))
+    if bent_m <= STRAIGHT_M:
+        return ()
+    return (
+        f"the ab_line lies up to {bent_m:.2f} m beside the straight line from its first to its "
+        "last point; swaths run straight, along that",
+    )
 
 
 def _describe_left_out(space: FreeSpace) -> tuple[str, ...]:
@@ -156,8 +186,8 @@ def _choose_direction(
     area: FieldArea, request: PlanRequest, work: BaseGeometry
 ) -> tuple[float, float | None]:
     """Direction of the swaths and where across it one of them lies (an AB line), if anywhere."""
-    if len(area.ab_line) == 2:
-        yaw = yaw_rad(area.ab_line[0], area.ab_line[1])
+    if area.ab_line:
+        yaw = yaw_rad(area.ab_line[0], area.ab_line[-1])
         across = rotate(np.array(area.ab_line[:1]), -yaw)[0, 1]
         return yaw, float(across)
     if request.swath_yaw_rad is not None:

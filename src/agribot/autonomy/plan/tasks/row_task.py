@@ -9,12 +9,14 @@ from agribot.autonomy.plan.boustrophedon import plan_home, plan_rows, plan_witho
 from agribot.autonomy.plan.caution import protection_limit_m
 from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.route import Tool
+from agribot.autonomy.plan.row_room import check_row_room
 from agribot.autonomy.plan.rows import lay_rows, list_row_ends
 from agribot.autonomy.plan.saved_mission import PoseTuple, take_pose
 from agribot.autonomy.plan.tasks.surroundings import Surroundings
 from agribot.core.config import FieldConfig, RunConfig
 from agribot.core.messages import Estimate, FloatArray, MapPoint, Path
 from agribot.core.robot import RobotSpec
+from agribot.core.row_shape import row_points_map_m
 
 
 class RowTask:
@@ -27,13 +29,20 @@ class RowTask:
     planning_s = errand_planning_s = 0.0
 
     def __init__(self, config: RunConfig, robot: RobotSpec) -> None:
-        """Lay the rows. Raises: MissionError: they are bent too tightly."""
+        """Lay the rows. Raises: MissionError: they are bent too tightly, or too narrow for it."""
         self.rows = lay_rows(config.field)
         self.tool = Tool(x_m=robot.tool_x_m)
         self.clearance_m = row_clearance_m(config.field, robot)
         self._mission, self._robot = config.mission, robot
         self._around = Surroundings(self.rows, config, robot)
         self._ends = list_row_ends(self.rows)
+        self._check_room()
+
+    def _check_room(self) -> None:
+        lines = [row_points_map_m(row).tolist() for row in self.rows]
+        wheels_left_m = self._robot.wheel_xy_body_m()[:, 1].tolist()
+        width_m, clear_m = self._robot.drive.wheel_width_m, self._mission.plant_clearance_m
+        check_row_room(lines, lines, wheels_left_m, width_m, clear_m, self._robot.name)
 
     def plan(self, here: Estimate) -> Path:
         obstacles = self._around.obstacles
