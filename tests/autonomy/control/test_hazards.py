@@ -167,6 +167,26 @@ def test_an_item_that_is_not_good_holds_the_start_with_its_reason(
     assert states_of(gate)[0] == "held", "under way it is no start any more"
 
 
+def test_a_mission_that_waits_for_long_has_its_list_published_with_what_it_waits_for() -> None:
+    """The refusal of a receiver far from the map stood in the mission's reason alone."""
+    gate = Gate()
+    far = "the receiver is at 52.1, 11.6, 6800 km in a straight line from the map's origin"
+    bad = gate.believed(ok=False, reason="no position yet: waiting for GNSS fixes")
+    published = []
+    for tick in range(round(12.0 / TICK_S)):
+        if tick == round(8.0 / TICK_S):
+            bad = gate.believed(ok=False, reason=far)
+        gate.send(STOP, estimate=bad, state="waiting")
+        if gate.supervisor.gate.checks:
+            published.append((tick * TICK_S, gate.supervisor.gate.checks))
+    assert [t_s for t_s, _ in published] == pytest.approx([5.0, 8.0], abs=0.1)
+    assert states_of(gate)[0] == "standby"
+    wrong = {check.name: check.text for check in published[-1][1] if not check.is_ok}
+    assert wrong["position"] == f"no position: {far}"
+    gate.send()
+    assert all(check.is_ok for check in gate.supervisor.gate.checks)
+
+
 def test_a_mission_after_the_end_of_one_is_checked_anew() -> None:
     gate = Gate().cruise()
     gate.send(STOP, state="done")

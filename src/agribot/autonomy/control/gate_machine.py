@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 from agribot.core.messages import Check, GateState, GateStatus
+
+NUMBERS = re.compile(r"[-\d.]+")
 
 
 class Seen(NamedTuple):
@@ -39,7 +42,10 @@ STATES = (
 
 
 class GateMachine:
-    """Call `step` once a tick; a mission that begins is `checking` until its list is good."""
+    """Call `step` once a tick; a mission that begins is `checking` until its list is good.
+
+    One that waits for something has its list published, too, in `standby`.
+    """
 
     def __init__(self) -> None:
         self.status = GateStatus()
@@ -53,10 +59,10 @@ class GateMachine:
         if state == before.state and not (reason and state != "driving"):
             reason = before.reason
         outcome: tuple[Check, ...] = ()
-        if state in ("checking", "held", "slowed", "driving") and not self.is_started:
-            bad = tuple(check for check in checks if not check.is_ok)
-            is_new = [c.name for c in bad] != [c.name for c in self._checks if not c.is_ok]
-            self.is_started = state != "checking"
+        is_to_start = state in ("checking", "held", "slowed", "driving")
+        if (is_to_start or (state == "standby" and checks)) and not self.is_started:
+            is_new = _name_bad(checks) != _name_bad(self._checks)
+            self.is_started = state not in ("checking", "standby")
             if is_new or not self._checks or self.is_started:
                 outcome = self._checks = checks
         if (state, reason, told, outcome) != (before.state, before.reason, before.told, ()) or (
@@ -83,6 +89,11 @@ class GateMachine:
         if seen.limited:
             return "slowed", seen.limited
         return "driving", _why_driving(self.status, seen, is_started=self.is_started)
+
+
+def _name_bad(checks: tuple[Check, ...]) -> list[tuple[str, str]]:
+    """Name the items that are not good, and why, less the numbers, which change all the time."""
+    return [(check.name, NUMBERS.sub("", check.text)) for check in checks if not check.is_ok]
 
 
 def _why_driving(before: GateStatus, seen: Seen, *, is_started: bool) -> str:

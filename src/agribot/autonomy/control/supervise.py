@@ -38,6 +38,7 @@ from agribot.core.messages import (
 )  # fmt: skip
 from agribot.core.robot import RobotSpec
 
+CHECK_AFTER_S = 5.0  # for which a mission waits, its list before the start is published, too
 SHOWN_EXCESS = 0.01  # m/s or rad/s over a limit, the least for which two decimals differ
 PAUSE_BRAKE_RATIO = 0.5  # of the drive's acceleration, the least braking that a pause must show
 
@@ -73,6 +74,7 @@ class Supervisor:
         self._battery = BatteryWatch(config)
         self._camera = CameraWatch(config)
         self._machine = GateMachine()
+        self._waiting_since_s = math.inf  # on the platform's clock
         self._held_kind = ""  # of the hazard that closed the latch, until it is cleared
         self._accepted: frozenset[str] = frozenset()
         self._cleared_by = ""
@@ -155,10 +157,19 @@ class Supervisor:
         return find_hazard(then, "tool off") is not None
 
     def _step_machine(self, now: Situation, seen: Seen, told: str) -> None:
-        if now.goal.status.state not in ("running", "paused"):
+        if now.goal.status.state not in ("waiting", "running", "paused"):
             self._machine.end_mission()
-        is_starting = not self._machine.is_started and not (seen.idle or seen.stopped)
+        is_to_drive = not (seen.idle or seen.stopped) or self._waits_long(now)
+        is_starting = is_to_drive and not self._machine.is_started
         self._machine.step(seen, told, check_start(now) if is_starting else ())
+
+    def _waits_long(self, now: Situation) -> bool:
+        """Say whether a mission has waited to set off for so long that a person will look why."""
+        t_s = now.batch.t_s
+        if now.goal.status.state != "waiting":
+            self._waiting_since_s = math.inf
+        self._waiting_since_s = min(self._waiting_since_s, t_s)
+        return t_s - self._waiting_since_s > CHECK_AFTER_S
 
     def _ramp_s(self, status: MissionStatus, *, is_by_hand: bool) -> float:
         """Return the time that a ramp has; a negative one demands braking."""
