@@ -12,6 +12,8 @@ import pytest
 from agribot.app.field_work import read_work
 from agribot.app.mission_file import read_mission
 from agribot.autonomy.plan.errand import CAME_TO_BE_CHARGED
+from agribot.autonomy.plan.errand_kind import ErrandKind
+from agribot.autonomy.plan.saved_mission import SavedErrand, SavedMission
 from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.description.loader import load_robot
@@ -23,7 +25,8 @@ from agribot.lab.bench.long_mission import (
     list_parts,
     make_plan,
 )
-from agribot.lab.sweep.execution import Assignment
+from agribot.lab.sweep.execution import Assignment, RunOutcome
+from agribot.record.report import Report
 from tests import nightly
 
 SHORT_KM = 0.02
@@ -128,6 +131,32 @@ def test_a_robot_that_a_whole_charge_brings_nowhere_ends_its_mission(tmp_path: P
     assert not outcome.report.ok
     assert "called by the battery" in outcome.report.reason
     assert len(list_parts(assignment.out_dir)) > 1
+
+
+@pytest.mark.usefixtures("small_field")
+def test_a_robot_that_every_charge_brings_a_little_farther_is_charged_so_often_and_no_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would have been charged for ever."""
+    assignment, driven = assign(tmp_path), 0
+    report = Report(profile="farm", seed=1, sensors="rtk", version="", ok=False, reason="charge")
+
+    def drive(*_: object) -> RunOutcome:
+        nonlocal driven
+        driven += 1
+        return RunOutcome(job=assignment.job, report=report)
+
+    def read(_: Path) -> SavedMission:
+        return SavedMission(
+            task="", state="cancelled", t_s=0.0, planned_from=None, pose=(0.0, 0.0, 0.0),
+            length_m=100.0, s_m=0.001 * driven, row=-1, rows=(),
+            errand=SavedErrand(to=ErrandKind.CHARGE, source="the battery"),
+        )  # fmt: skip
+
+    monkeypatch.setattr(long_mission, "drive_run", drive)
+    monkeypatch.setattr(long_mission, "_read_last", read)
+    assert go_on(assignment, lambda: False) is not None
+    assert driven == 1 + long_mission.MOST_CHARGES
 
 
 def test_a_way_that_no_mission_holds_is_refused(

@@ -38,6 +38,7 @@ MARGIN_M = 0.3
 INSIDE_M = 5.0  # the robot starts so far from two edges
 LEAST_KM = 0.05
 TOLD_EVERY_S = 5.0
+MOST_CHARGES = 100  # of a mission of 100 km at most; a charge carries some 11 km
 FIXED = (
     "world=empty", "field.start_map_m=[0,0]", f"sim.preset={PRESET}", "sim.sensors=rtk",
     "perception.enabled=false", "record.enabled=false",
@@ -84,18 +85,19 @@ def list_jobs(
 def go_on(assignment: Assignment, stop: Stop) -> RunOutcome | None:
     """Drive a mission to its end from where it was cut off, if it was; None where it is again.
 
-    A robot that came home for its battery is charged there, and goes on with its work, unless a
-    whole charge brought it no farther.
+    A robot that came home for its battery is charged there, and goes on with its work, up to
+    MOST_CHARGES times and unless a whole charge brought it no farther.
     """
     come_m = -1.0
-    while True:
+    for _ in range(MOST_CHARGES + 1):
         outcome = drive_run(assignment.job, lambda: _open(assignment), stop)
         saved = _read_last(assignment.out_dir)
         if outcome is None or outcome.report is None or saved is None:
-            return outcome
-        if not _is_home_to_be_charged(saved) or saved.s_m <= come_m:
-            return outcome
+            break
+        if not (_is_home_to_be_charged(saved) and saved.s_m > come_m):
+            break
         come_m = saved.s_m
+    return outcome
 
 
 def _open(assignment: Assignment) -> SimulatedRun:
