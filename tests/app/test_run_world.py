@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
+from agribot.app.run_setup import prepare_run
 from agribot.app.run_world import make_run_world
 from agribot.autonomy.plan.rows import lay_rows
-from agribot.core.config import load
+from agribot.core.config import FieldConfig, load
 from agribot.core.errors import ConfigError
 from agribot.core.messages import PlantClass
 from agribot.core.row_shape import project_on_row, row_length_m
@@ -24,6 +26,7 @@ from agribot.description.conditions import (
     load_condition_preset,
 )
 from agribot.description.loader import load_robot
+from agribot.description.package import find_packaged_or_file, list_world_files
 from agribot.description.worlds_sdf import load_run_world
 
 ROWS = lay_rows(load("rows-10x12").field)
@@ -199,3 +202,44 @@ def test_an_unknown_preset_is_refused_with_the_nearest_name() -> None:
         load_condition_preset("feild")
     with pytest.raises(ConfigError, match="cannot read preset"):
         load_condition_preset("nowhere.toml")
+
+
+def write_world(folder: Path, lat_deg: str, lon_deg: str) -> Path:
+    """The Farm world at another place; at none with empty numbers."""
+    text = find_packaged_or_file("world", "Farm", list_world_files(), (".world",)).read_text()
+    text = re.sub("(<latitude_deg>)[^<]*", rf"\g<1>{lat_deg}", text)
+    text = re.sub("(<longitude_deg>)[^<]*", rf"\g<1>{lon_deg}", text)
+    if not lat_deg:
+        text = re.sub("(?s)<spherical_coordinates>.*</spherical_coordinates>", "", text)
+    path = folder / "far.world"
+    path.write_text(text)
+    return path
+
+
+def settle(world: Path | str, folder: Path, *settings: str) -> FieldConfig:
+    config = load("farm", [f'world="{world}"', *settings])
+    return prepare_run(config, folder / "run").config.field
+
+
+def test_a_run_in_a_world_far_from_its_settings_has_its_map_in_that_world(tmp_path: Path) -> None:
+    """It waited for ever for a receiver within 10 km of the map."""
+    field = settle(write_world(tmp_path, "52.1", "11.6"), tmp_path)
+    assert (field.datum.lat_deg, field.datum.lon_deg) == (52.1, 11.6)
+    assert "far.world, too far from that of the settings" in field.datum_source
+
+
+def test_a_run_in_a_world_near_its_settings_keeps_their_map(tmp_path: Path) -> None:
+    at_home = load("farm").field
+    assert settle("Farm", tmp_path) == at_home
+    near = write_world(tmp_path, f"{at_home.datum.lat_deg + 0.05}", f"{at_home.datum.lon_deg}")
+    assert settle(near, tmp_path) == at_home, "5.5 km away"
+
+
+def test_a_world_that_states_no_place_lies_at_the_datum_of_the_settings(tmp_path: Path) -> None:
+    path = write_world(tmp_path, "", "")
+    field = settle(path, tmp_path)
+    assert field.datum == load("farm").field.datum
+    assert "states none" in field.datum_source
+    config = load("farm", [f'world="{path}"'])
+    moved = msgspec.structs.replace(config, field=field)
+    assert load_run_world(moved).datum == field.datum

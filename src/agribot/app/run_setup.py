@@ -13,6 +13,7 @@ from agribot.app.field_work import read_field_work, read_plan_text
 from agribot.app.known_plants import read_plant_file, read_plants
 from agribot.app.prescribed_zones import read_prescription_file, read_zones
 from agribot.app.robot_stack import build_stack
+from agribot.app.run_world import settle_origin
 from agribot.app.tasks import read_goals
 from agribot.app.whole_job import JobSoFar
 from agribot.app.world_rows import take_world_rows
@@ -79,7 +80,7 @@ def prepare_run(
     """
     if plan_text:
         config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
-    config = take_world_rows(_settle_inputs(config))
+    config = settle_origin(take_world_rows(_settle_inputs(config)))
     described = load_robot(config.robot)
     read_faults(config, has_camera=described.camera is not None, began_s=earlier.sim_s)
     robot = apply_calibration(described, config.calibration)

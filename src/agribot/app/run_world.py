@@ -9,16 +9,18 @@ from typing import NamedTuple
 import msgspec
 
 from agribot.app.calibration.measured_robot import apply_calibration
+from agribot.autonomy.estimate.gnss import MAX_FROM_DATUM_M
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import CalibrationConfig, RunConfig
-from agribot.core.geo import rotation_from_rpy, rpy_from_rotation
+from agribot.core.geo import Datum, MapFrame, rotation_from_rpy, rpy_from_rotation
 from agribot.core.messages import PlantClass, Row
+from agribot.core.platforms import find_platform
 from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.description.altered_world import alter_world
 from agribot.description.conditions import Conditions, draw_conditions, load_condition_preset
 from agribot.description.sowing import leave_out_crop
-from agribot.description.worlds_sdf import load_run_world
+from agribot.description.worlds_sdf import load_place, load_run_world
 from agribot.sim.faults.schedule import parse_fault
 from agribot.sim.random_streams import make_stream
 
@@ -55,6 +57,30 @@ def make_run_world(config: RunConfig) -> RunWorld:
     sown = alter_world(world, rows, preset, drawn, config.seed)
     true_rows = [drawn.find_true_row(row) for row in rows]
     return RunWorld(_leave_out_crop(sown, true_rows, config), drawn)
+
+
+def settle_origin(config: RunConfig) -> RunConfig:
+    """Put the map of a simulated run where its world is, if its datum is too far away to drive.
+
+    A world whose file says no place is put at the datum. A chosen origin is left as it is.
+    Raises: DescriptionError: no such world.
+    """
+    field = config.field
+    if field.datum_source or not find_platform(config.platform).is_simulated:
+        return config
+    place = load_place(config.world)
+    if place is None:
+        source, place = f"the settings; world {config.world} states none", field.datum
+    elif _measure_apart_m(field.datum, place) > MAX_FROM_DATUM_M:
+        source = f"the place of world {config.world}, too far from that of the settings"
+    else:
+        return config
+    field = msgspec.structs.replace(field, datum=place, datum_source=source)
+    return msgspec.structs.replace(config, field=field)
+
+
+def _measure_apart_m(one: Datum, other: Datum) -> float:
+    return math.hypot(*MapFrame(one).map_from_geodetic(other.lat_deg, other.lon_deg, one.alt_m))
 
 
 def _leave_out_crop(world: WorldSpec, rows: Sequence[Row], config: RunConfig) -> WorldSpec:

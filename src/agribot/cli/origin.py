@@ -60,9 +60,9 @@ def apply_origin(config: RunConfig, options: argparse.Namespace, *, is_stated: b
         if is_real and source.startswith(FIRST_FIX):
             _keep_first_fix(datum)
         return _move(config, datum, source)
-    if is_stated or not is_real:
-        return config
-    return _move_to_first_fix(config, options)
+    if not is_real:
+        return _move_to_world(config)
+    return config if is_stated else _move_to_first_fix(config, options)
 
 
 def _move(config: RunConfig, datum: Datum, source: str, remark: str = "") -> RunConfig:
@@ -70,6 +70,16 @@ def _move(config: RunConfig, datum: Datum, source: str, remark: str = "") -> Run
     place = f"{datum.lat_deg:.7f}, {datum.lon_deg:.7f}, {datum.alt_m:.2f} m"
     sys.stderr.write(f"origin of the map: {place} ({source}{remark})\n")
     return msgspec.structs.replace(config, field=field)
+
+
+def _move_to_world(config: RunConfig) -> RunConfig:
+    """Put the map of a simulated run where its world is, if that is far away."""
+    from agribot.app.run_world import settle_origin
+
+    field = settle_origin(config).field
+    if field.datum_source == config.field.datum_source:
+        return config
+    return _move(config, field.datum, field.datum_source)
 
 
 def _move_to_first_fix(config: RunConfig, options: argparse.Namespace) -> RunConfig:

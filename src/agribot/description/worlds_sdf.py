@@ -11,6 +11,7 @@ import numpy as np
 
 from agribot.core.config import RunConfig
 from agribot.core.errors import DescriptionError
+from agribot.core.geo import Datum
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.robot import Shape
 from agribot.core.world import HeightField, Obstacle, Plant, WorldSpec
@@ -75,6 +76,15 @@ def load_run_world(config: RunConfig) -> WorldSpec:
     return msgspec.structs.replace(world, datum=config.field.datum)
 
 
+def load_place(name_or_path: str) -> Datum | None:
+    """Read where on Earth a world is; None where its file does not say.
+
+    Raises: DescriptionError: unknown name, or a broken file.
+    """
+    path = _find_world_file(name_or_path)
+    return _WorldReader(path, SourceFile(path.name)).place
+
+
 def check_world(name_or_path: str) -> tuple[FileFinding, ...]:
     """List all errors and problems of a world file, in the order of its lines.
 
@@ -116,6 +126,10 @@ class _WorldReader:
         self._stand_ins: set[str] = set()
         self._taken: list[tuple[PlacedModel, ModelParts]] = []
         self._weeds: list[tuple[float, float, NamedPlant]] = []
+
+    @property
+    def place(self) -> Datum | None:
+        return self._header.datum if self._header.is_placed else None
 
     def read(self, seed: int, weed_density_per_m2: float | None) -> WorldSpec:
         placing = WorldModels(self._world, self._source, self._library, self._map_from_world)
