@@ -206,7 +206,9 @@ def test_an_unknown_preset_is_refused_with_the_nearest_name() -> None:
 
 def write_world(folder: Path, lat_deg: str, lon_deg: str) -> Path:
     """The Farm world at another place; at none with empty numbers."""
-    text = find_packaged_or_file("world", "Farm", list_world_files(), (".world",)).read_text()
+    text = find_packaged_or_file(
+        "world", "Farm", list_world_files(), (".world", ".sdf")
+    ).read_text()
     text = re.sub("(<latitude_deg>)[^<]*", rf"\g<1>{lat_deg}", text)
     text = re.sub("(<longitude_deg>)[^<]*", rf"\g<1>{lon_deg}", text)
     if not lat_deg:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray
@@ -21,7 +22,7 @@ class DrawnField(NamedTuple):
     """A GeoJSON text, and the ground in the map on which a robot may be."""
 
     text: str
-    ground: shapely.Geometry
+    ground: BaseGeometry
 
 
 def draw_field(rng: np.random.Generator) -> DrawnField:

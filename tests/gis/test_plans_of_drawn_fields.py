@@ -9,6 +9,7 @@ from typing import get_args
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 import pytest
 import shapely
 
@@ -51,7 +52,7 @@ def list_poses(plan: FieldPlan) -> FloatArray:
     return np.array(poses)
 
 
-def draw_robots(poses: FloatArray, shape: Footprint) -> Sequence[shapely.Polygon]:
+def draw_robots(poses: FloatArray, shape: Footprint) -> npt.NDArray[np.object_]:
     corners = np.array(
         [(x_m, y_m)
          for x_m, side in ((shape.front_m, 1), (-shape.rear_m, -1))
@@ -60,8 +61,7 @@ def draw_robots(poses: FloatArray, shape: Footprint) -> Sequence[shapely.Polygon
     cos, sin = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
     x_m = poses[:, :1] + cos * corners[:, 0] - sin * corners[:, 1]
     y_m = poses[:, 1:2] + sin * corners[:, 0] + cos * corners[:, 1]
-    robots: Sequence[shapely.Polygon] = shapely.polygons(np.stack([x_m, y_m], axis=2))
-    return robots
+    return np.asarray(shapely.polygons(np.stack([x_m, y_m], axis=2)))
 
 
 def measure_margin_m(plan: FieldPlan, drawn: DrawnField, shape: Footprint) -> float:

@@ -37,7 +37,7 @@ def find_shortest_m(space: FreeSpace, start: MapPoint, end: MapPoint) -> float:
     """Floyd and Warshall over all corners, whatever way the outline leads there."""
     places = np.concatenate([[start, end], shapely.get_coordinates(space.region)])
     first, second = np.triu_indices(len(places), 1)
-    lines = shapely.linestrings(np.stack([places[first], places[second]], axis=1))
+    lines = np.asarray(shapely.linestrings(np.stack([places[first], places[second]], axis=1)))
     length_m: FloatArray = np.full((len(places), len(places)), math.inf)
     is_seen = shapely.covers(space.drivable, lines)
     length_m[first[is_seen], second[is_seen]] = shapely.length(lines[is_seen])

@@ -105,7 +105,7 @@ def _shape_of(feature: dict[str, Any], kind: str, frame: MapFrame) -> Any:
     if far is not None:
         raise _Fault(f"farther than {MAX_DISTANCE_M / 1e3:g} km from the field's origin", far)
     shape = shapely.transform(lonlat, lambda points: _in_map(points, frame))
-    cleaned = clean_area(shape) if shape.geom_type == "Polygon" else shape
+    cleaned = clean_area(shape) if isinstance(shape, shapely.Polygon) else shape
     if cleaned is None or not cleaned.is_valid:
         text = shapely.is_valid_reason(shape).lower().split("[")[0]
         raise _Fault(text, _fault_place(shape))

@@ -136,8 +136,8 @@ def _keep_off(ground: BaseGeometry, by_m: float, outline: _Outline) -> BaseGeome
     shapely.prepare(edge)
     drawn_m = by_m
     for _ in range(MAX_REDRAWN):
-        drawn = ground.buffer(drawn_m, quad_segs=outline.quarter_segments)
-        drawn = drawn.simplify(outline.simplify_m)
+        rounded = ground.buffer(drawn_m, quad_segs=outline.quarter_segments)
+        drawn = rounded.simplify(outline.simplify_m)
         short_m = 0.0 if drawn.is_empty else abs(by_m) - float(edge.distance(drawn.boundary))
         if short_m <= TOUCH_M / 2.0:
             break

@@ -153,7 +153,7 @@ class _Corners(NamedTuple):
     after: FloatArray
     is_exact: bool = True
 
-    def is_tangent(self, at: IndexArray, starts: FloatArray) -> FloatArray:
+    def is_tangent(self, at: IndexArray, starts: FloatArray) -> npt.NDArray[np.bool_]:
         """Say for corners (M,) whether the line from a start (M, 2) has the outline on one side.
 
         A shortest way comes to its bends so.
