@@ -138,7 +138,7 @@ BAD = {
         "are in http://a/25832; convert it"),
     "other coordinates in a word": ({**field(), "crs": "EPSG:25832"}, "are in EPSG:25832"),
     "ab lines": (bad(lambda f: f.append(line([(0, 1), (3, 1)], "ab_line"))),
-                 "2 lines of kind 'ab_line'"),
+                 "has 2 A-B lines: 'line 1', 'line 2'; choose one"),
     "ab ring": (bad(lambda f: f.__setitem__(3, line([(0, 1), (9, 1), (0, 1)], "ab_line"))),
                 "ab_line ends where it begins, at latitude 52"),
     "all pond": (bad(lambda f: f.append(polygon([(-1, -1), (31, -1), (31, 21), (-1, 21)],
