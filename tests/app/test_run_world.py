@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from agribot.app.run_setup import prepare_run
-from agribot.app.run_world import make_run_world
+from agribot.app.run_world import make_run_world, settle_origin
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig, load
 from agribot.core.errors import ConfigError
+from agribot.core.geo import Datum
 from agribot.core.messages import PlantClass
 from agribot.core.row_shape import project_on_row, row_length_m
 from agribot.core.world import WorldSpec
@@ -200,7 +201,7 @@ def test_a_preset_file_that_cannot_be_is_refused_with_its_reason(
 def test_an_unknown_preset_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(ConfigError, match=r"unknown preset .feild.*field"):
         load_condition_preset("feild")
-    with pytest.raises(ConfigError, match="cannot read preset"):
+    with pytest.raises(ConfigError, match=r"cannot read nowhere\.toml"):
         load_condition_preset("nowhere.toml")
 
 
@@ -227,14 +228,18 @@ def test_a_run_in_a_world_far_from_its_settings_has_its_map_in_that_world(tmp_pa
     """It waited for ever for a receiver within 10 km of the map."""
     field = settle(write_world(tmp_path, "52.1", "11.6"), tmp_path)
     assert (field.datum.lat_deg, field.datum.lon_deg) == (52.1, 11.6)
-    assert "far.world, too far from that of the settings" in field.datum_source
 
 
-def test_a_run_in_a_world_near_its_settings_keeps_their_map(tmp_path: Path) -> None:
-    at_home = load("farm").field
-    assert settle("Farm", tmp_path) == at_home
-    near = write_world(tmp_path, f"{at_home.datum.lat_deg + 0.05}", f"{at_home.datum.lon_deg}")
-    assert settle(near, tmp_path) == at_home, "5.5 km away"
+def test_a_run_in_the_world_of_its_profile_keeps_the_settings(tmp_path: Path) -> None:
+    assert settle("Farm", tmp_path) == load("farm").field
+
+
+def test_settings_that_lie_too_far_from_their_world_are_moved_there() -> None:
+    far = msgspec.structs.replace(load("farm").field, datum=Datum(lat_deg=52.1, lon_deg=11.6))
+    config = msgspec.structs.replace(load("farm"), field=far)
+    field = settle_origin(config).field
+    assert field.datum == load_run_world(load("farm")).datum
+    assert "world Farm, too far from that of the settings" in field.datum_source
 
 
 def test_a_world_that_states_no_place_lies_at_the_datum_of_the_settings(tmp_path: Path) -> None:

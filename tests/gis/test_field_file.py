@@ -188,7 +188,7 @@ def test_a_field_as_people_draw_it_is_the_ground_that_they_meant(name: str, tmp_
     """Each of these was refused, with "put its corners in order" or "lies outside"."""
     tree, ground_m2 = AS_DRAWN[name]
     area, _ = read_field(written(tree, tmp_path), HERE)
-    assert area_m2(area) == pytest.approx(ground_m2, abs=0.02)
+    assert area_m2(area) == pytest.approx(ground_m2, abs=0.05)
     assert shapely.Polygon(area.boundary, area.holes).is_valid
     assert not area.left_out
 

@@ -41,9 +41,13 @@ def clean_ground(
         areas.append(_clean_ring(ring, name, frame))
         _check_inside(areas[-1], outer, name, frame)
     joined = [shapely.Polygon(area.exterior) for area in list_areas(shapely.union_all(areas))]
-    inside = [area for area in joined if outer.contains_properly(area)]
-    across = [area for area in joined if not outer.contains_properly(area)]
-    ground = outer.difference(shapely.union_all(across)) if across else outer
+    within = outer.buffer(-TOUCH_M)
+    inside = [area for area in joined if within.covers(area)]
+    across = [area for area in joined if not within.covers(area)]
+    taken = shapely.union_all(across)
+    # A sliver between an obstacle and the edge is no ground.
+    slivers = taken.buffer(TOUCH_M, join_style="mitre").difference(within)
+    ground = outer.difference(taken.union(slivers)) if across else outer
     parts = sorted(list_areas(ground), key=lambda part: -part.area)
     if not parts:
         raise MissionError(f"{source_name}: the obstacles leave nothing of the field")
