@@ -52,7 +52,7 @@ def kill_a_run(out: Path, after_s: float) -> Killed:
         ran_s=ran_s,
         kept_s=ticks[-1].batch.t_s if ticks else 0.0,
         recovered=saved.messages,
-        notes=read_info(out / "saved.mcap").notes,
+        notes=(*read_info(out / "saved.mcap").notes, *read_info(out / "saved.mcap").damage),
     )
 
 

@@ -17,7 +17,7 @@ from agribot.core import topics
 from agribot.core.config import RecordConfig, load
 from agribot.core.messages import TickRecord
 from agribot.record.bag.info import read_info
-from agribot.record.mcap_file import part_number
+from agribot.record.mcap_records import read_part_number
 from agribot.record.recorder import RunRecorder
 from agribot.record.recovery import recover
 from agribot.record.replay import read_config, read_ticks, read_weed_map
@@ -92,14 +92,15 @@ def test_a_cut_file_is_recovered_up_to_the_cut(
     whole = run.read_bytes()
     cut.write_bytes(whole[: len(whole) // 2])
     kept = [samples.without_frames(tick) for tick in read_ticks(cut)]
-    assert any("ends in the middle" in note for note in read_info(cut).notes)
+    assert any("ends in the middle" in note for note in read_info(cut).damage)
     assert main(["record", "recover", str(cut), "--json"]) == 0
     result = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert not result["was_whole"]
     assert result["lost_bytes"] > 0
     saved = tmp_path / "cut-recovered.mcap"
     assert [samples.without_frames(tick) for tick in read_ticks(saved)] == kept
-    assert read_info(saved).notes == ()
+    info = read_info(saved)
+    assert (info.notes, info.damage) == ((), ())
     assert main(["record", "recover", str(cut)]) == 2
     assert "exists already" in capsys.readouterr().err
 
@@ -139,7 +140,7 @@ def test_a_recording_without_a_sound_message_counts_as_not_recovered(
     assert "cut-recovered.mcap: 0 messages" in said.out
 
 
-def _record(path: Path, limits: list[str], records: list[TickRecord]) -> RunRecorder:
+def record_run(path: Path, limits: list[str], records: list[TickRecord]) -> RunRecorder:
     config = load("farm", limits)
     recorder = RunRecorder(path, config, samples.robot(), samples.URDF, samples.plan())
     for record in records:
@@ -150,12 +151,12 @@ def _record(path: Path, limits: list[str], records: list[TickRecord]) -> RunReco
 
 def test_a_long_recording_goes_on_in_further_files(tmp_path: Path) -> None:
     records = samples.ticks(400, seed=4)
-    _record(tmp_path / "run.mcap", ["record.max_file_mb=0.2"], records)
+    record_run(tmp_path / "run.mcap", ["record.max_file_mb=0.2"], records)
     parts = sorted(tmp_path.iterdir())
     assert len(parts) >= 3
-    assert [part_number(part) for part in sorted(parts, key=lambda p: (len(p.name), p.name))] == [
-        *range(len(parts))
-    ]
+    assert [
+        read_part_number(part) for part in sorted(parts, key=lambda p: (len(p.name), p.name))
+    ] == [*range(len(parts))]
     assert list(read_ticks(tmp_path / "run.mcap")) == records
     for part in parts:
         counts = {topic.name: topic.count for topic in read_info(part).topics}
@@ -167,7 +168,7 @@ def test_a_long_recording_goes_on_in_further_files(tmp_path: Path) -> None:
 
 def test_the_oldest_files_go_when_the_recording_grows_too_large(tmp_path: Path) -> None:
     records = samples.ticks(600, seed=4)
-    recorder = _record(
+    recorder = record_run(
         tmp_path / "run.mcap", ["record.max_file_mb=0.1", "record.max_total_mb=0.4"], records
     )
     assert recorder.ended_because == ""
@@ -189,7 +190,7 @@ def test_a_full_disk_ends_the_recording_but_not_the_run(
 
     monkeypatch.setattr("agribot.record.parts.shutil.disk_usage", shrinking)
     records = samples.ticks(300, seed=4)
-    recorder = _record(tmp_path / "run.mcap", [], records)
+    recorder = record_run(tmp_path / "run.mcap", [], records)
     assert "only 199 MB are left on the disk" in recorder.ended_because
     kept = list(read_ticks(tmp_path / "run.mcap"))
     assert 0 < len(kept) < len(records)
@@ -197,9 +198,9 @@ def test_a_full_disk_ends_the_recording_but_not_the_run(
 
 
 def test_parts_of_an_earlier_run_are_not_taken_for_those_of_this_one(tmp_path: Path) -> None:
-    _record(tmp_path / "run.mcap", ["record.max_file_mb=0.1"], samples.ticks(300, seed=4))
+    record_run(tmp_path / "run.mcap", ["record.max_file_mb=0.1"], samples.ticks(300, seed=4))
     again = samples.ticks(60, seed=5)
-    _record(tmp_path / "run.mcap", [], again)
+    record_run(tmp_path / "run.mcap", [], again)
     assert list(read_ticks(tmp_path / "run.mcap")) == again
 
 

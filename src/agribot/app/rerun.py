@@ -33,7 +33,8 @@ from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig, assign, drop_none, from_tree
 from agribot.core.errors import EndOfRecording, RecordingError
 from agribot.core.messages import STOP, MappedPlant, MapPoint, PlantClass, TickRecord
-from agribot.record.mcap_file import part_number, read_attachment
+from agribot.record.mcap_file import read_attachment
+from agribot.record.mcap_records import read_part_number
 from agribot.record.replay import (
     ReplayPlatform,
     find_late_plans,
@@ -100,7 +101,7 @@ def read_pass(path: Path) -> list[TickRecord]:
 
     Raises: RecordingError: no ticks, or a part that does not begin at the beginning.
     """
-    number = part_number(path)
+    number = read_part_number(path)
     if number:
         raise RecordingError(
             f"{path} is part {number} of a longer recording and begins in its middle; the stack "

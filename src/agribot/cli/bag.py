@@ -81,7 +81,7 @@ def _show_info(options: argparse.Namespace) -> int:
         sys.stdout.write(msgspec.json.encode(info).decode() + "\n")
     else:
         sys.stdout.write(format_info(info))
-    return 0
+    return 1 if info.has_gaps else 0
 
 
 def _convert(options: argparse.Namespace) -> int:

@@ -9,9 +9,13 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from agribot.core.version import __version__
+
+if TYPE_CHECKING:
+    from agribot.record.damage import Damage
 
 # name -> (module, one line of help, an example)
 COMMANDS = {
@@ -228,4 +232,18 @@ def _run(arguments: list[str], wanted: str) -> int:
         if name == wanted:  # only the wanted command is imported: --help stays quick
             importlib.import_module(module_name).add_arguments(command)
     options = parser.parse_args(arguments)
-    return int(importlib.import_module(COMMANDS[options.command][0]).run(options))
+    return _note_damage(
+        lambda: int(importlib.import_module(COMMANDS[options.command][0]).run(options))
+    )
+
+
+def _note_damage(run: Callable[[], int]) -> int:
+    """Run a command and name what is damaged in its recordings; 1 where it lacked some of them."""
+    from agribot.record.damage import collect_damage
+
+    def note(damage: Damage) -> None:
+        sys.stderr.write(f"note: {damage.describe()}\n")
+
+    with collect_damage(note) as found:
+        status = run()
+    return status or int(any(damage.is_gap for damage in found))

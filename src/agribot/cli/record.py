@@ -1,4 +1,4 @@
-"""`agribot record`: mend recordings; begin, end and mark those of a running robot."""
+"""`agribot record`: repair recordings; begin, end and mark those of a running robot."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     saving = actions.add_parser(
         "recover",
-        help="make a whole file of a recording that was cut off or has no index",
-        description="Make a whole file of a recording that was cut off or has no index.",
+        help="make a whole file of a recording that was cut off, is damaged or has no index",
+        description="Make a whole file of a recording that was cut off, is damaged or has no "
+        "index; exit status 1 where messages or files of its middle are missing.",
         epilog="example: agribot record recover runs/first/run.mcap",
     )
     saving.add_argument("recording", type=Path, metavar="FILE.mcap")
@@ -68,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
         info = read_info(options.recording)
         text = msgspec.json.encode(info).decode() + "\n" if options.json else format_info(info)
         sys.stdout.write(text)
-        return 0
+        return 1 if info.has_gaps else 0
     source: Path = options.recording
     target = options.out or source.with_name(f"{source.stem}-recovered.mcap")
     check_ending("-o", target, "an MCAP recording", ".mcap")
@@ -78,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     )
     if not saved.messages:
         sys.stderr.write(f"{source}: no message of it was sound: no drive was recovered\n")
-    return 0 if saved.messages else 1
+    return 0 if saved.messages and not saved.has_gaps else 1
 
 
 def _send_to_robot(options: argparse.Namespace) -> int:
@@ -101,8 +102,9 @@ def _send_to_robot(options: argparse.Namespace) -> int:
 
 
 def _format_recovery(saved: Recovery) -> str:
-    lost = "" if saved.was_whole else f"; {saved.lost_bytes} bytes at the end were damaged"
-    return (
+    lines = [
         f"{saved.path}: {saved.messages} messages on {saved.topics} topics, "
-        f"{saved.duration_s:.2f} s, {saved.files} files inside{lost}\n"
-    )
+        f"{saved.duration_s:.2f} s, {saved.files} files inside",
+        *(f"note: {damage}" for damage in saved.damage),
+    ]
+    return "\n".join(lines) + "\n"

@@ -67,9 +67,11 @@ def _try_check(path: Path) -> dict[str, Any]:
 
 def _check(path: Path) -> dict[str, Any]:
     from agribot.app.rerun import compare_passes, read_pass, rerun
+    from agribot.record.mcap_file import check_whole
     from agribot.record.replay import read_config
 
     recorded = read_pass(path)
+    check_whole(path)
     replayed, _ = rerun(path, read_config(path))
     first = compare_passes(recorded, replayed).first
     return {"ticks": len(recorded), "identical": first is None, "first_difference": first}

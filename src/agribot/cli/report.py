@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import AgribotError, RecordingError
 from agribot.core.messages import Row
 from agribot.core.platforms import find_platform
-from agribot.record.events import EventLog
+from agribot.record.events import Event, EventLog
 from agribot.record.report import Report
 from agribot.record.series import RunData, SeriesTap
 
@@ -65,19 +66,28 @@ def _read_job(recording: Path, out: Path, report: Report) -> RunData:
     from agribot.app.run_recording import PLAN_ATTACHMENT
     from agribot.app.run_world import make_run_world
     from agribot.app.whole_job import events_later, events_of, plants_later, series_of
-    from agribot.record.mcap_file import read_attachment
-    from agribot.record.replay import read_config, read_ticks, read_truth, read_weed_map
+    from agribot.record.mcap_file import read_attachment_unless_damaged
+    from agribot.record.replay import (
+        read_config,
+        read_gaps,
+        read_ticks,
+        read_truth,
+        read_weed_map_unless_damaged,
+    )
 
     config = read_config(recording)
     series, events = SeriesTap(), EventLog(out / "events.jsonl")
     plans = TakenPlans()
-    plan = read_attachment(recording, PLAN_ATTACHMENT).decode() if config.plan else ""
+    taken = read_attachment_unless_damaged(recording, PLAN_ATTACHMENT) if config.plan else None
+    plan = (taken or b"").decode()
     for record in read_ticks(recording):
         series(record)
         events(record)
         plan = plans.find(record) or plan
     for t_s, x_m, y_m, yaw_rad in read_truth(recording):
         series.truth(t_s, (x_m, y_m, yaw_rad))
+    for gap in read_gaps(recording):
+        events.add(gap)
     events.close()
     earlier = report.job.runs[:-1] if report.job else ()
     beside = recording.resolve().parent
@@ -90,21 +100,26 @@ def _read_job(recording: Path, out: Path, report: Report) -> RunData:
         config=config,
         series=joint,
         rows=_read_rows(plan, config, recording),
-        plants=plants_later(read_weed_map(recording), began_s),
-        events=(*earlier_events, *events_later(events.events, began_s)),
+        plants=plants_later(read_weed_map_unless_damaged(recording), began_s),
+        events=(*earlier_events, *events_later(_sort_by_time(events.events), began_s)),
         world=make_run_world(config).world if find_platform(config.platform).is_simulated else None,
         zones=_read_zones(recording, config),
     )
 
 
+def _sort_by_time(events: Iterable[Event]) -> list[Event]:
+    return sorted(events, key=lambda event: event.t_s)
+
+
 def _read_zones(recording: Path, config: RunConfig) -> ZoneMap | None:
     from agribot.app.prescribed_zones import read_zones
     from agribot.app.run_recording import PRESCRIPTION_ATTACHMENT
-    from agribot.record.mcap_file import read_attachment
+    from agribot.record.mcap_file import read_attachment_unless_damaged
 
     if not config.treatment.prescription:
         return None
-    return read_zones(read_attachment(recording, PRESCRIPTION_ATTACHMENT), config, None)
+    data = read_attachment_unless_damaged(recording, PRESCRIPTION_ATTACHMENT)
+    return None if data is None else read_zones(data, config, None)
 
 
 def _read_rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]:
@@ -115,7 +130,7 @@ def _read_rows(plan: str, config: RunConfig, recording: Path) -> tuple[Row, ...]
     if plan:
         robot = parse_robot(read_urdf(recording), recording.name)
         return read_work(plan, "the recorded plan", config, robot).rows
-    is_told = not config.waypoints and config.task == "rows"
+    is_told = not (config.waypoints or config.plan) and config.task == "rows"
     return () if not is_told else lay_rows(config.field)
 
 

@@ -38,6 +38,7 @@ EventKind = Literal[
     "gate",
     "check",
     "injected",
+    "lost",
     "truth",
 ]
 
@@ -60,6 +61,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     gate      the supervisor's state changed: "driving -> held: why"
     check     what the list before the start of a mission found
     truth     what only the simulator knows: a crop was crushed, a person was touched
+    lost      the recording is damaged: what happened from then on for a while is not known
     injected  a fault of the simulator began or ended, which the robot itself is not told
     """
 

@@ -49,6 +49,7 @@ class ForeignData(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     tracks: tuple[PlotLine, ...]
     missing: tuple[str, ...]
     notes: tuple[str, ...]
+    damage: tuple[str, ...]
     duration_s: float
     messages: int
 
@@ -153,6 +154,7 @@ def _make_data(bag: Bag, collector: _Collector, duration_s: float) -> ForeignDat
         tracks=tracks,
         missing=tuple(missing),
         notes=tuple(bag.notes),
+        damage=tuple(damage.describe() for damage in bag.damage),
         duration_s=duration_s,
         messages=bag.count,
     )

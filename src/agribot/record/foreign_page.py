@@ -74,6 +74,7 @@ def _summarise(recording: Path, data: ForeignData) -> dict[str, object]:
         "track": sources(data.tracks),
         "missing": list(data.missing),
         "notes": list(data.notes),
+        "damage": list(data.damage),
     }
 
 
@@ -132,7 +133,9 @@ def _render_page(
         for key, figure in figures.items()
         if figure is not None
     )
-    words = [f"Missing: {what}." for what in data.missing] + [f"{n}." for n in data.notes]
+    words = [f"Missing: {what}." for what in data.missing] + [
+        f"{note}." for note in (*data.damage, *data.notes)
+    ]
     listed = "".join(f"<li>{escape(word)}</li>" for word in words)
     missing = f"<h2>What is missing</h2>\n<ul>{listed}</ul>" if words else ""
     return (

@@ -7,16 +7,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mcap.records import Attachment, Channel, Header, Message, Metadata
+from mcap.records import Attachment, Channel, Header, Message
 from mcap.writer import CompressionType, Writer
 
 from agribot.core.errors import RecordingError
 from agribot.core.topics import Qos, Topic
 from agribot.record.background_file import BackgroundFile
-from agribot.record.mcap_records import McapRecords, list_parts
+from agribot.record.damage import Damage, warn_of
+from agribot.record.mcap_records import LIBRARY, McapRecords, read_parts
 from agribot.ros.messages.rosmsg import load_types
 
-LIBRARY = "agribot"
 MSGPACK_SCHEMA = "agribot.TickRecord"
 
 
@@ -134,13 +134,32 @@ def format_qos(qos: Qos) -> str:
 
 
 def read_records(path: Path) -> Iterator[Any]:
-    """Read channels, messages and attachments in file order, up to the first incomplete record.
+    """Read channels, messages and attachments in file order, and go on behind damage.
 
-    A robot that lost power leaves a file without its end: everything before the cut is read.
-    Further parts of the recording follow. Raises: RecordingError: no such file, or no MCAP file.
+    Warns of it (`DamagedRecording`). A robot that lost power leaves a file without its end:
+    everything before the cut is read. Further parts of the recording follow.
+    Raises: RecordingError: no such file, or no MCAP file.
     """
-    for part in list_parts(path):
-        yield from McapRecords(part)
+    for record in read_parts(path):
+        if isinstance(record, Damage):
+            warn_of([record])
+        else:
+            yield record
+
+
+def find_damage(path: Path) -> tuple[Damage, ...]:
+    """Find what is damaged in a recording of ours and its further parts, or missing of them."""
+    return tuple(read_parts(path, McapRecords.find_damage))
+
+
+def check_whole(path: Path) -> None:
+    """Refuse a recording of which messages or files are missing.
+
+    Raises: RecordingError: it cannot stand for the whole drive.
+    """
+    lost = [damage.describe() for damage in find_damage(path) if damage.is_loss]
+    if lost:
+        raise RecordingError(f"{path} cannot be checked: {'; '.join(lost)}")
 
 
 def read_messages(path: Path, topic: Topic) -> Iterator[Message]:
@@ -160,18 +179,25 @@ def read_attachment(path: Path, name: str) -> bytes:
 
     Raises: RecordingError: the recording has no attachment of this name.
     """
-    for record in read_records(path):
+    damage: list[Damage] = []
+    for record in read_parts(path, McapRecords.iterate_outer):
         if isinstance(record, Attachment) and record.name == name:
             return bytes(record.data)
-    raise RecordingError(f"{path} has no attachment '{name}'; was it recorded by AGRIBOT?")
+        if isinstance(record, Damage):
+            damage.append(record)
+    warn_of(damage)
+    why = "; it is damaged" if damage else "; was it recorded by AGRIBOT?"
+    raise RecordingError(f"{path} has no attachment '{name}'{why}")
 
 
-def part_number(path: Path) -> int:
-    """Read the number of a part: 0 for a whole recording or its first part.
+def read_attachment_unless_damaged(path: Path, name: str) -> bytes | None:
+    """Read a file inside the recording; None where it is lost in damage, which is warned of.
 
-    Raises: RecordingError: no MCAP file.
+    Raises: RecordingError: a sound recording without it.
     """
-    for record in McapRecords(path):
-        if isinstance(record, Metadata) and record.name == LIBRARY:
-            return int(record.metadata.get("part", "0"))
-    return 0
+    try:
+        return read_attachment(path, name)
+    except RecordingError:
+        if not any(damage.is_loss for damage in find_damage(path)):
+            raise
+        return None

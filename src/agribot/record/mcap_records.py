@@ -1,31 +1,26 @@
-"""The records of an MCAP file in file order, up to wherever it was cut."""
+"""The records of an MCAP file in file order, with what is damaged between them."""
 
 from __future__ import annotations
 
-import io
+import glob
 import re
-import struct
-import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import IO, Any
 
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema
-from mcap.stream_reader import breakup_chunk
+import msgspec
+from mcap.records import Chunk, Metadata
 
 from agribot.core.errors import RecordingError
+from agribot.record.damage import Damage
+from agribot.record.mcap_parsing import MAGIC, Summary, break_up, read_summary
+from agribot.record.mcap_tally import Tally
+from agribot.record.mcap_walk import Hole, McapWalk
 
-MAGIC = b"\x89MCAP0\r\n"
+LIBRARY = "agribot"
+LOST = "agribot.lost"  # the metadata record of messages that a recovered file lacks
+_RECOVERED = "recovered from a damaged recording: "
 _NUMBERED = re.compile(r"(.*)-(\d{4,})")
-_RECORD_HEAD = struct.Struct("<BQ")
-_PLAIN: dict[int, Any] = {
-    Opcode.HEADER: Header,
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.METADATA: Metadata,
-}
 
 
 def part_path(first: Path, number: int) -> Path:
@@ -34,73 +29,148 @@ def part_path(first: Path, number: int) -> Path:
 
 def list_parts(path: Path) -> list[Path]:
     """List the given part of a recording and all that follow it: run.mcap, run-0001.mcap, ..."""
-    found = _NUMBERED.fullmatch(path.stem)
-    first, number = path, 0
-    if found is not None:
-        first, number = path.with_name(found[1] + path.suffix), int(found[2])
+    first, number = _find_first(path)
     parts = [path]
     while (following := part_path(first, number := number + 1)).exists():
         parts.append(following)
     return parts
 
 
-class McapRecords:
-    """Iterate for Header, Schema, Channel, Message, Attachment and Metadata records.
+def _find_first(path: Path) -> tuple[Path, int]:
+    """Find the path of the first part, and the number of this one."""
+    found = _NUMBERED.fullmatch(path.stem)
+    if found is None:
+        return path, 0
+    return path.with_name(found[1] + path.suffix), int(found[2])
 
-    After the last one `is_whole` says whether the data ended as it should, `good_bytes` up to
-    which byte it was sound. Raises: RecordingError: no such file, or it is no MCAP file.
+
+def list_later_parts(path: Path) -> list[tuple[int, Path]]:
+    """List the parts behind a missing one, with their numbers."""
+    first, number = _find_first(path)
+    last = number + len(list_parts(path)) - 1
+    found = []
+    for other in first.parent.glob(f"{glob.escape(first.stem)}-*{first.suffix}"):
+        _, other_number = _find_first(other)
+        if other_number > last and _is_part(other, other_number):
+            found.append((other_number, other))
+    return sorted(found)
+
+
+def _is_part(path: Path, number: int) -> bool:
+    try:
+        return read_part_number(path) == number
+    except RecordingError:
+        return False
+
+
+def read_part_number(path: Path) -> int:
+    """Read the number of a part: 0 for a whole recording or its first part.
+
+    Raises: RecordingError: no MCAP file.
+    """
+    for record in McapRecords(path).iterate_outer():
+        if isinstance(record, Metadata) and record.name == LIBRARY:
+            return int(record.metadata.get("part", "0"))
+    return 0
+
+
+def read_parts(
+    path: Path, read: Callable[[McapRecords], Iterable[Any]] = lambda records: records
+) -> Iterator[Any]:
+    """Iterate for what `read` gives of a recording and its further parts, and Damage between."""
+    parts, later = list_parts(path), list_later_parts(path)
+    for part in parts:
+        for record in read(McapRecords(part)):
+            if isinstance(record, Damage) and record.is_end and (part != parts[-1] or later):
+                yield msgspec.structs.replace(record, is_end=False)
+            else:
+                yield record
+    if later:
+        _, part = later[0]
+        yield Damage(what=f"{part.name} is there, and no part between it and {parts[-1].name}")
+        yield from read_parts(part, read)
+
+
+class McapRecords:
+    """Iterate for Header, Schema, Channel, Message, Attachment and Metadata records, and Damage.
+
+    A `Damage` stands where messages may be missing, before the first sound record behind it.
+    After the last record `is_whole` says whether the data ended as it should.
+    Raises: RecordingError: no such file, or it is no MCAP file.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.is_whole = False
-        self.good_bytes = 0
+        self.summary: Summary | None = None
 
     def __iter__(self) -> Iterator[Any]:
-        try:
+        return self._iterate(breaks_up=True)
+
+    def iterate_outer(self) -> Iterator[Any]:
+        """Iterate without the records inside chunks, which takes a fraction of the time."""
+        return self._iterate(breaks_up=False)
+
+    def find_damage(self) -> tuple[Damage, ...]:
+        """Find what is damaged; chunks are checked and counted, their records left alone."""
+        found = tuple(each for each in self.iterate_outer() if isinstance(each, Damage))
+        if not found:
+            return found
+        return tuple(each for each in self if isinstance(each, Damage))
+
+    def _iterate(self, breaks_up: bool) -> Iterator[Any]:
+        with self._open() as file:
             size = self.path.stat().st_size
+            self.summary = read_summary(file, size)
+            known = self.summary.channels if self.summary is not None else ()
+            walk = McapWalk(file, size, known)
+            tally = Tally(self.path.name, file, size, self.summary)
+            for found in walk:
+                if isinstance(found, Hole):
+                    tally.add_hole(found)
+                    continue
+                yield from tally.close_hole(found.record)
+                yield from _open_record(found.record, tally, breaks_up)
+            self.is_whole = walk.data_end is not None
+            yield from tally.finish(walk.data_end)
+
+    def _open(self) -> IO[bytes]:
+        try:
             file = self.path.open("rb")
         except OSError as error:
             raise RecordingError(
                 f"cannot read recording {self.path}: {error.strerror or error}; check the path"
             ) from error
-        with file:
-            if file.read(len(MAGIC)) != MAGIC:
-                raise RecordingError(
-                    f"{self.path} is not an MCAP recording; give the run.mcap of a run"
-                )
-            self.good_bytes = file.tell()
-            yield from self._read_sound_records(file, size)
-
-    def _read_sound_records(self, file: IO[bytes], size: int) -> Iterator[Any]:
-        while True:
-            head = file.read(_RECORD_HEAD.size)
-            if len(head) < _RECORD_HEAD.size:
-                return
-            opcode, length = _RECORD_HEAD.unpack(head)
-            if opcode == Opcode.DATA_END:
-                self.is_whole = True
-            if opcode in {0, Opcode.DATA_END} or length > size - file.tell():
-                return
-            records = _parse_record(opcode, file.read(length))
-            if records is None:
-                return
-            self.good_bytes = file.tell()
-            yield from records
+        if file.read(len(MAGIC)) != MAGIC:
+            file.close()
+            raise RecordingError(
+                f"{self.path} is not an MCAP recording; give the run.mcap of a run"
+            )
+        return file
 
 
-def _parse_record(opcode: int, body: bytes) -> list[Any] | None:
-    """Parse a record; None for bytes that are damaged."""
-    stream = ReadDataStream(io.BytesIO(body))
+def note_lost(damage: Damage) -> Metadata:
+    """Make the record that a recovered file keeps of what it lacks."""
+    return Metadata(name=LOST, metadata={LOST: msgspec.json.encode(damage).decode()})
+
+
+def _read_lost(record: Metadata) -> Damage | None:
     try:
-        if opcode == Opcode.CHUNK:
-            return list(breakup_chunk(Chunk.read(stream), validate_crc=True))
-        if opcode == Opcode.ATTACHMENT:
-            is_sound = zlib.crc32(body[:-4]) == int.from_bytes(body[-4:], "little")
-            return [Attachment.read(stream)] if is_sound else None
-        if opcode == Opcode.MESSAGE:
-            return [Message.read(stream, len(body))]
-        kind = _PLAIN.get(opcode)
-        return [] if kind is None else [kind.read(stream)]
-    except Exception:  # noqa: BLE001  each decompressor has errors of its own for damaged bytes
+        damage = msgspec.json.decode(record.metadata.get(LOST, ""), type=Damage)
+    except msgspec.MsgspecError:
         return None
+    what = damage.what.removeprefix(_RECOVERED)
+    return msgspec.structs.replace(damage, what=f"{_RECOVERED}{what}", is_end=False)
+
+
+def _open_record(record: Any, tally: Tally, breaks_up: bool) -> Iterator[Any]:
+    if isinstance(record, Metadata) and record.name == LOST:
+        yield _read_lost(record) or record
+    elif isinstance(record, Chunk):
+        tally.add_chunk(record)
+        for inner in break_up(record) if breaks_up else ():
+            tally.add(inner)
+            yield inner
+    else:
+        tally.add(record)
+        yield record

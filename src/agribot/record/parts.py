@@ -16,7 +16,7 @@ from agribot.core.config import RecordConfig
 from agribot.core.errors import RecordingError
 from agribot.core.topics import Topic
 from agribot.record.mcap_file import McapFile
-from agribot.record.mcap_records import list_parts, part_path
+from agribot.record.mcap_records import list_later_parts, list_parts, part_path
 
 _MB = 1_000_000
 _LIVE_RATIO = 0.9  # of the clock's pace; a simulation that runs ahead of it can wait
@@ -44,7 +44,8 @@ class RecordingParts:
         self._finished_bytes: dict[int, int] = {}
         self._now_ns = self._flushed_ns = 0
         self._flushed_wall_s = 0.0
-        for stale in list_parts(path)[1:]:  # of an earlier run in the same folder
+        later = [part for _, part in list_later_parts(path)]
+        for stale in (*list_parts(path)[1:], *later):  # of an earlier run in the same folder
             stale.unlink(missing_ok=True)
         self._file = McapFile(path)
         self._ending: list[McapFile] = []  # parts on their way to the disk

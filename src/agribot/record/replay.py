@@ -23,7 +23,13 @@ from agribot.core.messages import (
     SensorBatch,
     TickRecord,
 )
-from agribot.record.mcap_file import read_attachment, read_messages
+from agribot.record.events import Event
+from agribot.record.mcap_file import (
+    find_damage,
+    read_attachment,
+    read_attachment_unless_damaged,
+    read_messages,
+)
 from agribot.record.recorder import CONFIG_ATTACHMENT, URDF_ATTACHMENT, WEED_MAP_ATTACHMENT
 from agribot.record.ticks import decode_tick
 from agribot.ros.messages.rosmsg import load_types
@@ -49,14 +55,22 @@ def read_urdf(path: Path) -> str:
 
 
 def read_ticks(path: Path) -> Generator[TickRecord]:
-    """Read every recorded tick in order; of a cut-off recording, those before the cut."""
+    """Read every recorded tick in order that is not in a damaged part."""
     for message in read_messages(path, topics.TICK):
         yield decode_tick(message.data)
 
 
 def read_weed_map(path: Path) -> tuple[MappedPlant, ...]:
     """Read the weed map at the end of the run; only a run that was closed has one."""
-    data = read_attachment(path, WEED_MAP_ATTACHMENT)
+    return _decode_plants(read_attachment(path, WEED_MAP_ATTACHMENT))
+
+
+def read_weed_map_unless_damaged(path: Path) -> tuple[MappedPlant, ...]:
+    """Read the weed map at the end of the run; nothing where it is lost in damage."""
+    return _decode_plants(read_attachment_unless_damaged(path, WEED_MAP_ATTACHMENT) or b"[]")
+
+
+def _decode_plants(data: bytes) -> tuple[MappedPlant, ...]:
     return msgspec.json.decode(data, type=tuple[MappedPlant, ...])
 
 
@@ -69,6 +83,15 @@ def read_truth(path: Path) -> FloatArray:
         yaw = 2.0 * np.arctan2(pose.orientation.z, pose.orientation.w)
         rows.append((message.publish_time * 1e-9, pose.position.x, pose.position.y, yaw))
     return np.array(rows, dtype=float).reshape(-1, 4)
+
+
+def read_gaps(path: Path) -> tuple[Event, ...]:
+    """Find the times of which the recording lacks messages or files, as events."""
+    return tuple(
+        Event(t_s=(gap.after_ns or gap.begin_ns or 0) * 1e-9, kind="lost", reason=gap.describe())
+        for gap in find_damage(path)
+        if gap.is_gap
+    )
 
 
 class ReplayPlatform:

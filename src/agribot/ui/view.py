@@ -38,6 +38,7 @@ _LEVEL: dict[str, wire.EventLevel] = {
     "stop": "warn",
     "hold": "warn",
     "limit": "warn",
+    "lost": "warn",
     "truth": "warn",
 }
 # What the page calls a mission that does not run, and that nobody stopped.

@@ -44,7 +44,10 @@ class ConvertOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ConvertResult(msgspec.Struct, frozen=True, kw_only=True):
-    """`skipped` are messages that could not go along, by topic, `reasons` why."""
+    """`skipped` are messages that could not go along, by topic, `reasons` why.
+
+    `damage` is what could not be read of the source, in words.
+    """
 
     messages_in: int
     messages_out: int
@@ -52,6 +55,7 @@ class ConvertResult(msgspec.Struct, frozen=True, kw_only=True):
     skipped: dict[str, int]
     reasons: dict[str, str]
     notes: tuple[str, ...]
+    damage: tuple[str, ...]
 
 
 class _Route(NamedTuple):
@@ -116,7 +120,13 @@ class _Conversion:
                 self._count_out += 1
 
     def copy_files(self) -> None:
-        """Files inside the source: as such in an MCAP, else as messages at its first moment."""
+        """Files inside the source: as such in an MCAP, else as messages at its first moment.
+
+        An MCAP keeps a note of each gap, too.
+        """
+        for damage in self._bag.damage if self._sink.holds_anything else ():
+            if damage.is_gap:
+                self._sink.note_lost(damage)
         if self.wanted is not None:
             return
         t_ns = self._bag.times_ns[0] if self._bag.times_ns else 0
@@ -137,6 +147,7 @@ class _Conversion:
             skipped=dict(self._skipped),
             reasons=self._reasons,
             notes=tuple(self._bag.notes),
+            damage=tuple(damage.describe() for damage in self._bag.damage),
         )
 
     def _make_routes(self, topic: BagTopic) -> Iterator[_Route]:

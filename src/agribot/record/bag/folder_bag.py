@@ -28,6 +28,7 @@ class FolderBag(Bag):
                     count=topic.count + (before.count if before else 0),
                 )
             self.notes += [f"{part.path.name}: {note}" for note in part.notes]
+        self.damage = tuple(each for part in self.parts for each in part.damage)
         if not (path / "metadata.yaml").exists():
             self.notes.append("metadata.yaml is missing; the files were read by themselves")
         self._merged = merged

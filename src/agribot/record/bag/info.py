@@ -8,6 +8,7 @@ import msgspec
 
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.source import Bag
+from agribot.record.damage import collect_damage
 
 
 class TopicInfo(msgspec.Struct, frozen=True, kw_only=True):
@@ -23,7 +24,10 @@ class TopicInfo(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BagInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """Times are those of the recorder's clock, seconds; null for a recording without messages."""
+    """Times are those of the recorder's clock, seconds; null for a recording without messages.
+
+    `damage` is in words; `has_gaps`: messages or files of the middle are missing.
+    """
 
     path: str
     kind: str
@@ -36,14 +40,16 @@ class BagInfo(msgspec.Struct, frozen=True, kw_only=True):
     topics: tuple[TopicInfo, ...]
     files: tuple[str, ...]
     notes: tuple[str, ...]
+    damage: tuple[str, ...]
+    has_gaps: bool
 
 
 def read_info(path: Path) -> BagInfo:
-    """Summarise a recording.
+    """Summarise a recording, with its damage instead of a warning.
 
     Raises: RecordingError: it cannot be read.
     """
-    with open_bag(path) as bag:
+    with collect_damage(), open_bag(path) as bag:
         start_s, end_s = (t * 1e-9 for t in bag.times_ns) if bag.times_ns else (None, None)
         duration_s = end_s - start_s if start_s is not None and end_s is not None else 0.0
         topics = tuple(sorted(_topics(bag, duration_s), key=lambda topic: topic.name))
@@ -59,6 +65,8 @@ def read_info(path: Path) -> BagInfo:
             topics=topics,
             files=bag.file_names,
             notes=tuple(bag.notes),
+            damage=tuple(damage.describe() for damage in bag.damage),
+            has_gaps=any(damage.is_gap for damage in bag.damage),
         )
 
 
@@ -80,7 +88,7 @@ def format_info(info: BagInfo) -> str:
         )
     if info.files:
         lines += ["", f"files inside: {', '.join(info.files)}"]
-    lines += [f"note: {note}" for note in info.notes]
+    lines += [f"note: {note}" for note in (*info.damage, *info.notes)]
     return "\n".join(lines) + "\n"
 
 

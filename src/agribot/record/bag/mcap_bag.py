@@ -7,16 +7,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Message, Schema
 
 from agribot.core.errors import RecordingError
 from agribot.record.bag.source import Bag, BagFile, BagMessage, BagTopic
+from agribot.record.mcap_parsing import Summary
 from agribot.record.mcap_records import McapRecords
 
 
 class McapBag(Bag):
-    """An MCAP file of any program. Raises: RecordingError: no such file, or no MCAP file.
+    """An MCAP file of any program.
 
     Raises: RecordingError: no such file, or no MCAP file.
     """
@@ -25,8 +25,12 @@ class McapBag(Bag):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        if not self._read_summary():
+        records = McapRecords(path)
+        self.damage = records.find_damage()
+        if self.damage or not self._use_summary(records.summary):
             self._scan()
+            if not self.damage:
+                self.notes.append("the file has no index; `agribot record recover` writes one")
 
     def messages(self, names: frozenset[str] | None = None) -> Iterator[BagMessage]:
         topics = {t.id: t for t in self.topics if names is None or t.name in names}
@@ -42,13 +46,8 @@ class McapBag(Bag):
             if isinstance(record, Attachment):
                 yield BagFile(record.name, record.media_type, bytes(record.data))
 
-    def _read_summary(self) -> bool:
-        """Read the summary; False where the file has no sound index with message counts."""
-        try:
-            with self.path.open("rb") as file:
-                summary = make_reader(file).get_summary()
-        except Exception:  # noqa: BLE001  the library fails in many ways on a file without end
-            return False
+    def _use_summary(self, summary: Summary | None) -> bool:
+        """Take all from the index; False where the file has no sound one with message counts."""
         statistics = summary.statistics if summary is not None else None
         if summary is None or statistics is None or not (statistics.message_count == 0 or (
             summary.channels
@@ -56,11 +55,11 @@ class McapBag(Bag):
             return False
         counts = Counter(dict(statistics.channel_message_counts))
         self.topics = _topics(summary.channels, summary.schemas, counts)
-        self.file_names = tuple(index.name for index in summary.attachment_indexes)
+        self.file_names = tuple(index.name for index in summary.files)
         if statistics.message_count:
             self.times_ns = (statistics.message_start_time, statistics.message_end_time)
         self.compression = "/".join(
-            sorted({c.compression or "none" for c in summary.chunk_indexes})
+            sorted({chunk.compression or "none" for chunk in summary.chunks})
         )
         return True
 
@@ -84,15 +83,7 @@ class McapBag(Bag):
         self.topics = _topics(channels, schemas, counts)
         self.file_names = tuple(names)
         self.times_ns = (low, high) if counts else None
-        lost = self.path.stat().st_size - records.good_bytes
-        if records.is_whole:
-            self.notes.append("the file has no index; `agribot record recover` writes one")
-        else:
-            self.notes.append(
-                f"the file ends in the middle: {lost} bytes after the last sound record are "
-                "ignored; `agribot record recover` writes a whole file of the rest"
-            )
-        if not channels and not records.is_whole:
+        if not channels and any(damage.is_end for damage in self.damage):
             raise RecordingError(
                 f"{self.path} was cut off before its first message; nothing to read"
             )

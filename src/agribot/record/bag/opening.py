@@ -16,7 +16,8 @@ from agribot.record.bag.mcap_bag import McapBag
 from agribot.record.bag.rosbags_bag import RosbagsBag
 from agribot.record.bag.source import Bag
 from agribot.record.bag.unindexed_bag import UnindexedBag, has_no_index
-from agribot.record.mcap_records import MAGIC
+from agribot.record.damage import warn_of
+from agribot.record.mcap_parsing import MAGIC
 
 _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _SQLITE_MAGIC = b"SQLite format 3\x00"
@@ -30,12 +31,13 @@ _MESSAGES_COMPRESSED = re.compile(r"(?im)^\s*compression_mode:\s*['\"]?message\b
 def open_bag(path: Path) -> Iterator[Bag]:
     """Open a ROS 1 `.bag`, a ROS 2 `.db3` or rosbag2 folder, or an MCAP file.
 
-    A file that was compressed as a whole is unpacked into a temporary folder.
-
+    A file that was compressed as a whole is unpacked into a temporary folder. Warns of damage
+    (`DamagedRecording`), behind which the bag goes on.
     Raises: RecordingError: no such file, empty, of another kind, or damaged beyond reading.
     """
     with contextlib.ExitStack() as unpacked:
         bag = _open(path, unpacked)
+        warn_of(bag.damage)
         try:
             yield bag
         finally:

@@ -28,7 +28,9 @@ from agribot.core.errors import RecordingError
 from agribot.core.topics import LATCHED, STREAM
 from agribot.record.bag.definitions import make_ros1_store, make_ros2_store
 from agribot.record.bag.source import BagFile, BagTopic
-from agribot.record.mcap_file import LIBRARY, format_qos
+from agribot.record.damage import Damage
+from agribot.record.mcap_file import format_qos
+from agribot.record.mcap_records import LIBRARY, note_lost
 
 Compression = Literal["none", "lz4", "bz2"]
 Storage = Literal["sqlite3", "mcap"]
@@ -52,7 +54,7 @@ class Sink(Protocol):
 
     store: Typestore  # the types it writes; it may learn further ones
     is_ros2: bool
-    holds_anything: bool  # also what is no ROS message, and files
+    holds_anything: bool  # also what is no ROS message, files and notes of what is lost
     last_ns: int  # of the times of messages that fit into it, from 1970 on
 
     def add(self, topic: BagTopic) -> int: ...
@@ -60,6 +62,8 @@ class Sink(Protocol):
     def write(self, number: int, log_ns: int, publish_ns: int, data: bytes) -> None: ...
 
     def attach(self, file: BagFile) -> None: ...
+
+    def note_lost(self, damage: Damage) -> None: ...
 
     def close(self) -> None: ...
 
@@ -111,6 +115,9 @@ class Ros1Sink:
     def attach(self, file: BagFile) -> None:
         raise NotImplementedError
 
+    def note_lost(self, damage: Damage) -> None:
+        raise NotImplementedError
+
     def close(self) -> None:
         self._writer.close()
 
@@ -145,6 +152,9 @@ class Rosbag2Sink:
         self._writer.write(self._by_number[number], log_ns, data)
 
     def attach(self, file: BagFile) -> None:
+        raise NotImplementedError
+
+    def note_lost(self, damage: Damage) -> None:
         raise NotImplementedError
 
     def close(self) -> None:
@@ -182,6 +192,10 @@ class McapSink:
 
     def attach(self, file: BagFile) -> None:
         self._writer.add_attachment(0, 0, file.name, file.media_type, file.data)
+
+    def note_lost(self, damage: Damage) -> None:
+        note = note_lost(damage)
+        self._writer.add_metadata(note.name, note.metadata)
 
     def close(self) -> None:
         self._writer.finish()  # type: ignore[no-untyped-call]

@@ -20,6 +20,7 @@ from agribot.record.bag.definitions import (
     ros1_store,
     ros2_store,
 )
+from agribot.record.damage import Damage
 
 _IDL_RULE = "=" * 80 + "\n"
 
@@ -67,8 +68,8 @@ class BagFile(NamedTuple):
 class Bag:
     """What `open_bag` gives. Subclasses fill the attributes and read `messages`.
 
-    `notes` say what is damaged or missing, in words for the user. `times_ns` are the first and
-    the last log time, None for a recording without messages.
+    `damage` is what cannot be read, `notes` what else is missing, in words for the user.
+    `times_ns` are the first and the last log time, None for a recording without messages.
     """
 
     kind = ""
@@ -77,6 +78,7 @@ class Bag:
         self.path = path
         self.topics: tuple[BagTopic, ...] = ()
         self.notes: list[str] = []
+        self.damage: tuple[Damage, ...] = ()
         self.file_names: tuple[str, ...] = ()
         self.times_ns: tuple[int, int] | None = None
         self.compression = ""

@@ -17,7 +17,13 @@ from agribot.core.messages import MappedPlant, TickRecord
 from agribot.description.loader import parse_robot
 from agribot.record.events import Event, EventSieve
 from agribot.record.mcap_file import read_messages
-from agribot.record.replay import read_config, read_ticks, read_urdf, read_weed_map
+from agribot.record.replay import (
+    read_config,
+    read_gaps,
+    read_ticks,
+    read_urdf,
+    read_weed_map,
+)
 from agribot.ros.messages.rosmsg import load_types
 from agribot.ui import wire
 from agribot.ui.ground import read_field_or_datum
@@ -60,7 +66,7 @@ class Replay(Channel):
         self.field = field
         self._moments, self._whole_trace = moments, trace_map_m
         self._times = [moment.t_s for moment in moments]
-        self._plants, self._recorded = plants, events
+        self._plants, self.recorded_events = plants, events
         self._whole_path = path
         self._pictures = pictures
         self._index = -1
@@ -86,6 +92,7 @@ class Replay(Channel):
             events.extend(sieve(record))
 
         moments = _moments(path, view, look)
+        events = sorted((*events, *read_gaps(path)), key=lambda event: event.t_s)
         if not moments:
             raise RecordingError(f"{path} holds no ticks; the run ended before it began")
         try:
@@ -170,8 +177,8 @@ class Replay(Channel):
 
     def _tell_events(self) -> None:
         events = []
-        while self._next_event < len(self._recorded):
-            event = self._recorded[self._next_event]
+        while self._next_event < len(self.recorded_events):
+            event = self.recorded_events[self._next_event]
             if event.t_s > self._now_s:
                 break
             self._next_event += 1
