@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Chunk
+from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 
@@ -61,7 +61,7 @@ def _list_chunks(data: bytes) -> Iterator[Piece]:
         end = at + 9 + length
         if opcode == Opcode.CHUNK:
             (chunk,) = _read_records(data[at:end])
-            inner = [record for record in breakup_chunk(chunk) if hasattr(record, "log_time")]
+            inner = [record for record in breakup_chunk(chunk) if isinstance(record, Message)]
             yield Piece(at, end, tuple((message.log_time, message.data) for message in inner))
         at = end
 
@@ -85,11 +85,11 @@ def damage(data: bytes, kind: Kind, rng: np.random.Generator) -> tuple[bytes, in
     size = 1 if kind == "flip" else int(rng.integers(1, 2 * SECTOR))
     end = len(data) if kind == "cut" else min(start + size, len(data))
     old = data[start:end]
-    new = {
-        "flip": lambda: bytes([old[0] ^ (1 << int(rng.integers(8)))]),
-        "zero": lambda: bytes(len(old)),
-        "random": lambda: rng.bytes(len(old)),
-        "remove": lambda: b"",
-        "cut": lambda: b"",
-    }[kind]()
-    return data[:start] + new + data[end:], start, end
+    changes: dict[Kind, bytes] = {
+        "flip": bytes([old[0] ^ (1 << int(rng.integers(8)))]),
+        "zero": bytes(len(old)),
+        "random": rng.bytes(len(old)),
+        "remove": b"",
+        "cut": b"",
+    }
+    return data[:start] + changes[kind] + data[end:], start, end

@@ -58,7 +58,7 @@ class MessageIndex(NamedTuple):
     """How many messages of a channel the chunk before it holds, and their times."""
 
     channel_id: int
-    count: int
+    messages: int
     first_ns: int
     last_ns: int
 
@@ -143,7 +143,7 @@ def _unpack_chunk(_: int, body: bytes) -> Chunk | None:
     if stream.count != len(body):
         return None
     unpacked, size = get_chunk_data_stream(packed, validate_crc=True)
-    chunk = dataclasses.replace(packed, compression="", data=unpacked.read(size))
+    chunk: Chunk = dataclasses.replace(packed, compression="", data=unpacked.read(size))
     if not packed.uncompressed_crc:
         break_up(chunk)  # without a checksum, records that fit are all there is to go by
     return chunk

@@ -138,7 +138,7 @@ class Tally:
             index = parse_record(opcode, body) if opcode else None
             if not isinstance(index, MessageIndex):
                 return None
-            count += index.count
+            count += index.messages
         return count
 
 

@@ -94,7 +94,7 @@ class McapWalk:
 
     def _belongs(self, index: MessageIndex) -> bool:
         """Tell whether an index is of the chunk before it, or of a damaged one."""
-        if self._chunk is None or self._is_behind_damage or not index.count:
+        if self._chunk is None or self._is_behind_damage or not index.messages:
             return True
         start_ns, end_ns = self._chunk.message_start_time, self._chunk.message_end_time
         return start_ns <= index.first_ns and index.last_ns <= end_ns
