@@ -126,8 +126,8 @@ def write_raster(path: Path, bands: list[np.ndarray], place_of: str = UTM, **mor
     colours, table = more.pop("colours", None), more.pop("table", None)
     settings = {"transform": rasterio.Affine(10.0, 0.0, 270_000.0, 0.0, -10.0, 2_342_000.0), **more}
     with rasterio.open(
-        path, "w", driver="GTiff", width=width, height=height, count=len(bands), dtype="uint8",
-        crs=place_of, **settings,
+        path, "w", driver="GTiff", width=width, height=height, count=len(bands),
+        dtype=bands[0].dtype, crs=place_of, **settings,
     ) as raster:  # fmt: skip
         for number, band in enumerate(bands, start=1):
             raster.write(band, number)

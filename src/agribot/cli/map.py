@@ -82,7 +82,7 @@ def _describe_all(folder: Path, troubles: list[str]) -> list[dict[str, Any]]:
 
 
 def _import(options: argparse.Namespace, folder: Path, troubles: list[str]) -> dict[str, Any]:
-    from agribot.gis import map_import
+    from agribot.gis import map_import, raster_import
 
     is_url = "://" in options.source
     name = options.name or ("" if is_url else Path(options.source).stem)
@@ -101,9 +101,9 @@ def _import(options: argparse.Namespace, folder: Path, troubles: list[str]) -> d
     if suffix == ".pmtiles":
         return _convert(source, target, map_import.import_pmtiles)
     if suffix == ".geo":
-        return _convert(source, target, map_import.import_geo)
+        return _convert(source, target, raster_import.import_geo)
     if suffix in _RASTERS:
-        return _convert(source, target, map_import.import_geotiff)
+        return _convert(source, target, raster_import.import_geotiff)
     raise ConfigError(
         f"{source.name}: only .mbtiles, .pmtiles, .geo, {', '.join(_RASTERS)} and URLs with "
         "{z}, {x} and {y} can be imported"
@@ -114,7 +114,8 @@ def _convert(source: Path, target: Path, convert: Any) -> dict[str, Any]:
     """Convert a map file; a new one takes the place of an old one only when it is whole."""
 
     def make(beside: Path) -> None:
-        convert(source, beside, _show_progress)
+        for note in convert(source, beside, _show_progress):
+            sys.stderr.write(f"note: {note}\n")
         describe_map(beside)
 
     make_at_once(target, make)
