@@ -11,6 +11,7 @@ from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
+from agribot.core.sqlite_file import read_with_log
 from agribot.core.row_shape import row_points_map_m
 from agribot.gis.formats.untrusted import MAX_FILE_BYTES
 from agribot.gis.prescription import check_covers, read_prescription
@@ -29,7 +30,7 @@ def read_prescription_file(config: RunConfig) -> bytes:
             raise MissionError(
                 f"{path.name} has {path.stat().st_size} bytes, more than {MAX_FILE_BYTES}"
             )
-        return path.read_bytes()
+        return read_with_log(path)
     except OSError as error:
         raise MissionError(f"cannot read {path}: {error}; check the path") from error
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sqlite3
 from collections.abc import Mapping
 from contextlib import closing
@@ -10,22 +9,16 @@ from pathlib import Path
 from typing import Any, Self
 
 from agribot.core.errors import ConfigError
+from agribot.core.sqlite_file import PATIENCE_S, limit_work, open_sqlite
 from agribot.core.whole_file import make_at_once
+from agribot.gis.tile_rows import find_scheme, flip_row, read_scheme
 
 _MEDIA = ((b"\x89PNG", "image/png"), (b"\xff\xd8", "image/jpeg"), (b"RIFF", "image/webp"))
 MAX_ZOOM = 24
-STEPS_AT_ONCE = 1_000_000
 LIVE = "agribot_live"  # metadata: address template of the server for missing tiles
 SERVER = "agribot_server"  # metadata: a checksum of that template, of a map that came from one
 MAX_STEPS = 200_000_000  # enough to count ten million tiles; a view may be an endless program
 MAX_VALUE_BYTES = 50_000_000
-PATIENCE_S = 10.0  # while another thread writes into the same file
-
-
-def limit_work(database: sqlite3.Connection, most_steps: int) -> None:
-    """Interrupt a connection after so many steps of SQLite's virtual machine in total."""
-    steps = iter(range(most_steps // STEPS_AT_ONCE))
-    database.set_progress_handler(lambda: next(steps, None) is None, STEPS_AT_ONCE)
 
 
 def _is_stopped(error: sqlite3.Error) -> bool:
@@ -36,8 +29,10 @@ def find_maps(folder: Path) -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.mbtiles"))}
 
 
-def describe_map(path: Path) -> dict[str, Any]:
+def describe_map(path: Path, shown: str = "") -> dict[str, Any]:
     """Return name, zooms, bounds (west, south, east, north), degrees, and attribution.
+
+    Refusals call the file `shown`, its path by default.
 
     Raises: ConfigError: no MBTiles file, or an empty one that no server fills.
     """
@@ -49,16 +44,16 @@ def describe_map(path: Path) -> dict[str, Any]:
             ).fetchone()
     except sqlite3.Error as error:
         reason = "it takes too long to count its tiles" if _is_stopped(error) else error
-        raise ConfigError(f"{path} is no MBTiles file: {reason}") from error
+        raise ConfigError(f"{shown or path} is no MBTiles file: {reason}") from error
     is_live = LIVE in known
     if not count and not is_live:
-        raise ConfigError(f"{path} holds no tiles")
+        raise ConfigError(f"{shown or path} holds no tiles")
     try:
         bounds = [float(edge) for edge in known.get("bounds", "").split(",") if edge]
         if is_live:
             low, high = int(known["minzoom"]), int(known["maxzoom"])
     except (KeyError, ValueError, AttributeError, TypeError) as error:
-        raise ConfigError(f"{path} has broken metadata: {error}") from error
+        raise ConfigError(f"{shown or path} has broken metadata: {error}") from error
     return {
         "name": path.stem,
         "minzoom": low,
@@ -72,13 +67,13 @@ def describe_map(path: Path) -> dict[str, Any]:
 
 
 def read_tile(path: Path, z: int, x: int, y: int) -> bytes | None:
-    """Read a tile by its XYZ address; MBTiles count rows from the south."""
+    """Read a tile by its XYZ address."""
     if not is_address(z, x, y):
         return None
     with closing(_open_read_only(path)) as database:
         found = database.execute(
             "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?",
-            (z, x, 2**z - 1 - y),
+            (z, x, flip_row(z, y, read_scheme(database))),
         ).fetchone()
     return None if found is None else bytes(found[0])
 
@@ -108,17 +103,35 @@ def is_picture(data: bytes) -> bool:
 
 
 def import_mbtiles(source: Path, folder: Path, name: str) -> dict[str, Any]:
-    """Check a file, then copy it into the folder.
+    """Copy a file into the folder, with what its log holds and the order of its rows.
 
-    Raises: ConfigError: not readable, no MBTiles file, or without tiles.
+    Raises: ConfigError: not readable, no MBTiles file, without tiles, or with bounds elsewhere.
     """
     if not source.is_file():
         raise ConfigError(f"map file {source} does not exist; check the path")
-    describe_map(source)
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / f"{name}.mbtiles"
-    make_at_once(target, lambda beside: shutil.copyfile(source, beside))
+    make_at_once(target, lambda beside: _take_in(source, beside))
     return describe_map(target)
+
+
+def _take_in(source: Path, target: Path) -> None:
+    try:
+        with open_sqlite(source) as found, closing(sqlite3.connect(target)) as copy:
+            found.backup(copy)
+            copy.execute("PRAGMA journal_mode = DELETE")
+    except sqlite3.Error as error:
+        raise ConfigError(f"{source} is no MBTiles file: {error}") from error
+    known = describe_map(target, source.name)
+    if known["live"]:
+        return
+    with closing(sqlite3.connect(target)) as copy:
+        limit_work(copy, MAX_STEPS)
+        scheme = find_scheme(copy, known["bounds"] or [], source.name)
+        if scheme != read_scheme(copy):
+            copy.execute("DELETE FROM metadata WHERE name = 'scheme'")
+            copy.execute("INSERT INTO metadata (name, value) VALUES ('scheme', ?)", (scheme,))
+            copy.commit()
 
 
 class TileWriter:
@@ -138,6 +151,7 @@ class TileWriter:
                 " PRIMARY KEY (zoom_level, tile_column, tile_row));"
             )
             self.describe(metadata)
+            self._scheme = read_scheme(self._database)
         except (OSError, sqlite3.Error) as error:
             raise ConfigError(f"cannot write the map {path}: {error}") from error
 
@@ -155,10 +169,13 @@ class TileWriter:
 
     def has(self, z: int, x: int, y: int) -> bool:
         query = "SELECT 1 FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
-        return self._database.execute(query, (z, x, 2**z - 1 - y)).fetchone() is not None
+        return (
+            self._database.execute(query, (z, x, flip_row(z, y, self._scheme))).fetchone()
+            is not None
+        )
 
     def put(self, z: int, x: int, y: int, data: bytes) -> None:
-        row = (z, x, 2**z - 1 - y, data)
+        row = (z, x, flip_row(z, y, self._scheme), data)
         self._database.execute("INSERT OR REPLACE INTO tiles VALUES (?, ?, ?, ?)", row)
 
 

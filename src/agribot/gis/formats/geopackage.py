@@ -6,8 +6,8 @@ import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
 
+from agribot.core.sqlite_file import expects_log, limit_work, settle_log
 from agribot.gis.geojson import Feature, Found, describe_left_out, split_layers
-from agribot.gis.mbtiles import limit_work
 
 WGS84_SRS = 4326
 UNDEFINED_SRS = {0, -1}
@@ -41,6 +41,8 @@ def read_geopackage(data: bytes) -> Found:
     from shapely import wkb
     from shapely.geometry import mapping
 
+    if expects_log(data):
+        yield describe_left_out("what a -wal file beside it holds; close it in QGIS first")
     with closing(_open_database(data)) as database:
         tables = database.execute(
             "SELECT table_name, column_name, srs_id FROM gpkg_geometry_columns"
@@ -63,7 +65,7 @@ def read_geopackage(data: bytes) -> Found:
 
 def _open_database(data: bytes) -> sqlite3.Connection:
     database = sqlite3.connect(":memory:")
-    database.deserialize(data)
+    database.deserialize(settle_log(data))
     limit_work(database, _MAX_STEPS)
     return database
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from agribot.core.errors import AgribotError, MissionError
 from agribot.core.geometries import split_geometry
+from agribot.core.sqlite_file import read_with_log
 from agribot.gis.field_choice import choose_field, split_choice
 from agribot.gis.formats.geopackage import read_geopackage, write_geopackage
 from agribot.gis.formats.gpx import read_gpx, write_gpx
@@ -138,7 +139,7 @@ def _read_file(path: Path) -> dict[str, Any]:
             raise MissionError(
                 f"{path.name} has {path.stat().st_size} bytes, more than {MAX_FILE_BYTES}"
             )
-        return read_field_file(path.name, path.read_bytes())
+        return read_field_file(path.name, read_with_log(path))
     except OSError as error:
         raise MissionError(f"cannot read {path}: {error}; check the path") from error
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from agribot.autonomy.weeds.plant_table import PlantTable
+from agribot.core.sqlite_file import limit_work, open_sqlite
 from agribot.gis.formats.geopackage import (
     APPLICATION_ID,
     TABLES,
@@ -19,7 +20,6 @@ from agribot.gis.formats.geopackage import (
     extract_wkb,
     quote_name,
 )
-from agribot.gis.mbtiles import limit_work
 from agribot.gis.weeds.found_plants import Reading
 from agribot.gis.weeds.records import COLUMNS, Record, iterate_records
 from agribot.gis.weeds.styles import make_qgis_style
@@ -102,9 +102,8 @@ def read_geopackage(path: Path) -> Reading:
 
 
 def _iterate_rows(path: Path) -> Iterator[tuple[float, float, dict[str, Any]]]:
-    where = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
     try:
-        with closing(sqlite3.connect(where, uri=True)) as database:
+        with open_sqlite(path) as database:
             limit_work(database, _MAX_STEPS)
             database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _MAX_VALUE_BYTES)
             layer, column = _find_layer(database)

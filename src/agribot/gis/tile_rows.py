@@ -1,0 +1,107 @@
+"""From which side an MBTiles file counts its rows.
+
+The specification counts from the south (TMS). Many programs write rows from the north (XYZ); some
+say so in `scheme`, of others only `bounds` tell.
+"""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+from typing import Literal, NamedTuple
+
+from agribot.core.errors import ConfigError
+from agribot.gis.tile_grid import GeoBounds, find_tile
+
+Scheme = Literal["tms", "xyz"]
+_LONGITUDE_LIMIT_DEG, _LATITUDE_LIMIT_DEG = 180.0, 90.0
+
+
+class TileRange(NamedTuple):
+    """The columns and rows at the finest zoom, rows as the file counts them."""
+
+    zoom: int
+    columns: tuple[int, int]
+    rows: tuple[int, int]
+
+    def find_bounds(self, scheme: Scheme) -> GeoBounds:
+        """Find the place of the tiles on Earth, degrees."""
+        last = 2**self.zoom - 1
+        top, bottom = self.rows if scheme == "xyz" else (last - self.rows[1], last - self.rows[0])
+        west, east = (
+            360.0 * column / 2**self.zoom - 180.0
+            for column in (self.columns[0], self.columns[1] + 1)
+        )
+        return GeoBounds(west, self._find_lat(bottom + 1), east, self._find_lat(top))
+
+    def _find_lat(self, edge: int) -> float:
+        return math.degrees(math.atan(math.sinh(math.pi * (1.0 - 2.0 * edge / 2**self.zoom))))
+
+
+def flip_row(z: int, y: int, scheme: Scheme) -> int:
+    """Convert a row that counts from the north to one of the file, and back."""
+    return y if scheme == "xyz" else 2**z - 1 - y
+
+
+def read_scheme(database: sqlite3.Connection) -> Scheme:
+    found = database.execute("SELECT value FROM metadata WHERE name = 'scheme'").fetchone()
+    return "xyz" if found and str(found[0]).strip().lower() == "xyz" else "tms"
+
+
+def find_scheme(database: sqlite3.Connection, bounds: list[float], name: str) -> Scheme:
+    """Find the order of the rows: what the file says, or what alone fits its `bounds`.
+
+    Raises: ConfigError: `bounds` are no place on Earth, or fit the tiles in neither order.
+    """
+    stated = read_scheme(database)
+    tiles = _read_range(database)
+    if not bounds:
+        return stated
+    if not _is_place(bounds):
+        raise ConfigError(_refuse(name, bounds, tiles.find_bounds(stated), "are no place on Earth"))
+    place = GeoBounds(*bounds)
+    other: Scheme = "tms" if stated == "xyz" else "xyz"
+    for scheme in (stated, other):
+        if _overlap(tiles, scheme, place):
+            return scheme
+    why = "fit its tiles whether rows count from north or from south"
+    raise ConfigError(_refuse(name, bounds, tiles.find_bounds(stated), f"do not {why}"))
+
+
+def _read_range(database: sqlite3.Connection) -> TileRange:
+    zoom, *edges = database.execute(
+        "SELECT zoom_level, min(tile_column), max(tile_column), min(tile_row), max(tile_row)"
+        " FROM tiles WHERE zoom_level = (SELECT max(zoom_level) FROM tiles)"
+    ).fetchone()
+    return TileRange(zoom, (edges[0], edges[1]), (edges[2], edges[3]))
+
+
+def _is_place(bounds: list[float]) -> bool:
+    if len(bounds) != 4:
+        return False
+    west, south, east, north = bounds
+    return (
+        -_LONGITUDE_LIMIT_DEG <= west < east <= _LONGITUDE_LIMIT_DEG
+        and -_LATITUDE_LIMIT_DEG <= south < north <= _LATITUDE_LIMIT_DEG
+    )
+
+
+def _overlap(tiles: TileRange, scheme: Scheme, place: GeoBounds) -> bool:
+    """Tell whether tiles lie at a place, to one tile."""
+    first = find_tile(place.north_deg, place.west_deg, tiles.zoom)
+    last = find_tile(place.south_deg, place.east_deg, tiles.zoom)
+    rows = sorted(flip_row(tiles.zoom, row, scheme) for row in tiles.rows)
+    return (
+        tiles.columns[0] <= last.x + 1
+        and tiles.columns[1] >= first.x - 1
+        and rows[0] <= last.y + 1
+        and rows[1] >= first.y - 1
+    )
+
+
+def _refuse(name: str, bounds: list[float], tiles: GeoBounds, what: str) -> str:
+    stated = ",".join(f"{edge:g}" for edge in bounds)
+    return (
+        f"{name}: its bounds {stated} {what}; they are west,south,east,north in degrees, and its "
+        f"tiles cover {tiles.to_text()}; correct the row 'bounds' of its table 'metadata'"
+    )
