@@ -11,8 +11,8 @@ from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
-from agribot.core.sqlite_file import read_with_log
 from agribot.core.row_shape import row_points_map_m
+from agribot.core.sqlite_file import read_with_log
 from agribot.gis.formats.untrusted import MAX_FILE_BYTES
 from agribot.gis.prescription import check_covers, read_prescription
 
