@@ -17,6 +17,8 @@ MAGIC = b"SQLite format 3\x00"
 BESIDE = ("-wal", "-journal")
 MAX_STEPS_AT_ONCE = 1_000_000
 PATIENCE_S = 10.0  # while another program writes into the same file
+_HEADER_BYTES, _LARGEST_PAGE_BYTES = 100, 65536
+_PAGE_SIZE, _PAGES = slice(16, 18), slice(28, 32)
 _WAL_VERSION, _VERSIONS = 2, slice(18, 20)  # bytes of the header: how to write and read the file
 
 
@@ -38,9 +40,9 @@ def open_sqlite(path: Path) -> Iterator[sqlite3.Connection]:
         with closing(_connect(f"{where}?mode=ro&immutable=1")) as database:
             yield database
         return
-    if (database := _open_in_place(path)) is not None:
-        with closing(database):
-            yield database
+    if (shared := _open_in_place(path)) is not None:
+        with closing(shared):
+            yield shared
         return
     with tempfile.TemporaryDirectory(prefix="agribot-sqlite-") as folder:
         copy = Path(folder) / path.name
@@ -71,6 +73,15 @@ def settle_log(data: bytes) -> bytes:
 def expects_log(data: bytes) -> bool:
     """Tell whether a database was last written with a log beside it."""
     return data.startswith(MAGIC) and data[_VERSIONS] == bytes([_WAL_VERSION] * 2)
+
+
+def is_cut_off(path: Path) -> bool:
+    """Tell whether a database is shorter than its header says."""
+    with path.open("rb") as file:
+        header = file.read(_HEADER_BYTES)
+    page_bytes = int.from_bytes(header[_PAGE_SIZE], "big")
+    pages = int.from_bytes(header[_PAGES], "big")
+    return path.stat().st_size < pages * (_LARGEST_PAGE_BYTES if page_bytes == 1 else page_bytes)
 
 
 def _list_beside(path: Path) -> list[str]:

@@ -185,7 +185,7 @@ def _is_smooth(raster: rasterio.DatasetReader, span: float) -> bool:
 
     width, height = (min(side, SAMPLE_PX // 2) for side in (raster.width, raster.height))
     at = (raster.width - width) // 2, (raster.height - height) // 2
-    block = raster.read(1, window=Window(*at, width, height)).astype(np.float64)  # type: ignore[call-arg]
+    block = raster.read(1, window=Window(*at, width, height)).astype(np.float64)
     steps = np.abs(np.diff(block, axis=1))
     steps = steps[np.isfinite(steps) & (steps <= span)]
     return bool(steps.size and steps.mean() < _SMOOTH_RATIO * span)

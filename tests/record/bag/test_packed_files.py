@@ -47,6 +47,18 @@ def test_it_is_read_alone_and_in_a_folder_without_metadata(
     assert not list(room.iterdir())
 
 
+def test_a_packed_file_that_is_damaged_is_read_up_to_there_and_named(tmp_path: Path) -> None:
+    samples.write_rosbag2(tmp_path / "whole", count=8000, plugin=StoragePlugin.MCAP)
+    data = bytearray(zstandard.compress((tmp_path / "whole" / "whole.mcap").read_bytes()))
+    data[len(data) // 2 :] = bytes(len(data) // 2)
+    packed = tmp_path / "bad.mcap.zstd"
+    packed.write_bytes(data)
+    info = read_info(packed)
+    assert 1000 < info.messages < 8000
+    assert info.has_gaps
+    assert "bad.mcap.zstd: its compressed data is damaged behind the first" in info.damage[0]
+
+
 def test_of_a_file_that_was_cut_off_comes_what_is_there_or_the_reason(
     tmp_path: Path, room: Path
 ) -> None:

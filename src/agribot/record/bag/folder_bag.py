@@ -6,16 +6,21 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import msgspec
+import zstandard
 
 from agribot.record.bag.source import Bag, BagFile, BagMessage, BagTopic
+from agribot.record.damage import Damage, warn_of
 
 
 class FolderBag(Bag):
-    """The parts one after the other; the same topic of several parts is one topic."""
+    """The parts one after the other; the same topic of several parts is one topic.
 
-    def __init__(self, path: Path, parts: Sequence[Bag]) -> None:
+    `is_packed`: each message is a zstd frame of its own.
+    """
+
+    def __init__(self, path: Path, parts: Sequence[Bag], is_packed: bool = False) -> None:
         super().__init__(path)
-        self.parts = tuple(parts)
+        self.parts, self._is_packed = tuple(parts), is_packed
         self.kind = f"rosbag2 folder of {len(self.parts)} {self.parts[0].kind} files"
         merged: dict[tuple[str, str], BagTopic] = {}
         for part in self.parts:
@@ -29,6 +34,8 @@ class FolderBag(Bag):
                 )
             self.notes += [f"{part.path.name}: {note}" for note in part.notes]
         self.damage = tuple(each for part in self.parts for each in part.damage)
+        packed = {"zstd"} if is_packed else {part.compression for part in self.parts}
+        self.compression = "/".join(sorted(packed - {""}))
         if not (path / "metadata.yaml").exists():
             self.notes.append("metadata.yaml is missing; the files were read by themselves")
         self._merged = merged
@@ -37,14 +44,25 @@ class FolderBag(Bag):
         times = [part.times_ns for part in self.parts if part.times_ns is not None]
         if times:
             self.times_ns = (min(t[0] for t in times), max(t[1] for t in times))
-        self.compression = "/".join(sorted({part.compression for part in self.parts} - {""}))
 
     def messages(self, names: frozenset[str] | None = None) -> Iterator[BagMessage]:
         for part in self.parts:
             for message in part.messages(names):
                 topic = message.topic
                 merged = self._merged[topic.name, topic.schema_name or topic.ros_type]
-                yield message._replace(topic=merged)
+                data = _unpack(message.data) if self._is_packed else message.data
+                if data is None:
+                    self._warn_of_message(message)
+                else:
+                    yield message._replace(topic=merged, data=data)
+
+    def _warn_of_message(self, message: BagMessage) -> None:
+        begin_ns = self.times_ns[0] if self.times_ns is not None else None
+        what = f"{self.path.name}: a message on {message.topic.name} is no sound zstd frame"
+        at_ns = message.log_ns
+        warn_of(
+            [Damage(what=what, begin_ns=begin_ns, after_ns=at_ns, before_ns=at_ns, lost_messages=1)]
+        )
 
     def files(self) -> Iterator[BagFile]:
         for part in self.parts:
@@ -53,3 +71,10 @@ class FolderBag(Bag):
     def close(self) -> None:
         for part in self.parts:
             part.close()
+
+
+def _unpack(data: bytes) -> bytes | None:
+    try:
+        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+    except zstandard.ZstdError:
+        return None

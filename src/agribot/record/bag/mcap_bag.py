@@ -10,7 +10,7 @@ from typing import Any
 from mcap.records import Attachment, Channel, Message, Schema
 
 from agribot.core.errors import RecordingError
-from agribot.record.bag.source import Bag, BagFile, BagMessage, BagTopic
+from agribot.record.bag.source import Bag, BagFile, BagMessage, BagTopic, is_latched
 from agribot.record.mcap_parsing import Summary
 from agribot.record.mcap_records import McapRecords
 
@@ -113,7 +113,7 @@ def _topic(channel: Channel, schema: Schema | None, count: int) -> BagTopic:
         definition_format={"ros2idl": "idl"}.get(schema_encoding, "msg" if is_ros else ""),
         schema_name=schema_name,
         schema_encoding=schema_encoding,
-        is_latched="transient_local" in qos or "durability: 1" in qos,
+        is_latched=is_latched(qos),
         qos_yaml=qos,
         count=count,
     )

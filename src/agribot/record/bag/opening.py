@@ -11,16 +11,17 @@ from pathlib import Path
 import zstandard
 
 from agribot.core.errors import RecordingError
+from agribot.core.sqlite_file import MAGIC as SQLITE_MAGIC
 from agribot.record.bag.folder_bag import FolderBag
 from agribot.record.bag.mcap_bag import McapBag
 from agribot.record.bag.rosbags_bag import RosbagsBag
 from agribot.record.bag.source import Bag
+from agribot.record.bag.sqlite_bag import SqliteBag
 from agribot.record.bag.unindexed_bag import UnindexedBag, has_no_index
-from agribot.record.damage import warn_of
+from agribot.record.damage import Damage, warn_of
 from agribot.record.mcap_parsing import MAGIC
 
 _ROS1_MAGIC = b"#ROSBAG V2.0\n"
-_SQLITE_MAGIC = b"SQLite format 3\x00"
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"  # RFC 8878, section 3.1.1
 _PARTS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")  # how files of a rosbag2 folder end
 # Of a metadata.yaml: each message is compressed by itself, of which the files say nothing.
@@ -65,8 +66,8 @@ def _open(path: Path, unpacked: contextlib.ExitStack) -> Bag:
         return McapBag(path)
     if start.startswith(_ROS1_MAGIC):
         return _open_ros1(path)
-    if start.startswith(_SQLITE_MAGIC):
-        return RosbagsBag(path)
+    if start.startswith(SQLITE_MAGIC):
+        return SqliteBag(path)
     if start.startswith(_ZSTD_MAGIC):
         return _open_packed(path, unpacked)
     if start.startswith(b"#ROSBAG V"):
@@ -79,34 +80,39 @@ def _open(path: Path, unpacked: contextlib.ExitStack) -> Bag:
 
 
 def _open_packed(path: Path, unpacked: contextlib.ExitStack) -> Bag:
-    inner = _unpack(path, unpacked)
+    inner, damage = _unpack(path, unpacked)
     try:
         bag = _open(inner, unpacked)
     except RecordingError as error:
         why = str(error).replace(str(inner), inner.name)
         raise RecordingError(f"{path} was unpacked, but {why}") from error
     bag.kind = f"{bag.kind} in a zstd file"
+    bag.damage = (*damage, *bag.damage)
     return bag
 
 
-def _unpack(path: Path, unpacked: contextlib.ExitStack) -> Path:
-    """Unpack a file that was compressed as a whole; of one that was cut off, what is there.
+def _unpack(path: Path, unpacked: contextlib.ExitStack) -> tuple[Path, tuple[Damage, ...]]:
+    """Unpack a file that was compressed as a whole, up to where it is damaged or was cut off.
 
-    Raises: RecordingError: it is damaged, or there is no room.
+    Raises: RecordingError: nothing of it is sound, or there is no room.
     """
+    damage: tuple[Damage, ...] = ()
     try:
         folder = tempfile.TemporaryDirectory(prefix="agribot-bag-")
         inner = Path(unpacked.enter_context(folder)) / path.name.removesuffix(".zstd")
         with path.open("rb") as packed, inner.open("wb") as file:
             zstandard.ZstdDecompressor().copy_stream(packed, file)
     except zstandard.ZstdError as error:
-        raise RecordingError(f"{path} is no sound zstd file: {error}") from error
+        if not inner.stat().st_size:
+            raise RecordingError(f"{path} is no sound zstd file: {error}") from error
+        what = f"{path.name}: its compressed data is damaged behind the first "
+        damage = (Damage(what=f"{what}{inner.stat().st_size} bytes that it holds"),)
     except OSError as error:
         raise RecordingError(
             f"cannot unpack {path} into {tempfile.gettempdir()}: {error.strerror or error}; "
             "set TMPDIR to a folder with room"
         ) from error
-    return inner
+    return inner, damage
 
 
 def _open_ros1(path: Path) -> Bag:
@@ -114,7 +120,7 @@ def _open_ros1(path: Path) -> Bag:
     if has_no_index(path):
         return UnindexedBag(path)
     try:
-        return RosbagsBag(path, is_ros1=True)
+        return RosbagsBag(path)
     except RecordingError:
         return UnindexedBag(path)
 
@@ -122,11 +128,6 @@ def _open_ros1(path: Path) -> Bag:
 def _open_folder(path: Path, unpacked: contextlib.ExitStack) -> Bag:
     if not any(path.iterdir()):
         raise RecordingError(f"{path} is an empty folder; give a rosbag2 folder or a file")
-    if (path / "metadata.yaml").exists():
-        databases = [file for file in path.iterdir() if file.suffix == ".mcap"]
-        about = (path / "metadata.yaml").read_text("utf-8", "replace")
-        if not databases or _MESSAGES_COMPRESSED.search(about):
-            return RosbagsBag(path)
     files = sorted(file for file in path.iterdir() if file.name.endswith(_PARTS))
     if not files:
         raise RecordingError(
@@ -136,7 +137,12 @@ def _open_folder(path: Path, unpacked: contextlib.ExitStack) -> Bag:
     parts = sorted(
         (_open(file, unpacked) for file in files), key=lambda part: part.times_ns or (0, 0)
     )
-    return FolderBag(path, parts)
+    return FolderBag(path, parts, is_packed=_has_packed_messages(path))
+
+
+def _has_packed_messages(path: Path) -> bool:
+    about = path / "metadata.yaml"
+    return about.exists() and bool(_MESSAGES_COMPRESSED.search(about.read_text("utf-8", "replace")))
 
 
 def _read_start(path: Path) -> bytes:

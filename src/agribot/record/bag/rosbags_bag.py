@@ -1,4 +1,4 @@
-"""ROS 1 bags and rosbag2 databases, through the maintained readers of rosbags."""
+"""ROS 1 bags with an index, through the maintained reader of rosbags."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rosbags import rosbag1, rosbag2
-from rosbags.interfaces import MessageDefinitionFormat, Qos
+from rosbags import rosbag1
+from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.rosbag1.reader import decompressors
 
 from agribot.core.errors import RecordingError
@@ -18,25 +18,25 @@ _FORMATS = {MessageDefinitionFormat.MSG: "msg", MessageDefinitionFormat.IDL: "id
 
 
 class RosbagsBag(Bag):
-    """A `.bag`, a `.db3` or a rosbag2 folder.
+    """A sound `.bag`; its messages come in the order of their times.
 
     Raises: RecordingError: the file is not what its name says, or is damaged.
     """
 
-    def __init__(self, path: Path, is_ros1: bool = False) -> None:
+    kind = "ROS 1 bag"
+
+    def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._is_ros1 = is_ros1
-        self.kind = "ROS 1 bag" if self._is_ros1 else "rosbag2"
         with _refuse_damage(path):
-            self._reader: Any = rosbag1.Reader(path) if self._is_ros1 else rosbag2.Reader(path)
+            self._reader: Any = rosbag1.Reader(path)
             self._reader.open()
         self._is_open = True
-        self.topics = tuple(self._topic(connection) for connection in self._reader.connections)
+        self.topics = tuple(_topic(connection) for connection in self._reader.connections)
         if self.count:
             self.times_ns = (self._reader.start_time, self._reader.end_time - 1)
-        self.compression = self._compression()
-        if not self._is_ros1 and not any(topic.definition for topic in self.topics) and self.topics:
-            self.notes.append("it brings no message definitions; those of ROS 2 Jazzy are assumed")
+        names = {function: name for name, function in decompressors.items()}
+        used = {names[chunk.decompressor] for chunk in self._reader.chunks.values()}
+        self.compression = "/".join(sorted(used))
 
     def messages(self, names: frozenset[str] | None = None) -> Iterator[BagMessage]:
         by_id = {id(c): t for c, t in zip(self._reader.connections, self.topics, strict=True)}
@@ -54,27 +54,18 @@ class RosbagsBag(Bag):
             self._is_open = False
             self._reader.close()
 
-    def _topic(self, connection: Any) -> BagTopic:
-        profiles: list[Qos] = getattr(connection.ext, "offered_qos_profiles", None) or []
-        latched = any(qos.durability.name == "TRANSIENT_LOCAL" for qos in profiles)
-        return BagTopic(
-            id=connection.id,
-            name=connection.topic,
-            ros_type=connection.msgtype,
-            encoding="ros1" if self._is_ros1 else "cdr",
-            definition=connection.msgdef.data,
-            definition_format=_FORMATS.get(connection.msgdef.format, ""),
-            is_latched=bool(getattr(connection.ext, "latching", 0)) or latched,
-            count=connection.msgcount,
-        )
 
-    def _compression(self) -> str:
-        if not self._is_ros1:
-            return self._reader.compression_format or ""
-        names = {function: name for name, function in decompressors.items()}
-        return "/".join(
-            sorted({names[chunk.decompressor] for chunk in self._reader.chunks.values()})
-        )
+def _topic(connection: Any) -> BagTopic:
+    return BagTopic(
+        id=connection.id,
+        name=connection.topic,
+        ros_type=connection.msgtype,
+        encoding="ros1",
+        definition=connection.msgdef.data,
+        definition_format=_FORMATS.get(connection.msgdef.format, ""),
+        is_latched=bool(getattr(connection.ext, "latching", 0)),
+        count=connection.msgcount,
+    )
 
 
 @contextlib.contextmanager

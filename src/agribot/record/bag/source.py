@@ -162,6 +162,11 @@ class Bag:
         return store
 
 
+def is_latched(qos_yaml: str) -> bool:
+    """Tell whether one of the offered profiles keeps messages for late subscribers."""
+    return "transient_local" in qos_yaml or "durability: 1" in qos_yaml
+
+
 def is_complete(store: Typestore, ros_type: str) -> bool:
     """Tell whether the type and all types inside it are defined."""
     return ros_type in store.fielddefs and all(

@@ -1,0 +1,232 @@
+"""rosbag2 databases (`.db3`): read with their log, and on behind damage.
+
+Source of the tables: rosbag2_storage_sqlite3, versions 1 to 4 of its schema.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from agribot.core.errors import RecordingError
+from agribot.core.sqlite_file import is_cut_off, open_sqlite
+from agribot.record.bag.source import Bag, BagMessage, BagTopic, is_latched
+from agribot.record.damage import Damage
+
+_FORMATS = {"ros2msg": "msg", "ros2idl": "idl"}
+_SMALLEST_ROW_BYTES = 16
+_FAILURES_A_STEP = 1000  # ids are tried one by one at first, then in growing steps
+_FIRST_ID = -(1 << 63)
+
+
+class Row(NamedTuple):
+    """A row of the table of messages."""
+
+    id: int
+    topic_id: int
+    t_ns: int
+    data: bytes
+
+
+class SqliteBag(Bag):
+    """One database of rosbag2.
+
+    Raises: RecordingError: no such database, or its description is damaged.
+    """
+
+    kind = "rosbag2"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._stack = ExitStack()
+        with _refuse(path):
+            self._database = self._stack.enter_context(open_sqlite(path))
+            # Without it SQLite opens no file that was cut off.
+            self._database.execute("PRAGMA writable_schema = ON")
+            topics = {topic.id: topic for topic in _read_topics(self._database)}
+            counts, times_ns = self._count(topics)
+        self.topics = tuple(
+            msgspec.structs.replace(topic, count=counts[number])
+            for number, topic in sorted(topics.items())
+        )
+        self.times_ns = times_ns
+        if self.topics and not any(topic.definition for topic in self.topics):
+            self.notes.append("it brings no message definitions; those of ROS 2 Jazzy are assumed")
+
+    def messages(self, names: frozenset[str] | None = None) -> Iterator[BagMessage]:
+        topics = {t.id: t for t in self.topics if names is None or t.name in names}
+        if not topics:
+            return
+        with _refuse(self.path):
+            for row in self._rows(topics):
+                if row.topic_id in topics:
+                    yield BagMessage(topics[row.topic_id], row.t_ns, row.t_ns, row.data)
+
+    def close(self) -> None:
+        self._stack.close()
+
+    def _rows(self, topics: dict[int, BagTopic]) -> Iterator[Row]:
+        if self.damage:
+            yield from _RowWalk(self._database, self.path, {topic.id for topic in self.topics})
+            return
+        marks = ", ".join("?" * len(topics))
+        yield from map(
+            Row._make,
+            self._database.execute(
+                "SELECT id, topic_id, timestamp, data FROM messages"
+                f" WHERE topic_id IN ({marks}) ORDER BY timestamp",
+                tuple(topics),
+            ),
+        )
+
+    def _count(self, topics: dict[int, BagTopic]) -> tuple[Counter[int], tuple[int, int] | None]:
+        """Count the messages of each topic, and find their first and last time."""
+        if _is_sound(self._database):
+            found = self._database.execute(
+                "SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages"
+                " GROUP BY topic_id"
+            ).fetchall()
+            counts = Counter({number: count for number, count, _, _ in found})
+            times = [t_ns for row in found for t_ns in row[2:]]
+        else:
+            counts, times = Counter(), []
+            walk = _RowWalk(self._database, self.path, set(topics))
+            for row in walk:
+                counts[row.topic_id] += 1
+                times = [min((row.t_ns, *times[:1])), max((row.t_ns, *times[1:]))]
+            self.damage = tuple(walk.damage)
+        return counts, (min(times), max(times)) if times else None
+
+
+class _RowWalk:
+    """Iterate over the messages in the order of their ids, on behind pages that are damaged."""
+
+    def __init__(self, database: sqlite3.Connection, path: Path, topic_ids: set[int]) -> None:
+        self._database, self._path, self._topic_ids = database, path, topic_ids
+        self.damage: list[Damage] = []
+        self._last: Row | None = None
+        self._begin_ns: int | None = None
+        self._bad_rows = 0
+
+    def __iter__(self) -> Iterator[Row]:
+        next_id: int | None = _FIRST_ID
+        while next_id is not None:
+            try:
+                yield from self._read_from(next_id)
+                break
+            except sqlite3.DatabaseError:
+                next_id = self._find_next(self._last.id + 1 if self._last else 1)
+        self._finish(is_end_lost=next_id is None)
+
+    def _read_from(self, next_id: int) -> Iterator[Row]:
+        rows = self._database.execute(
+            "SELECT id, topic_id, timestamp, data FROM messages NOT INDEXED WHERE id >= ?"
+            " ORDER BY id",
+            (next_id,),
+        )
+        for row in map(Row._make, rows):
+            if row.topic_id not in self._topic_ids or not isinstance(row.data, bytes):
+                self._bad_rows += 1
+                continue
+            self._note_gap(row, is_resumed=next_id != _FIRST_ID)
+            next_id = _FIRST_ID  # only the first row of a query follows a gap
+            self._begin_ns = row.t_ns if self._begin_ns is None else self._begin_ns
+            self._last = row
+            yield row
+
+    def _find_next(self, start_id: int) -> int | None:
+        """Find the first id from which on a row can be read; None where there is none."""
+        last_id = start_id + self._path.stat().st_size // _SMALLEST_ROW_BYTES
+        next_id, failures = start_id, 0
+        while next_id <= last_id:
+            next_id += 1 + failures // _FAILURES_A_STEP
+            try:
+                found = self._database.execute(
+                    "SELECT id, data FROM messages NOT INDEXED WHERE id >= ? ORDER BY id LIMIT 1",
+                    (next_id,),
+                ).fetchone()
+            except sqlite3.DatabaseError:
+                failures += 1
+                continue
+            return int(found[0]) if found else None
+        return None
+
+    def _note_gap(self, row: Row, is_resumed: bool) -> None:
+        if not is_resumed:
+            return
+        first_id = self._last.id + 1 if self._last else 1
+        self.damage.append(
+            Damage(
+                what=f"{self._path.name}: pages of it are damaged",
+                begin_ns=self._begin_ns, after_ns=self._last.t_ns if self._last else None,
+                before_ns=row.t_ns, lost_messages=row.id - first_id,
+            )
+        )  # fmt: skip
+
+    def _finish(self, is_end_lost: bool) -> None:
+        if is_end_lost:
+            is_cut = is_cut_off(self._path)
+            how = "cut off" if is_cut else "damaged"
+            self.damage.append(
+                Damage(
+                    what=f"{self._path.name}: its last pages are {how}",
+                    is_end=is_cut,
+                    begin_ns=self._begin_ns, after_ns=self._last.t_ns if self._last else None,
+                )
+            )  # fmt: skip
+        if self._bad_rows or not self.damage:
+            what = f"{self._path.name}: the database is damaged"
+            self.damage.append(
+                Damage(what=what, begin_ns=self._begin_ns, lost_messages=self._bad_rows)
+            )
+
+
+def _is_sound(database: sqlite3.Connection) -> bool:
+    try:
+        found = database.execute("PRAGMA quick_check(1)").fetchone()
+    except sqlite3.DatabaseError:
+        return False
+    return bool(found == ("ok",))
+
+
+def _read_topics(database: sqlite3.Connection) -> Iterator[BagTopic]:
+    definitions = _read_definitions(database)
+    columns = _list_columns(database, "topics")
+    qos_column = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
+    for number, name, kind, encoding, qos in database.execute(
+        f"SELECT id, name, type, serialization_format, {qos_column} FROM topics ORDER BY id"
+    ):
+        is_ros = encoding == "cdr"
+        definition_format, definition = definitions.get(kind, ("", ""))
+        yield BagTopic(
+            id=number, name=name, ros_type=kind if is_ros else "", encoding=encoding,
+            schema_name="" if is_ros else kind, definition=definition,
+            definition_format=definition_format, is_latched=is_latched(str(qos)),
+        )  # fmt: skip
+
+
+def _read_definitions(database: sqlite3.Connection) -> dict[str, tuple[str, str]]:
+    if not _list_columns(database, "message_definitions"):
+        return {}
+    rows = database.execute(
+        "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+    )
+    return {kind: (_FORMATS.get(encoding, ""), text) for kind, encoding, text in rows}
+
+
+def _list_columns(database: sqlite3.Connection, table: str) -> list[str]:
+    return [row[1] for row in database.execute(f"PRAGMA table_info({table})")]
+
+
+@contextmanager
+def _refuse(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (sqlite3.Error, OSError) as error:
+        raise RecordingError(f"{path} cannot be read as a recording: {error}") from error
