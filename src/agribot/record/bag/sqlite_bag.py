@@ -25,7 +25,7 @@ _FAILURES_A_STEP = 1000  # ids are tried one by one at first, then in growing st
 _FIRST_ID = -(1 << 63)
 
 
-class Row(NamedTuple):
+class MessageRow(NamedTuple):
     """A row of the table of messages."""
 
     id: int
@@ -71,13 +71,13 @@ class SqliteBag(Bag):
     def close(self) -> None:
         self._stack.close()
 
-    def _rows(self, topics: dict[int, BagTopic]) -> Iterator[Row]:
+    def _rows(self, topics: dict[int, BagTopic]) -> Iterator[MessageRow]:
         if self.damage:
             yield from _RowWalk(self._database, self.path, {topic.id for topic in self.topics})
             return
         marks = ", ".join("?" * len(topics))
         yield from map(
-            Row._make,
+            MessageRow._make,
             self._database.execute(
                 "SELECT id, topic_id, timestamp, data FROM messages"
                 f" WHERE topic_id IN ({marks}) ORDER BY timestamp",
@@ -110,11 +110,11 @@ class _RowWalk:
     def __init__(self, database: sqlite3.Connection, path: Path, topic_ids: set[int]) -> None:
         self._database, self._path, self._topic_ids = database, path, topic_ids
         self.damage: list[Damage] = []
-        self._last: Row | None = None
+        self._last: MessageRow | None = None
         self._begin_ns: int | None = None
         self._bad_rows = 0
 
-    def __iter__(self) -> Iterator[Row]:
+    def __iter__(self) -> Iterator[MessageRow]:
         next_id: int | None = _FIRST_ID
         while next_id is not None:
             try:
@@ -124,13 +124,13 @@ class _RowWalk:
                 next_id = self._find_next(self._last.id + 1 if self._last else 1)
         self._finish(is_end_lost=next_id is None)
 
-    def _read_from(self, next_id: int) -> Iterator[Row]:
+    def _read_from(self, next_id: int) -> Iterator[MessageRow]:
         rows = self._database.execute(
             "SELECT id, topic_id, timestamp, data FROM messages NOT INDEXED WHERE id >= ?"
             " ORDER BY id",
             (next_id,),
         )
-        for row in map(Row._make, rows):
+        for row in map(MessageRow._make, rows):
             if row.topic_id not in self._topic_ids or not isinstance(row.data, bytes):
                 self._bad_rows += 1
                 continue
@@ -157,7 +157,7 @@ class _RowWalk:
             return int(found[0]) if found else None
         return None
 
-    def _note_gap(self, row: Row, is_resumed: bool) -> None:
+    def _note_gap(self, row: MessageRow, is_resumed: bool) -> None:
         if not is_resumed:
             return
         first_id = self._last.id + 1 if self._last else 1
