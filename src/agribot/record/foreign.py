@@ -96,8 +96,7 @@ def read_foreign(path: Path) -> ForeignData:
                 _add_rules(topic, collector)
         start_ns, end_ns = bag.times_ns or (0, 0)
         wanted = frozenset(t.name for t in bag.topics if t.id in collector.rules)
-        for message in bag.messages(wanted) if wanted else ():
-            value = bag.value(message)
+        for message, value in bag.values(wanted) if wanted else ():
             t_s = (message.log_ns - start_ns) * 1e-9
             for plot, label, extract in collector.rules.get(message.topic.id, ()):
                 found = extract(value)

@@ -34,11 +34,11 @@ def read_frames_path(bag: Bag) -> FramesPath | None:
     if not names or bag.times_ns is None:
         return None
     edges: list[tuple[float, Edge, FloatArray]] = []
-    for message in bag.messages(names):
+    for message, value in bag.values(names):
         t_s = (message.log_ns - bag.times_ns[0]) * 1e-9
         edges += [
             (t_s, (_clean_name(stamped.header.frame_id), _clean_name(stamped.child_frame_id)), pose)
-            for stamped in bag.value(message).transforms
+            for stamped in value.transforms
             if (pose := _make_matrix(stamped.transform)) is not None
         ]
     parents = {child: parent for _, (parent, child), _ in edges}

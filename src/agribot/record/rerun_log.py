@@ -57,9 +57,9 @@ def write_rerun(recording: Path, target: Path | None) -> int:
         else:
             stream.save(str(target))
         stream.send_blueprint(_lay_out(rerun.blueprint))
-        for message in bag.messages(frozenset(known)) if known else ():
+        for message, value in bag.values(frozenset(known)) if known else ():
             stream.set_time(_TIMELINE, duration=message.log_ns * 1e-9)
-            shower.shows[message.topic.name](bag.value(message))
+            shower.shows[message.topic.name](value)
             count += 1
     if foreign is not None:
         count = shower.foreign(foreign)

@@ -15,6 +15,7 @@ from rosbags.typesys.store import Typestore
 from agribot.core.config import load
 from agribot.record.bag.definitions import ros1_store, ros2_store
 from agribot.record.bag.opening import open_bag
+from agribot.record.bag.sinks import compress_for_ros1
 from agribot.record.recorder import RunRecorder
 from tests.record import record_samples as samples
 
@@ -73,6 +74,8 @@ def write_ros1(path: Path, count: int = 50, compression: str = "") -> None:
     writer = rosbag1.Writer(path)
     if compression:
         writer.set_compression(rosbag1.Writer.CompressionFormat[compression])
+    if compression == "LZ4":
+        writer.compressor = compress_for_ros1
     with writer:
         fix = writer.add_connection("/fix", "sensor_msgs/msg/NavSatFix", typestore=store)
         text = writer.add_connection("/text", "std_msgs/msg/String", typestore=store, latching=1)

@@ -102,7 +102,7 @@ def test_a_database_that_was_cut_off_is_read_up_to_the_cut(
     assert read < whole and len(read) > 0.5 * len(whole)
     assert damage.is_end and damage.after_ns == max(t_ns for t_ns, _ in read)
     assert main(["bag", "info", str(path)]) == 0
-    assert "its last pages are cut off; messages after" in capsys.readouterr().out
+    assert "its end is cut off; messages after" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("is_folder", [True, False])

@@ -20,7 +20,7 @@ from agribot.record.bag.definitions import (
 )
 from agribot.record.bag.opening import open_bag
 from agribot.record.bag.sinks import Compression, Sink, Storage, open_sink
-from agribot.record.bag.source import Bag, BagFile, BagMessage, BagTopic
+from agribot.record.bag.source import Bag, BagFile, BagMessage, BagTopic, UndecodableMessage
 from agribot.record.bag.stamps import UNHOLDABLE, make_stamp_check
 from agribot.ros.messages import fixes, utm
 
@@ -110,6 +110,9 @@ class _Conversion:
         for route in self._routes[message.topic.id]:
             try:
                 data = route.data(message)
+            except UndecodableMessage as error:
+                self._skip(message.topic, str(error))
+                continue
             except RecordingError:
                 raise
             except Exception as error:  # noqa: BLE001  generated code, bytes of any kind

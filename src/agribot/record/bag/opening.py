@@ -14,10 +14,9 @@ from agribot.core.errors import RecordingError
 from agribot.core.sqlite_file import MAGIC as SQLITE_MAGIC
 from agribot.record.bag.folder_bag import FolderBag
 from agribot.record.bag.mcap_bag import McapBag
-from agribot.record.bag.rosbags_bag import RosbagsBag
+from agribot.record.bag.ros1_bag import Ros1Bag
 from agribot.record.bag.source import Bag
 from agribot.record.bag.sqlite_bag import SqliteBag
-from agribot.record.bag.unindexed_bag import UnindexedBag, has_no_index
 from agribot.record.damage import Damage, warn_of
 from agribot.record.mcap_parsing import MAGIC
 
@@ -65,7 +64,7 @@ def _open(path: Path, unpacked: contextlib.ExitStack) -> Bag:
     if start.startswith(MAGIC):
         return McapBag(path)
     if start.startswith(_ROS1_MAGIC):
-        return _open_ros1(path)
+        return Ros1Bag(path)
     if start.startswith(SQLITE_MAGIC):
         return SqliteBag(path)
     if start.startswith(_ZSTD_MAGIC):
@@ -113,16 +112,6 @@ def _unpack(path: Path, unpacked: contextlib.ExitStack) -> tuple[Path, tuple[Dam
             "set TMPDIR to a folder with room"
         ) from error
     return inner, damage
-
-
-def _open_ros1(path: Path) -> Bag:
-    """Open by the index; without a sound one, record by record."""
-    if has_no_index(path):
-        return UnindexedBag(path)
-    try:
-        return RosbagsBag(path)
-    except RecordingError:
-        return UnindexedBag(path)
 
 
 def _open_folder(path: Path, unpacked: contextlib.ExitStack) -> Bag:

@@ -20,7 +20,7 @@ from agribot.record.bag.definitions import (
     ros1_store,
     ros2_store,
 )
-from agribot.record.damage import Damage
+from agribot.record.damage import Damage, warn_of
 
 _IDL_RULE = "=" * 80 + "\n"
 
@@ -63,6 +63,10 @@ class BagFile(NamedTuple):
     name: str
     media_type: str
     data: bytes
+
+
+class UndecodableMessage(RecordingError):
+    """The bytes of a message do not fit its type."""
 
 
 class Bag:
@@ -129,16 +133,36 @@ class Bag:
         """Tell whether the messages of the topic can be read."""
         return topic.is_ros and is_complete(self.store(), topic.ros_type)
 
+    def values(self, names: frozenset[str]) -> Iterator[tuple[BagMessage, Any]]:
+        """Iterate over the messages of topics, decoded; warn of those whose bytes do not fit.
+
+        Raises: UndecodableMessage: no message fits its type.
+        """
+        failed: list[UndecodableMessage] = []
+        count = 0
+        for message in self.messages(names):
+            try:
+                value = self.value(message)
+            except UndecodableMessage as error:
+                failed.append(error)
+                continue
+            count += 1
+            yield message, value
+        if failed and not count:
+            raise failed[0]
+        if failed:
+            warn_of([Damage(what=str(failed[0]), lost_messages=len(failed))])
+
     def value(self, message: BagMessage) -> Any:
         """Decode a message into an object.
 
-        Raises: RecordingError: its bytes do not fit its type.
+        Raises: UndecodableMessage: its bytes do not fit its type.
         """
         topic = message.topic
         try:
             return deserialize(self.store(), topic.ros_type, topic.encoding == "cdr", message.data)
         except Exception as error:  # rosbags' generated code fails in many ways on wrong bytes
-            raise RecordingError(
+            raise UndecodableMessage(
                 f"{self.path}: a message on {topic.name} is no {topic.ros_type} ({error}); "
                 "the recording is damaged or its message definition is wrong"
             ) from error

@@ -136,7 +136,7 @@ class _RowWalk:
                 continue
             self._note_gap(row, is_resumed=next_id != _FIRST_ID)
             next_id = _FIRST_ID  # only the first row of a query follows a gap
-            self._begin_ns = row.t_ns if self._begin_ns is None else self._begin_ns
+            self._begin_ns = min(row.t_ns, self._begin_ns or row.t_ns)
             self._last = row
             yield row
 
@@ -170,21 +170,16 @@ class _RowWalk:
         )  # fmt: skip
 
     def _finish(self, is_end_lost: bool) -> None:
-        if is_end_lost:
-            is_cut = is_cut_off(self._path)
-            how = "cut off" if is_cut else "damaged"
+        is_cut, name = is_cut_off(self._path), self._path.name
+        how = "its end is cut off" if is_cut else "the database is damaged"
+        if is_end_lost or self._bad_rows or not self.damage:
             self.damage.append(
                 Damage(
-                    what=f"{self._path.name}: its last pages are {how}",
-                    is_end=is_cut,
+                    what=f"{name}: {how}",
                     begin_ns=self._begin_ns, after_ns=self._last.t_ns if self._last else None,
+                    lost_messages=None if is_end_lost else self._bad_rows, is_end=is_cut,
                 )
             )  # fmt: skip
-        if self._bad_rows or not self.damage:
-            what = f"{self._path.name}: the database is damaged"
-            self.damage.append(
-                Damage(what=what, begin_ns=self._begin_ns, lost_messages=self._bad_rows)
-            )
 
 
 def _is_sound(database: sqlite3.Connection) -> bool:

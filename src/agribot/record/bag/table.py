@@ -60,9 +60,9 @@ def _write_rows(writer: Any, rows: Iterator[tuple[object, ...]]) -> int:
 def _list_rows(bag: Bag, topic: BagTopic) -> Iterator[tuple[object, ...]]:
     """List the names of the columns, then the values of each message; nothing without one."""
     is_first = True
-    for message in bag.messages(frozenset({topic.name})):
+    for message, value in bag.values(frozenset({topic.name})):
         cells: dict[str, Any] = {}
-        _flatten(bag.store(), topic.ros_type, bag.value(message), "", cells)
+        _flatten(bag.store(), topic.ros_type, value, "", cells)
         if is_first:
             yield ("log_time_s", *cells)
         is_first = False

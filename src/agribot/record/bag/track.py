@@ -60,8 +60,8 @@ def read_track(path: Path, topic_name: str = "") -> GeoTrack:
         topic = bag.find(topic_name) if topic_name else _find_topic(bag)
         point_of = _choose_reader(bag, topic)
         found = [
-            (message.log_ns, point_of(bag.value(message)))
-            for message in bag.messages(frozenset({topic.name}))
+            (message.log_ns, point_of(value))
+            for message, value in bag.values(frozenset({topic.name}))
         ]
         found.sort(key=lambda each: each[0])  # a recorder may write them in another order
         points = tuple(point for _, point in found if point is not None)
