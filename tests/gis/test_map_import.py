@@ -47,8 +47,11 @@ def place(east_m: float, north_m: float) -> tuple[float, float]:
 
 
 def colour_at(path: Path, east_m: float, north_m: float) -> tuple[int, ...]:
-    """Of the finest tile that covers a place of the field."""
-    lat_deg, lon_deg = place(east_m, north_m)
+    return find_colour(path, *place(east_m, north_m))
+
+
+def find_colour(path: Path, lat_deg: float, lon_deg: float) -> tuple[int, ...]:
+    """Of the finest tile that covers a place."""
     z = describe_map(path)["maxzoom"]
     whole = 2**30
     fine = find_tile(lat_deg, lon_deg, 30)

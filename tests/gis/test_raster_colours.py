@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from agribot.cli.main import main
-from tests.gis.test_map_import import list_colours, maps, write_raster
+from tests.gis.test_map_import import UTM, find_colour, list_colours, maps, write_raster
 
 __all__ = ["maps"]  # a fixture
-pytest.importorskip("rasterio")
+warp = pytest.importorskip("rasterio.warp")
 SIDE_PX = 128
 
 
@@ -130,6 +130,7 @@ def _make_ground(noise_m: float) -> np.ndarray:
         ("field", _make_ground(0.02).astype(np.float32)),
         ("field", _make_ground(0.02).round().astype(np.int16)),
         ("farm_dsm", _make_ground(2.0).astype(np.float32)),
+        ("DEM-2026", (10.0 * _make_ground(2.0)).astype(np.uint16)),
     ],
 )
 def test_heights_are_refused_with_the_way_to_draw_them(
@@ -169,3 +170,51 @@ def test_the_colours_of_a_multispectral_picture_are_found_by_name(
     found = _mean_colour(list_colours(tmp_path / "home" / "maps" / "five.mbtiles").astype(float))
     plain = _import(tmp_path / "plain.tif", np.stack([red, green, blue]))
     assert found == pytest.approx(_mean_colour(plain), abs=1)
+
+
+def test_an_alpha_band_that_stands_first_and_a_mask_inside_the_file_are_obeyed(
+    tmp_path: Path,
+) -> None:
+    import rasterio
+    from rasterio.enums import ColorInterp
+
+    picture = np.clip(_make_picture() * 255, 1, 255).astype(np.uint8)
+    shown = np.zeros((1, SIDE_PX, SIDE_PX), dtype=np.uint8)
+    shown[:, :, : SIDE_PX // 4] = 255
+    kinds = (ColorInterp.alpha, ColorInterp.red, ColorInterp.green, ColorInterp.blue)
+    first = _import(tmp_path / "first.tif", np.concatenate([shown, picture]), colours=kinds)
+    path = tmp_path / "mask.tif"
+    write_raster(path, list(picture))
+    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True), rasterio.open(path, "r+") as raster:
+        raster.write_mask(shown[0])
+    assert main(["map", "import", str(path)]) == 0
+    masked = list_colours(tmp_path / "home" / "maps" / "mask.mbtiles").astype(float)
+    whole = _import(tmp_path / "whole.tif", picture)
+    for pixels in (first, masked):
+        assert (pixels[:, 3] > 250).sum() == pytest.approx(
+            0.25 * (whole[:, 3] > 250).sum(), rel=0.1
+        )
+        assert _mean_colour(pixels)[1] == pytest.approx(_mean_colour(whole)[1], abs=25)
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 30.0, 60.0, 180.0])
+@pytest.mark.parametrize("kind", [np.uint8, np.float32])
+def test_a_picture_that_is_turned_lies_where_its_corners_say(
+    turn_deg: float, kind: Any, tmp_path: Path
+) -> None:
+    import rasterio
+
+    turn_rad = np.radians(turn_deg)
+    right_m = 10.0 * np.array([np.cos(turn_rad), np.sin(turn_rad)])  # of a pixel
+    down_m = 10.0 * np.array([np.sin(turn_rad), -np.cos(turn_rad)])
+    corner_m = np.array([270_640.0, 2_341_360.0]) - 64 * right_m - 64 * down_m
+    columns = (right_m[0], down_m[0], corner_m[0], right_m[1], down_m[1], corner_m[1])
+    place = rasterio.Affine(*columns)
+    picture = (np.clip(_make_picture(), 0.2, 0.7) * 200).astype(kind)
+    picture[:, 100:110, 20:30] = np.array([250, 10, 10], dtype=kind)[:, None, None]
+    write_raster(tmp_path / "turned.tif", list(picture), transform=place)
+    assert main(["map", "import", str(tmp_path / "turned.tif")]) == 0
+    east_m, north_m = corner_m + 25 * right_m + 105 * down_m
+    (lon_deg,), (lat_deg,) = warp.transform(UTM, "EPSG:4326", [east_m], [north_m])
+    colour = find_colour(tmp_path / "home" / "maps" / "turned.mbtiles", lat_deg, lon_deg)
+    assert colour[0] > 200 and max(colour[1:3]) < 60

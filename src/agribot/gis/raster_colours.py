@@ -165,12 +165,13 @@ def _find_range(shown: Any) -> tuple[float, float]:
 
 
 def _refuse_heights(raster: rasterio.DatasetReader, band: Any, shown: Any, name: str) -> None:
-    if shown.dtype.kind == "u" or not shown.size:
+    if shown.dtype == np.uint8 or not shown.size:
         return
     low, high = (float(edge) for edge in np.percentile(shown, CUT_PERCENT))
     title, unit = raster.descriptions[0] or "", raster.units[0] or ""
     is_named = bool(_HEIGHT_WORDS.search(title) or _HEIGHT_WORDS.search(name.partition(".")[0]))
-    is_ground = high - low > _INDEX_SPAN and _is_smooth(raster, high - low)
+    is_signed, span = shown.dtype.kind != "u", high - low
+    is_ground = is_signed and span > _INDEX_SPAN and _is_smooth(raster, span)
     if is_named or unit.lower() in _METRES or is_ground:
         raise ConfigError(
             f"{name} holds heights (one band of {shown.dtype}, {low:g} to {high:g}), not a "
