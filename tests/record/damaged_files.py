@@ -36,7 +36,9 @@ def write_mcap(
     """Write 400 messages of two topics at 10 Hz, in about 40 chunks, and two files."""
     rng = np.random.default_rng(3)
     with path.open("wb") as file:
-        writer = Writer(file, 512, compression, use_chunking=use_chunking)
+        writer = Writer(
+            file, 512, compression, use_chunking=use_chunking, enable_data_crcs=not use_chunking
+        )
         writer.start("ros2", "test")
         writer.add_attachment(0, 0, "first.txt", "text/plain", b"first" * 20)
         schema = writer.register_schema("std_msgs/msg/Float64", "ros2msg", b"float64 data")

@@ -13,6 +13,7 @@ from agribot.record.bag.opening import open_bag
 from agribot.record.damage import Damage, DamagedRecording, collect_damage
 from agribot.record.mcap_file import find_damage
 from agribot.record.mcap_records import McapRecords
+from agribot.record.recovery import recover
 from agribot.record.replay import read_ticks
 from agribot.ui.server.replay import Replay
 from tests.record import damaged_files
@@ -57,6 +58,40 @@ def _covers(damage: Damage, t_ns: int) -> bool:
     after_ns = -1 if damage.after_ns is None else damage.after_ns
     before_ns = 2**64 if damage.before_ns is None else damage.before_ns
     return damage.lost_messages != 0 and after_ns <= t_ns <= before_ns
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_file_without_chunks_loses_no_more_than_the_damaged_messages(
+    kind: Kind, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.mcap"
+    damaged_files.write_mcap(path, use_chunking=False)
+    sound, (whole, _) = path.read_bytes(), _read(path)
+    for seed in SEEDS:
+        data, start, end = damaged_files.damage(sound, kind, np.random.default_rng(seed))
+        path.write_bytes(data)
+        read, damages = _read(path)
+        if kind != "cut":
+            assert len(whole - read) <= 2 + (end - start) // 60, seed
+        assert read == whole or any(damage.lost_messages != 0 for damage in damages), seed
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_recovered_file_holds_what_could_be_read_of_the_damaged_one(
+    kind: Kind, tmp_path: Path
+) -> None:
+    path, target = tmp_path / "run.mcap", tmp_path / "saved.mcap"
+    damaged_files.write_mcap(path)
+    sound = path.read_bytes()
+    for seed in SEEDS[:10]:
+        data, *_ = damaged_files.damage(sound, kind, np.random.default_rng(seed))
+        path.write_bytes(data)
+        saved = recover(path, target)
+        read, damages = _read(path)
+        again, repeated = _read(target)
+        assert (again, saved.messages) == (read, len(read)), seed
+        assert saved.has_gaps == any(damage.is_gap for damage in damages) == bool(repeated)
+        target.unlink()
 
 
 @pytest.fixture(scope="module")

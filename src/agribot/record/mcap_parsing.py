@@ -38,6 +38,7 @@ _INDEX_HEAD_BYTES = 6
 _INDEX_ENTRY = struct.Struct("<QQ")  # log time, offset in the chunk
 _FOOTER_BYTES, _CRC_BYTES = 20, 4
 _DATA_END_HEAD = HEAD.pack(Opcode.DATA_END, _CRC_BYTES)
+DATA_END_BYTES = len(_DATA_END_HEAD) + _CRC_BYTES
 _LARGEST_SUMMARY_BYTES = 64 << 20  # of one that is looked for; 2 kB a chunk are usual
 _PLAIN: dict[int, Any] = {
     Opcode.HEADER: Header,
@@ -237,7 +238,7 @@ def _find_data_end(file: IO[bytes], size: int) -> int:
     """Find the end of the last record that ends the data; 0 without one."""
     start = max(size - _LARGEST_SUMMARY_BYTES, 0)
     at = read_bytes(file, start, _LARGEST_SUMMARY_BYTES).rfind(_DATA_END_HEAD)
-    return 0 if at < 0 else start + at + len(_DATA_END_HEAD) + _CRC_BYTES
+    return 0 if at < 0 else start + at + DATA_END_BYTES
 
 
 def _parse_summary(data: bytes, is_in_place: bool) -> Summary | None:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator
 from typing import IO, Any
 
-from mcap.records import Channel, Chunk, Message
+from mcap.records import Channel, Chunk, DataEnd, Message
 
 from agribot.record.damage import Damage
 from agribot.record.mcap_parsing import (
+    DATA_END_BYTES,
     MessageIndex,
     Summary,
     break_up,
     parse_record,
+    read_bytes,
     read_footer,
     read_record,
 )
 from agribot.record.mcap_walk import Hole
+
+_WINDOW = 1 << 20  # bytes that are summed up at once
 
 
 class Tally:
@@ -26,7 +31,7 @@ class Tally:
         self._name, self._file, self._size, self._summary = name, file, size, summary
         self._hole: Hole | None = None
         self._has_damage = False
-        self._chunks = 0
+        self._chunks = self._data_crc = 0
         self._channel_ids: set[int] = set()
         self._orphans = 0
         self._begin_ns: int | None = None
@@ -62,6 +67,8 @@ class Tally:
             self._orphans += record.channel_id not in self._channel_ids
         elif isinstance(record, Channel):
             self._channel_ids.add(record.id)
+        elif isinstance(record, DataEnd):
+            self._data_crc = record.data_section_crc
 
     def add_chunk(self, chunk: Chunk) -> None:
         self._chunks += 1
@@ -80,6 +87,7 @@ class Tally:
             yield self._make_damage(self._hole, None)
         elif not self._has_damage:
             yield from self._compare_index(data_end)
+            yield from self._compare_checksum(data_end)
         if self._orphans:
             what = f"{self._name}: the definition of a topic is damaged"
             yield Damage(what=what, begin_ns=self._begin_ns, lost_messages=self._orphans)
@@ -97,6 +105,20 @@ class Tally:
         elif self._summary.is_complete and len(self._summary.chunks) != self._chunks:
             stated = f"its index names {len(self._summary.chunks)} chunks and {self._chunks}"
             yield Damage(what=f"{self._name}: {stated} are there")
+
+    def _compare_checksum(self, data_end: int) -> Iterator[Damage]:
+        """Compare a file without chunks, whose messages have no checksums, with that of its data.
+
+        Files with chunks are checked by those.
+        """
+        stated = self._data_crc if not self._chunks else 0
+        at, end, crc = 0, data_end - DATA_END_BYTES, 0
+        while stated and at < end:
+            data = read_bytes(self._file, at, min(_WINDOW, end - at))
+            at, crc = at + len(data), zlib.crc32(data, crc)
+        if crc != stated:
+            what = f"{self._name}: bytes of its messages have changed: their checksum is wrong"
+            yield Damage(what=what, begin_ns=self._begin_ns)
 
     def _add_time(self, t_ns: int) -> None:
         self._begin_ns = t_ns if self._begin_ns is None else min(self._begin_ns, t_ns)

@@ -104,6 +104,8 @@ class McapWalk:
         _, stated_end = self._read_head(start)
         if stated_end and self._is_sound(stated_end):
             return stated_end
+        if self._chunk is None:
+            return self._search(_ANY_HEAD, self._is_sound, start + 1)
         at = self._size
         if start < self._searched_from:
             at = self._search(_CHECKED_HEAD, self._is_checked, start + 1)
