@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType
 
+from agribot.app.whole_job import series_of
 from agribot.cli.main import main
 from agribot.record.bag.opening import open_bag
 from agribot.record.damage import Damage, DamagedRecording, collect_damage
@@ -15,6 +16,8 @@ from agribot.record.mcap_file import find_damage
 from agribot.record.mcap_records import McapRecords
 from agribot.record.recovery import recover
 from agribot.record.replay import read_ticks
+from agribot.record.report import RunOfJob
+from agribot.record.series import collect
 from agribot.ui.server.replay import Replay
 from tests.record import damaged_files
 from tests.record import record_samples as samples
@@ -174,6 +177,16 @@ def test_the_page_shows_when_a_recording_is_damaged(damaged_run: Path) -> None:
     (event,) = [event for event in replay.recorded_events if event.kind == "lost"]
     assert event.t_s == pytest.approx(0.54, abs=0.03)
     assert event.reason == _find_lost(damaged_run)
+
+
+def test_the_report_of_a_job_says_what_the_recording_of_an_earlier_run_lacks(
+    damaged_run: Path,
+) -> None:
+    own = collect(())
+    earlier = [RunOfJob(folder=str(damaged_run.parent), run_s=3.0)]
+    series, lost = series_of(earlier, own, damaged_run.parent)
+    assert lost == [f"plots and table of rows: {_find_lost(damaged_run)}"]
+    assert len(series.t_s) == 150 - 25
 
 
 def test_damage_of_the_index_alone_loses_nothing(tmp_path: Path) -> None:

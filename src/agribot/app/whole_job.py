@@ -20,6 +20,7 @@ from agribot.core.histogram import Histogram
 from agribot.core.implement.kind import ReportLine
 from agribot.core.messages import MappedPlant, TickRecord
 from agribot.record.events import Event, read_whole_events
+from agribot.record.mcap_file import find_damage
 from agribot.record.replay import read_ticks, read_truth
 from agribot.record.report import RunOfJob
 from agribot.record.series import RunSeries, collect, join_series
@@ -220,6 +221,8 @@ def series_of(
             ticks = (tick for tick in read_ticks(path) if tick.batch.t_s <= run.run_s)
             truth = read_truth(path)
             parts.append((collect(ticks, truth[truth[:, 0] <= run.run_s]), began_s))
+            gaps = (damage for damage in find_damage(path) if damage.is_gap)
+            lost += [f"plots and table of rows: {gap.describe()}" for gap in gaps]
         except RecordingError as error:
             lost.append(f"plots and table of rows: {error}")
         began_s += run.run_s
