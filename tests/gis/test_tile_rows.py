@@ -38,9 +38,9 @@ def _write(path: Path, counts_from: str, **metadata: str) -> None:
 def test_every_tile_is_at_its_place_where_the_scheme_or_the_bounds_say_the_order(
     counts_from: str, bounds: str, scheme: str, tmp_path: Path, maps: Path
 ) -> None:
-    is_told = bool(bounds) or scheme == {"north": "xyz", "south": "tms"}[counts_from]
+    is_stated = bool(bounds) or scheme == {"north": "xyz", "south": "tms"}[counts_from]
     is_default = counts_from == "south" and not scheme
-    if not (is_told or is_default):
+    if not (is_stated or is_default):
         return  # nothing in the file says it
     metadata = {"bounds": bounds, "scheme": scheme}
     _write(tmp_path / "farm.mbtiles", counts_from, **{k: v for k, v in metadata.items() if v})

@@ -10,9 +10,12 @@ from mcap.writer import CompressionType
 
 from agribot.app.whole_job import series_of
 from agribot.cli.main import main
+from agribot.core.errors import RecordingError
+from agribot.record.bag.info import read_info
 from agribot.record.bag.opening import open_bag
+from agribot.record.bag.track import read_track
 from agribot.record.damage import Damage, DamagedRecording, collect_damage
-from agribot.record.mcap_file import find_damage
+from agribot.record.mcap_file import check_whole, find_damage
 from agribot.record.mcap_records import McapRecords
 from agribot.record.recovery import recover
 from agribot.record.replay import read_ticks
@@ -177,6 +180,40 @@ def test_the_page_shows_when_a_recording_is_damaged(damaged_run: Path) -> None:
     (event,) = [event for event in replay.recorded_events if event.kind == "lost"]
     assert event.t_s == pytest.approx(0.54, abs=0.03)
     assert event.reason == _find_lost(damaged_run)
+
+
+def test_the_page_shows_where_a_recording_was_cut_off(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    write_run(path)
+    path.write_bytes(path.read_bytes()[: damaged_files.list_chunks(path)[4].start + 40])
+    (event,) = [e for e in Replay.load(path, "run").recorded_events if e.kind == "lost"]
+    assert event.t_s == pytest.approx(1.52, abs=0.03)
+    assert "the file ends in the middle" in event.reason
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_reader_of_a_run_gives_the_ticks_of_sound_chunks_or_a_reason(
+    kind: Kind, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.mcap"
+    write_run(path)
+    sound, chunks = path.read_bytes(), damaged_files.list_chunks(path)
+    for seed in range(3):
+        data, start, end = damaged_files.damage(sound, kind, np.random.default_rng(seed))
+        path.write_bytes(data)
+        kept = sum(chunk.end <= start or chunk.start >= end for chunk in chunks)
+        ticks = [record.batch.t_s for record in read_ticks(path)]
+        assert len(ticks) >= 24 * (kept - 1), seed
+        assert read_info(path).messages > 0
+        assert len(read_track(path, "/agribot/fix").points) >= 4 * (kept - 1)
+        for read in (lambda: Replay.load(path, "run"), lambda: check_whole(path)):
+            try:
+                read()
+            except RecordingError as error:
+                assert "damaged" in str(error) or "cannot be checked" in str(error), seed
+        if len(ticks) < 150:
+            with pytest.raises(RecordingError, match="cannot be checked"):
+                check_whole(path)
 
 
 def test_the_report_of_a_job_says_what_the_recording_of_an_earlier_run_lacks(

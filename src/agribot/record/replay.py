@@ -86,11 +86,11 @@ def read_truth(path: Path) -> FloatArray:
 
 
 def read_gaps(path: Path) -> tuple[Event, ...]:
-    """Find the times of which the recording lacks messages or files, as events."""
+    """Find the times from which on the recording lacks messages or files, as events."""
     return tuple(
         Event(t_s=(gap.after_ns or gap.begin_ns or 0) * 1e-9, kind="lost", reason=gap.describe())
         for gap in find_damage(path)
-        if gap.is_gap
+        if gap.is_loss
     )
 
 
