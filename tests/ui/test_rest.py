@@ -281,7 +281,7 @@ def test_views_are_kept_by_name(browser: Browser) -> None:
 def mbtiles(path: Path) -> Path:
     database = sqlite3.connect(path)
     database.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
-    database.execute("INSERT INTO metadata VALUES ('bounds', '72,21,73,22')")
+    database.execute("INSERT INTO metadata VALUES ('bounds', '91,-80,92,-79')")
     database.execute("CREATE TABLE tiles (zoom_level, tile_column, tile_row, tile_data)")
     database.execute("INSERT INTO tiles VALUES (2, 3, 0, ?)", (b"\x89PNG south-east",))
     database.commit()
@@ -294,7 +294,7 @@ def test_a_map_is_imported_and_its_tiles_are_where_they_belong(
 ) -> None:
     import_mbtiles(mbtiles(tmp_path / "farm.mbtiles"), find_home() / "maps", "farm")
     shown = next(one for one in browser.ask("GET", "/api/v1/maps")[1] if one["name"] == "farm")
-    assert (shown["name"], shown["minzoom"], shown["bounds"]) == ("farm", 2, [72, 21, 73, 22])
+    assert (shown["name"], shown["minzoom"], shown["bounds"]) == ("farm", 2, [91, -80, 92, -79])
     assert browser.ask("GET", "/tiles/farm/2/3/3") == (200, b"\x89PNG south-east")
     assert browser.ask("GET", "/tiles/farm/2/3/0")[0] == 204
     assert browser.ask("GET", "/tiles/farm/99/3/0")[0] == 204

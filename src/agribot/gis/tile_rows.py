@@ -87,15 +87,15 @@ def _is_place(bounds: list[float]) -> bool:
 
 
 def _overlap(tiles: TileRange, scheme: Scheme, place: GeoBounds) -> bool:
-    """Tell whether tiles lie at a place, to one tile."""
+    """Tell whether tiles lie at a place."""
     first = find_tile(place.north_deg, place.west_deg, tiles.zoom)
     last = find_tile(place.south_deg, place.east_deg, tiles.zoom)
     rows = sorted(flip_row(tiles.zoom, row, scheme) for row in tiles.rows)
     return (
-        tiles.columns[0] <= last.x + 1
-        and tiles.columns[1] >= first.x - 1
-        and rows[0] <= last.y + 1
-        and rows[1] >= first.y - 1
+        tiles.columns[0] <= last.x
+        and tiles.columns[1] >= first.x
+        and rows[0] <= last.y
+        and rows[1] >= first.y
     )
 
 
