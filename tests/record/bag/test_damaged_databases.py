@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sqlite3
 from contextlib import closing
@@ -9,8 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags import rosbag2
+from rosbags.rosbag2 import StoragePlugin
 
 from agribot.cli.main import main
+from agribot.record.bag.definitions import ros2_store
 from agribot.record.bag.info import read_info
 from agribot.record.bag.opening import open_bag
 from agribot.record.damage import Damage, collect_damage
@@ -128,3 +132,42 @@ def test_messages_in_the_log_of_a_recorder_that_died_are_read(
     assert (len(read), damages) == (2 * len(whole), [])
     assert read_info(left / path.name).messages == 2 * len(whole)
     assert sorted(left.iterdir()) == before
+
+
+@pytest.mark.parametrize("state", ["gone", "empty", "garbage"])
+def test_a_folder_is_read_without_a_file_that_is_gone_or_cannot_be_read(
+    state: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, store = tmp_path / "drive", ros2_store()
+    with rosbag2.Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        fix = writer.add_connection("/fix", "sensor_msgs/msg/NavSatFix", typestore=store)
+        for index in range(50):
+            t_ns = samples.START_NS + index * samples.STEP_NS
+            data = store.serialize_cdr(samples.nav_sat_fix(store, t_ns), fix.msgtype)
+            writer.write(fix, t_ns, data)
+    shutil.copy(folder / "drive.mcap", folder / "drive_1.mcap")
+    about = folder / "metadata.yaml"
+    both = r"\1drive.mcap\n\1drive_1.mcap"
+    text = re.sub(r"(?m)^( *- )drive\.mcap$", both, about.read_text(), count=1)
+    about.write_text(text.replace("message_count: 50", "message_count: 100"))
+    assert (read_info(folder).messages, read_info(folder).damage) == (100, ())
+    part = folder / "drive_1.mcap"
+    if state == "gone":
+        part.unlink()
+    else:
+        part.write_bytes(b"" if state == "empty" else b"garbage" * 100)
+    assert main(["bag", "info", str(folder)]) == 1
+    said = capsys.readouterr().out
+    assert "50 messages in" in said and "drive_1.mcap" in said
+    assert ("50 messages are missing" in said) == (state == "gone")
+
+
+def test_a_folder_that_holds_fewer_messages_than_its_description_says_is_damaged(
+    tmp_path: Path,
+) -> None:
+    samples.write_rosbag2(tmp_path / "bag")
+    with closing(sqlite3.connect(tmp_path / "bag" / "bag.db3")) as database:
+        database.execute("DELETE FROM messages WHERE id > 40")
+        database.commit()
+    (said,) = read_info(tmp_path / "bag").damage
+    assert said == "bag: metadata.yaml names 50 messages, 40 are there; 10 messages are missing"

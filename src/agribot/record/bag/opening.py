@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,8 +22,6 @@ from agribot.record.mcap_parsing import MAGIC
 _ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"  # RFC 8878, section 3.1.1
 _PARTS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")  # how files of a rosbag2 folder end
-# Of a metadata.yaml: each message is compressed by itself, of which the files say nothing.
-_MESSAGES_COMPRESSED = re.compile(r"(?im)^\s*compression_mode:\s*['\"]?message\b")
 
 
 @contextlib.contextmanager
@@ -122,16 +119,17 @@ def _open_folder(path: Path, unpacked: contextlib.ExitStack) -> Bag:
         raise RecordingError(
             f"{path} is no rosbag2 folder: it holds neither metadata.yaml nor .mcap or .db3 files"
         )
+    parts, refused = list[Bag](), list[RecordingError]()
+    for file in files:
+        try:
+            parts.append(_open(file, unpacked))
+        except RecordingError as error:
+            refused.append(error)
+    if not parts:
+        raise refused[0]
     # By their times: the tenth file of a recorder comes before the second by name.
-    parts = sorted(
-        (_open(file, unpacked) for file in files), key=lambda part: part.times_ns or (0, 0)
-    )
-    return FolderBag(path, parts, is_packed=_has_packed_messages(path))
-
-
-def _has_packed_messages(path: Path) -> bool:
-    about = path / "metadata.yaml"
-    return about.exists() and bool(_MESSAGES_COMPRESSED.search(about.read_text("utf-8", "replace")))
+    parts.sort(key=lambda part: part.times_ns or (0, 0))
+    return FolderBag(path, parts, [Damage(what=str(error)) for error in refused])
 
 
 def _read_start(path: Path) -> bytes:
