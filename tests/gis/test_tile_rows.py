@@ -109,3 +109,18 @@ def test_tiles_in_the_log_beside_a_file_are_taken_in(tmp_path: Path, maps: Path)
         assert main(["map", "import", str(path)]) == 0
     assert read_tile(maps / "farm.mbtiles", 1, 0, 0) == png((1, 2, 3))
     assert describe_map(maps / "farm.mbtiles")["tiles"] == 1
+
+
+@pytest.mark.parametrize("address", [("'deep'", 0, 0), (99, 0, 0), (3, "'x'", 0), (-1, 0, 0)])
+def test_tiles_with_addresses_that_are_none_are_refused(
+    address: tuple[object, ...], tmp_path: Path, maps: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _write(tmp_path / "farm.mbtiles", "south")
+    with closing(sqlite3.connect(tmp_path / "farm.mbtiles")) as database:
+        database.execute("DELETE FROM tiles")
+        values = ", ".join(map(str, address))
+        database.execute(f"INSERT INTO tiles VALUES ({values}, x'89504e47')")
+        database.commit()
+    assert main(["map", "import", str(tmp_path / "farm.mbtiles")]) == 2
+    assert "farm.mbtiles: zoom" in capsys.readouterr().err
+    assert not list(maps.glob("*"))

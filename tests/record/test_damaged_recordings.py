@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import io
 import json
 import shutil
 from pathlib import Path
@@ -16,6 +17,7 @@ from agribot.record.bag.opening import open_bag
 from agribot.record.bag.track import read_track
 from agribot.record.damage import Damage, DamagedRecording, collect_damage
 from agribot.record.mcap_file import check_whole, find_damage
+from agribot.record.mcap_parsing import read_bytes
 from agribot.record.mcap_records import McapRecords
 from agribot.record.recovery import recover
 from agribot.record.replay import read_ticks
@@ -271,3 +273,25 @@ def test_a_missing_file_of_a_long_recording_is_a_gap(tmp_path: Path) -> None:
     assert times_s[-1] == records[-1].batch.t_s and len(times_s) < len(records)
     shutil.copy(tmp_path / "run.mcap", tmp_path / "run-2026.mcap")  # no part of it
     assert len(find_damage(tmp_path / "run.mcap")) == 1
+
+
+class _BadDisk(io.BytesIO):
+    """A file of which the disk cannot read some bytes."""
+
+    def __init__(self, data: bytes, bad: range) -> None:
+        super().__init__(data)
+        self._bad = bad
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        at = self.tell()
+        data = super().read(size)
+        if at < self._bad.stop and at + len(data) > self._bad.start:
+            raise OSError(5, "Input/output error")
+        return data
+
+
+def test_sectors_that_a_disk_cannot_read_are_zeros_and_all_others_are_read() -> None:
+    data = np.random.default_rng(1).bytes(64 * 1024)
+    bad = range(20 * 1024, 21 * 1024)
+    read = read_bytes(_BadDisk(data, bad), 0, len(data))
+    assert read == data[: bad.start] + bytes(len(bad)) + data[bad.stop :]

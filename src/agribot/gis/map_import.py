@@ -17,14 +17,13 @@ from agribot.core.errors import ConfigError
 from agribot.core.extras import format_install
 from agribot.gis.mbtiles import (
     LIVE,
-    MAX_ZOOM,
     SERVER,
     TileWriter,
     describe_map,
     is_picture,
     read_note,
 )
-from agribot.gis.tile_grid import GeoBounds, MapTile, count_tiles, iterate_tiles
+from agribot.gis.tile_grid import MAX_ZOOM, GeoBounds, MapTile, count_tiles, iterate_tiles
 
 if TYPE_CHECKING:
     pass

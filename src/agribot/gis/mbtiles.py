@@ -11,10 +11,10 @@ from typing import Any, Self
 from agribot.core.errors import ConfigError
 from agribot.core.sqlite_file import PATIENCE_S, limit_work, open_sqlite
 from agribot.core.whole_file import make_at_once
+from agribot.gis.tile_grid import MAX_ZOOM
 from agribot.gis.tile_rows import find_scheme, flip_row, read_scheme
 
 _MEDIA = ((b"\x89PNG", "image/png"), (b"\xff\xd8", "image/jpeg"), (b"RIFF", "image/webp"))
-MAX_ZOOM = 24
 LIVE = "agribot_live"  # metadata: address template of the server for missing tiles
 SERVER = "agribot_server"  # metadata: a checksum of that template, of a map that came from one
 MAX_STEPS = 200_000_000  # enough to count ten million tiles; a view may be an endless program
@@ -120,14 +120,17 @@ def _take_in(source: Path, target: Path) -> None:
         with open_sqlite(source) as found, closing(sqlite3.connect(target)) as copy:
             found.backup(copy)
             copy.execute("PRAGMA journal_mode = DELETE")
+        known = describe_map(target, source.name)
+        if not known["live"]:
+            _note_scheme(target, known["bounds"] or [], source.name)
     except sqlite3.Error as error:
         raise ConfigError(f"{source} is no MBTiles file: {error}") from error
-    known = describe_map(target, source.name)
-    if known["live"]:
-        return
+
+
+def _note_scheme(target: Path, bounds: list[float], name: str) -> None:
     with closing(sqlite3.connect(target)) as copy:
         limit_work(copy, MAX_STEPS)
-        scheme = find_scheme(copy, known["bounds"] or [], source.name)
+        scheme = find_scheme(copy, bounds, name)
         if scheme != read_scheme(copy):
             copy.execute("DELETE FROM metadata WHERE name = 'scheme'")
             copy.execute("INSERT INTO metadata (name, value) VALUES ('scheme', ?)", (scheme,))

@@ -17,9 +17,17 @@ from agribot.core.arithmetic import clamp
 from agribot.core.errors import ConfigError
 from agribot.gis.geo_pyramid import read_geo, write_vrt
 from agribot.gis.map_import import Report, check_count, make_metadata, make_missing_error
-from agribot.gis.mbtiles import MAX_ZOOM, TileWriter
+from agribot.gis.mbtiles import TileWriter
 from agribot.gis.raster_colours import RasterColours, find_colours
-from agribot.gis.tile_grid import HALF_M, TILE_PX, GeoBounds, MapTile, count_tiles, iterate_tiles
+from agribot.gis.tile_grid import (
+    HALF_M,
+    MAX_ZOOM,
+    TILE_PX,
+    GeoBounds,
+    MapTile,
+    count_tiles,
+    iterate_tiles,
+)
 
 if TYPE_CHECKING:
     import rasterio

@@ -11,7 +11,7 @@ import sqlite3
 from typing import Literal, NamedTuple
 
 from agribot.core.errors import ConfigError
-from agribot.gis.tile_grid import GeoBounds, find_tile
+from agribot.gis.tile_grid import MAX_ZOOM, GeoBounds, find_tile
 
 Scheme = Literal["tms", "xyz"]
 _LONGITUDE_LIMIT_DEG, _LATITUDE_LIMIT_DEG = 180.0, 90.0
@@ -54,7 +54,7 @@ def find_scheme(database: sqlite3.Connection, bounds: list[float], name: str) ->
     Raises: ConfigError: `bounds` are no place on Earth, or fit the tiles in neither order.
     """
     stated = read_scheme(database)
-    tiles = _read_range(database)
+    tiles = _read_range(database, name)
     if not bounds:
         return stated
     if not _is_place(bounds):
@@ -68,11 +68,13 @@ def find_scheme(database: sqlite3.Connection, bounds: list[float], name: str) ->
     raise ConfigError(_refuse(name, bounds, tiles.find_bounds(stated), f"do not {why}"))
 
 
-def _read_range(database: sqlite3.Connection) -> TileRange:
+def _read_range(database: sqlite3.Connection, name: str) -> TileRange:
     zoom, *edges = database.execute(
         "SELECT zoom_level, min(tile_column), max(tile_column), min(tile_row), max(tile_row)"
         " FROM tiles WHERE zoom_level = (SELECT max(zoom_level) FROM tiles)"
     ).fetchone()
+    if not all(isinstance(value, int) for value in (zoom, *edges)) or not 0 <= zoom <= MAX_ZOOM:
+        raise ConfigError(f"{name}: zoom {zoom} of its tiles must be from 0 to {MAX_ZOOM}")
     return TileRange(zoom, (edges[0], edges[1]), (edges[2], edges[3]))
 
 
