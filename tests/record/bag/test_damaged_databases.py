@@ -18,6 +18,7 @@ from agribot.record.bag.definitions import ros2_store
 from agribot.record.bag.info import read_info
 from agribot.record.bag.opening import open_bag
 from agribot.record.damage import Damage, collect_damage
+from tests.record import damaged_files
 from tests.record.bag import bag_samples as samples
 
 PAGE_BYTES = 4096
@@ -94,6 +95,23 @@ def test_bytes_that_change_anywhere_give_all_sound_messages_or_a_refusal(tmp_pat
         read, damages = _read(path)
         assert len(read & whole) > 300, seed
         assert damages or len(read) == len(whole), seed
+
+
+def test_many_damaged_places_end_no_reader_and_nothing_is_lost_in_silence(
+    tmp_path: Path,
+) -> None:
+    path = _write(tmp_path / "bag", count=300)
+    sound = path.read_bytes()
+    kinds: tuple[damaged_files.Kind, ...] = ("flip", "zero", "random")
+    for seed in range(13, 17):  # the pages of 15 lead in circles
+        rng, data = np.random.default_rng(seed), sound
+        for _ in range(4):
+            tail, _, _ = damaged_files.damage(data[3 * PAGE_BYTES :], kinds[rng.integers(3)], rng)
+            data = data[: 3 * PAGE_BYTES] + tail
+        path.write_bytes(data)
+        read, damages = _read(path)
+        assert len(read) == 300 or damages, seed
+        assert read_info(path).messages >= len(read), seed
 
 
 def test_a_database_that_was_cut_off_is_read_up_to_the_cut(

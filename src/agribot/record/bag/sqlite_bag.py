@@ -22,6 +22,8 @@ from agribot.record.damage import Damage
 _FORMATS = {"ros2msg": "msg", "ros2idl": "idl"}
 _SMALLEST_ROW_BYTES = 16
 _FAILURES_A_STEP = 1000  # ids are tried one by one at first, then in growing steps
+# Tries, more than there can be rows, before the rest of a database counts as lost.
+_TRIES_A_ROW, _MORE_TRIES = 10, 1_000_000
 _FIRST_ID = -(1 << 63)
 
 
@@ -110,62 +112,81 @@ class _RowWalk:
     def __init__(self, database: sqlite3.Connection, path: Path, topic_ids: set[int]) -> None:
         self._database, self._path, self._topic_ids = database, path, topic_ids
         self.damage: list[Damage] = []
+        self._next_id = 1
+        self._most_ids = path.stat().st_size // _SMALLEST_ROW_BYTES
+        self._tries = 0
+        self._most_tries = self._most_ids + min(_TRIES_A_ROW * self._most_ids, _MORE_TRIES)
         self._last: MessageRow | None = None
         self._begin_ns: int | None = None
         self._bad_rows = 0
 
     def __iter__(self) -> Iterator[MessageRow]:
-        next_id: int | None = _FIRST_ID
-        while next_id is not None:
+        start_id: int | None = _FIRST_ID
+        while start_id is not None:
             try:
-                yield from self._read_from(next_id)
+                yield from self._read_from(start_id)
                 break
             except sqlite3.DatabaseError:
-                next_id = self._find_next(self._last.id + 1 if self._last else 1)
-        self._finish(is_end_lost=next_id is None)
+                start_id = self._find_next()
+        self._finish(is_end_lost=start_id is None)
 
-    def _read_from(self, next_id: int) -> Iterator[MessageRow]:
+    def _work(self) -> None:
+        """Count a row that was tried.
+
+        Raises: DatabaseError: pages lead in circles.
+        """
+        self._tries += 1
+        if self._tries > self._most_tries:
+            raise sqlite3.DatabaseError("its pages lead in circles")
+
+    def _read_from(self, start_id: int) -> Iterator[MessageRow]:
         rows = self._database.execute(
             "SELECT id, topic_id, timestamp, data FROM messages NOT INDEXED WHERE id >= ?"
             " ORDER BY id",
-            (next_id,),
+            (start_id,),
         )
+        is_resumed = start_id != _FIRST_ID
         for row in map(MessageRow._make, rows):
+            self._work()
+            lost = row.id - self._next_id
+            if not 0 <= lost <= self._most_ids:
+                self._bad_rows += lost > 0  # another one was read before
+                continue
+            self._next_id = row.id + 1
             if row.topic_id not in self._topic_ids or not isinstance(row.data, bytes):
                 self._bad_rows += 1
                 continue
-            self._note_gap(row, is_resumed=next_id != _FIRST_ID)
-            next_id = _FIRST_ID  # only the first row of a query follows a gap
+            if is_resumed:
+                self._note_gap(row, lost)
+            is_resumed = False  # only the first row of a query follows a gap
             self._begin_ns = min(row.t_ns, self._begin_ns or row.t_ns)
             self._last = row
             yield row
 
-    def _find_next(self, start_id: int) -> int | None:
-        """Find the first id from which on a row can be read; None where there is none."""
-        last_id = start_id + self._path.stat().st_size // _SMALLEST_ROW_BYTES
-        next_id, failures = start_id, 0
-        while next_id <= last_id:
-            next_id += 1 + failures // _FAILURES_A_STEP
+    def _find_next(self) -> int | None:
+        """Find the next id from which on a row can be read; None where there is none."""
+        start_id, failures = self._next_id, 0
+        while start_id <= self._most_ids and self._tries < self._most_tries:
+            start_id += 1 + failures // _FAILURES_A_STEP
+            self._tries += 1
             try:
                 found = self._database.execute(
-                    "SELECT id, data FROM messages NOT INDEXED WHERE id >= ? ORDER BY id LIMIT 1",
-                    (next_id,),
+                    "SELECT id, topic_id, timestamp, data FROM messages NOT INDEXED WHERE id >= ?"
+                    " ORDER BY id LIMIT 1",
+                    (start_id,),
                 ).fetchone()
             except sqlite3.DatabaseError:
                 failures += 1
                 continue
-            return int(found[0]) if found else None
+            return start_id if found else None
         return None
 
-    def _note_gap(self, row: MessageRow, is_resumed: bool) -> None:
-        if not is_resumed:
-            return
-        first_id = self._last.id + 1 if self._last else 1
+    def _note_gap(self, row: MessageRow, lost: int) -> None:
         self.damage.append(
             Damage(
                 what=f"{self._path.name}: pages of it are damaged",
                 begin_ns=self._begin_ns, after_ns=self._last.t_ns if self._last else None,
-                before_ns=row.t_ns, lost_messages=row.id - first_id,
+                before_ns=row.t_ns, lost_messages=lost,
             )
         )  # fmt: skip
 
@@ -224,4 +245,7 @@ def _refuse(path: Path) -> Iterator[None]:
     try:
         yield
     except (sqlite3.Error, OSError) as error:
-        raise RecordingError(f"{path} cannot be read as a recording: {error}") from error
+        raise RecordingError(
+            f"{path} cannot be read as a recording: {error}; where it is a damaged database, "
+            f"sqlite3 {path.name} .recover may help"
+        ) from error
