@@ -24,7 +24,7 @@ from agribot.core.errors import RecordingError
 from agribot.core.messages import FloatArray
 from agribot.record.bag.opening import open_bag
 from agribot.record.localization.result import OUTPUT_NAMES
-from agribot.record.mcap_records import MAGIC
+from agribot.record.mcap_parsing import MAGIC
 
 OWN_RECORDING = "run.mcap"
 SNIFF_BYTES = 65536
