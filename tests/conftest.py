@@ -17,12 +17,16 @@ from collections import Counter
 from collections.abc import Generator
 from pathlib import Path
 
+import hypothesis
 import pytest
 from _pytest.terminal import TerminalReporter
 
 from tests.outcomes import HAS_FAILED
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # read when numpy or torch is imported
+# No example has to be done within a time: a busy machine takes longer.
+hypothesis.settings.register_profile("suite", deadline=None)
+hypothesis.settings.load_profile("suite")
 
 pytest_plugins = [
     "tests.cpu_times",

@@ -8,7 +8,6 @@ import pytest
 
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
-from agribot.core.extras import format_install
 from agribot.ros.ros1.master import check_master
 
 
@@ -25,12 +24,12 @@ def no_simulator(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "absent", "words"),
     [
-        ("run farm --dds", "cyclonedds", format_install("dds")),
-        ("run farm --ros2", "zenoh", format_install("ros")),
-        ("run farm --foxglove", "foxglove", format_install("foxglove")),
+        ("run farm --dds", "cyclonedds", "[dds]'"),
+        ("run farm --ros2", "zenoh", "[ros]'"),
+        ("run farm --foxglove", "foxglove", "[foxglove]'"),
         ("run farm --source gnss=ros2:/fix", "zenoh", "gnss=ros2:/fix needs eclipse-zenoh"),
-        ("sim --world empty --dds", "cyclonedds", format_install("dds")),
-        ("sim --world empty --ros2", "xxhash", format_install("ros")),
+        ("sim --world empty --dds", "cyclonedds", "[dds]'"),
+        ("sim --world empty --ros2", "xxhash", "[ros]'"),
     ],
 )
 def test_an_absent_package_of_a_network_is_named_first(

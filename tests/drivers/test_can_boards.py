@@ -223,7 +223,7 @@ def test_without_its_package_a_bus_is_refused_with_the_extra(
     wanted = extras.Requirement("python-can", "4.4", "can")
     monkeypatch.setattr(extras, "_list_requirements", lambda: [wanted])
     monkeypatch.setattr(extras, "_is_installed", lambda module: module != "can")
-    with pytest.raises(ConfigError, match=r"python-can.*agribot\[can\]"):
+    with pytest.raises(ConfigError, match=r"python-can.*\[can\]"):
         board_kinds.open_board("can:can0?board=vesc&ids=11,12", ROBOT)
 
 

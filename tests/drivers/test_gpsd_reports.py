@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from agribot.cli.gnss import Summary
+from agribot.cli.gnss import ReceiverSummary
 from agribot.core.messages import GnssFix, GnssQuality
 from agribot.drivers.gpsd import GpsdFixes
 
@@ -71,7 +71,7 @@ def test_a_gpsd_of_old_tells_the_altitude_by_that_of_the_sea_and_no_altitude_is_
     ):
         fix = read({name: value for name, value in FULL.items() if name not in names})
         assert fix is not None
-        summary = Summary()
+        summary = ReceiverSummary()
         summary.add(0.0, (fix,), {})
         assert summary.describe().startswith(words)
 

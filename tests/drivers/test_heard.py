@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pyubx2 import GET, UBXMessage
 
-from agribot.cli.gnss import Summary
+from agribot.cli.gnss import ReceiverSummary
 from agribot.core.messages import GnssFix, GnssStatus
 from agribot.drivers.nmea import write_sentence
 from agribot.drivers.receiver_decoder import ReceiverDecoder
@@ -110,7 +110,7 @@ def test_noise_makes_no_endless_list_of_kinds() -> None:
 
 
 def test_gnss_show_names_the_reason_and_what_is_not_read() -> None:
-    summary = Summary()
+    summary = ReceiverSummary()
     statuses = listen(write_sentence("GPZDA,093015.00,04,05,2026,00,00"))
     summary.add(6.0, (), {"gnss_status": tuple(statuses)})
     assert "no positions among what it says (ZDA); switch on GGA" in summary.describe()
@@ -122,7 +122,7 @@ def test_gnss_show_names_a_place_without_satellites_or_altitude() -> None:
     body = GGA.format(second=0, quality=6).replace("11.5,M,45.0", ",M,")
     decoder = ReceiverDecoder(pytest.fail)
     decoder.feed(write_sentence(body))
-    summary = Summary()
+    summary = ReceiverSummary()
     summary.add(0.1, tuple(fix for _, fix in decoder.feed(b"", 1.0)), {})
     assert "52.15000000, 4.51000000, no altitude, dead reckoning" in summary.describe()
     assert not summary.has_position

@@ -183,7 +183,7 @@ def test_the_command_shows_satellites_of_a_receiver_that_searches_and_fails_for_
 
 
 def test_the_command_does_not_show_an_old_fix_as_one_of_now() -> None:
-    summary = gnss.Summary()
+    summary = gnss.ReceiverSummary()
     fix = GnssFix(
         t_s=0.5, lat_deg=48.7, lon_deg=9.2, alt_m=200.0, pos_std_m=0.01,
         quality=GnssQuality.RTK_FIXED,

@@ -182,7 +182,7 @@ ALIASES = "".join(f"k{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in ra
         ("[" + "1," * 500 + "]", "values"),
         ("#" * (MAX_BYTES + 1), "larger than"),
         ("a: " + "9" * 6000, "digits"),
-        ("a: \x00", "special characters"),
+        ("a: \x00", "zero bytes"),
         ("a: 2001-99-99", "month"),
         ("a: 1\n---\nb: 2", "single document"),
         ("!!bool maybe: 1", "maybe"),

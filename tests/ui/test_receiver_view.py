@@ -172,7 +172,8 @@ def test_a_caster_that_gives_nothing_is_told_with_the_reason_and_forgotten_once_
     view(SensorBatch(t_s=1.0, events=(make_sensor_note(1.0, text, is_fault=not is_good),)))
     shown = view.show()
     assert (shown.caster_state, shown.correction_trouble) == ("failed", text)
-    link._take(RtcmMessage(1077, b""))  # as from a caster that answers at last
+    observed = bytes(3) + b"\xff" * 40 + bytes(3)  # of many satellites
+    link._take(RtcmMessage(1077, observed))  # as from a caster that answers at last
     text, is_good = told[-1]
     view(SensorBatch(t_s=2.0, events=(make_sensor_note(2.0, text, is_fault=not is_good),)))
     shown = view.show()

@@ -102,6 +102,7 @@ def continue_config(config: RunConfig, saved: SavedMission) -> RunConfig:
         start_map_m=saved.pose[:2],
         start_yaw_deg=math.degrees(saved.pose[2]),
         start_std_m=max(config.field.start_std_m, LEFT_STD_M),
+        from_world=tuple(name for name in config.field.from_world if not name.startswith("start_")),
     )
     return msgspec.structs.replace(config, field=field)
 

@@ -69,7 +69,7 @@ def _show(options: argparse.Namespace) -> int:
 
     uri = read_uri("agribot gnss show", options.uri, "")
     require_extras({"gnss": uri})
-    summary = Summary()
+    summary = ReceiverSummary()
     network = RosNetwork(lambda: 0, str, str)
     with SourceContext(load_robot(), network, print_line) as context:
         source = open_source("gnss", uri, context)
@@ -93,7 +93,7 @@ def _show(options: argparse.Namespace) -> int:
     return 0 if summary.has_position else 1
 
 
-class Summary:
+class ReceiverSummary:
     """The newest of everything, and how often fixes come."""
 
     def __init__(self) -> None:

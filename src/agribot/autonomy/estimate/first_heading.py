@@ -10,8 +10,8 @@ from agribot.autonomy.estimate.motion_heading import (
     Course,
     CourseHeading,
     MotionHeading,
-    Place,
     Turn,
+    WayPlace,
 )
 from agribot.autonomy.estimate.start import StartMark
 from agribot.core.geo import wrap_rad
@@ -101,7 +101,7 @@ class FirstHeading:
     def _set_as_marked(self, yaw_map_rad: float) -> None:
         self._ekf.reset(YAW, wrap_rad(yaw_map_rad + self._turned_rad), self._start.yaw_std_rad**2)
 
-    def add_fix(self, place: Place, course: Course | None) -> complex | None:
+    def add_fix(self, place: WayPlace, course: Course | None) -> complex | None:
         """Take a fix and how wheels and gyro led to it.
 
         Returns: the turn from the frame of the odometry to the map, once it is known.

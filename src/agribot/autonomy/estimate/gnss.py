@@ -38,7 +38,7 @@ from agribot.autonomy.estimate.gnss_velocity import GnssVelocity, has_usable_vel
 from agribot.autonomy.estimate.gnss_wander import GnssWander
 from agribot.autonomy.estimate.history import Epoch, Motion
 from agribot.autonomy.estimate.measurement import Measurement
-from agribot.autonomy.estimate.motion_heading import Course, Place
+from agribot.autonomy.estimate.motion_heading import Course, WayPlace
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.sensor_ranges import MAX_ALT_M, MAX_POS_STD_M
 from agribot.autonomy.estimate.spin_watch import ahead_and_aside
@@ -240,7 +240,7 @@ class Gnss(Correction[GnssFix]):
         noise = fix_noise(fix, FLOAT_MEMORY_S)
         if fix.quality not in CORRECTED:
             noise = self._widen(fix, noise)
-        place = Place(
+        place = WayPlace(
             fix.t_s, self._find_place(fix), complex(then.x_m, then.y_m) + arm_m, self._moved_m,
             math.sqrt(noise.variance_m2), noise.bias_std_m, noise.bias_walk_m_per_sqrt_s,
         )  # fmt: skip

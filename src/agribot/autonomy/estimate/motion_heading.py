@@ -34,7 +34,7 @@ CRAB_STD_RAD = 0.03
 GYRO_BIAS_STD_RADPS = 0.003
 
 
-class Place(NamedTuple):
+class WayPlace(NamedTuple):
     """Where a fix has the antenna, east and north as one complex number, and where wheels led it.
 
     `white_m` is the scatter of the fix, `slow_m` and `walk_m_per_sqrt_s` size and walk of its
@@ -75,9 +75,9 @@ class MotionHeading:
     """
 
     def __init__(self) -> None:
-        self._places: list[Place] = []
+        self._places: list[WayPlace] = []
 
-    def add(self, place: Place) -> None:
+    def add(self, place: WayPlace) -> None:
         """Take the place of a fix, if the robot has moved since the last one."""
         if self._places and abs(place.led_m - self._places[-1].led_m) < PLACE_STEP_M:
             return
@@ -145,7 +145,7 @@ def _turn(seen: ComplexArray, led: ComplexArray) -> Turn | None:
     return Turn(cmath.phase(product), std) if is_alike else None
 
 
-def _covariance_m2(places: list[Place]) -> FloatArray:
+def _covariance_m2(places: list[WayPlace]) -> FloatArray:
     """Per axis, of the fixes' errors: white ones, and slow ones as a Gauss-Markov process."""
     t_s = np.array([place.t_s for place in places])
     slow_m = np.array([place.slow_m for place in places])
@@ -161,7 +161,7 @@ def _center(values: ComplexArray, level: FloatArray) -> ComplexArray:
     return values - level * (level @ values) / (level @ level)
 
 
-def _drop_outliers(places: list[Place]) -> list[Place]:
+def _drop_outliers(places: list[WayPlace]) -> list[WayPlace]:
     """Drop places that lie farther from most others than the wheels can have led."""
     seen_m = np.array([place.seen_m for place in places])
     way_m = np.array([place.way_m for place in places])

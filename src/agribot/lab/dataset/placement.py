@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy import ndimage
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, PlantClass
@@ -224,7 +223,7 @@ def _shrink(values: Grid, step: int) -> Grid:
 
 def _flatten(green: Grid) -> Grid:
     """Subtract the surroundings, so that light that changes over the picture counts for nothing."""
-    flat: Grid = green - ndimage.gaussian_filter(green, max(green.shape) / SURROUNDINGS_RATIO)
+    flat = green - _blur(green, max(green.shape) / SURROUNDINGS_RATIO)
     return flat
 
 
@@ -233,3 +232,15 @@ def _normalise(values: Grid) -> Grid:
     norm = float(np.linalg.norm(centred))
     scaled: Grid = centred / norm if norm > 0.0 else centred
     return scaled
+
+
+def _blur(values: Grid, std_px: float) -> Grid:
+    """Blur along both axes with a normal curve, over a border that mirrors what is inside."""
+    radius = int(4.0 * std_px + 0.5)
+    weights = np.exp(-0.5 * (np.arange(-radius, radius + 1) / std_px) ** 2)
+    weights /= weights.sum()
+    for axis in (0, 1):
+        pads = [(radius, radius) if axis == along else (0, 0) for along in (0, 1)]
+        padded = np.pad(values, pads, mode="symmetric")
+        values = np.apply_along_axis(np.convolve, axis, padded, weights, "valid")
+    return values
