@@ -28,6 +28,8 @@ def wait_for(ask: Callable[[], T | None], what: str, patience_s: float = PATIENC
 def interrupted_once(is_so: Callable[[], object]) -> Iterator[None]:
     """Press Ctrl-C in a command of this process once it is so."""
     ended = threading.Event()
+    # Where a shell starts the tests behind it (`make test &`), Ctrl-C is ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def look() -> None:
         end_s = time.monotonic() + PATIENCE_S
@@ -43,3 +45,4 @@ def interrupted_once(is_so: Callable[[], object]) -> Iterator[None]:
     finally:
         ended.set()
         hand.join()
+        signal.signal(signal.SIGINT, before)

@@ -30,7 +30,7 @@ from agribot.core.errors import PlatformError
 from agribot.core.geo import Datum
 from agribot.core.messages import OperatorEvent, TickRecord
 from agribot.drivers import hardware_platform
-from agribot.drivers.board_protocol import StopCause
+from agribot.drivers.board_protocol import COMMAND_TIMEOUT_S, StopCause
 from agribot.record.replay import read_ticks
 from agribot.ui import wire
 from tests import nightly
@@ -232,10 +232,12 @@ def break_motor(bench: HardwareBench) -> None:
 
 
 def fall_silent(bench: HardwareBench) -> None:
+    bench.board.timeout_s = COMMAND_TIMEOUT_S  # its wheels stand by themselves
     bench.board.is_silent = True
 
 
 def pull_out(bench: HardwareBench) -> None:
+    bench.board.timeout_s = COMMAND_TIMEOUT_S
     bench.base.unplug()
 
 

@@ -34,7 +34,7 @@ class BoardEmulator:
         self.runaway_countps, self.has_power = 0.0, True
         self.commands: list[wire.WheelCommand] = []
         self.clears = 0
-        self._layout, self._timeout_s = layout, timeout_s
+        self._layout, self.timeout_s = layout, timeout_s
         self.restart()
 
     def restart(self, *, is_by_watchdog: bool = False) -> None:
@@ -52,7 +52,7 @@ class BoardEmulator:
 
     @property
     def may_work(self) -> bool:
-        is_fresh = self._age_s < self._timeout_s
+        is_fresh = self._age_s < self.timeout_s
         return not (self.causes or self._waits_for_zero) and is_fresh and self._config is not None
 
     def feed(self, data: bytes) -> None:
@@ -130,7 +130,7 @@ class BoardEmulator:
             (self.is_button_pressed, Flag.ESTOP_PRESSED),
             (self.is_bumper_pressed, Flag.BUMPER_PRESSED),
             (bool(self.causes), Flag.STOP_LATCHED),
-            (self._age_s >= self._timeout_s, Flag.NO_COMMAND),
+            (self._age_s >= self.timeout_s, Flag.NO_COMMAND),
             (self._config is None, Flag.NOT_CONFIGURED),
             (self._waits_for_zero, Flag.WAITS_FOR_ZERO),
             (bool(self.motor_faults), Flag.MOTOR_FAULT),

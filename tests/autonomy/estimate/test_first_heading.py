@@ -80,7 +80,7 @@ def backwards(t_s: float) -> tuple[float, float]:
     ],
     ids=["rtk", "rtk without velocity", "m8n", "m8n without velocity", "beside walls"],
 )
-@nightly.all_or_first("seeds", range(20), in_suite=5)
+@nightly.all_or_first("seeds", range(20), in_suite=2)
 def test_the_heading_follows_from_the_first_metres(
     seeds: Sequence[int], errors: Errors, has_velocity: bool, most_m: float
 ) -> None:
@@ -178,7 +178,7 @@ def test_a_robot_that_faces_aside_finds_its_heading_or_says_so(
     assert is_named or abs(error(recording, last)[2]) < math.radians(6.0)
 
 
-@nightly.all_or_first("seeds", range(40), in_suite=4)
+@nightly.all_or_first("seeds", range(40), in_suite=2)
 def test_a_robot_that_faces_as_marked_is_not_accused(seeds: Sequence[int]) -> None:
     for seed in seeds:
         for errors in (RTK, M8N):
