@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 MAX_EXTENT_M = 20_000.0
 MAX_OFFSET_M = 20_000.0  # a local map is flat only near its origin
 MIN_LINE_M = 0.1
-TOUCH_M = 0.01  # an obstacle so near to the edge, on either side, stands on it
-LEAST_PART_M2 = 0.01
 
 
 def read_field(

@@ -80,19 +80,21 @@ class FilterStates(Generic[Number]):
 
     def doubt_way(self, variance_m2: Number | float) -> None:
         """Doubt the way that was last told: what it is off by, the position is off by, too."""
-        for place, way in ((X, WAY_X), (Y, WAY_Y)):
-            self.inflate(place, variance_m2)
-            self.inflate(way, variance_m2)
-            self.cov[place, way] += variance_m2
-            self.cov[way, place] += variance_m2
+        self._doubt_together((WAY_X, WAY_Y), variance_m2, variance_m2)
 
     def doubt_fixes(self, variance_m2: Number | float) -> None:
         """Doubt where fixes have put the robot: the receiver's bias may be off by so much more."""
-        for place, bias in ((X, GNSS_BIAS_X), (Y, GNSS_BIAS_Y)):
+        self._doubt_together((GNSS_BIAS_X, GNSS_BIAS_Y), variance_m2, -variance_m2)
+
+    def _doubt_together(
+        self, others: tuple[int, int], variance_m2: Number | float, shared_m2: Number | float
+    ) -> None:
+        """Doubt the position and two other states alike, with this covariance between them."""
+        for place, other in zip((X, Y), others, strict=True):
             self.inflate(place, variance_m2)
-            self.inflate(bias, variance_m2)
-            self.cov[place, bias] -= variance_m2
-            self.cov[bias, place] -= variance_m2
+            self.inflate(other, variance_m2)
+            self.cov[place, other] += shared_m2
+            self.cov[other, place] += shared_m2
 
     def forget_way(self) -> None:
         """Begin another way, which is believed."""

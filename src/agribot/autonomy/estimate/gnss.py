@@ -234,19 +234,19 @@ class Gnss(Correction[GnssFix]):
     def _learn_heading(self, fix: GnssFix, epoch: Epoch) -> None:
         """Lay what fixes show of the way over what wheels and gyro drew in their own frame."""
         then, lever_m = epoch.then, _level(self._antenna_body_m, self.pose.up_body)
-        # Until the heading is known this is the frame of the odometry, then the map.
-        yaw_rad = self.pose.ekf.x[YAW] - (epoch.now.yaw_rad - then.yaw_rad)
-        arm_m = complex(*Pose2(0.0, 0.0, yaw_rad).rotate(*lever_m))
+        # Until the heading is known the arm is in the frame of the odometry, then in the map.
+        antenna_m, arm_m = self._find_antenna(fix, lever_m, epoch)
         noise = fix_noise(fix, FLOAT_MEMORY_S)
         if fix.quality not in CORRECTED:
             noise = self._widen(fix, noise)
         place = WayPlace(
-            fix.t_s, self._find_place(fix), complex(then.x_m, then.y_m) + arm_m, self._moved_m,
+            fix.t_s, antenna_m, complex(then.x_m, then.y_m) + arm_m, self._moved_m,
             math.sqrt(noise.variance_m2), noise.bias_std_m, noise.bias_walk_m_per_sqrt_s,
         )  # fmt: skip
         course = None
         if fix.velocity_mps is not None:
-            led_mps = cmath.rect(then.wheel_mps, yaw_rad) + 1j * then.yaw_rate_radps * arm_m
+            ahead_mps = cmath.rect(then.wheel_mps, self.pose.place(epoch).yaw_rad)
+            led_mps = ahead_mps + 1j * then.yaw_rate_radps * arm_m
             seen_mps = complex(*fix.velocity_mps[:2])
             course = Course(fix.t_s, seen_mps, led_mps, fix.velocity_std_mps)
         turn = self.pose.first_heading.add_fix(place, course)
@@ -320,13 +320,10 @@ class Gnss(Correction[GnssFix]):
         self, fix: GnssFix, lever_m: tuple[float, float], epoch: Epoch
     ) -> tuple[complex, complex]:
         """Find where a fix puts the antenna in the map, and the antenna from the robot's middle."""
-        yaw_rad = self.pose.ekf.x[YAW] - (epoch.now.yaw_rad - epoch.then.yaw_rad)
-        return self._find_place(fix), complex(*Pose2(0.0, 0.0, yaw_rad).rotate(*lever_m))
-
-    def _find_place(self, fix: GnssFix) -> complex:
         alt_m = fix.alt_m if abs(fix.alt_m) <= MAX_ALT_M else self._frame.datum.alt_m
         east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, alt_m)
-        return complex(east_m, north_m)
+        yaw_rad = self.pose.ekf.x[YAW] - (epoch.now.yaw_rad - epoch.then.yaw_rad)
+        return complex(east_m, north_m), complex(*Pose2(0.0, 0.0, yaw_rad).rotate(*lever_m))
 
     def _position(
         self, fix: GnssFix, noise: FixNoise[float], antenna: tuple[complex, complex], epoch: Epoch
