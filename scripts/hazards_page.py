@@ -66,8 +66,8 @@ Before the first motion of a mission, this list is gone through. Each item is th
 above that belong to it. One that is not good holds the start with its reason (state `checking`, or
 `stopped` where the row stops); but for the camera, without which the tool is off and the robot
 drives. A mission that has waited for more than 5 s, such as for a position near its map, has the
-list published as well. What was found is told by `agribot run`, by a line of the kind `check` in
-`events.jsonl`, by `safety.checks` in `report.json`, and in the status.
+list published as well. What was found is reported by `agribot run`, by a line of the kind `check`
+in `events.jsonl`, by `safety.checks` in `report.json`, and in the status.
 
 | item | good unless |
 |---|---|
