@@ -24,6 +24,8 @@ from agribot.ui.robot_side import server_process
 from agribot.ui.robot_side.operator_page import OperatorPage
 from agribot.ui.robot_side.server_process import how_it_ended
 from agribot.ui.server import serve as server
+from agribot.ui.server.commands import Commands
+from agribot.ui.server.hub import Hub
 from tests.ui.client import Browser, Never, Page
 from tests.ui.conftest import Robot
 from tests.waiting import PATIENCE_S, wait_for
@@ -254,3 +256,34 @@ def test_the_end_of_a_process_is_told_in_words() -> None:
     assert how_it_ended(3) == "ended with status 3"
     assert how_it_ended(-signal.SIGSEGV) == "was killed by SIGSEGV"
     assert how_it_ended(-200) == "was killed by signal 200"
+
+
+class _Looking:
+    """A page that keeps what it is told."""
+
+    session, name, role = "ann", "Ann", "operator"
+
+    def __init__(self, hub: Hub) -> None:
+        self.channel = hub.live
+        self.told: list[wire.ServerMessage] = []
+
+    def tell(self, message: wire.ServerMessage) -> None:
+        self.told.append(message)
+
+    def acknowledge(self, count: int) -> None: ...
+
+
+def test_a_stop_is_not_confirmed_by_the_server_of_a_program_that_has_ended(tmp_path: Path) -> None:
+    robot, orders = Robot(tmp_path), list[wire.RobotOrder]()
+    hub = Hub(robot._about(robot.port), orders.append)
+    robot.server.close()
+    page = _Looking(hub)
+    for is_gone in (False, True):
+        hub.is_robot_gone = is_gone
+        hub.stops.clear()
+        Commands(hub, page).obey(wire.PressStop(id="stop"))
+    assert [isinstance(o, wire.EventOrder) and o.action for o in orders] == ["stop"]
+    heard, lost = (verdict for verdict in page.told if isinstance(verdict, wire.Verdict))
+    assert heard.ok
+    assert not lost.ok
+    assert "has ended" in lost.reason

@@ -132,7 +132,7 @@ export class Link {
     this.send({ kind: 'scale_speed', ratio: savedScale() })
     this.ping(nowMs)
     this.store.setLinked(true)
-    if (this.store.stop.isPending) this.send({ kind: 'press_stop', id: STOP_ID })
+    this.repeatStop()
   }
 
   /** A network is back: do not wait for the next try. */
@@ -176,6 +176,13 @@ export class Link {
   /** Stop the robot; where the line does not carry it, it is said again on the next one. */
   stop(): void {
     this.store.stop.press(performance.now())
+    this.send({ kind: 'press_stop', id: STOP_ID })
+  }
+
+  /** Say a STOP that no robot has confirmed again, to whoever answers on this line. */
+  private repeatStop(): void {
+    if (!this.store.stop.isPending) return
+    this.store.stop.repeat()
     this.send({ kind: 'press_stop', id: STOP_ID })
   }
 
@@ -242,7 +249,7 @@ export class Link {
   }
 
   private hear(verdict: Verdict): void {
-    if (verdict.id === STOP_ID) {
+    if (verdict.id === STOP_ID && verdict.ok) {
       this.store.stop.hear(this.store.hasRobot)
       this.renew()
     } else if (this.waiting.has(verdict.id)) this.settle(verdict.id, verdict)

@@ -8,6 +8,11 @@ export class StopRequest {
   /** Every press asks anew. */
   press(nowMs: number): void {
     this.pressedMs = nowMs
+    this.repeat()
+  }
+
+  /** Another line: what was heard over the old one may have ended with the robot's program. */
+  repeat(): void {
     this.isHeard = this.isSeen = false
   }
 

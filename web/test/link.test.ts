@@ -102,6 +102,19 @@ test('a robot that was stopped before does not confirm a stop that nobody heard'
   assert.equal(stop.isPending, false)
 })
 
+test('what the server of a program that ended heard is said again on the next line', () => {
+  const stop = new StopRequest()
+  stop.press(100)
+  stop.hear(true) // and its robot is gone before it stopped
+  stop.repeat()
+  assert.equal(stop.isUnheard, true)
+  stop.see(true) // the next robot stands under a stop of its own
+  assert.equal(stop.isPending, true)
+  stop.hear(true)
+  assert.equal(stop.isPending, false)
+  assert.equal(stop.waitedMs(500), 0)
+})
+
 test('where no robot runs the server is all that can confirm', () => {
   const stop = new StopRequest()
   stop.press(0)

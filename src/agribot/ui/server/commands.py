@@ -18,6 +18,7 @@ MAX_TEXT = 500
 SCALES = (0.2, 0.5, 0.8, 1.0)
 FIRST_SCALE = 0.5
 MAX_CORNERS = 500
+ROBOT_GONE = "the robot's program has ended"
 MAX_HAND_AGE_S = 0.5  # of a request to move: a hand that let go meanwhile cannot be heard yet
 RECORD_EVENTS: dict[wire.RecordingAction, OperatorAction] = {
     "start": "start_recording",
@@ -136,7 +137,7 @@ class Commands:
         """Everybody may stop the robot: no seat, no role, also while a recording is shown."""
         self._hub.stops.press(self._page.name)
         self._is_driving = False
-        self._answer(message)
+        self._answer(message, ROBOT_GONE if self._hub.is_robot_gone else "")
 
     def _clear_stop(self, message: wire.ClearStop) -> None:
         if not self._no_seat():
@@ -237,7 +238,7 @@ class Commands:
         if self._page.channel is not self._hub.live or self._hub.live.source == "replay":
             return "a recording is shown; nothing can be commanded in it"
         if self._hub.is_robot_gone:
-            return "the robot's program has ended"
+            return ROBOT_GONE
         return ""
 
     def _answer(self, message: wire.Request, reason: str = "") -> None:
