@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from agribot.cli.evaluate_rows import judge_rows
 from agribot.cli.folder_options import NAME_FOLDERS, list_given
 from agribot.cli.ids_option import add_ids_option
 from agribot.cli.ranges import threads
@@ -29,9 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--data-dir", type=Path, help="the same as FOLDER")
     parser.add_argument(
         "--data",
-        choices=("cwfid", "bonn", "phenobench", "folder"),
+        choices=("cwfid", "bonn", "phenobench", "folder", "rows"),
         default="folder",
-        help="layout and mask values (default: any pair of folders)",
+        help="layout and mask values (default: any pair of folders); rows: images/ and labels/ "
+        "with crop rows as white lines on black",
     )
     parser.add_argument("--model", default=DEFAULT_MODEL, help="name, or path to an .onnx file")
     parser.add_argument("--size", help="another input size for the network, WxH px")
@@ -60,6 +62,8 @@ def run(args: argparse.Namespace) -> int:
     folder = _find_folder(args)
     if args.out:
         extras.require("report", "--out")
+    if args.data == "rows":
+        return judge_rows(args, folder)
     tile_px = read_size(args.tile) if args.tile else None
     segmenter = open_network(args.model, args.threads, args.size)
     pairs, problems = find_pairs(

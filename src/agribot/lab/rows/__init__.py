@@ -1,0 +1,1 @@
+"""Networks judged on photographs whose crop rows are labelled as lines."""

@@ -1,0 +1,111 @@
+"""The judgement of a network on photographs with labelled crop rows, picture by picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from agribot.autonomy.perceive.pictures import PictureClasses
+from agribot.core.messages import ByteArray
+from agribot.lab.rows.labelled import Regions, RowPhoto, find_regions
+from agribot.lab.rows.lines import (
+    LineFinder,
+    LineScores,
+    PhotoCamera,
+    PhotoCameras,
+    PictureLine,
+    trace_lines,
+)
+from agribot.lab.rows.scores import NameScores, share
+
+
+class JudgedPicture(NamedTuple):
+    """A photograph, what its lines and the network say of it, and how well they agree."""
+
+    name: str
+    condition: str
+    picture: RowPhoto
+    regions: Regions
+    class_id: ByteArray
+    scores: NameScores
+    labelled: Sequence[PictureLine]
+    camera: PhotoCamera | None
+    line: PictureLine | None
+
+
+class PictureJudge:
+    """Judges pictures of known cameras, one by one."""
+
+    def __init__(self, cameras: PhotoCameras) -> None:
+        self._cameras, self._finder = cameras, LineFinder()
+
+    def judge(
+        self, name: str, condition: str, picture: RowPhoto, classes: PictureClasses
+    ) -> JudgedPicture:
+        """Judge the classes (SIDE_PX, SIDE_PX) of a picture; without a camera no line is sought."""
+        regions, scores = find_regions(picture), NameScores()
+        scores.add(regions, classes.class_id)
+        labelled = trace_lines(picture.lines)
+        camera = self._cameras.find(labelled)
+        line = self._finder.find(classes, camera) if camera else None
+        return JudgedPicture(
+            name, condition, picture, regions, classes.class_id, scores, labelled, camera, line
+        )
+
+
+class RowJudge:
+    """What all pictures say together: `add` each, then `summarise`."""
+
+    def __init__(self) -> None:
+        self.pictures = 0
+        self.names = NameScores()
+        self.lines = LineScores()
+
+    def add(self, judged: JudgedPicture) -> None:
+        self.pictures += 1
+        self.names.merge(judged.scores)
+        if judged.camera:
+            self.lines.add(judged.labelled, judged.camera, judged.line)
+
+    def summarise(self) -> dict[str, Any]:
+        """Return the figures of `agribot eval --data rows --json`; None where there is nothing."""
+        return {
+            "pictures": self.pictures,
+            "on_rows": share(self.names.on_rows),
+            "between_rows": share(self.names.between_rows),
+            "balanced": self.names.balanced,
+            "line": self.lines.summarise(),
+        }
+
+
+def summarise_picture(judged: JudgedPicture) -> dict[str, Any]:
+    """Return the figures of one picture; its line is null where none was found."""
+    one = RowJudge()
+    one.add(judged)
+    return {"picture": judged.name, "condition": judged.condition, **one.summarise()}
+
+
+def format_summary(summary: dict[str, Any], names: NameScores) -> str:
+    """Write the figures as a table for a person."""
+    line = summary["line"]
+    lines = [
+        f"{'':14}{'crop':>8}{'weed':>8}{'soil':>8}{'pixels':>12}",
+        _format_shares("on rows", summary["on_rows"], int(names.on_rows.sum())),
+        _format_shares("between rows", summary["between_rows"], int(names.between_rows.sum())),
+        f"balanced {_format(summary['balanced'], '.3f')} over {summary['pictures']} pictures "
+        "(0.5: every plant is called crop)",
+        f"row line found in {_format(line['found'], '.1%')} of the pictures; angle off by "
+        f"{_format(line['angle_deg_median'], '.1f')} deg in the median, "
+        f"{_format(line['angle_deg_p95'], '.1f')} at 95 %; "
+        f"beside the row by {_format(line['offset_ratio_median'], '.3f')} of the row spacing",
+    ]
+    return "\n".join(lines)
+
+
+def _format_shares(name: str, shares: dict[str, float | None], pixels: int) -> str:
+    cells = "".join(f"{_format(value, '.3f'):>8}" for value in shares.values())
+    return f"{name:14}{cells}{pixels:>12,}"
+
+
+def _format(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
