@@ -23,7 +23,7 @@ from agribot.core.errors import ConfigError
 from agribot.lab.train.networks import STRIDE_PX, read_size
 
 MOST_WORKERS = 64
-DATA_CHOICES = ("sim", "cwfid", "bonn", "phenobench", "folder")
+DATA_CHOICES = ("sim", "cwfid", "bonn", "phenobench", "folder", "rows")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

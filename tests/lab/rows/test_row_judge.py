@@ -13,6 +13,7 @@ from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.core.messages import PlantClass
 from agribot.lab.dataset.pictures import PictureError
 from agribot.lab.rows.conditions import find_condition
+from agribot.lab.rows.figures import RowFigures
 from agribot.lab.rows.judge import PictureJudge, RowJudge
 from agribot.lab.rows.labelled import RowPhoto, find_gaps, find_regions, read_lines
 from agribot.lab.rows.lines import JUDGED_AT_PX, LineFinder, LineScores, PhotoCameras, trace_lines
@@ -170,3 +171,12 @@ def test_a_condition_stands_before_the_number_of_a_picture(name: str, condition:
 
 def test_a_table_states_conditions_that_names_do_not() -> None:
     assert find_condition(Path("17.jpg"), {"17": "shadow"}) == "shadow"
+
+
+def test_a_card_states_the_figures_of_rows() -> None:
+    text = RowFigures(about="drawn rows", **judge(ColourNetwork()).summarise()).markdown()
+    assert "## Crop rows on 1 photographs, balanced 1.000" in text
+    assert "on drawn rows." in text
+    assert "| on rows | 1.000 | 0.000 | 0.000 |" in text
+    assert "| between rows | 0.000 | 1.000 | 0.000 |" in text
+    assert "Row line found in 100.0% of the pictures; angle off by 0.0 deg" in text

@@ -87,25 +87,32 @@ def summarise_picture(judged: JudgedPicture) -> dict[str, Any]:
 
 def format_summary(summary: dict[str, Any], names: NameScores) -> str:
     """Write the figures as a table for a person."""
-    line = summary["line"]
     lines = [
         f"{'':14}{'crop':>8}{'weed':>8}{'soil':>8}{'pixels':>12}",
         _format_shares("on rows", summary["on_rows"], int(names.on_rows.sum())),
         _format_shares("between rows", summary["between_rows"], int(names.between_rows.sum())),
-        f"balanced {_format(summary['balanced'], '.3f')} over {summary['pictures']} pictures "
+        f"balanced {format_value(summary['balanced'], '.3f')} over {summary['pictures']} pictures "
         "(0.5: every plant is called crop)",
-        f"row line found in {_format(line['found'], '.1%')} of the pictures; angle off by "
-        f"{_format(line['angle_deg_median'], '.1f')} deg in the median, "
-        f"{_format(line['angle_deg_p95'], '.1f')} at 95 %; "
-        f"beside the row by {_format(line['offset_ratio_median'], '.3f')} of the row spacing",
+        describe_line(summary["line"]),
     ]
     return "\n".join(lines)
 
 
+def describe_line(line: dict[str, float | None]) -> str:
+    """Write how often and how well the row line is found."""
+    return (
+        f"row line found in {format_value(line['found'], '.1%')} of the pictures; angle off by "
+        f"{format_value(line['angle_deg_median'], '.1f')} deg in the median, "
+        f"{format_value(line['angle_deg_p95'], '.1f')} at 95 %; beside the row by "
+        f"{format_value(line['offset_ratio_median'], '.3f')} of the row spacing"
+    )
+
+
 def _format_shares(name: str, shares: dict[str, float | None], pixels: int) -> str:
-    cells = "".join(f"{_format(value, '.3f'):>8}" for value in shares.values())
+    cells = "".join(f"{format_value(value, '.3f'):>8}" for value in shares.values())
     return f"{name:14}{cells}{pixels:>12,}"
 
 
-def _format(value: float | None, form: str) -> str:
+def format_value(value: float | None, form: str) -> str:
+    """Format a figure, a dash where nothing was measured."""
     return "-" if value is None else format(value, form)

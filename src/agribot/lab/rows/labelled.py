@@ -104,10 +104,10 @@ def find_regions(picture: RowPhoto) -> Regions:
     return Regions(is_plant & near, is_plant & find_gaps(picture.lines))
 
 
-def find_gaps(lines: Mask) -> Mask:
-    """Find the middle of the space between neighbouring lines, picture row by picture row."""
+def find_gaps(lines: Mask, top_px: int = TOP_PX) -> Mask:
+    """Find the middle of the space between neighbouring lines, below a picture row."""
     between = np.zeros(lines.shape, dtype=bool)
-    for v_px in range(TOP_PX, len(lines)):
+    for v_px in range(top_px, len(lines)):
         centres = [(first + last) / 2.0 for first, last in find_crossings(lines[v_px])]
         for left, right in pairwise(centres):
             margin_px = MARGIN_RATIO * (right - left)

@@ -16,6 +16,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.messages import PlantClass
 from agribot.lab.plant_scores import PlantScores
 from agribot.lab.plant_table import format_table
+from agribot.lab.rows.figures import RowFigures
 from agribot.lab.train.calibration import Calibration, Temperatures
 from agribot.lab.train.efficientnet import PACKAGE, VERSION
 from agribot.lab.train.evaluate import CLASS_NAMES, Scores
@@ -58,6 +59,7 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     training_device: str = ""  # the GPU, if it was trained on one
     test: dict[str, Scores]
     plants: dict[str, PlantScores] = {}  # of single plants, by scene of `agribot bench plants`
+    rows: RowFigures | None = None  # of photographs with labelled crop rows
     kept_temperatures: Temperatures | None = None  # with the classes of weights it began with
     limits: str = SIM_LIMITS
     chosen_blind: bool = True  # no setting, such as the input size, was chosen by the test sets
@@ -77,6 +79,8 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
         tables = "\n\n".join(_format_scores(name, scores) for name, scores in test.items())
         if self.plants:
             tables += f"\n\n{_format_plants(self.plants)}"
+        if self.rows is not None:
+            tables += f"\n\n{self.rows.markdown()}"
         return f"""# {self.name}
 
 Crop/weed segmentation: every pixel of a camera image is weed ({int(PlantClass.WEED)}), \

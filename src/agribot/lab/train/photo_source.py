@@ -135,7 +135,7 @@ def _read_photographs(
     tally = tally_classes(seen.read(pairs, placement))
     if not seen.pairs:
         raise ConfigError(f"{args.data_dir}: no pair can be read; the first problem: {problems[0]}")
-    if args.data == "folder" and ids is None:
+    if args.data in {"folder", "rows"} and ids is None:
         refuse_doubt(tally, pairs, args.data_dir)
     if placement.misplaced and not args.keep_misplaced:
         seen = seen.leave_out(placement)

@@ -36,6 +36,7 @@ from agribot.lab.dataset.layouts import (
 from agribot.lab.dataset.pictures import PictureError, open_mask, read_picture
 
 NON_COMMERCIAL = "non-commercial research use only"
+ROW_LABELS = "labels"  # folder of drawings of crop rows, in a set of the kind "rows"
 SAMPLE_PAIRS = 24  # read before a set is judged; all are read before one is learnt from
 
 
@@ -80,6 +81,10 @@ KINDS = {
         license="CC BY-SA 4.0 with the conditions of PhenoBench",
     ),
     "folder": DataKind(about="a folder of images and masks"),
+    "rows": DataKind(
+        about="photographs whose crop rows are drawn as lines, or with masks",
+        masks=(ROW_LABELS, "annotations", "masks"),
+    ),
 }
 
 
@@ -87,7 +92,8 @@ class Pair(msgspec.Struct, frozen=True, kw_only=True):
     """An image, its mask and the field or day (empty: unknown) that it belongs to.
 
     `ids` says what the values of the mask mean; empty: those of `PlantClass`, or colours.
-    `is_named`: `ids` come from the option --ids, not from the kind of data.
+    `is_named`: `ids` come from the option --ids, not from the kind of data. `shows_rows`: the mask
+    is a drawing of crop rows, from which labels are made.
     """
 
     image: Path
@@ -95,6 +101,7 @@ class Pair(msgspec.Struct, frozen=True, kw_only=True):
     group: str
     ids: MaskIds = {}
     is_named: bool = False
+    shows_rows: bool = False
 
 
 def find_pairs(
@@ -124,7 +131,8 @@ def find_pairs(
     for item in layout.items:
         pair = _make_pair(folder, item, known.ids if ids is None else ids)
         if isinstance(pair, Pair):
-            pairs.append(msgspec.structs.replace(pair, is_named=is_named))
+            shows_rows = kind == "rows" and ROW_LABELS in pair.mask.relative_to(folder).parts
+            pairs.append(msgspec.structs.replace(pair, is_named=is_named, shows_rows=shows_rows))
         else:
             problems.append(pair)
     if not pairs:
@@ -178,6 +186,8 @@ def read_pair(pair: Pair) -> tuple[ByteArray, ByteArray]:
     that counts.
     """
     image_rgb = read_picture(pair.image)
+    if pair.shows_rows:
+        return image_rgb, _label_by_lines(image_rgb, pair.mask)
     label = read_label(pair.mask, pair.ids, is_named=pair.is_named)
     if label.shape != image_rgb.shape[:2]:
         raise PictureError(
@@ -187,6 +197,13 @@ def read_pair(pair: Pair) -> tuple[ByteArray, ByteArray]:
     if (label == UNLABELLED).all():
         raise PictureError(f"{pair.mask}: {ALL_IGNORED}")
     return image_rgb, label
+
+
+def _label_by_lines(image_rgb: ByteArray, path: Path) -> ByteArray:
+    from agribot.lab.rows.labelled import read_lines
+    from agribot.lab.rows.teacher import label_plants
+
+    return label_plants(image_rgb, read_lines(path, image_rgb.shape))
 
 
 def read_label(path: Path, ids: MaskIds, *, is_named: bool = False) -> ByteArray:
