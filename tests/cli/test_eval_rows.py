@@ -11,13 +11,17 @@ import pytest
 from PIL import Image
 
 from agribot.cli.main import main
+from agribot.core.config import DEFAULT_MODEL
 from agribot.core.messages import PlantClass
+from agribot.lab.train.networks import read_card
+from tests import nightly
 from tests.lab.rows.drawn_rows import ColourNetwork, draw_field, draw_labels, write_rows
 
 ROWS, WEEDS = (-1.0, 0.0, 1.0), (-0.5, 0.5)
 KEYS = {"pictures", "on_rows", "between_rows", "balanced", "line"}
 LINE_KEYS = {"found", "angle_deg_median", "angle_deg_p95", "offset_ratio_median"}
 DATA = Path(os.environ.get("AGRIBOT_DATA", "")) / "crdld-rows"
+NEAR = 0.06  # between a fifth of the photographs and those of the card
 
 
 @pytest.fixture
@@ -114,3 +118,17 @@ def test_eval_of_rows_refuses_what_shows_none(
     draw_labels(()).save(empty / "labels" / "1.png")
     assert main(["eval", *words, "--data", "rows"]) == 2
     assert message in capsys.readouterr().err
+
+
+@nightly.by_day("test_eval_of_rows_reports_what_stands_on_and_between_them")
+@pytest.mark.skipif(not DATA.is_dir(), reason="AGRIBOT_DATA holds no crdld-rows")
+def test_the_card_says_how_the_default_network_names_plants_on_photographed_rows(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ["--data", "rows", "--folds", "5", "--fold", "1", "--json"]
+    assert main(["eval", str(DATA), *words]) == 0
+    result, stated = result_of(capsys), read_card(DEFAULT_MODEL)["rows"]
+    assert result["pictures"] == 60
+    assert result["balanced"] == pytest.approx(stated["balanced"], abs=NEAR)
+    assert result["on_rows"] == pytest.approx(stated["on_rows"], abs=NEAR)
+    assert result["between_rows"] == pytest.approx(stated["between_rows"], abs=2.0 * NEAR)
