@@ -10,6 +10,7 @@ import pytest
 from agribot.core.errors import DescriptionError
 from agribot.core.messages import PlantClass
 from agribot.core.world import Plant
+from agribot.description.field_settings import WeedsSettings
 from agribot.description.worlds_sdf import load_world
 from tests import nightly
 
@@ -65,7 +66,22 @@ def test_weeds_are_spread_evenly_over_the_field() -> None:
     assert ((counts - expected) ** 2 / expected).sum() < 16.3  # chi-square, 3 degrees, 0.1 %
 
 
-def test_density_without_an_area_to_put_weeds_in_is_refused() -> None:
-    with pytest.raises(DescriptionError, match=r"2 per m2.*agribot:weeds"):
+def test_density_without_an_area_or_a_crop_to_put_weeds_around_is_refused() -> None:
+    with pytest.raises(DescriptionError, match=r"weed_density_per_m2 = 2.*agribot:weeds.*crop"):
         load_world("empty", weed_density_per_m2=2.0)
     assert load_world("empty", weed_density_per_m2=0.0).plants == ()
+
+
+def test_weeds_that_a_generated_field_lists_are_replaced_by_as_many_as_asked() -> None:
+    """The packaged beet field lists its weeds one by one, over 6 x 13 m2 and more."""
+    listed = load_world("beet").plants
+    crops = [plant for plant in listed if plant.plant == PlantClass.CROP]
+    xy_m = np.array([(plant.x_map_m, plant.y_map_m) for plant in crops])
+    area_m2 = float(np.prod(np.ptp(xy_m, axis=0) + 2 * WeedsSettings().margin_m))
+    for density_per_m2 in (0.0, 6.0):
+        plants = load_world("beet", seed=1, weed_density_per_m2=density_per_m2).plants
+        weeds = [plant for plant in plants if plant.plant == PlantClass.WEED]
+        assert [plant for plant in plants if plant.plant == PlantClass.CROP] == crops
+        # Up to a fifth falls on the discs of 10 cm around the crops, where none grows.
+        assert 0.75 * density_per_m2 * area_m2 <= len(weeds) <= 1.1 * density_per_m2 * area_m2
+        assert {weed.species for weed in weeds} <= {plant.species for plant in listed}

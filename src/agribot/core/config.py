@@ -254,7 +254,8 @@ class SimConfig(Config, frozen=True):
     step_s: Annotated[float, msgspec.Meta(ge=0.0005, le=0.005)] = 0.002
     # Preset of sensor errors: rtk, rtk-1, rtk-dual, rtk-trees, m8n, m8n-1, m8n-urban, ...
     sensors: str = "rtk"
-    # In place of the world's own.
+    # Of weeds in place of the world's own: over its areas of weeds, or else over the rectangle of
+    # its crops and 0.5 m around it.
     weed_density_per_m2: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
     # How the world differs from its map and from seed to seed: kind, field, hard, or a file.
     preset: str = "kind"

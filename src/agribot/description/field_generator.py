@@ -24,6 +24,7 @@ from agribot.description.drawn_rows import (
     place_on_line,
     read_drawn_rows,
 )
+from agribot.description.field_plants import DIGITS, make_plant, make_weed, place_weeds
 from agribot.description.field_settings import (
     CropSettings,
     FieldSettings,
@@ -33,8 +34,6 @@ from agribot.description.field_settings import (
 from agribot.description.package import ROOT
 from agribot.description.sdf_export import write_world
 
-SEEDS = 2**31
-DIGITS = 6  # places are rounded to a micrometre, so that every machine writes the same file
 AROUND_M = 15.0  # of grass beyond the soil
 SOIL_M = 6.0  # beyond the outermost crops
 PACKAGED = {"beet": 1, "rows-10x12": 1}  # plan -> seed of the worlds that come along
@@ -59,11 +58,11 @@ def generate_field(plan: FieldSettings, seed: int, folder: Path = Path()) -> Wor
             f"field '{plan.name}' has no crop left: lower crop.missing_ratio or crop.gaps_per_row, "
             "or move rows.first_row_start_map_m into the boundary"
         )
-    weeds_xy_m = _place_weeds(plan, crops_xy_m, rng[1])
+    weeds_xy_m = place_weeds(plan.weeds, crops_xy_m, rng[1])
     if ring is not None:
         weeds_xy_m = weeds_xy_m[_find_inside(weeds_xy_m, ring)]
     plants = [_make_crop(plan, at, rng[0]) for at in crops_xy_m]
-    plants += [_make_weed(plan, at, rng[1]) for at in weeds_xy_m]
+    plants += [make_weed(plan.weeds, at, rng[1]) for at in weeds_xy_m]
     return WorldSpec(
         name=plan.name,
         datum=plan.datum,
@@ -199,54 +198,11 @@ def _bend(rows: RowsSettings, along_m: FloatArray, offset_m: float) -> FloatArra
     return places
 
 
-def _place_weeds(
-    plan: FieldSettings, crops_xy_m: FloatArray, rng: np.random.Generator
-) -> FloatArray:
-    """Place weeds off the crops (m, 2), scattered and in patches; return positions, (n, 2)."""
-    weeds = plan.weeds
-    low, high = crops_xy_m.min(axis=0) - weeds.margin_m, crops_xy_m.max(axis=0) + weeds.margin_m
-    total = weeds.density_per_m2 * float(np.prod(high - low))
-    scattered = rng.uniform(low, high, (int(rng.poisson(total * (1.0 - weeds.cluster_ratio))), 2))
-    patches = int(rng.poisson(total * weeds.cluster_ratio / weeds.cluster_size))
-    middles = rng.uniform(low, high, (patches, 2))
-    sizes = rng.poisson(weeds.cluster_size, patches)
-    around = rng.normal(0.0, weeds.cluster_radius_m / 2.0, (int(sizes.sum()), 2))
-    places = np.concatenate([scattered, np.repeat(middles, sizes, axis=0) + around])
-    free = np.ones(len(places), dtype=bool)
-    for index, place in enumerate(places):
-        gaps_m = np.hypot(*(crops_xy_m - place).T)
-        free[index] = bool(gaps_m.min() >= weeds.crop_distance_m)
-    kept: FloatArray = places[free & np.all((places >= low) & (places <= high), axis=1)]
-    return kept
-
-
 def _make_crop(plan: FieldSettings, at_m: FloatArray, rng: np.random.Generator) -> Plant:
     spread = plan.crop.height_spread_ratio
     height_m = plan.crop.height_m * float(rng.uniform(1.0 - spread, 1.0 + spread))
-    return _make_plant(
+    return make_plant(
         plan.crop.species, PlantClass.CROP, at_m, height_m, plan.crop.stem_radius_m, rng
-    )
-
-
-def _make_weed(plan: FieldSettings, at_m: FloatArray, rng: np.random.Generator) -> Plant:
-    species = plan.weeds.species[int(rng.integers(len(plan.weeds.species)))]
-    height_m = float(rng.uniform(plan.weeds.height_min_m, plan.weeds.height_max_m))
-    return _make_plant(species, PlantClass.WEED, at_m, height_m, 0.02, rng)
-
-
-def _make_plant(
-    species: str, kind: PlantClass, at_m: FloatArray, height_m: float, stem_radius_m: float,
-    rng: np.random.Generator,
-) -> Plant:  # fmt: skip
-    return Plant(
-        species=species,
-        plant=kind,
-        x_map_m=round(float(at_m[0]), DIGITS),
-        y_map_m=round(float(at_m[1]), DIGITS),
-        yaw_rad=round(float(rng.uniform(-math.pi, math.pi)), DIGITS),
-        size_m=round(height_m, DIGITS),
-        seed=int(rng.integers(SEEDS)),
-        stem_radius_m=stem_radius_m,
     )
 
 

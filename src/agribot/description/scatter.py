@@ -146,11 +146,6 @@ def grow_plants(
     asked = wanted
     if density_per_m2 is not None:
         asked = density_per_m2 * sum(area.area_m2 for area in areas)
-        if density_per_m2 > 0.0 and not areas:
-            raise DescriptionError(
-                f"a weed density of {density_per_m2:g} per m2 was asked for, but the world has no "
-                "<agribot:weeds> area to put them in; leave the density out or add the area"
-            )
     share = asked / wanted if wanted > 0.0 else float(density_per_m2 is None)
     beside = sum(crop.companions.mean_count * share for crop in crops if crop.companions)
     distance_m = max((area.crop_distance_m for area in areas), default=0.0)

@@ -16,6 +16,7 @@ from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.robot import Shape
 from agribot.core.world import HeightField, Obstacle, Plant, WorldSpec
 from agribot.description.elements import FileFinding, SourceFile
+from agribot.description.field_plants import replace_weeds
 from agribot.description.markup import find_place, read_xml
 from agribot.description.mesh_ground import (
     GroundMesh,
@@ -149,6 +150,8 @@ class _WorldReader:
         plants = grow_plants(self._crops, areas, self._map_from_world, seed, weed_density_per_m2)
         plants += read_plants(self._world, self._map_from_world, self._source)
         plants += grow_named_weeds(self._weeds, seed)
+        if weed_density_per_m2 is not None and not areas:
+            plants = replace_weeds(plants, weed_density_per_m2, seed)
         where = self._find_start(plants) if spawn is None else spawn
         terrain = self._read_terrain() or self._find_mesh_ground()
         self._obstacles += [o for taken in self._taken for o in _make_obstacles(*taken)]
