@@ -17,6 +17,7 @@ from PIL import Image
 from agribot.core.config import load
 from agribot.core.errors import RecordingError
 from agribot.core.extras import format_install
+from agribot.core.implement.row_shares import TreatedShare
 from agribot.core.messages import PlantClass
 from agribot.record.drawing import encode_png, thin
 from agribot.record.events import Event
@@ -59,6 +60,7 @@ CONTRACT: dict[str, Any] = {
         "treated_true", "crops_hit", "spray_area_ratio", "crops_truth", "crops_mapped",
         "crop_recall", "stem_error_p95_m", "placement_p90_m", "left",
         "crop_leaves_wet_ratio", "tool_offset_p50_m", "tool_offset_p90_m",
+        "in_row", "between_rows", "untreated",
     ],
     "safety": [
         "stops", "noticed", "faults", "outside_m_max", "stop_distance_m_max",
@@ -159,6 +161,9 @@ def page() -> str:
     weeds = WeedReport(
         truth=9, mapped=7, precision=0.875, recall=0.75, treated=5, crops_hit=0, crops_truth=40,
         crops_mapped=38, crop_recall=0.925, stem_error_p95_m=0.0312,
+        in_row=TreatedShare(of=4, treated=1, share=0.25),
+        between_rows=TreatedShare(of=5, treated=4, share=0.8),
+        untreated={"called crop": 3, "leaf of crop": 1}, left={"leaf of crop": 2},
     )  # fmt: skip
     return render_report(_report(ok=False, reason=NASTY, profile="<b>farm", weeds=weeds), _data())
 
@@ -185,6 +190,13 @@ def test_the_page_shows_the_numbers_and_the_settings(page: str) -> None:
     assert "of 40 true ones, recall 0.93; stems, 95 % within 3.1 cm" in page
     assert "row_pitch_m = 1.0" in page
     assert "prefers-color-scheme: dark" in page
+
+
+def test_the_page_counts_weeds_in_the_row_apart_and_lists_why_weeds_were_left(page: str) -> None:
+    assert "<dt>Weeds treated in the row</dt><dd>1</dd><small>of 4, 25 %</small>" in page
+    assert "<dt>Weeds treated between the rows</dt><dd>4</dd><small>of 5, 80 %</small>" in page
+    assert "<td class=left>called crop</td><td>3</td><td>0</td>" in page
+    assert "<td class=left>leaf of crop</td><td>1</td><td>2</td>" in page
 
 
 def test_a_failed_run_is_not_dressed_as_good(page: str) -> None:

@@ -34,4 +34,5 @@ class Judge(Protocol):
         weeds: Sequence[MappedPlant],
         crops: Sequence[MappedPlant],
         rows_done: Sequence[int],
+        not_passed: str,
     ) -> WeedScore: ...

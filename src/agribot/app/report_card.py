@@ -11,12 +11,20 @@ from agribot.app.beliefs import ReportParts, compare, compute_worked_ratio
 from agribot.app.fault_verdict import judge_crushes, judge_faults
 from agribot.app.interventions import compute_km_per_intervention, list_interventions
 from agribot.app.judge import Judge
+from agribot.app.unattended import INTERRUPTED
 from agribot.app.whole_job import JobSoFar, WholeJob
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
-from agribot.core.implement.plants import count_left
-from agribot.core.messages import MissionStatus, Row, TickRecord
+from agribot.core.implement.left_weeds import (
+    ENDED_BY_OPERATOR,
+    ROW_NOT_DRIVEN,
+    RUN_ENDED,
+    Passage,
+    count_left,
+)
+from agribot.core.implement.row_shares import share_by_rows
+from agribot.core.messages import MappedPlant, MissionStatus, Row, TickRecord
 from agribot.core.platforms import find_platform
 from agribot.core.robot import RobotSpec
 from agribot.core.version import __version__
@@ -107,7 +115,7 @@ def report_card(drive: EndedRun, why_ended: str = "") -> Report:
             else _same_fields(judge.score_estimate(), EstimateReport)
         ),
         perception=_perception(drive, job),
-        weeds=_weeds(drive, job, kept),
+        weeds=_weeds(drive, job, kept, explain_not_driven(status, why_ended)),
         implement=_implement(drive, job, kept),
         safety=_safety(drive, job, mission, events),
         marks=_select_events(events, "mark"),
@@ -266,20 +274,49 @@ def _find_to_tool_s(drive: EndedRun, job: JobSoFar) -> float | None:
     return None if used_s is None or spec is None else used_s + spec.latency_s
 
 
-def _weeds(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...]) -> WeedReport:
+def explain_not_driven(status: MissionStatus | None, why_ended: str) -> str:
+    """Say why ground of the rows was not driven."""
+    state = None if status is None else status.state
+    if why_ended == INTERRUPTED or state == "cancelled":
+        return ENDED_BY_OPERATOR
+    return ROW_NOT_DRIVEN if state == "done" else RUN_ENDED
+
+
+def _weeds(drive: EndedRun, job: JobSoFar, kept: tuple[int, ...], not_driven: str) -> WeedReport:
     if not job.frames or not drive.rows:
         return WeedReport()
     weeds, crops, spec = drive.weed_map.weeds(), drive.weed_map.crops(), drive.robot.implement
     if drive.judge is None:
-        treated = sum(weed.treated_s is not None for weed in weeds)
-        return WeedReport(
-            mapped=len(weeds), crops_mapped=len(crops), treated=treated, left=count_left(weeds)
-        )
-    score = drive.judge.score_weeds(weeds, crops, kept)
+        return _count_mapped(drive, weeds, len(crops), kept, not_driven)
+    score = drive.judge.score_weeds(weeds, crops, kept, not_driven)
     is_wet = spec is not None and spec.wets_ground
     return msgspec.structs.replace(
         _same_fields(score, WeedReport),
         spray_area_ratio=score.worked_area_ratio if is_wet else None,
+    )
+
+
+def _count_mapped(
+    drive: EndedRun, weeds: Sequence[MappedPlant], crops: int, kept: tuple[int, ...],
+    not_driven: str,
+) -> WeedReport:  # fmt: skip
+    """Count what the map of a real field says, of which nobody knows the truth."""
+    spec = drive.robot.implement
+    passage = Passage(
+        drive.rows,
+        lambda row, _along_m: row.index in kept,
+        None if spec is None else spec.width_m,
+        not_driven,
+    )
+    places = [(weed.x_map_m, weed.y_map_m, weed.treated_s is not None) for weed in weeds]
+    in_row, between_rows = share_by_rows(places, drive.rows)
+    return WeedReport(
+        mapped=len(weeds),
+        crops_mapped=crops,
+        treated=in_row.treated + between_rows.treated,
+        left=count_left(weeds, passage),
+        in_row=in_row,
+        between_rows=between_rows,
     )
 
 

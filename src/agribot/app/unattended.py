@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from agribot.core.messages import TickRecord
 
+INTERRUPTED = "interrupted by the operator"  # reason of a run that Ctrl-C or a signal ended
+
 
 class Unattended:
     """A tap; `is_attended` is set where a person can clear a stop, on a page or over a bridge."""

@@ -14,6 +14,7 @@ import msgspec
 from agribot.app import service_manager
 from agribot.app.run_folder import check_free, check_not_driven
 from agribot.app.stop_memory import DISARMED, StopMemory
+from agribot.app.unattended import INTERRUPTED
 from agribot.cli import bridging, sensor_sources
 from agribot.cli.pacing import parse_pace
 from agribot.cli.page import (
@@ -38,6 +39,7 @@ from agribot.drivers.schemes import read_sources
 if TYPE_CHECKING:
     from agribot.app.run import Run
     from agribot.autonomy.plan.saved_mission import SavedMission
+    from agribot.core.implement.row_shares import TreatedShare
     from agribot.record.report import MissionReport, Report, TrackingReport, WeedReport
 
 STARTING = (
@@ -126,7 +128,7 @@ def run(options: argparse.Namespace) -> int:
                 pacer.wait(record.batch.t_s)
             progress.close()
             with service.allow_quiet():
-                why_ended = "interrupted by the operator" if stop else ""
+                why_ended = INTERRUPTED if stop else ""
                 report = session.finish(why_ended, lambda: signal.SIGTERM not in stop)
             write_words(sys.stderr, _format_summary(report, session.out_dir))
             was_interrupted = bool(stop)
@@ -310,10 +312,19 @@ def _format_weeds(weeds: WeedReport, verb: str) -> list[str]:
     if weeds.treated_true is not None:
         hit = _format_number(weeds.crops_hit)
         lines.append(f"{_format_number(weeds.treated_true)} weeds {verb}, {hit} crops hit")
-    if weeds.left:
-        reasons = ", ".join(f"{count} {reason}" for reason, count in weeds.left.items())
-        lines.append(f"mapped weeds left {sum(weeds.left.values())}: {reasons}")
+    if weeds.in_row is not None and weeds.between_rows is not None:
+        shares = (f"in the row {_format_share(weeds.in_row)}",
+                  f"between the rows {_format_share(weeds.between_rows)}")  # fmt: skip
+        lines.append(f"weeds treated {', '.join(shares)}")
+    for what, left in (("mapped weeds left", weeds.left), ("weeds untreated", weeds.untreated)):
+        if left:
+            reasons = ", ".join(f"{count} {reason}" for reason, count in left.items())
+            lines.append(f"{what} {sum(left.values())}: {reasons}")
     return lines
+
+
+def _format_share(part: TreatedShare) -> str:
+    return f"{part.treated} of {part.of}"
 
 
 def _format_crops(weeds: WeedReport) -> list[str]:

@@ -38,6 +38,7 @@ def render_report(report: Report, data: RunData) -> str:
         f"<h2>Map</h2>\n<div class='card map'>{encode_svg(draw_map(data), 'Map of the run')}</div>",
         _render_rows(data),
         _render_plots(data),
+        _render_left(report),
         render_run_weeds(data),
         _render_weeds(data.plants),
         _render_events(data),
@@ -105,6 +106,19 @@ def _format_belief(value: float | None, unit: str) -> str:
     if unit == "rad":
         return f"{math.degrees(value):.2f}°"
     return f"{value:.4g}{' ' * bool(unit)}{unit}"
+
+
+def _render_left(report: Report) -> str:
+    """Render why weeds were left: those that truly stand there, and those of the map."""
+    true, mapped = report.weeds.untreated or {}, report.weeds.left or {}
+    if not true and not mapped:
+        return ""
+    body = [
+        [reason, str(true.get(reason, 0)), str(mapped.get(reason, 0))]
+        for reason in dict.fromkeys((*true, *mapped))
+    ]
+    heads = ("Reason", "True weeds of all rows", "Weeds on the map")
+    return "<h2>Why weeds were left</h2>\n" + render_table(heads, body)
 
 
 def _render_rows(data: RunData) -> str:

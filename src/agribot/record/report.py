@@ -9,6 +9,7 @@ import msgspec
 
 from agribot.core.errors import RecordingError
 from agribot.core.implement.kind import ReportLine
+from agribot.core.implement.row_shares import TreatedShare
 from agribot.core.whole_file import write_at_once
 
 
@@ -105,6 +106,9 @@ class WeedReport(msgspec.Struct, frozen=True, kw_only=True):
     `placement_p90_m` that of matched weeds. `left` counts the mapped weeds that were not treated by
     the reason, `crop_leaves_wet_ratio` is the share of the crops' leaf area that got wet, and
     `tool_offset_p50_m` how near the middle of an open nozzle came to the weeds within 10 cm of it.
+    `in_row` are the weeds nearer than 15 cm to a row's line, `between_rows` the others: true ones
+    of a simulator, mapped ones in a real field. `untreated` counts the true weeds of all rows,
+    finished or not, that were not treated, by the reason.
     """
 
     truth: int | None = None
@@ -127,6 +131,9 @@ class WeedReport(msgspec.Struct, frozen=True, kw_only=True):
     crop_leaves_wet_ratio: float | None = None
     tool_offset_p50_m: float | None = None
     tool_offset_p90_m: float | None = None
+    in_row: TreatedShare | None = None
+    between_rows: TreatedShare | None = None
+    untreated: dict[str, int] | None = None
 
 
 class ImplementReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -87,7 +87,18 @@ def _weeds(report: Report) -> list[Tile]:
             _format_count(weeds.treated),
             f"{_format_count(weeds.crops_hit)} crops hit, {worked}",
         ),
+        *_split_by_rows(weeds),
         *_left(weeds),
+    ]
+
+
+def _split_by_rows(weeds: WeedReport) -> list[Tile]:
+    """Make the tiles of the weeds in the rows and between them; none for an older report."""
+    parts = ("in the row", weeds.in_row), ("between the rows", weeds.between_rows)
+    return [
+        (f"Weeds treated {where}", str(part.treated), f"of {part.of}, {format_percent(part.share)}")
+        for where, part in parts
+        if part is not None
     ]
 
 

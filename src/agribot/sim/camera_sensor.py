@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from agribot.sim.camera import CameraRenderer, Rendering
 
 KEPT_MASKS = 20
+LOOK_PX = 30  # visible pixels of a plant in a picture that count as a look at it
 _LOG = logging.getLogger(__name__)
 
 
@@ -35,7 +37,8 @@ class CameraSensor:
     `noise` is the stream of the noise seeds of the frames, or None for clean images. With
     `has_body` the robot itself and its shadow are in the picture. `plants` says which of them
     lie, on `ground`; without them all stand, and with `keeps_weeds` the weeds do. The constructor
-    compiles the renderer, so that the first picture takes no longer than any other.
+    compiles the renderer, so that the first picture takes no longer than any other. `looks` (N,)
+    counts for each plant of the world the pictures that showed `LOOK_PX` of it.
     """
 
     def __init__(
@@ -67,6 +70,7 @@ class CameraSensor:
         self._may_lie = [p.plant == PlantClass.CROP or not keeps_weeds for p in world.plants]
         self._walkers = world.walkers
         self._shown: dict[int, int] = {}  # plants that lie -> how old they are in the picture
+        self.looks: npt.NDArray[np.int64] = np.zeros(len(world.plants), dtype=np.int64)
         self._index = 0
         self._masks: OrderedDict[int, ByteArray] = OrderedDict()
         self._draw(transform((0.0, 0.0, robot.base_height_m)), None if noise is None else 0, None)
@@ -83,10 +87,16 @@ class CameraSensor:
         picture = self._draw(base, seed, row[WHEEL_ANGLE].tolist())
         frame = CameraFrame(t_s=t_s, index=self._index, image_rgb=picture.image_rgb)
         self._masks[self._index] = picture.class_id
+        self._count_looks(picture.instance)
         if len(self._masks) > KEPT_MASKS:
             self._masks.popitem(last=False)
         self._index += 1
         return frame
+
+    def _count_looks(self, instance: npt.NDArray[np.int32]) -> None:
+        """Count a look at each plant that shows enough pixels in a picture."""
+        pixels = np.bincount(instance.ravel() + 1, minlength=len(self.looks) + 1)[1:]
+        self.looks += pixels[: len(self.looks)] >= LOOK_PX
 
     def _lay_plants(self, t_s: float) -> None:
         """Show what fell, and what became darker since the last picture."""

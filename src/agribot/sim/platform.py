@@ -6,6 +6,8 @@ import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.implement.kind import WetsLeaves
@@ -267,6 +269,14 @@ class SimPlatform:
     def offsets_m(self) -> dict[int, float]:
         """Weeds that the tool worked near: index -> distance from the middle of a section."""
         return self._implement.offsets_m if isinstance(self._implement, WetsLeaves) else {}
+
+    @property
+    def looks(self) -> dict[int, int]:
+        """Plants that the camera showed: index -> in how many pictures well enough to be seen."""
+        if self._feed is None:
+            return {}
+        seen = np.flatnonzero(self._feed.looks)
+        return dict(zip(seen.tolist(), self._feed.looks[seen].tolist(), strict=True))
 
     @property
     def worked_m2(self) -> float:

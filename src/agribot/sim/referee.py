@@ -13,7 +13,8 @@ import numpy.typing as npt
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import wrap_rad
 from agribot.core.growing_table import GrowingTable
-from agribot.core.implement.plants import count_left
+from agribot.core.implement.left_weeds import Passage, count_left, count_reasons
+from agribot.core.implement.row_shares import TreatedShare, share_by_rows
 from agribot.core.messages import (
     ByteArray,
     MappedPlant,
@@ -40,6 +41,7 @@ from agribot.sim.scores import (
 )
 from agribot.sim.truth import Truth
 from agribot.sim.underside import Part
+from agribot.sim.weed_reasons import PlantsOnMap, UntreatedWeeds
 
 KEPT_ROW_M = 0.25  # farther off than this, the wheels come near the plants: the row was not driven
 SLICE_M = 0.25  # of row length, for the coverage
@@ -66,6 +68,8 @@ class TruthSource(Protocol):
     def wet_leaves(self) -> dict[int, float]: ...
     @property
     def offsets_m(self) -> dict[int, float]: ...
+    @property
+    def looks(self) -> Mapping[int, int]: ...
     def truth(self) -> Truth: ...
     def truth_mask(self, frame_index: int) -> ByteArray | None: ...
 
@@ -91,6 +95,7 @@ class Referee:
         self._source = source
         self._find_true_row = find_true_row
         self._world = world
+        self._implement = None if robot is None else robot.implement
         self._safety = SafetyJudge(bounds, robot)
         self._row_errors = GrowingTable(2)  # across_m, heading_rad; those not in the sums yet
         self._estimate_errors = GrowingTable(3)  # x_m, y_m, yaw_rad; likewise
@@ -179,6 +184,7 @@ class Referee:
             worked_m2=self.worked_m2,
             wet_leaves=self._wet_leaves,
             offsets_m=self._offsets_m,
+            looks=self._looks,
             plants_total=len(self._world.plants),
             safety=self._safety.export_state(),
         )
@@ -285,10 +291,12 @@ class Referee:
         weeds: Sequence[MappedPlant],
         crops: Sequence[MappedPlant],
         rows_done: Sequence[int],
+        not_passed: str,
     ) -> WeedScore:
         """Score plants along finished rows; a crop that the robot crushed stood there, and counts.
 
-        Crops hit are those of the whole world.
+        Crops hit are those of the whole world, untreated weeds those of all rows. `not_passed` is
+        why ground of the rows was not driven.
         """
         strips, pitch_m = [self._rows[index] for index in rows_done], self._measure_row_pitch_m()
         plants = self._world.plants
@@ -296,6 +304,8 @@ class Referee:
         crop = match_plants(PlantClass.CROP, crops, plants, strips, pitch_m)
         along = [m for m in weeds if is_in_strips(m.x_map_m, m.y_map_m, strips, pitch_m)]
         offsets_m = [*self._offsets_m.values()]
+        passage = self._describe_passage(not_passed)
+        in_row, between_rows = self._share_by_rows(strips, pitch_m)
         return WeedScore(
             truth=weed.truth,
             mapped=weed.mapped,
@@ -313,11 +323,56 @@ class Referee:
             treated_true=self._count_treated(PlantClass.WEED, strips, pitch_m),
             crops_hit=self._count_treated(PlantClass.CROP),
             worked_area_ratio=self.compute_worked_area_ratio(rows_done),
-            left=count_left(along),
+            left=count_left(along, passage),
             crop_leaves_wet_ratio=self._compute_wet_ratio(strips, pitch_m),
             tool_offset_p50_m=find_percentile(offsets_m, 50.0),
             tool_offset_p90_m=find_percentile(offsets_m, 90.0),
+            in_row=in_row,
+            between_rows=between_rows,
+            untreated=self._count_untreated(PlantsOnMap(weeds, crops), passage),
         )
+
+    def _share_by_rows(
+        self, strips: Sequence[Row], pitch_m: float
+    ) -> tuple[TreatedShare, TreatedShare]:
+        """Count the weeds in strips that stand in rows and between them, and those treated."""
+        plants, treated = self._world.plants, self._treated_plants
+        places = [
+            (plants[index].x_map_m, plants[index].y_map_m, index in treated)
+            for index in self._list_weeds(strips, pitch_m)
+        ]
+        return share_by_rows(places, tuple(self._rows.values()))
+
+    def _count_untreated(self, on_map: PlantsOnMap, passage: Passage) -> dict[str, int]:
+        """Count the weeds of all rows that were not treated, by the reason why."""
+        every, pitch_m = tuple(self._rows.values()), self._measure_row_pitch_m()
+        treated = self._treated_plants
+        left = [index for index in self._list_weeds(every, pitch_m) if index not in treated]
+        reasons = UntreatedWeeds(self._world.plants, on_map, passage, self._looks)
+        return count_reasons(reasons.list_reasons(left))
+
+    def _list_weeds(self, strips: Sequence[Row], pitch_m: float) -> list[int]:
+        """List the weeds of the world in strips of width `pitch_m` along rows, by their indices."""
+        return [
+            index
+            for index, plant in enumerate(self._world.plants)
+            if plant.plant == PlantClass.WEED
+            and is_in_strips(plant.x_map_m, plant.y_map_m, strips, pitch_m)
+        ]
+
+    def _describe_passage(self, not_passed: str) -> Passage:
+        """Describe where the tool passed: where the robot was driven before and behind it."""
+        spec = self._implement
+        reach_m = 0.0 if spec is None else abs(spec.x_body_m)
+
+        def is_passed(row: Row, along_m: float) -> bool:
+            last = math.ceil(row_length_m(row) / SLICE_M) - 1
+            ends_m = along_m - reach_m, along_m + reach_m
+            places = {min(max(int(end_m / SLICE_M), 0), last) for end_m in ends_m}
+            return all((row.index, place) in self._slices for place in places)
+
+        width_m = None if spec is None else spec.width_m
+        return Passage(tuple(self._rows.values()), is_passed, width_m, not_passed)
 
     def _compute_wet_ratio(self, strips: Sequence[Row], pitch_m: float) -> float | None:
         """Return the mean share of leaf area of the crops along rows that got wet."""
@@ -343,6 +398,13 @@ class Referee:
         now = self._source.offsets_m
         far = math.inf
         return {i: min(before.get(i, far), now.get(i, far)) for i in sorted({*before, *now})}
+
+    @property
+    def _looks(self) -> dict[int, int]:
+        """Return how many pictures of the whole job showed each plant well enough to be seen."""
+        before = self._before.looks if self._before else {}
+        now = self._source.looks
+        return {i: before.get(i, 0) + now.get(i, 0) for i in sorted({*before, *now})}
 
     def _find_person_distance_m(self) -> float | None:
         """Return how near the robot came to a person, in the runs before this one as well."""

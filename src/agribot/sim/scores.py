@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from agribot.core.histogram import Histogram
+from agribot.core.implement.row_shares import TreatedShare
 from agribot.core.messages import FloatArray, Row
 from agribot.sim.safety_judge import SafetyState
 
@@ -48,7 +49,8 @@ class WeedScore(msgspec.Struct, frozen=True, kw_only=True):
     """Mapped against true plants in the strips of the finished rows.
 
     Without a word of crops or stems a figure is of the weeds; `placement_p90_m` is the distance
-    of matched weeds, `stem_error_p95_m` that of matched plants of both classes.
+    of matched weeds, `stem_error_p95_m` that of matched plants of both classes. `untreated` counts
+    the true weeds of all rows, finished or not, that were not treated by the reason why.
     """
 
     truth: int
@@ -71,6 +73,9 @@ class WeedScore(msgspec.Struct, frozen=True, kw_only=True):
     crop_leaves_wet_ratio: float | None
     tool_offset_p50_m: float | None
     tool_offset_p90_m: float | None
+    in_row: TreatedShare
+    between_rows: TreatedShare
+    untreated: dict[str, int]
 
 
 class ErrorSums(msgspec.Struct, kw_only=True):
@@ -140,6 +145,7 @@ class RefereeState(msgspec.Struct, frozen=True, kw_only=True):
     worked_m2: float = msgspec.field(name="sprayed_area_m2")
     wet_leaves: dict[int, float] = {}
     offsets_m: dict[int, float] = {}
+    looks: dict[int, int] = {}
     plants_total: int
     safety: SafetyState = SafetyState()
 

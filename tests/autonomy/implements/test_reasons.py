@@ -8,7 +8,8 @@ import pytest
 
 from agribot.autonomy.implements.treatment import Treatment
 from agribot.core.config import TreatmentConfig
-from agribot.core.implement.plants import NOT_TOLD, count_left
+from agribot.core.implement.left_weeds import ENDED_BY_OPERATOR, PASSED, Passage, count_left
+from agribot.core.messages import Row
 from agribot.description.loader import load_robot
 from tests.autonomy.implements.looks import POSE
 from tests.autonomy.implements.spray_ground import BOOM, Field, drive_over, make_map
@@ -68,9 +69,17 @@ def test_a_weed_that_is_sure_only_after_the_tool_was_over_it_came_too_late() -> 
 def test_reasons_are_counted_of_weeds_that_were_not_treated() -> None:
     weed_map = make_map([(1.0, 0.2), (1.3, 0.41), (1.6, 0.41), (9.0, 0.0)])
     drive_over(Treatment(TreatmentConfig(), BOOM), weed_map, Field())
-    counts = count_left(weed_map.weeds())
-    assert counts == {"outside the tool": 2, NOT_TOLD: 1}
-    assert list(counts) == ["outside the tool", NOT_TOLD]
+    row = Row(index=0, start_map_m=(0.0, 0.0), end_map_m=(10.0, 0.0))
+    passage = Passage((row,), lambda _row, along_m: along_m < 5.0, 0.8, ENDED_BY_OPERATOR)
+    counts = count_left(weed_map.weeds(), passage)
+    assert counts == {"outside the tool": 2, "run ended by the operator": 1}
+    assert list(counts) == ["outside the tool", "run ended by the operator"]
+
+
+def test_a_weed_that_a_tool_without_reasons_passed_is_counted_as_passed() -> None:
+    row = Row(index=0, start_map_m=(0.0, 0.0), end_map_m=(10.0, 0.0))
+    passage = Passage((row,), lambda _row, _along_m: True, 0.8, ENDED_BY_OPERATOR)
+    assert count_left(make_map([(1.0, 0.2)]).weeds(), passage) == {PASSED: 1}
 
 
 @pytest.mark.parametrize("robot", ["agribot", "agribot-point"])

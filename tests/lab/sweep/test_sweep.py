@@ -20,6 +20,7 @@ from agribot.app.simulated_run import simulate
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.errors import ConfigError
+from agribot.core.implement.row_shares import TreatedShare
 from agribot.lab.sweep.execution import Assignment, RayExecutor, RunOutcome
 from agribot.lab.sweep.plan import SweepJob, plan, read_seeds
 from agribot.lab.sweep.tables import (
@@ -29,7 +30,7 @@ from agribot.lab.sweep.tables import (
     pooled_rms_m,
     summarise,
 )
-from agribot.record.report import Report, TimeReport, TrackingReport, read_report
+from agribot.record.report import Report, TimeReport, TrackingReport, WeedReport, read_report
 from tests import nightly
 
 SHORT = ("duration_s=2", "record.enabled=false", "perception.enabled=false")
@@ -117,7 +118,9 @@ def test_the_error_of_a_combination_is_that_of_all_its_missions_together() -> No
     empty = Report(profile="farm", seed=0, sensors="rtk", version="0", ok=True, reason="")
     found = {
         name: msgspec.structs.replace(
-            empty, tracking=TrackingReport(xte_rms_m=rms_m, xte_max_m=max_m, plants_crushed=1)
+            empty,
+            tracking=TrackingReport(xte_rms_m=rms_m, xte_max_m=max_m, plants_crushed=1),
+            weeds=WeedReport(in_row=TreatedShare(of=4, treated=1, share=0.25)),
         )
         for name, rms_m, max_m in (("a", 0.01, 0.03), ("b", 0.07, 0.2))
     }
@@ -125,7 +128,7 @@ def test_the_error_of_a_combination_is_that_of_all_its_missions_together() -> No
     assert pooled_rms_m(entry) == pytest.approx(0.05)
     (line,) = format_markdown([entry]).splitlines()[2:]
     assert "| 2 of 3 |" in line  # the third gave no report
-    assert "| 5.0 cm | - | 20.0 cm | 2 |" in line
+    assert "| 5.0 cm | - | 20.0 cm | 2 | 2 of 8 | - |" in line
 
 
 @pytest.mark.figures

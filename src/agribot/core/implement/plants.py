@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol
 
@@ -13,24 +12,6 @@ REASONS = (
     "", "tool off", "seen too late", "outside the tool", "tool busy", "beside a crop",
     "stem of crop", "leaf of crop", "aimed at and not hit", "outside the prescription",
 )  # fmt: skip
-
-
-NOT_TOLD = "not told"  # of a weed that no implement came near, or one that tells no reasons
-
-
-class Left(Protocol):
-    """A weed of the map at the end: when it was treated, or why not."""
-
-    @property
-    def treated_s(self) -> float | None: ...
-    @property
-    def left(self) -> str: ...
-
-
-def count_left(weeds: Iterable[Left]) -> dict[str, int]:
-    """Count the weeds that were not treated, by the reason why, the most frequent first."""
-    counts = Counter(weed.left or NOT_TOLD for weed in weeds if weed.treated_s is None)
-    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
 
 
 class Disc(NamedTuple):

@@ -175,10 +175,11 @@ def format_markdown(summary: Iterable[dict[str, Any]]) -> str:
     """Format one line for each combination; "-" where nothing was measured.
 
     RMS is over all missions together, p95 their mean, max the worst instant of all, as is the
-    farthest that any place of the robot got out of the field. Ways and interventions are summed.
+    farthest that any place of the robot got out of the field. Weeds treated in the rows and between
+    them, ways and interventions are summed.
     """
-    heads = ("profile", "settings", "good", "rows", "XTE RMS", "p95", "max", "crushed", "h/ha",
-             "outside", "way", "interventions", "way for each")  # fmt: skip
+    heads = ("profile", "settings", "good", "rows", "XTE RMS", "p95", "max", "crushed", "in row",
+             "between rows", "h/ha", "outside", "way", "interventions", "way for each")  # fmt: skip
     lines = [f"| {' | '.join(heads)} |", "| --- " * len(heads) + "|"]
     for entry in summary:
         runs, mean = entry["runs"], entry["mean"]
@@ -194,12 +195,23 @@ def format_markdown(summary: Iterable[dict[str, Any]]) -> str:
             _format_value(mean.get("tracking.xte_p95_m"), 100.0, " cm"),
             _format_value(entry["max"].get("tracking.xte_max_m"), 100.0, " cm"),
             f"{round(runs * mean.get('tracking.plants_crushed', 0.0))}",
+            _format_treated(entry, "in_row"),
+            _format_treated(entry, "between_rows"),
             _format_value(mean.get("mission.h_per_ha"), 1.0, ""),
             _format_value(entry["max"].get("safety.outside_m_max"), 100.0, " cm"),
             *_format_way(entry),
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
+
+
+def _format_treated(entry: dict[str, Any], part: str) -> str:
+    """Format how many weeds of a part of the field were treated in all runs; "-" without any."""
+    treated, of = (
+        round(entry["mean"].get(key, 0.0) * entry["count"].get(key, 0))
+        for key in (f"weeds.{part}.treated", f"weeds.{part}.of")
+    )
+    return f"{treated} of {of}" if of else "-"
 
 
 def _format_way(entry: dict[str, Any]) -> tuple[str, str, str]:
