@@ -3,9 +3,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import msgspec
 import pytest
 
 from agribot.autonomy.weeds.map import WeedMap
+from agribot.autonomy.weeds.track import Track
 from agribot.core.config import WeedConfig
 from agribot.core.messages import GroundPlant, PlantClass
 from tests.autonomy.weeds.weed_field import make_estimate, make_scene
@@ -98,3 +100,25 @@ def test_a_double_that_was_treated_is_not_forgotten() -> None:
     weed_map.mark_treated(double.id, 0.4)
     look(weed_map, range(4, 30), lambda _: (BIG,))
     assert double.id in [crop.id for crop in weed_map.crops()]
+
+
+def test_weeds_that_one_picture_showed_apart_stay_as_many_whatever_later_ones_show() -> None:
+    """Three weeds 5 cm apart; after three pictures the network makes two of them, then one."""
+    weeds = [make_plant(BIG_M[0], y_m, WEED, 0.02) for y_m in (-0.05, 0.0, 0.05)]
+    joined = [make_plant(BIG_M[0], y_m, WEED, 0.03) for y_m in (-0.025, 0.025)]
+    weed_map = WeedMap(WeedConfig())
+    look(weed_map, range(3), lambda _: tuple(weeds))
+    look(weed_map, range(3, 30), lambda _: tuple(joined))
+    look(weed_map, range(30, 60), lambda _: (weeds[1],))
+    assert len(weed_map.weeds()) == 3
+
+
+def test_weeds_seen_apart_stay_two_in_the_map_of_the_run_that_goes_on() -> None:
+    weeds = [make_plant(BIG_M[0], y_m, WEED, 0.02) for y_m in (-0.04, 0.04)]
+    before = WeedMap(WeedConfig())
+    look(before, range(6), lambda _: tuple(weeds))
+    tracks = msgspec.json.decode(msgspec.json.encode(before.tracks), type=tuple[Track, ...])
+    again = WeedMap(WeedConfig())
+    again.restore(tracks)
+    look(again, range(6, 30), lambda index: (make_plant(BIG_M[0], 0.0, WEED, 0.02),))
+    assert len(again.weeds()) == 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator
+from itertools import combinations
 
 from agribot.autonomy.weeds.cells import CellIndex
 from agribot.autonomy.weeds.crop_ground import CropGround
@@ -86,7 +87,8 @@ class WeedMap:
         view = GroundView(scene.view_body_m, pose)
         touched = self._associate(seen, view, scene.t_s)
         self._count_misses(view, scene.t_s)
-        for track in touched:
+        self._note_apart(touched)
+        for track, _ in touched:
             self._merge_around(track, scene.t_s)
         self._forget_tentative(scene.t_s)
 
@@ -160,8 +162,10 @@ class WeedMap:
             t.message() for t in self._tracks.values() if t.is_confirmed and t.plant == plant
         )
 
-    def _associate(self, seen: list[PlantSighting], view: GroundView, t_s: float) -> list[Track]:
-        """Give each sighting to a track, best pairs first, or start one; return those tracks.
+    def _associate(
+        self, seen: list[PlantSighting], view: GroundView, t_s: float
+    ) -> list[tuple[Track, PlantSighting]]:
+        """Give each sighting to a track, best pairs first, or start one; return both.
 
         At the edge of the picture no track starts from a stem: the leaves there may be those of a
         plant that stands beyond it.
@@ -189,7 +193,7 @@ class WeedMap:
             if track.is_here:
                 self._near[track.id] = self._shifts.way_m
             self._settle(track)
-            touched.append(track)
+            touched.append((track, plant))
         return touched
 
     def _shift_near(self, shift: Pose2) -> None:
@@ -256,10 +260,29 @@ class WeedMap:
             else:
                 self._settle(track)
 
+    def _note_apart(self, touched: list[tuple[Track, PlantSighting]]) -> None:
+        """Note which weeds this picture shows side by side, and which almost in one place."""
+        reach_m = 2.0 * self._config.merge_radius_m
+        weeds = [pair for pair in touched if pair[0].plant == PlantClass.WEED]
+        for (one, seen), (other, also_seen) in combinations(weeds, 2):
+            dx_m, dy_m = seen.x_map_m - also_seen.x_map_m, seen.y_map_m - also_seen.y_map_m
+            gap_m = math.hypot(dx_m, dy_m)
+            if gap_m <= self._one_place_m:
+                one.apart.discard(other.id)
+                other.apart.discard(one.id)
+            elif gap_m <= reach_m:
+                one.apart.add(other.id)
+
+    @property
+    def _one_place_m(self) -> float:
+        """How near two plants of one picture are almost in one place."""
+        return self._config.merge_radius_m / 4.0
+
     def _merge_around(self, track: Track, t_s: float) -> None:
         """Absorb tracks that have drifted onto this one, and forget doubles.
 
-        Two plants seen side by side in one frame are two, unless they are almost in one place.
+        Two plants seen side by side in one frame are two, unless they are almost in one place; two
+        weeds that one picture showed so stay two until another shows them almost in one place.
         """
         if track.id not in self._tracks:
             return
@@ -267,6 +290,8 @@ class WeedMap:
         near = list(self._around(track.x_map_m, track.y_map_m, reach_m))
         near.remove(track)
         for other in near:
+            if track.is_apart(other):
+                continue
             if _is_double(other, track, t_s):
                 self._remove(other)
             elif _is_double(track, other, t_s):
@@ -282,7 +307,7 @@ class WeedMap:
         """Near, and of the same class or with too little seen of one to say."""
         radius_m = self._config.merge_radius_m
         if other.last_seen_s == t_s:
-            limit_m = radius_m / 4.0
+            limit_m = self._one_place_m
         else:
             own_std_m = math.sqrt(track.own_var_m2 + other.own_var_m2)
             limit_m = min(max(radius_m / 2.0, 2.0 * own_std_m), radius_m)

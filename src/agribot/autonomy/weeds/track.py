@@ -10,7 +10,7 @@ plant follows the corrections of the pose, the shared part is that of the pose n
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from agribot.autonomy.weeds.poses import PoseAt
 from agribot.core.arithmetic import clamp
@@ -81,6 +81,7 @@ class Track:
     is_confirmed: bool = False
     left: int = 0  # index into REASONS
     is_here: bool = True  # its place was seen on this pass
+    apart: set[int] = field(default_factory=set)  # weeds that one picture showed beside this one
     # Where the map has it once the robot has left it: the mean place of all sightings, by the pose
     # as it was known then, the nearest looks first.
     rest_m: tuple[float, float] | None = None
@@ -157,6 +158,10 @@ class Track:
         self.area_m2 += (seen.area_m2 - self.area_m2) / self.sightings
         self.last_seen_s = t_s
 
+    def is_apart(self, other: Track) -> bool:
+        """Whether some picture showed both as weeds, so that they are two."""
+        return other.id in self.apart or self.id in other.apart
+
     def shift(self, shift: Pose2) -> None:
         """Follow a correction of the pose that it was seen from."""
         self.x_map_m, self.y_map_m = shift.transform(self.x_map_m, self.y_map_m)
@@ -196,6 +201,7 @@ class Track:
         if self.treated_s is None:
             self.treated_s = other.treated_s
         self.left = max(self.left, other.left)
+        self.apart |= other.apart
 
     def earlier(self, by_s: float) -> Track:
         """Move its times to a clock that began so much later."""
