@@ -199,20 +199,26 @@ class PerceptionConfig(Config, frozen=True):
 
 
 class WeedConfig(Config, frozen=True):
-    merge_radius_m: Positive = 0.12  # sightings so near are one plant
+    # Sightings so near are one plant, but for weeds that one picture showed side by side.
+    merge_radius_m: Positive = 0.12
     min_sightings: Count = 3  # before a plant is in the map
     min_confidence: Ratio = 0.5  # of a plant in the map
 
 
-LeafRule = Literal["rows", "mapped", "alone", "never"]
+LeafRule = Literal["any", "rows", "mapped", "alone", "none"]
 
 
 class TreatmentConfig(Config, frozen=True):
     enabled: bool = True  # the implement works
     margin_m: NonNegative = 0.04  # most that is treated around a weed, where its place is unsure
     crop_guard_m: NonNegative = 0.05  # around the stem of a crop plant, which is never treated
-    # Leaves of crop that a nozzle may open over: of plants that stand alone in the map, of all
-    # whose stem is mapped, these and those beside the row, or none.
+    # What the place of a stem is off by at the tool, 1 sigma: `look_std_m` in all looks at it alike
+    # (mount of the camera, ground, network), `way_std_m` by wheels and gyro from the last look on.
+    look_std_m: NonNegative = 0.02
+    way_std_m: NonNegative = 0.012
+    # Leaves of crop that may be treated: any, as by an agent that the crop endures; none; or those
+    # of plants that stand alone in the map, of all whose stem is mapped, or these and those beside
+    # the row.
     leaves: LeafRule = "alone"
     # By the rule `rows`: so far beside a row of mapped crops no other row can stand. At most 5 cm
     # less than rows are apart.

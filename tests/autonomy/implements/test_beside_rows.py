@@ -52,7 +52,7 @@ def test_weeds_under_leaves_beside_a_row_of_the_map_are_sprayed() -> None:
     assert spray(ROW, ROW) == {f"weed{i}" for i in range(len(BESIDE))}
 
 
-@pytest.mark.parametrize("leaves", ["mapped", "alone", "never"])
+@pytest.mark.parametrize("leaves", ["mapped", "alone", "none"])
 def test_no_other_rule_sprays_leaves_that_tell_no_stem(leaves: LeafRule) -> None:
     assert not spray(ROW, ROW, leaves)
 

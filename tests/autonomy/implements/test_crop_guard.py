@@ -4,7 +4,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import pytest
 
+from agribot.autonomy.implements.crop_guard import find_keep_off_m
 from agribot.autonomy.implements.treatment import Treatment
 from agribot.core.config import TreatmentConfig
 from agribot.sim.flora.crown import HEART_M
@@ -16,6 +18,7 @@ from tests.autonomy.implements.spray_ground import (
     figure,
     make_map,
 )
+from tests.autonomy.weeds.weed_field import make_estimate
 
 
 def test_a_weed_inside_the_guard_ring_of_a_crop_is_left_alone() -> None:
@@ -80,3 +83,38 @@ def test_without_the_crop_in_the_map_the_same_spray_would_wet_it() -> None:
     truth = Field(plants={"crop": crop})
     drive_over(Treatment(TreatmentConfig(), BOOM), make_map([weed]), truth)
     assert "crop" in truth.hit
+
+
+@pytest.mark.parametrize(
+    ("look_std_m", "way_std_m", "keep_off_m"),
+    [(0.02, 0.012, 0.07), (0.005, 0.003, 0.0465), (0.0, 0.0, 0.0438), (0.04, 0.012, 0.1035)],
+    ids=["as shipped", "a camera over the tool", "nothing shared", "a poor mount"],
+)
+def test_the_spray_keeps_off_a_stem_by_twice_what_its_place_is_off_by(
+    look_std_m: float, way_std_m: float, keep_off_m: float
+) -> None:
+    """A stem of 2 cm, and looks that differ by 1 cm beside what all of them share."""
+    config = TreatmentConfig(look_std_m=look_std_m, way_std_m=way_std_m)
+    (crop,) = make_map([], [(1.0, 0.0)]).tracks
+    estimate = make_estimate(0.0, 0.0, 0.0, 0.0)
+    assert find_keep_off_m(crop, estimate, config) == pytest.approx(keep_off_m, abs=1e-4)
+
+
+@pytest.mark.parametrize("std_m", [0.003, 0.01])
+def test_a_robot_that_measures_less_error_treats_weeds_nearer_to_the_crop(std_m: float) -> None:
+    """6 cm from a stem, where the shipped errors leave all weeds; no heart of a crop gets wet."""
+    crops = [(1.0 + 0.4 * i, 0.0) for i in range(6)]
+    ways_rad = [math.pi / 2.0 * i for i in range(6)]
+    weeds = put_beside(crops, 0.062, ways_rad)
+
+    def count_treated(config: TreatmentConfig) -> float:
+        plants = {f"crop{i}": place for i, place in enumerate(crops)}
+        truth = Field(sprayer=FINE, latency_s=FINE.latency_s, plants=plants)
+        treatment = Treatment(config, FINE)
+        drive_over(treatment, make_map(weeds, crops), truth, way_m=4.0)
+        assert min(truth.closest_m.values(), default=1.0) > HEART_M
+        return figure(treatment, "weeds treated")
+
+    near = TreatmentConfig(crop_guard_m=0.0, look_std_m=std_m, way_std_m=0.0)
+    assert count_treated(TreatmentConfig()) == 0
+    assert count_treated(near) >= 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import msgspec
 import pytest
@@ -130,8 +131,20 @@ def test_leaves_of_a_plant_alone_stay_dry_as_well_where_none_may_be_sprayed() ->
     stem, weed = (1.5, 0.0), (1.5, 0.18)
     truth = Field(sprayer=BOOM, latency_s=BOOM.latency_s, plants={"weed": weed})
     weed_map = seen_on_the_way([weed], lambda x_m, y_m: math.dist((x_m, y_m), stem) < 0.17, [stem])
-    drive_over(Treatment(TreatmentConfig(leaves="never"), BOOM), weed_map, truth)
+    drive_over(Treatment(TreatmentConfig(leaves="none"), BOOM), weed_map, truth)
     assert not truth.hit
+
+
+def test_weeds_under_leaves_of_a_closed_row_are_sprayed_where_any_leaf_may_get_wet() -> None:
+    """By an agent that the crop endures; the stems of the map stay dry all the same."""
+    stems = {f"crop{i}": (1.0 + 0.18 * i, 0.0) for i in range(9)}
+    edge = {f"edge{i}": (1.1 + 0.36 * i, 0.12) for i in range(4)}
+    for leaves, hit in (("any", set(edge)), ("none", set())):
+        truth = Field(sprayer=FINE, latency_s=FINE.latency_s, plants=stems | edge)
+        weed_map = seen_on_the_way([*edge.values()], closed_row, [*stems.values()])
+        config = TreatmentConfig(leaves=cast(LeafRule, leaves))
+        drive_over(Treatment(config, FINE), weed_map, truth, way_m=3.5)
+        assert set(truth.hit) == hit
 
 
 def test_a_crop_that_was_seen_but_once_is_spared() -> None:

@@ -165,7 +165,7 @@ class Hoe:
         leaves, rows = self._config.leaves, NO_ROWS
         if leaves == "rows":
             rows = find_rows_around(middle, plants, self._config.beside_row_m)
-        rule: LeafRule = "alone" if leaves == "alone" else "never"
+        rule: LeafRule = "alone" if leaves == "alone" else "none"
         return spare_leaves(is_on, self._y_body_m, middle, *box_m, plants, rule, rows)
 
     def _find_rise_s(self) -> float:

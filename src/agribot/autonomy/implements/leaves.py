@@ -33,10 +33,11 @@ def spare_leaves(
     Boxes reach `half_x_m` along and `half_y_m` across around the middle of a section, `section_y_m`
     to the left of the tool point. By the rule `alone`, leaves of a plant that stands alone in the
     map do not count: its stem is spared by its place. By `mapped` and `rows`, those of every plant
-    to whose stem in the map they point do not count either; by `never`, all leaves do. Those beside
+    to whose stem in the map they point do not count either; by `any` no leaves count, by `none` all
+    do. Those beside
     one of `rows`, where no heart of a crop can stand, never count; by most rules none are given.
     """
-    if not any(is_on):
+    if leaves == "any" or not any(is_on):
         return is_on
     x_m, y_m, yaw_rad = tool
     map_from_tool = Pose2(x_m, y_m, yaw_rad)
@@ -53,7 +54,7 @@ def spare_leaves(
         if plant.is_confirmed
     ]
     known = []
-    if leaves != "never":
+    if leaves != "none":
         known = [crop for crop in crops if _is_alone(crop, around) and ground.is_alone(crop)]
     by_stem = leaves in ("mapped", "rows")
     stems = [crop._replace(radius_m=STEM_VOTE_M) for crop in crops] if by_stem else []

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 from agribot.autonomy.implements.beside_rows import NO_ROWS, find_rows_around
 from agribot.autonomy.implements.crop_guard import (
-    CROP_STEM_M,
-    STEM_MARGIN_M,
     find_keep_off_m,
+    find_most_keep_off_m,
     find_pose_margin_m,
 )
 from agribot.autonomy.implements.leaves import spare_leaves
@@ -58,7 +57,7 @@ class Pointer:
         spec = self._spec
         last_s, self._last_s = self._last_s, estimate.t_s
         tick_s = 0.0 if last_s is None else clamp(estimate.t_s - last_s, 0.0, LONGEST_TICK_S)
-        margin_m = CROP_STEM_M + STEM_MARGIN_M + spec.spot_radius_m
+        margin_m = find_most_keep_off_m(self._config) + spec.spot_radius_m
         ahead_m = spec.reach_m + abs(estimate.v_mps) * spec.latency_s + margin_m
         half_m = spec.width_m / 2.0 + margin_m
         near = find_near(estimate, plants, spec.x_body_m, ahead_m, half_m) if estimate.ok else []

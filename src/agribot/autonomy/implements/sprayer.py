@@ -19,6 +19,7 @@ from agribot.autonomy.implements.crop_guard import (
     CROP_STEM_M,
     SURE_SIGMA,
     find_keep_off_m,
+    find_most_keep_off_m,
     find_pose_margin_m,
 )
 from agribot.autonomy.implements.delay import SectionHistory, StepMeter
@@ -91,7 +92,7 @@ class SpotSprayer:
     def _find_near(self, estimate: Estimate, plants: PlantMap) -> list[Placed]:
         """Plants that the boom can reach within its latency; a crop seen once is spared, too."""
         spec, config = self._spec, self._config
-        guard_m = 2.0 * (CROP_STEM_M + config.crop_guard_m)
+        guard_m = max(2.0 * (CROP_STEM_M + config.crop_guard_m), find_most_keep_off_m(config))
         ahead_m = abs(estimate.v_mps) * spec.latency_s + config.margin_m + FAN_M + guard_m
         half_m = self._y_body_m[0] + spec.section_width_m / 2.0 + guard_m
         return find_near(estimate, plants, spec.x_body_m, ahead_m, half_m)
