@@ -13,8 +13,7 @@ import numpy.typing as npt
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import wrap_rad
 from agribot.core.growing_table import GrowingTable
-from agribot.core.implement.left_weeds import Passage, count_left, count_reasons
-from agribot.core.implement.row_shares import TreatedShare, share_by_rows
+from agribot.core.implement.left_weeds import Passage, count_left
 from agribot.core.messages import (
     ByteArray,
     MappedPlant,
@@ -39,9 +38,10 @@ from agribot.sim.scores import (
     WeedScore,
     compute_root_mean,
 )
+from agribot.sim.true_weeds import TrueWeeds
 from agribot.sim.truth import Truth
 from agribot.sim.underside import Part
-from agribot.sim.weed_reasons import PlantsOnMap, UntreatedWeeds
+from agribot.sim.weed_reasons import PlantsOnMap
 
 KEPT_ROW_M = 0.25  # farther off than this, the wheels come near the plants: the row was not driven
 SLICE_M = 0.25  # of row length, for the coverage
@@ -171,7 +171,7 @@ class Referee:
             tally=self._tally,
             distance_m=self._distance_m,
             confusion=tuple(self._confusion.ravel().tolist()),
-            rows=tuple(self._rows.values()),
+            rows=self.rows,
             worst_m=self._worst_m,
             slices=tuple(sorted(self._slices)),
             goals_map_m=self._goals_map_m,
@@ -227,6 +227,11 @@ class Referee:
     def confusion(self) -> npt.NDArray[np.int64]:
         """Pixels of all judged masks, (3, 3): rows the true class, columns the network's."""
         return self._confusion.copy()
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """The lines of the plants that stand along the rows of the task."""
+        return tuple(self._rows.values())
 
     @property
     def has_rows(self) -> bool:
@@ -305,7 +310,8 @@ class Referee:
         along = [m for m in weeds if is_in_strips(m.x_map_m, m.y_map_m, strips, pitch_m)]
         offsets_m = [*self._offsets_m.values()]
         passage = self._describe_passage(not_passed)
-        in_row, between_rows = self._share_by_rows(strips, pitch_m)
+        true = TrueWeeds(plants, self.rows, pitch_m, self._treated_plants)
+        in_row, between_rows = true.share_by_rows(strips)
         return WeedScore(
             truth=weed.truth,
             mapped=weed.mapped,
@@ -329,36 +335,8 @@ class Referee:
             tool_offset_p90_m=find_percentile(offsets_m, 90.0),
             in_row=in_row,
             between_rows=between_rows,
-            untreated=self._count_untreated(PlantsOnMap(weeds, crops), passage),
+            untreated=true.count_untreated(PlantsOnMap(weeds, crops), passage, self._looks),
         )
-
-    def _share_by_rows(
-        self, strips: Sequence[Row], pitch_m: float
-    ) -> tuple[TreatedShare, TreatedShare]:
-        """Count the weeds in strips that stand in rows and between them, and those treated."""
-        plants, treated = self._world.plants, self._treated_plants
-        places = [
-            (plants[index].x_map_m, plants[index].y_map_m, index in treated)
-            for index in self._list_weeds(strips, pitch_m)
-        ]
-        return share_by_rows(places, tuple(self._rows.values()))
-
-    def _count_untreated(self, on_map: PlantsOnMap, passage: Passage) -> dict[str, int]:
-        """Count the weeds of all rows that were not treated, by the reason why."""
-        every, pitch_m = tuple(self._rows.values()), self._measure_row_pitch_m()
-        treated = self._treated_plants
-        left = [index for index in self._list_weeds(every, pitch_m) if index not in treated]
-        reasons = UntreatedWeeds(self._world.plants, on_map, passage, self._looks)
-        return count_reasons(reasons.list_reasons(left))
-
-    def _list_weeds(self, strips: Sequence[Row], pitch_m: float) -> list[int]:
-        """List the weeds of the world in strips of width `pitch_m` along rows, by their indices."""
-        return [
-            index
-            for index, plant in enumerate(self._world.plants)
-            if plant.plant == PlantClass.WEED
-            and is_in_strips(plant.x_map_m, plant.y_map_m, strips, pitch_m)
-        ]
 
     def _describe_passage(self, not_passed: str) -> Passage:
         """Describe where the tool passed: where the robot was driven before and behind it."""
@@ -366,13 +344,11 @@ class Referee:
         reach_m = 0.0 if spec is None else abs(spec.x_body_m)
 
         def is_passed(row: Row, along_m: float) -> bool:
-            last = math.ceil(row_length_m(row) / SLICE_M) - 1
             ends_m = along_m - reach_m, along_m + reach_m
-            places = {min(max(int(end_m / SLICE_M), 0), last) for end_m in ends_m}
-            return all((row.index, place) in self._slices for place in places)
+            return all((row.index, _find_slice(row, end_m)) in self._slices for end_m in ends_m)
 
         width_m = None if spec is None else spec.width_m
-        return Passage(tuple(self._rows.values()), is_passed, width_m, not_passed)
+        return Passage(self.rows, is_passed, width_m, not_passed)
 
     def _compute_wet_ratio(self, strips: Sequence[Row], pitch_m: float) -> float | None:
         """Return the mean share of leaf area of the crops along rows that got wet."""
@@ -484,8 +460,7 @@ class Referee:
         self._row_errors.append((across_m, heading))
         self._worst_m[row.index] = max(self._worst_m.get(row.index, 0.0), abs(across_m))
         if abs(across_m) <= KEPT_ROW_M:
-            last = math.ceil(row_length_m(row) / SLICE_M) - 1
-            self._slices.add((row.index, min(int(along_m / SLICE_M), last)))
+            self._slices.add((row.index, _find_slice(row, along_m)))
 
     def _judge_estimate(self, record: TickRecord, x_m: float, y_m: float, yaw_rad: float) -> None:
         estimate = record.estimate
@@ -519,6 +494,12 @@ def _is_near(
     others: tuple[tuple[float, float], tuple[float, float]],
 ) -> bool:
     return all(math.dist(*pair) <= SAME_PLACE_M for pair in zip(ends, others, strict=True))
+
+
+def _find_slice(row: Row, along_m: float) -> int:
+    """Find the slice of a row, or that of its end, for a place along it or beyond."""
+    last = math.ceil(row_length_m(row) / SLICE_M) - 1
+    return min(max(int(along_m / SLICE_M), 0), last)
 
 
 def _resize_nearest(mask: ByteArray, shape: tuple[int, ...]) -> ByteArray:
