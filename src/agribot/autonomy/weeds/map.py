@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator
-from itertools import combinations
+
+import numpy as np
 
 from agribot.autonomy.weeds.cells import CellIndex
 from agribot.autonomy.weeds.crop_ground import CropGround
+from agribot.autonomy.weeds.near_pairs import find_near_pairs
 from agribot.autonomy.weeds.pose_shifts import UNSHIFTED, PoseShifts
 from agribot.autonomy.weeds.poses import PoseAt, PoseHistory
 from agribot.autonomy.weeds.track import GONE_LOGIT, PlantSighting, Track, new_track, sighting
@@ -262,16 +264,17 @@ class WeedMap:
 
     def _note_apart(self, touched: list[tuple[Track, PlantSighting]]) -> None:
         """Note which weeds this picture shows side by side, and which almost in one place."""
-        reach_m = 2.0 * self._config.merge_radius_m
         weeds = [pair for pair in touched if pair[0].plant == PlantClass.WEED]
-        for (one, seen), (other, also_seen) in combinations(weeds, 2):
-            dx_m, dy_m = seen.x_map_m - also_seen.x_map_m, seen.y_map_m - also_seen.y_map_m
-            gap_m = math.hypot(dx_m, dy_m)
-            if gap_m <= self._one_place_m:
+        xy_m = np.array([(seen.x_map_m, seen.y_map_m) for _, seen in weeds]).reshape(-1, 2)
+        pairs = find_near_pairs(xy_m, 2.0 * self._config.merge_radius_m)
+        gaps_m = np.hypot(*(xy_m[pairs[0]] - xy_m[pairs[1]]).T)
+        for i, j, gap_m in zip(*pairs, gaps_m, strict=True):
+            one, other = weeds[i][0], weeds[j][0]
+            if gap_m > self._one_place_m:
+                one.apart.add(other.id)
+            else:
                 one.apart.discard(other.id)
                 other.apart.discard(one.id)
-            elif gap_m <= reach_m:
-                one.apart.add(other.id)
 
     @property
     def _one_place_m(self) -> float:
