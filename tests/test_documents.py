@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from agribot.autonomy.estimate import ekf, verdicts
-from agribot.autonomy.implements.crop_guard import CROP_STEM_M, STEM_MARGIN_M
+from agribot.autonomy.implements.crop_guard import find_most_keep_off_m
 from agribot.core import platform
-from agribot.core.config import EstimateConfig, MissionConfig
+from agribot.core.config import EstimateConfig, MissionConfig, TreatmentConfig
 from tests.cli.parser_tree import Words, every_parser
 
 ROOT = Path(__file__).parents[1]
@@ -157,7 +157,7 @@ def test_every_type_in_the_glossary_is_one_of_the_code() -> None:
     }
 
 
-KEEP_OFF_CM = 100.0 * (CROP_STEM_M + STEM_MARGIN_M)
+KEEP_OFF_CM = 100.0 * find_most_keep_off_m(TreatmentConfig())
 ESTIMATE, MISSION = EstimateConfig(), MissionConfig()
 
 
