@@ -52,11 +52,13 @@ class UntreatedWeeds:
             for kind in (PlantClass.WEED, PlantClass.CROP)
         }
         pairs = self._pair(weeds_m, true[PlantClass.WEED])
-        self._own = {true[PlantClass.WEED][j]: on_map.weeds[i] for i, j in pairs}
-        taken = pairs[:, 0] if len(pairs) else []
-        self._taken_m, self._spare_m = weeds_m[taken], np.delete(weeds_m, taken, axis=0)
+        self._own: dict[int, MappedPlant] = {
+            true[PlantClass.WEED][j]: on_map.weeds[i] for i, j in pairs.tolist()
+        }
+        self._taken_m = weeds_m[pairs[:, 0]]
+        self._spare_m = np.delete(weeds_m, pairs[:, 0], axis=0)
         crops = self._pair(crops_m, true[PlantClass.CROP])
-        self._spare_crops_m = np.delete(crops_m, crops[:, 0] if len(crops) else [], axis=0)
+        self._spare_crops_m = np.delete(crops_m, crops[:, 0], axis=0)
 
     def list_reasons(self, left: Collection[int]) -> list[str]:
         """List the reasons of untreated weeds, by their indices."""
