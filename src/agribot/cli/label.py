@@ -39,8 +39,8 @@ def run(options: argparse.Namespace) -> int:
     Raises: ConfigError: no photographs, or the port is taken. PerceptionError: no such network.
     """
     extras.require("ui", "agribot label")
-    from agribot.autonomy.perceive.pictures import classify
     from agribot.lab.dataset.classes import read_ids
+    from agribot.lab.labelling.guesses import guess_picture
     from agribot.lab.labelling.label_folder import LabelFolder
     from agribot.lab.train.networks import open_network
     from agribot.ui.server.label_page import serve_labels
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     ids = read_ids(options.ids)
     segmenter = open_network(options.model, options.threads, options.size)
     labels = LabelFolder(
-        options.folder, lambda image_rgb: classify(segmenter, image_rgb), options.model, ids
+        options.folder, lambda image_rgb: guess_picture(segmenter, image_rgb), options.model, ids
     )
     for reason, name in labels.left_out:
         sys.stderr.write(f"left out: {name}: {reason}\n")

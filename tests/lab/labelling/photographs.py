@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.core.messages import ByteArray, PlantClass
+from agribot.lab.labelling.guesses import Guess
 from agribot.lab.labelling.label_folder import LabelFolder
 
 WIDTH, HEIGHT = 120, 90
@@ -27,12 +27,13 @@ def make_photographs(root: Path) -> Path:
     return root
 
 
-def guess(image_rgb: ByteArray) -> PictureClasses:
+def guess(image_rgb: ByteArray) -> Guess:
     """Call all that is green a weed, and be the less sure the higher the picture's number is."""
     is_green = image_rgb[..., 1] > image_rgb[..., 0]
     class_id = np.where(is_green, PlantClass.WEED, PlantClass.SOIL).astype(np.uint8)
-    sure = np.full(class_id.shape, 250 - 40 * int(image_rgb[0, 0, 0]), np.uint8)
-    return PictureClasses(class_id, sure)
+    plant = np.zeros(class_id.shape, np.uint16)
+    plant[20:50, 15:45] = 1  # the thistle has no stem that was found
+    return Guess(class_id=class_id, plant=plant, doubt=0.02 + 0.16 * int(image_rgb[0, 0, 0]))
 
 
 def open_folder(root: Path) -> LabelFolder:

@@ -252,6 +252,13 @@ def test_a_frame_that_the_robot_kept_counts_as_labelled_once_a_person_says_so(ro
     assert note == {"is_mask_from_network": False, "t_s": 3.5}
 
 
+def test_the_plants_of_the_network_cross_the_line_as_numbers(client: Client) -> None:
+    status, headers, body = client.ask("GET", f"/api/v1/pictures/{DIM}/plants")
+    assert (status, headers["x-width"], headers["x-height"]) == (200, str(WIDTH), str(HEIGHT))
+    plants = np.frombuffer(body, "<u2").reshape(HEIGHT, WIDTH)
+    assert (plants[20:50, 15:45] == 1).all() and plants.sum() == 900
+
+
 def test_superpixels_keep_to_the_outlines_of_leaves() -> None:
     rng = np.random.default_rng(0)
     down, right = np.mgrid[0:150, 0:200]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from agribot.lab.labelling.label_folder import LabelFolder
 from agribot.ui.server.label_page import PAGE, PAGE_DIR, serve_labels
 from tests import nightly
 from tests.lab.labelling.photographs import HEIGHT, WIDTH, make_photographs, open_folder
-from tests.waiting import wait_for
+from tests.waiting import PATIENCE_S, wait_for
 
 BEET = (slice(20, 50), slice(15, 45))
 THISTLE = (slice(50, 80), slice(75, 105))
@@ -133,6 +134,45 @@ def test_the_second_of_two_who_finish_a_picture_is_told_and_sees_the_first_ones(
     assert joined[65, 90] == PlantClass.SOIL
     assert (joined[joined != first] == 255).all()
     second.close()
+
+
+@nightly.by_day(
+    "tests/ui/page/test_build.py::test_the_page_type_checks_and_its_pure_parts_pass_their_tests",
+    "tests/lab/labelling/test_guesses.py::"
+    "test_all_leaves_of_a_plant_have_its_number_out_to_their_edges_whatever_they_are_called",
+)
+def test_plants_are_named_by_clicks_and_strokes_wait_for_what_is_computed(
+    root: Path, labels: LabelFolder, page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    computed, find_plants = threading.Event(), labels.find_plants
+    monkeypatch.setattr(
+        labels,
+        "find_plants",
+        lambda number: find_plants(number) if computed.wait(PATIENCE_S) else None,
+    )
+    page.keyboard.press("p")
+    expect(page.locator(".computing")).to_have_text("computing plants…")
+    drag(page, (30, 35), (30, 35))  # the beet, which the network calls a weed
+    drag(page, (60, 10), (60, 10))  # soil
+    expect(page.locator(".computing")).to_have_text("computing plants… 2 strokes wait")
+    expect(page.locator(".saved")).to_have_text("not saved yet")
+    page.keyboard.press("Enter")
+    computed.set()
+    expect(page.locator(".picture-name")).to_have_text("dim")
+    mask = read_mask(root / "masks" / "murky.png")
+    assert (mask[BEET] == PlantClass.CROP).all()
+    assert (mask[THISTLE] == PlantClass.WEED).all()
+    assert (mask == PlantClass.CROP).sum() == mask[BEET].size
+    page.get_by_role("button", name="All weed is crop").click()
+    page.keyboard.press("2")
+    page.keyboard.press("r")
+    drag(page, (80, 60), (120, 60))  # from the thistle to soil
+    saved(page)
+    draft = read_mask(root / ".label" / "drafts" / "dim.png")
+    assert (draft[BEET] == PlantClass.CROP).all()
+    assert (draft[55:66, 80:105] == PlantClass.WEED).all()
+    assert (draft != PlantClass.SOIL).sum() == mask[BEET].size + mask[THISTLE].size
+    expect(page.locator(".computing")).to_be_hidden()
 
 
 @nightly.by_day("test_what_is_painted_is_saved_found_again_and_finished")

@@ -4,7 +4,7 @@ import { startTheme } from '../shell/theme.ts'
 import { LabelCanvas } from './canvas.ts'
 import { Gestures } from './gestures.ts'
 import { KINDS } from './painting.ts'
-import { makeBar, makePanel, setRadius } from './panel.ts'
+import { makeBar, makeComputing, makePanel, setRadius } from './panel.ts'
 import { Session } from './session.ts'
 
 const LOOK_MS = 2000
@@ -12,6 +12,8 @@ const PROBLEM_MS = 8000
 
 function keysOf(session: Session, canvas: LabelCanvas): Map<string, () => void> {
   const keys = new Map<string, () => void>([
+    ['p', () => void session.setTool('plant')],
+    ['r', () => void session.setTool('rename')],
     ['b', () => void session.setTool('brush')],
     ['f', () => void session.setTool('fill')],
     ['v', () => void session.setTool('move')],
@@ -81,7 +83,7 @@ async function boot(): Promise<void> {
       'div',
       { class: 'label-page' },
       makeBar(session),
-      el('main', {}, canvas.node, showProblems(session)),
+      el('main', {}, canvas.node, makeComputing(session), showProblems(session)),
       makePanel(session, canvas),
     ),
   )

@@ -7,13 +7,16 @@ export interface Kind {
   rgb: [number, number, number]
 }
 
+export const WEED = 0
+export const CROP = 1
 export const SOIL = 2
+export const IGNORED = 255
 /** In the order of their keys; the ids are those of the masks. */
 export const KINDS: Kind[] = [
-  { id: 1, name: 'Crop', key: '1', rgb: [52, 200, 95] },
-  { id: 0, name: 'Weed', key: '2', rgb: [255, 45, 70] },
+  { id: CROP, name: 'Crop', key: '1', rgb: [52, 200, 95] },
+  { id: WEED, name: 'Weed', key: '2', rgb: [255, 45, 70] },
   { id: SOIL, name: 'Soil', key: '3', rgb: [150, 110, 70] },
-  { id: 255, name: 'Ignore', key: '4', rgb: [120, 110, 255] },
+  { id: IGNORED, name: 'Ignore', key: '4', rgb: [120, 110, 255] },
 ]
 
 export interface Raster<T extends Uint8Array | Uint16Array> {
@@ -56,8 +59,15 @@ function clip(box: Box, within: Raster<Uint8Array | Uint16Array>): Box {
   }
 }
 
-/** Paints the pixels whose centres lie within `radius` of the line from `a` to `b`. */
-export function stroke(classes: Classes, a: Point, b: Point, radius: number, kind: number): Box {
+/** Paints the pixels whose centres lie within `radius` of the line from `a` to `b`, of the classes `isPainted`. */
+export function stroke(
+  classes: Classes,
+  a: Point,
+  b: Point,
+  radius: number,
+  kind: number,
+  isPainted: (kind: number) => boolean = () => true,
+): Box {
   const box = clip(
     {
       left: Math.min(a.x, b.x) - radius,
@@ -74,7 +84,9 @@ export function stroke(classes: Classes, a: Point, b: Point, radius: number, kin
     for (let x = box.left; x < box.right; x++) {
       const [px, py] = [x + 0.5 - a.x, y + 0.5 - a.y]
       const along = length2 > 0 ? Math.min(1, Math.max(0, (px * dx + py * dy) / length2)) : 0
-      if ((px - along * dx) ** 2 + (py - along * dy) ** 2 <= limit2) classes.data[y * classes.width + x] = kind
+      if ((px - along * dx) ** 2 + (py - along * dy) ** 2 > limit2) continue
+      const i = y * classes.width + x
+      if (isPainted(classes.data[i] as number)) classes.data[i] = kind
     }
   }
   return box

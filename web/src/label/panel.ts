@@ -3,14 +3,16 @@
 import { el, replace, setAttr, setText } from '../dom.ts'
 import { icon } from '../icons.ts'
 import type { LabelCanvas } from './canvas.ts'
-import { KINDS } from './painting.ts'
+import { CROP, KINDS, WEED } from './painting.ts'
 import type { PictureState } from './server.ts'
-import type { Session, Tool } from './session.ts'
+import { countWaiting, type Session, type Tool } from './session.ts'
 
-const TOOLS: [Tool, string, string][] = [
-  ['brush', 'Brush', 'B'],
-  ['fill', 'Superpixels', 'F'],
-  ['move', 'Move', 'V'],
+const TOOLS: [Tool, string, string, string][] = [
+  ['plant', 'Plant', 'P', 'A click names a whole plant'],
+  ['rename', 'Rename', 'R', 'A brush that names vegetation and leaves soil as it is'],
+  ['brush', 'Brush', 'B', 'Paints whatever it passes over'],
+  ['fill', 'Superpixels', 'F', 'A click names a small area of one colour'],
+  ['move', 'Move', 'V', 'Moves the picture'],
 ]
 const STATE_NAMES = { new: 'not labelled', draft: 'begun', done: 'labelled' }
 const RADII = { least: 1, most: 80 }
@@ -47,7 +49,7 @@ export function makeBar(session: Session): HTMLElement {
     setText(count, `${done} of ${session.pictures.length} labelled`)
     progress.max = Math.max(1, session.pictures.length)
     progress.value = done
-    setText(saved, session.isBusy ? 'opening…' : session.isUnsaved ? 'not saved yet' : 'saved')
+    setText(saved, session.isUnsaved ? 'not saved yet' : session.isBusy ? 'opening…' : 'saved')
   }
   session.on('list', draw)
   session.on('change', draw)
@@ -59,6 +61,18 @@ export function makeBar(session: Session): HTMLElement {
     saved,
     el('div', { class: 'bar-progress' }, count, progress),
   )
+}
+
+/** Says over the picture which areas are being computed, and how many strokes wait for them. */
+export function makeComputing(session: Session): HTMLElement {
+  const node = el('p', { class: 'computing', role: 'status', hidden: true })
+  session.on('change', () => {
+    const computing = session.computing && `computing ${session.computing}…`
+    const waiting = session.waitingCount ? countWaiting(session.waitingCount) : null
+    setText(node, [computing, waiting].filter(Boolean).join(' '))
+    node.hidden = !computing && !waiting
+  })
+  return node
 }
 
 export function setRadius(session: Session, radius: number): void {
@@ -74,7 +88,11 @@ function makeChoices(session: Session): HTMLElement {
       session.emit('change', undefined)
     })
   })
-  const tools = TOOLS.map(([tool, name, key]) => choice(name, key, null, () => void session.setTool(tool)))
+  const tools = TOOLS.map(([tool, name, key, title]) => {
+    const node = choice(name, key, null, () => void session.setTool(tool))
+    node.title = title
+    return node
+  })
   session.on('change', () => {
     for (const [i, kind] of KINDS.entries()) kinds[i]?.setAttribute('aria-pressed', String(session.kind === kind.id))
     for (const [i, [tool]] of TOOLS.entries()) tools[i]?.setAttribute('aria-pressed', String(session.tool === tool))
@@ -104,6 +122,18 @@ function makeSliders(session: Session, canvas: LabelCanvas): HTMLElement {
     el('label', { class: 'slider' }, el('span', {}, 'Size ', text), size),
     el('label', { class: 'slider' }, el('span', {}, 'Colours'), opacity),
   )
+}
+
+/** What gives all plants of one class in this picture the other one. */
+function makeRenames(session: Session): HTMLElement {
+  const renames = [
+    button('All weed is crop', '', () => void session.renameAll(WEED, CROP)),
+    button('All crop is weed', '', () => void session.renameAll(CROP, WEED)),
+  ]
+  session.on('change', () => {
+    for (const node of renames) node.disabled = session.isBusy
+  })
+  return el('div', { class: 'actions' }, ...renames)
 }
 
 function makeActions(session: Session, canvas: LabelCanvas): HTMLElement {
@@ -172,6 +202,7 @@ export function makePanel(session: Session, canvas: LabelCanvas): HTMLElement {
     'aside',
     { class: 'label-panel' },
     makeChoices(session),
+    makeRenames(session),
     makeSliders(session, canvas),
     makeActions(session, canvas),
     makeSteps(session),

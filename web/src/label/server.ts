@@ -1,5 +1,6 @@
 /** What the page asks of `agribot label`. */
 
+import type { AreaTool } from './areas.ts'
 import type { Classes, Pieces, Raster } from './painting.ts'
 
 export type State = 'new' | 'draft' | 'done'
@@ -64,8 +65,11 @@ export async function readClasses(number: number): Promise<SavedClasses> {
   return { classes, revision: answer.headers.get('etag') ?? '' }
 }
 
-export async function readPieces(number: number): Promise<Pieces> {
-  const answer = await ask(`/${number}/superpixels`)
+const AREA_PATHS: Record<AreaTool, string> = { fill: 'superpixels', plant: 'plants' }
+
+/** The number of the superpixel or of the plant of every pixel. */
+export async function readAreas(number: number, tool: AreaTool): Promise<Pieces> {
+  const answer = await ask(`/${number}/${AREA_PATHS[tool]}`)
   return raster(answer, new Uint16Array(await answer.arrayBuffer()))
 }
 

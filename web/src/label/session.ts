@@ -1,18 +1,24 @@
 /** The picture that is worked on: its classes, what was drawn, and whether that is saved. */
 
 import { Emitter } from '../emitter.ts'
+import { AREA_NAMES, Areas, type AreaTool } from './areas.ts'
 import type { LabelCanvas } from './canvas.ts'
+import { Drawing, type PaintTool } from './drawing.ts'
 import type { Painter } from './gestures.ts'
-import { type Box, type Classes, fill, History, type Pieces, type Point, SOIL, stroke } from './painting.ts'
+import { type Classes, CROP, type Point, SOIL } from './painting.ts'
 import * as server from './server.ts'
 
-export type Tool = 'brush' | 'fill' | 'move'
+export type Tool = PaintTool | 'move'
 interface Events {
   list: undefined
   change: undefined
   problem: string
 }
 
+const isOfAreas = (tool: Tool): tool is AreaTool => tool in AREA_NAMES
+const textOf = (error: unknown): string => (error instanceof Error ? error.message : String(error))
+/** How many strokes wait, in words. */
+export const countWaiting = (strokes: number): string => (strokes === 1 ? '1 stroke waits' : `${strokes} strokes wait`)
 const SAVE_AFTER_MS = 700
 const SAVE_AGAIN_MS = 3000
 
@@ -21,17 +27,14 @@ export class Session extends Emitter<Events> implements Painter {
   pictures: server.PictureState[] = []
   current: server.PictureState | null = null
   tool: Tool = 'brush'
-  kind = 1
+  kind = CROP
   radius = 8
   isBusy = false
-  isUnsaved = false
-  private classes: Classes | null = null
+  private isDirty = false
+  private drawing: Drawing | null = null
+  private areas: Areas | null = null
   private revision = ''
-  private pieces: Pieces | null = null
-  private history = new History()
-  private last: Point | null = null
-  private paintKind = SOIL
-  private timer = 0
+  private timer: ReturnType<typeof setTimeout> | undefined
   private saving: Promise<void> = Promise.resolve()
   private readonly unreadable = new Set<number>()
 
@@ -40,11 +43,26 @@ export class Session extends Emitter<Events> implements Painter {
   }
 
   get canUndo(): boolean {
-    return this.history.canUndo
+    return this.drawing?.canUndo ?? false
   }
 
   get canRedo(): boolean {
-    return this.history.canRedo
+    return this.drawing?.canRedo ?? false
+  }
+
+  /** Whether strokes wait for areas, or what was drawn is not saved yet. */
+  get isUnsaved(): boolean {
+    return this.isDirty || this.waitingCount > 0
+  }
+
+  get waitingCount(): number {
+    return this.drawing?.waitingCount ?? 0
+  }
+
+  /** The areas that are being computed for what waits or for the tool, as the page names them; else null. */
+  get computing(): string | null {
+    const tool = this.drawing?.waitingTool ?? this.tool
+    return isOfAreas(tool) && this.areas?.isComputing(tool) ? AREA_NAMES[tool] : null
   }
 
   get place(): number {
@@ -64,8 +82,8 @@ export class Session extends Emitter<Events> implements Painter {
     await this.refresh()
     const begun = this.pictures.find((one) => one.state === 'draft')
     if (begun) await this.open(begun)
-    if (!this.classes) await this.openNext()
-    if (!this.classes && this.pictures[0]) await this.open(this.pictures[0])
+    if (!this.drawing) await this.openNext()
+    if (!this.drawing && this.pictures[0]) await this.open(this.pictures[0])
   }
 
   /** Opens the first that is not finished, of those that can be read. */
@@ -82,7 +100,7 @@ export class Session extends Emitter<Events> implements Painter {
     this.isBusy = true
     this.emit('change', undefined)
     try {
-      this.end()
+      await this.settle()
       await this.flush()
       await this.show(picture)
     } catch (error) {
@@ -96,12 +114,21 @@ export class Session extends Emitter<Events> implements Painter {
   private async show(picture: server.PictureState): Promise<void> {
     const [image, saved] = (await this.read(picture.number)) ?? [null, null]
     this.current = picture
-    this.classes = saved?.classes ?? null
     this.revision = saved?.revision ?? ''
-    this.pieces = null
-    this.history = new History()
+    this.areas = new Areas((tool) => server.readAreas(picture.number, tool))
+    this.drawing = saved && this.draw(saved.classes, this.areas)
     if (image && saved) this.canvas.show(image, saved.classes)
     else this.canvas.clear()
+  }
+
+  private draw(classes: Classes, areas: Areas): Drawing {
+    const show = (): boolean => this.drawing?.classes === classes
+    return new Drawing(
+      classes,
+      areas,
+      (box) => show() && this.canvas.draw(classes, box),
+      () => show() && this.saveSoon(),
+    )
   }
 
   /** Null where the picture cannot be read: then it is left empty, and one goes on from there. */
@@ -123,14 +150,14 @@ export class Session extends Emitter<Events> implements Painter {
 
   /** Saves the picture as finished and opens the next one that is not. */
   async finish(): Promise<void> {
-    const { current, classes } = this
-    if (!current || !classes || this.isBusy) return
+    const { current, drawing } = this
+    if (!current || !drawing || this.isBusy) return
     this.isBusy = true // what is painted meanwhile would begin it anew
     this.emit('change', undefined)
     try {
-      this.end()
+      await this.settle()
       await this.flush()
-      await this.save(current, classes, true)
+      await this.save(current, drawing.classes, true)
       await this.refresh()
     } catch (error) {
       this.fail(error)
@@ -144,19 +171,37 @@ export class Session extends Emitter<Events> implements Painter {
 
   async setTool(tool: Tool): Promise<void> {
     this.tool = tool
-    this.emit('change', undefined)
-    if (tool !== 'fill') this.canvas.showPieces(null)
-    else if (this.current && this.classes) await this.loadPieces(this.current.number)
+    this.canvas.showPieces(null)
+    if (isOfAreas(tool)) await this.loadAreas(tool)
+    else this.emit('change', undefined)
   }
 
-  private async loadPieces(number: number): Promise<void> {
+  private async loadAreas(tool: AreaTool): Promise<void> {
+    const { areas } = this
+    if (!areas || !this.drawing) return
     try {
-      const pieces = this.pieces ?? (await server.readPieces(number))
-      if (this.current?.number !== number || this.tool !== 'fill') return
-      this.pieces = pieces
-      this.canvas.showPieces(pieces)
+      const sent = areas.load(tool)
+      this.emit('change', undefined)
+      const pieces = await sent
+      if (tool === 'fill' && this.tool === tool && areas === this.areas) this.canvas.showPieces(pieces)
+      await this.drawWaiting()
     } catch (error) {
       this.fail(error)
+    }
+    this.emit('change', undefined)
+  }
+
+  /** Ends the stroke, and draws all that wait for areas to be computed. */
+  private async settle(): Promise<void> {
+    this.drawing?.end()
+    await this.drawWaiting()
+  }
+
+  private async drawWaiting(): Promise<void> {
+    try {
+      await this.drawing?.settle()
+    } catch (error) {
+      throw new Error(`${countWaiting(this.waitingCount)}: ${textOf(error)}; try again, or take back with Z`)
     }
   }
 
@@ -165,61 +210,49 @@ export class Session extends Emitter<Events> implements Painter {
   }
 
   begin(at: Point, isErasing: boolean): void {
-    if (!this.classes) return
-    this.paintKind = isErasing ? SOIL : this.kind
-    this.history.begin(this.classes)
-    this.last = at
-    this.move(at)
+    if (this.tool === 'move') return
+    this.drawing?.begin(this.tool, isErasing ? SOIL : this.kind, this.radius, at)
   }
 
   move(at: Point): void {
-    if (!this.classes || !this.last) return
-    const box = this.paint(this.classes, this.last, at)
-    this.last = at
-    if (!box) return
-    this.history.touch(box)
-    this.canvas.draw(this.classes, box)
-  }
-
-  private paint(classes: Classes, from: Point, to: Point): Box | null {
-    if (this.tool === 'brush') return stroke(classes, from, to, this.radius, this.paintKind)
-    return this.pieces ? fill(classes, this.pieces, to, this.paintKind) : null
+    this.drawing?.move(at)
   }
 
   end(): void {
-    this.last = null
-    if (this.classes && this.history.end(this.classes)) this.saveSoon()
+    this.drawing?.end()
+    if (!this.waitingCount) return
+    this.emit('change', undefined)
+    void this.drawWaiting().catch((error) => this.fail(error))
   }
 
   cancel(): void {
-    this.last = null
-    if (this.classes && this.history.end(this.classes)) this.redraw(this.history.undo(this.classes))
+    this.drawing?.cancel()
+    this.emit('change', undefined)
   }
 
   hover(at: Point | null): void {
-    this.canvas.showCursor(this.tool === 'brush' ? at : null, this.radius)
+    this.canvas.showCursor(this.tool === 'brush' || this.tool === 'rename' ? at : null, this.radius)
   }
 
   undo(): void {
-    this.end()
-    if (this.classes) this.redraw(this.history.undo(this.classes))
+    this.drawing?.undo()
+    this.emit('change', undefined)
   }
 
   redo(): void {
-    this.end()
-    if (this.classes) this.redraw(this.history.redo(this.classes))
+    this.drawing?.redo()
+    this.emit('change', undefined)
   }
 
-  private redraw(box: Box | null): void {
-    if (!this.classes || !box) return
-    this.canvas.draw(this.classes, box)
-    this.saveSoon()
+  /** Gives everything of one class in this picture another one. */
+  async renameAll(from: number, to: number): Promise<void> {
+    if (!this.isBusy) await this.drawing?.renameAll(from, to).catch((error) => this.fail(error))
   }
 
   private saveSoon(afterMs = SAVE_AFTER_MS): void {
-    this.isUnsaved = true
+    this.isDirty = true
     clearTimeout(this.timer)
-    this.timer = window.setTimeout(() => void this.flush().catch((error) => this.fail(error)), afterMs)
+    this.timer = setTimeout(() => void this.flush().catch((error) => this.fail(error)), afterMs)
     this.emit('change', undefined)
   }
 
@@ -230,10 +263,10 @@ export class Session extends Emitter<Events> implements Painter {
       sent = this.saving
       await sent
     }
-    const { current, classes } = this
-    if (!this.isUnsaved || !current || !classes) return
-    this.isUnsaved = false
-    const sent = this.save(current, classes, false)
+    const { current, drawing } = this
+    if (!this.isDirty || !current || !drawing) return
+    this.isDirty = false
+    const sent = this.save(current, drawing.classes, false)
     this.saving = sent.catch(() => undefined)
     try {
       await sent
@@ -260,9 +293,9 @@ export class Session extends Emitter<Events> implements Painter {
     const wasBusy = this.isBusy
     this.isBusy = true
     try {
-      this.end()
+      await this.settle().catch((error) => this.fail(error))
       clearTimeout(this.timer)
-      if (this.isUnsaved) await this.keep(current, classes)
+      if (this.isDirty) await this.keep(current, classes)
       await this.show(current)
     } finally {
       this.isBusy = wasBusy
@@ -278,10 +311,10 @@ export class Session extends Emitter<Events> implements Painter {
     } catch (error) {
       if (!(error instanceof server.SavedMeanwhile)) throw error
     }
-    this.isUnsaved = false
+    this.isDirty = false
   }
 
   private fail(error: unknown): void {
-    this.emit('problem', error instanceof Error ? error.message : String(error))
+    this.emit('problem', textOf(error))
   }
 }

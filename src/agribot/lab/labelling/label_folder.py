@@ -16,7 +16,6 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.core.errors import AgribotError, ConfigError, RecordingError
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.core.whole_file import write_at_once
@@ -24,6 +23,7 @@ from agribot.lab.dataset.classes import NAMES, UNLABELLED, MaskIds, names_colour
 from agribot.lab.dataset.importing import encode_mask
 from agribot.lab.dataset.layouts import IMAGE_FOLDERS, MASK_FOLDERS, Item, find_layout
 from agribot.lab.dataset.pictures import read_picture
+from agribot.lab.labelling.guesses import Guess
 from agribot.lab.labelling.superpixels import find_superpixels
 from agribot.lab.train.photographs import read_label
 from agribot.ui.server.label_page import (
@@ -38,10 +38,10 @@ CLASSES = (*PlantClass, UNLABELLED)
 
 
 class _Judged(msgspec.Struct):
-    """How unsure a network was of each picture, for the next start."""
+    """How unsure a network was of the plants in each picture, for the next start."""
 
     model: str
-    uncertainty: dict[str, float]
+    doubt: dict[str, float]
 
 
 class LabelFolder:
@@ -50,7 +50,7 @@ class LabelFolder:
     def __init__(
         self,
         root: Path,
-        classify: Callable[[ByteArray], PictureClasses],
+        guess: Callable[[ByteArray], Guess],
         model: str,
         ids: MaskIds | None = None,
     ) -> None:
@@ -58,7 +58,7 @@ class LabelFolder:
 
         Raises: ConfigError: no folder of pictures, or ids that lack a class.
         """
-        self.root, self._classify, self._model = root, classify, model
+        self.root, self._guess, self._model = root, guess, model
         self._ids = ids or {}
         self._values = _invert(self._ids)
         self._mask_folder = _make_folders(root)
@@ -67,7 +67,7 @@ class LabelFolder:
         self._items = [one for one in layout.items if one.image is not None]
         if not self._items:
             raise ConfigError(f"{root / 'images'} has no picture; put the photographs there")
-        self._uncertainty = self._read_judged()
+        self._doubt = self._read_judged()
         self._lock = threading.Lock()
         self._saving = threading.Lock()
 
@@ -76,14 +76,14 @@ class LabelFolder:
         return f"{self.root.name or self.root} · {self._model}"
 
     def list_pictures(self) -> list[PictureState]:
-        """List all pictures, the ones of which the network is least sure first."""
+        """List all pictures, those first of whose plants the network is least sure."""
         with self._lock:
             found = [
                 PictureState(
                     number=number,
                     name=item.key,
                     state=self._state_of(self._item(number)),
-                    uncertainty=self._uncertainty.get(item.key),
+                    uncertainty=self._doubt.get(item.key),
                 )
                 for number, item in enumerate(self._items)
             ]
@@ -94,6 +94,9 @@ class LabelFolder:
 
     def find_superpixels(self, number: int) -> npt.NDArray[np.uint16]:
         return find_superpixels(self.read_picture(number))
+
+    def find_plants(self, number: int) -> npt.NDArray[np.uint16]:
+        return self._guess(self.read_picture(number)).plant
 
     def read_classes(self, number: int) -> LabelledClasses:
         """Read what was saved, else what was begun, else what the network says.
@@ -107,7 +110,7 @@ class LabelFolder:
         elif item.mask is not None:
             label = read_label(self.root / item.mask, self._ids, is_named=bool(self._ids))
         else:
-            label = self._classify(image_rgb).class_id
+            label = self._guess(image_rgb).class_id
         if label.shape != image_rgb.shape[:2]:
             raise ConfigError(
                 f"{item.mask or item.key}: is {label.shape[1]} x {label.shape[0]} pixels, its "
@@ -188,15 +191,14 @@ class LabelFolder:
         opened.
         """
         for item in self._items:
-            if is_stopped() or item.key in self._uncertainty or item.image is None:
+            if is_stopped() or item.key in self._doubt or item.image is None:
                 continue
             try:
-                confidence = self._classify(read_picture(self.root / item.image)).confidence
-                unsure = 1.0 - float(confidence.mean()) / 255.0
+                doubt = self._guess(read_picture(self.root / item.image)).doubt
             except AgribotError:
-                unsure = 0.0
+                doubt = 0.0
             with self._lock:
-                self._uncertainty[item.key] = unsure
+                self._doubt[item.key] = doubt
         self._write_judged()
 
     def _item(self, number: int) -> Item:
@@ -254,12 +256,12 @@ class LabelFolder:
             )
         except (OSError, msgspec.DecodeError):
             return {}
-        return found.uncertainty if found.model == self._model else {}
+        return found.doubt if found.model == self._model else {}
 
     def _write_judged(self) -> None:
         """Keep the order for the next start; without a place for it the network is asked again."""
         path = self.root / WORK / "judged.json"
-        judged = _Judged(model=self._model, uncertainty=dict(self._uncertainty))
+        judged = _Judged(model=self._model, doubt=dict(self._doubt))
         try:
             path.parent.mkdir(exist_ok=True)
             write_at_once(path, msgspec.json.encode(judged))

@@ -2,7 +2,8 @@
 
 Two pages may be open on one folder: neither replaces what the other has saved.
 
-Classes and superpixels cross the line as plain bytes, row by row, with their size in headers.
+Classes, plants and superpixels cross the line as plain bytes, row by row, with their size in
+headers.
 """
 
 from __future__ import annotations
@@ -47,7 +48,10 @@ Endpoint = Callable[[Request], Awaitable[Response]]
 
 
 class PictureState(msgspec.Struct, frozen=True, kw_only=True):
-    """A picture in the list; `uncertainty` is 0 to 1, None before the network has seen it."""
+    """A picture in the list.
+
+    `uncertainty`, 0 to 1, is that of the names of its plants; None before the network has seen it.
+    """
 
     number: int
     name: str
@@ -88,6 +92,8 @@ class LabelSet(Protocol):
     def read_classes(self, number: int) -> LabelledClasses: ...
 
     def find_superpixels(self, number: int) -> npt.NDArray[np.uint16]: ...
+
+    def find_plants(self, number: int) -> npt.NDArray[np.uint16]: ...
 
     def save(
         self, number: int, class_id: ByteArray, *, is_done: bool, revision: str = ""
@@ -150,6 +156,7 @@ def _build_app(labels: LabelSet, port: int) -> Starlette:
         ("GET", f"{one}/classes", _read_classes),
         ("PUT", f"{one}/classes", _save_classes),
         ("GET", f"{one}/superpixels", _find_superpixels),
+        ("GET", f"{one}/plants", _find_plants),
         ("GET", "/", _front_page),
         ("GET", "/{path:path}", _bundled_file),
     )
@@ -229,6 +236,11 @@ async def _read_classes(request: Request) -> Response:
 async def _find_superpixels(request: Request) -> Response:
     pieces = await run_in_thread(_labels(request).find_superpixels, _number(request))
     return _array_answer(pieces.astype("<u2"), {})
+
+
+async def _find_plants(request: Request) -> Response:
+    plants = await run_in_thread(_labels(request).find_plants, _number(request))
+    return _array_answer(plants.astype("<u2"), {})
 
 
 def _array_answer(array: npt.NDArray[np.unsignedinteger], headers: dict[str, str]) -> Response:
