@@ -24,8 +24,8 @@ class Camera:
 
     name = "test camera"
 
-    def __init__(self, frames: int, ends: bool = True) -> None:
-        self.ends = ends
+    def __init__(self, frames: int, ends: bool = True, is_file: bool = False) -> None:
+        self.ends, self.is_file = ends, is_file
         self.closed = False
         self.given = 0
         self.last_asked = threading.Event()
@@ -50,6 +50,13 @@ class HangingCamera(Camera):
             threading.Event().wait(0.6)
             return None
         return super().read()
+
+
+class Blind:
+    """A network that calls everything soil."""
+
+    def segment(self, image_rgb: ByteArray) -> SimpleNamespace:
+        return SimpleNamespace(class_id=np.full(image_rgb.shape[:2], 2, np.uint8))
 
 
 def test_a_slow_reader_gets_the_newest_frame_and_the_others_are_counted() -> None:
@@ -90,6 +97,35 @@ def test_live_shows_frames_and_latency_and_keeps_the_newest_picture(
     assert result["latency_median_s"] > 0.0
     assert "fps  latency" in printed.err
     assert (tmp_path / "latest.jpg").stat().st_size > 500
+
+
+@pytest.mark.parametrize(("every", "seen"), [((), 5), (("--every", "2"), 3), (("--every", "9"), 1)])
+def test_a_file_is_looked_at_frame_by_frame_however_slow_the_network_is(
+    every: tuple[str, ...],
+    seen: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    file = Camera(frames=5, is_file=True)
+    monkeypatch.setattr(live, "open_source", lambda name, seed: file)
+    monkeypatch.setattr("agribot.lab.train.networks.open_network", lambda *_: Blind())
+    assert main(["live", "rows.mp4", *every, "--json"]) == 0
+    printed = capsys.readouterr()
+    result = json.loads(printed.out)
+    assert (result["frames"], result["captured"], result["dropped"]) == (seen, 5, 0)
+    assert f"{seen} of 5 frames seen\n" in printed.err
+    assert file.closed
+
+
+def test_every_nth_frame_of_a_camera_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    camera = Camera(frames=5)
+    monkeypatch.setattr(live, "open_source", lambda name, seed: camera)
+    monkeypatch.setattr("agribot.lab.train.networks.open_network", lambda *_: Blind())
+    assert main(["live", "0", "--every", "3"]) == 2
+    assert "--every is for files; test camera is always looked at" in capsys.readouterr().err
+    assert (camera.given, camera.closed) == (0, True)
 
 
 def test_live_ends_with_one_where_the_camera_stops(

@@ -10,8 +10,8 @@ from collections import deque
 from pathlib import Path
 from typing import Any
 
-from agribot.cli.newest_frame import FrameSource, NewestFrame
-from agribot.cli.ranges import finite, seed, threads
+from agribot.cli.newest_frame import EveryFrame, Frames, FrameSource, NewestFrame
+from agribot.cli.ranges import finite, seed, threads, whole
 from agribot.cli.stopping import stop_on_signal
 from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import ConfigError, PerceptionError
@@ -28,6 +28,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", default=DEFAULT_MODEL, help="name, or path to an .onnx file")
     parser.add_argument("--size", help="another input size for the network, WxH px")
     parser.add_argument("--seconds", type=finite, help="stop after this time (default: never)")
+    parser.add_argument(
+        "--every",
+        type=whole(1),
+        metavar="N",
+        help="of a file: look at the first frame and at every Nth (default: at all of them)",
+    )
     parser.add_argument("--patience", type=finite, default=5.0, help="s without frame to give up")
     parser.add_argument("--provider", choices=("cpu", "cuda", "tensorrt"), default="cpu")
     parser.add_argument("--threads", type=threads, default=2)
@@ -82,11 +88,11 @@ def run(args: argparse.Namespace) -> int:
 
     segmenter = open_network(args.model, args.threads, args.size, args.provider)
     source = open_source(args.source, args.seed)
-    newest = NewestFrame(source, args.patience, args.seconds)
+    frames = choose_frames(source, args)
     meter, fault = Meter(), ""
     with stop_on_signal() as stop:
         try:
-            _watch(newest, segmenter, meter, args.out, stop)
+            _watch(frames, segmenter, meter, args.out, stop)
         except PerceptionError as error:
             fault = str(error)
             sys.stderr.write(f"agribot live: {fault}\n")
@@ -94,17 +100,30 @@ def run(args: argparse.Namespace) -> int:
         "source": args.source,
         "model": args.model,
         **meter.summary(),
-        "captured": newest.captured,
-        "dropped": newest.dropped,
+        "captured": frames.captured,
+        "dropped": frames.dropped,
         "fault": fault or None,
     }
-    sys.stderr.write(
-        f"{summary['frames']} of {newest.captured} frames seen, {newest.dropped} dropped for a "
-        "newer one\n"
-    )
+    dropped = f", {frames.dropped} dropped for a newer one" if frames.dropped else ""
+    sys.stderr.write(f"{summary['frames']} of {frames.captured} frames seen{dropped}\n")
     if args.json:
         sys.stdout.write(json.dumps(summary) + "\n")
     return 130 if stop else 1 if fault or not summary["frames"] else 0
+
+
+def choose_frames(source: FrameSource, args: argparse.Namespace) -> Frames:
+    """Take every frame of a file, and the newest one of a camera.
+
+    Raises: ConfigError: --every of a camera.
+    """
+    if source.is_file:
+        return EveryFrame(source, args.every or 1, args.seconds)
+    if args.every is not None:
+        source.close()
+        raise ConfigError(
+            f"--every is for files; {source.name} is always looked at in its newest frame"
+        )
+    return NewestFrame(source, args.patience, args.seconds)
 
 
 def open_source(name: str, seed: int) -> FrameSource:
@@ -115,11 +134,9 @@ def open_source(name: str, seed: int) -> FrameSource:
     return TopicFrames(name) if name.startswith(TOPICS) else Capture(name)
 
 
-def _watch(
-    newest: NewestFrame, segmenter: Any, meter: Meter, out: Path | None, stop: list[int]
-) -> None:
+def _watch(frames: Frames, segmenter: Any, meter: Meter, out: Path | None, stop: list[int]) -> None:
     next_line_s = 0.0
-    for frame in newest:
+    for frame in frames:
         seen = segmenter.segment(frame.image_rgb)
         done_s = time.monotonic()
         meter.note(frame.captured_s, done_s)
@@ -128,7 +145,7 @@ def _watch(
             share = [float((seen.class_id == kind).mean()) for kind in (0, 1)]
             sys.stderr.write(
                 f"{meter.fps:5.1f} fps  latency {1e3 * meter.latencies_s[-1]:5.1f} ms  dropped "
-                f"{newest.dropped}  weed {share[0]:.1%}  crop {share[1]:.1%}\n"
+                f"{frames.dropped}  weed {share[0]:.1%}  crop {share[1]:.1%}\n"
             )
             if out is not None:
                 _show(frame.image_rgb, seen, out, f"{meter.fps:.1f} fps")

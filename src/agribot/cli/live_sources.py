@@ -26,7 +26,7 @@ MOST_DIGITS = 4  # of the number of a webcam
 class SimulatedDrive:
     """The robot's camera along a crop row of the Farm world, in real time, back and forth."""
 
-    ends = True
+    ends, is_file = True, False
 
     def __init__(self, seed: int) -> None:
         from agribot.core.config import load
@@ -81,7 +81,7 @@ class SimulatedDrive:
 class TopicFrames:
     """The pictures of a topic of ROS 1 or 2, of any size."""
 
-    ends = False
+    ends, is_file = False, False
 
     def __init__(self, uri: str) -> None:
         """Subscribe to the topic. Raises: AgribotError: no topic, or no network."""
@@ -122,22 +122,16 @@ class TopicFrames:
 
 
 class Capture:
-    """OpenCV's reader: a file at its own frame rate, or a camera as fast as it gives frames."""
+    """OpenCV's reader of a file or a camera."""
 
     def __init__(self, source: str) -> None:
         self.name = source
-        self.ends = Path(source).is_file()
+        self.ends = self.is_file = Path(source).is_file()
         is_number = source.isascii() and source.isdigit() and len(source) <= MOST_DIGITS
         self._capture = open_capture(int(source) if is_number else source)
-        rate_hz = self._capture.get(5)  # cv2.CAP_PROP_FPS
-        self._period_s = 1.0 / rate_hz if self.ends and rate_hz > 0.0 else 0.0
-        self._due_s = time.monotonic()
 
     def read(self) -> ByteArray | None:
         """Read the next frame, (H, W, 3); None at the end."""
-        if self._period_s:
-            self._due_s = max(self._due_s + self._period_s, time.monotonic() - 1.0)
-            time.sleep(max(0.0, self._due_s - time.monotonic()))
         good, frame_bgr = self._capture.read()
         return np.ascontiguousarray(frame_bgr[..., ::-1]) if good else None
 

@@ -1,4 +1,4 @@
-"""Between a camera and a slower network: only the newest frame waits, older ones are dropped."""
+"""Frames for a network: the newest of a camera that is faster, every one or every Nth of a file."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ class FrameSource(Protocol):
     `stop` lets a `read` in another thread end, where that can be; `close` comes after it.
 
     `ends`: an end is normal, as of a file, and not a camera that stopped.
+    `is_file`: its frames wait until they are read; those of a camera go by.
     """
 
     name: str
     ends: bool
+    is_file: bool
 
     def read(self) -> ByteArray | None: ...
 
@@ -32,6 +34,40 @@ class FrameSource(Protocol):
 class TimedFrame(NamedTuple):
     captured_s: float  # time.monotonic()
     image_rgb: ByteArray
+
+
+class Frames(Protocol):
+    """Frames of a source; how many it gave, and how many of them a newer one replaced."""
+
+    captured: int
+    dropped: int
+
+    def __iter__(self) -> Iterator[TimedFrame]: ...
+
+
+class EveryFrame:
+    """Every frame of a file, or every Nth from the first, read when it is asked for.
+
+    Iterating ends with the file, or after `seconds`.
+    """
+
+    dropped = 0
+
+    def __init__(self, source: FrameSource, every: int = 1, seconds: float | None = None) -> None:
+        self.captured = 0
+        self._source, self._every, self._seconds = source, every, seconds
+
+    def __iter__(self) -> Iterator[TimedFrame]:
+        end_s = time.monotonic() + self._seconds if self._seconds else float("inf")
+        try:
+            while time.monotonic() < end_s and (image_rgb := self._source.read()) is not None:
+                is_taken = self.captured % self._every == 0
+                self.captured += 1
+                if is_taken:
+                    yield TimedFrame(time.monotonic(), image_rgb)
+        finally:
+            self._source.stop()
+            self._source.close()
 
 
 class NewestFrame:
