@@ -641,6 +641,7 @@ export interface Robot {
   max_yaw_rate_radps: number
   camera: CameraInfo | null
   wheel_joints: string[]
+  has_compass: boolean
   tool_width_m: number | null
 }
 

@@ -86,13 +86,26 @@ test('sensors that are not fine come first, with since when and a reason that st
     { sensor: 'gnss', state: 'contradicted', since_s: 30, reason: 'GNSS jumped 2.02 m' },
     { sensor: 'camera', state: 'late', since_s: null, reason: 'pictures 0.8 s old' },
   ]
-  const [gnss, camera, ...fine] = readSensors(shown({ doubts, reason: 'GNSS jumped 2.01 m; resume to believe it' }))
+  const [gnss, camera, ...fine] = readSensors(
+    shown({ doubts, reason: 'GNSS jumped 2.01 m; resume to believe it' }),
+    true,
+  )
   assert.deepEqual(gnss, { text: 'GNSS contradicted', tone: 'bad', since: 'for 2 s', reason: '' })
   assert.deepEqual(camera, { text: 'Camera late', tone: 'warn', since: '', reason: 'Pictures 0.8 s old' })
   assert.deepEqual(
     fine.map(({ text }) => text),
     ['Compass', 'Gyro', 'Wheels', 'Clock'],
   )
-  assert.equal(readSensors(shown({ checks: [['clock', '', '']] })).length, 5, 'a run without a camera has no line')
-  assert.equal(readSensors(shown({ checks: [['camera', '', '']] })).length, 6)
+  assert.equal(
+    readSensors(shown({ checks: [['clock', '', '']] }), true).length,
+    5,
+    'a run without a camera has no line',
+  )
+  assert.equal(readSensors(shown({ checks: [['camera', '', '']] }), true).length, 6)
+  const bare = readSensors(shown({ checks: [['clock', '', '']] }), false)
+  assert.deepEqual(
+    bare.map(({ text }) => text),
+    ['GNSS', 'Gyro', 'Wheels', 'Clock'],
+    'a robot without a magnetometer has no line of a compass',
+  )
 })

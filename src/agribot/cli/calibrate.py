@@ -139,6 +139,11 @@ def _calibrate_magnetometer(
 
     if options.recording:
         result = calibrate_recorded_magnetometer(Path(options.recording))
+    elif robot.mag is None:
+        raise ConfigError(
+            f"{options.robot}: its description has no magnetometer, so that there is nothing to "
+            "calibrate; its heading follows from the first metres driven"
+        )
     else:
         result = calibrate_magnetometer(_drive(options, machine, robot.drive, TURNS), 0.0)
     return result, format_magnetometer(result)

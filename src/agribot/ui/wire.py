@@ -729,6 +729,7 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     max_yaw_rate_radps: float
     camera: CameraInfo | None
     wheel_joints: list[str]
+    has_compass: bool = True
     tool_width_m: float | None = None  # of its implement, which a plan is made for
 
 

@@ -16,7 +16,7 @@ from agribot.app.calibration.wizard import Wizard
 from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import simulate
 from agribot.core import config
-from agribot.core.messages import STOP, OperatorEvent, TickRecord
+from agribot.core.messages import STOP, Inbox, OperatorEvent, TickRecord
 from agribot.description.loader import load_robot
 from tests import nightly
 from tests.waiting import wait_for
@@ -222,3 +222,23 @@ def test_a_robot_that_is_held_gives_up_and_says_why(bench: Bench) -> None:
     assert bench.do("look")["now"]["reason"] == ended.status.stopped, "at once, in its own words"
     still = bench.tick_until(lambda record: record.command.drive == STOP)
     assert still.batch.t_s == pytest.approx(ended.batch.t_s, abs=0.05)
+
+
+@pytest.mark.parametrize("lacks", ["mag", "preset", "camera"])
+def test_a_robot_is_offered_no_calibration_of_what_it_does_not_have(
+    lacks: str, tmp_path: Path
+) -> None:
+    robot = load_robot("agribot")
+    if lacks != "preset":
+        robot = msgspec.structs.replace(robot, **{lacks: None})
+    sensors = "m8n-1" if lacks == "preset" else "m8n"
+    settings = config.load("farm", [*SETTINGS, f"sim.sensors={sensors}"])
+    wizard = Wizard(Inbox(), robot, settings, RobotFile(tmp_path, "agribot"))
+    absent = {"camera", "row-view"} if lacks == "camera" else {"magnetometer"}
+    offered = {kind["name"] for kind in wizard.answer({})["kinds"]}
+    assert offered == {*KINDS} - absent
+    for name in absent:
+        told = wizard.answer({"do": "start", "kind": name, "by": "Anna"})
+        assert (
+            f"this robot has no calibration '{name}'; those that it has: drive" in told["refusal"]
+        )

@@ -9,6 +9,7 @@ import { mapControls } from '../map/controls.ts'
 import { openMap } from '../map/shared.ts'
 import type { ImplementLine } from '../wire.ts'
 import { GateCard, GateLine } from './gate-card.ts'
+import { HeadingCard } from './heading-card.ts'
 import { MissionButtons } from './mission-buttons.ts'
 
 const TEXT_EVERY_MS = 200
@@ -22,6 +23,7 @@ export const drive: Screen = {
     const buttons = new MissionButtons(app)
     const facts = new Facts(app)
     const gate = new GateCard(app)
+    const heading = new HeadingCard(app)
     const camera = cameraCard(app)
     host.append(
       mapHost,
@@ -29,6 +31,7 @@ export const drive: Screen = {
         'div',
         { class: 'side' },
         el('div', { class: 'card mission' }, progress(app, facts), buttons.node),
+        heading.node,
         gate.node,
         camera.node,
         facts.node,
@@ -37,6 +40,7 @@ export const drive: Screen = {
     const timer = setInterval(() => {
       facts.update()
       buttons.update()
+      heading.update()
       gate.update()
       camera.update()
     }, TEXT_EVERY_MS)

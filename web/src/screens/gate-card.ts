@@ -87,14 +87,18 @@ export interface SensorLine {
   reason: string
 }
 
-/** Every sensor in one line, those that are not fine first; a camera only where the start asks for it. */
-export function readSensors(state: State): SensorLine[] {
-  const hasCamera = state.checks.some(([name]) => name === 'camera')
+/**
+ * Every sensor of the robot in one line, those that are not fine first; a camera only where the start asks for it.
+ */
+export function readSensors(state: State, hasCompass: boolean): SensorLine[] {
+  const absent = new Set<SensorName>()
+  if (!hasCompass) absent.add('compass')
+  if (!state.checks.some(([name]) => name === 'camera')) absent.add('camera')
   const said = sayings(state)
   const lines = state.doubts.map((doubt) => doubtLine(doubt, state.t_s, said))
   const doubted = new Set(state.doubts.map(({ sensor }) => sensor))
   const names = Object.keys(SENSOR_NAMES) as SensorName[]
-  const fine = names.filter((name) => !doubted.has(name) && (name !== 'camera' || hasCamera))
+  const fine = names.filter((name) => !doubted.has(name) && !absent.has(name))
   return [
     ...lines,
     ...fine.map((name): SensorLine => ({ text: SENSOR_NAMES[name], tone: 'good', since: '', reason: '' })),
@@ -163,7 +167,7 @@ export class GateCard {
     this.node.hidden = !state?.gate
     if (!state?.gate) return
     this.showList(readStartList(state))
-    this.showSensors(readSensors(state))
+    this.showSensors(readSensors(state, this.app.robot?.has_compass ?? true))
   }
 
   private showList(list: StartList | null): void {

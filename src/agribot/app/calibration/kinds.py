@@ -76,6 +76,12 @@ class Kind(NamedTuple):
     needs_pictures: bool = False  # of plants: the square is a field, with a row under the robot
     shows_directions: bool = False  # that the compass has seen
 
+    def suits(self, *, has_compass: bool, has_camera: bool) -> bool:
+        """Whether a robot with these devices can be calibrated so."""
+        return (has_compass or not self.shows_directions) and (
+            has_camera or not self.needs_pictures
+        )
+
     @property
     def ground(self) -> str:
         """What it needs, as a person reads it."""

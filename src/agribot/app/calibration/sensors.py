@@ -76,6 +76,11 @@ def _fit_headings(
             if level_t is not None:
                 fit.add(level_t, math.pi / 2.0 - declination_rad - yaw_rad)
     fitted = fit.solve()
+    if not fit.count:
+        raise MissionError(
+            "magnetometer: no reading on the whole drive; connect it, or leave this calibration "
+            "out where the robot has none: its heading follows from the first metres driven"
+        )
     if fitted is None:
         raise MissionError(
             f"{fit.count} readings in {fit.sectors} of 36 directions do not show an ellipse; turn "

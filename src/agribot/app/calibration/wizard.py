@@ -16,6 +16,7 @@ from agribot.app.calibration.coverage import Coverage
 from agribot.app.calibration.figure import FigureDrive
 from agribot.app.calibration.kinds import KINDS, CalibrationResult, Kind
 from agribot.app.calibration.robot_file import RobotFile
+from agribot.app.magnetometer import has_magnetometer
 from agribot.autonomy.plan.errand import STANDING_MPS
 from agribot.core.config import RunConfig
 from agribot.core.errors import AgribotError, MissionError
@@ -36,6 +37,12 @@ class Wizard:
 
     def __init__(self, inbox: Inbox, robot: RobotSpec, config: RunConfig, file: RobotFile) -> None:
         self._inbox, self._robot, self._config, self._file = inbox, robot, config, file
+        has_compass, has_camera = has_magnetometer(robot, config), robot.camera is not None
+        self._kinds = {
+            name: kind
+            for name, kind in KINDS.items()
+            if kind.suits(has_compass=has_compass, has_camera=has_camera)
+        }
         self._lock = threading.RLock()
         self._record: TickRecord | None = None
         self._kind: Kind | None = None
@@ -111,7 +118,7 @@ class Wizard:
             "kinds": [
                 {"name": kind.name, "title": kind.title, "about": kind.about,
                  "ground": kind.ground, "duration_s": round(kind.duration_s)}
-                for kind in KINDS.values()
+                for kind in self._kinds.values()
             ],
             "now": self.describe_progress(),
             "found": msgspec.to_builtins(self._found) if self._phase == "found" else None,
@@ -126,9 +133,12 @@ class Wizard:
 
         Raises: MissionError: there is no such calibration, or the robot is not free for it.
         """
-        record, kind = self._record, KINDS.get(name)
+        record, kind = self._record, self._kinds.get(name)
         if kind is None:
-            raise MissionError(f"there is no calibration '{name[:40]}'; known: {', '.join(KINDS)}")
+            known = ", ".join(self._kinds)
+            raise MissionError(
+                f"this robot has no calibration '{name[:40]}'; those that it has: {known}"
+            )
         if self._phase in ("driving", "computing"):
             raise MissionError("a calibration is under way; cancel it first")
         if record is None:

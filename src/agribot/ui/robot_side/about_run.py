@@ -8,6 +8,7 @@ from urllib.parse import urlparse
 
 import msgspec
 
+from agribot.app.magnetometer import has_magnetometer
 from agribot.core.config import RunConfig, load
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import RobotSpec
@@ -87,6 +88,7 @@ def shown_robot(robot: RobotSpec, config: RunConfig) -> wire.Robot:
         max_yaw_rate_radps=min(drive.max_yaw_rate_radps, safety.max_yaw_rate_radps),
         camera=_camera(robot),
         wheel_joints=_wheel_joints(robot),
+        has_compass=has_magnetometer(robot, config),
         tool_width_m=None if robot.implement is None else round(robot.implement.width_m, 4),
     )
 
@@ -152,7 +154,7 @@ def expected_rates_hz(robot: RobotSpec, config: RunConfig) -> dict[str, float]:
         "imu": robot.imu.rate_hz,
         "gnss": robot.gnss.rate_hz,
     }
-    if robot.mag is not None:
+    if robot.mag is not None and has_magnetometer(robot, config):
         rates["mag"] = robot.mag.rate_hz
     if config.perception.enabled and robot.camera is not None:
         rates["frames"] = config.perception.camera_rate_hz
