@@ -140,7 +140,7 @@ BAD = {
     "ab lines": (bad(lambda f: f.append(line([(0, 1), (3, 1)], "ab_line"))),
                  "has 2 A-B lines: 'line 1', 'line 2'; choose one"),
     "ab ring": (bad(lambda f: f.__setitem__(3, line([(0, 1), (9, 1), (0, 1)], "ab_line"))),
-                "ab_line ends where it begins, at latitude 52"),
+                "ab_line ends where it begins at latitude 52"),
     "all pond": (bad(lambda f: f.append(polygon([(-1, -1), (31, -1), (31, 21), (-1, 21)],
                                                 "obstacle"))), "obstacles leave nothing"),
     "no geojson": ([1, 2], "expected a GeoJSON object"),
@@ -213,6 +213,35 @@ def test_of_a_parcel_of_several_parts_the_largest_is_the_field_and_the_others_ar
         area, _ = read_field(written(tree, tmp_path), HERE)
         assert area_m2(area) == pytest.approx(600.0, abs=0.02)
         assert "left out: a part of the boundary of 200 m2" in area.left_out
+
+
+@pytest.mark.parametrize(
+    ("named", "chosen", "ground_m2"),
+    [({}, "part 2", 200.0), ({"name": "North"}, "North part 2", 200.0), ({}, "part 3", 50.0)],
+)
+def test_every_part_of_a_parcel_is_a_field_by_its_name(
+    named: dict[str, str], chosen: str, ground_m2: float, tmp_path: Path
+) -> None:
+    """With the obstacle that lies in it; only the largest could be planned."""
+    shed = [(42.0, 4.0), (44.0, 4.0), (44.0, 6.0), (42.0, 6.0)]
+    rings = [OUTLINE]
+    rings += [[(x, 0.0), (x + wide_m, 0.0), (x + wide_m, 20.0), (x, 20.0)]
+              for x, wide_m in ((60.0, 2.5), (40.0, 10.0))]  # fmt: skip
+    parts = [[[*lonlat(ring), lonlat(ring)[0]]] for ring in rings]
+    parcel = {"type": "MultiPolygon", "coordinates": parts}
+    features = [
+        {"type": "Feature", "properties": named, "geometry": parcel},
+        polygon(shed, "obstacle"),
+    ]
+    path = written({"type": "FeatureCollection", "features": features}, tmp_path)
+    whole, _ = read_field(path, HERE)
+    assert area_m2(whole) == pytest.approx(600.0, abs=0.02)
+    assert f"choose it behind the name of the file: '#{chosen}'" in whole.left_out
+    area, _ = read_field(Path(f"{path}#{chosen}"), HERE)
+    shed_m2 = 4.0 if chosen.endswith("2") else 0.0
+    assert area_m2(area) == pytest.approx(ground_m2 - shed_m2, abs=0.05)
+    with pytest.raises(MissionError, match=r"has no 'part 9'; its fields: .*part 2'.*part 3'"):
+        read_field(Path(f"{path}#part 9"), HERE)
 
 
 def test_rows_of_several_lines_and_features_without_a_place_are_read_as_the_page_reads_them(

@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("starlette")
 from agribot.app.field_work import read_work
+from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import load
 from agribot.core.errors import MissionError
@@ -23,6 +24,7 @@ ALL = [point for row in ROWS for point in row]
 WEST, SOUTH = (min(axis) - 4.0 for axis in zip(*ALL, strict=True))
 EAST, NORTH = (max(axis) + 4.0 for axis in zip(*ALL, strict=True))
 AROUND = [(WEST, SOUTH), (EAST, SOUTH), (EAST, NORTH), (WEST, NORTH)]
+OBSTACLE = {"properties": {"kind": "obstacle"}}
 
 
 def feature(kind: str, points: list[wire.Vec2]) -> dict[str, Any]:
@@ -79,3 +81,26 @@ def test_rows_that_are_drawn_as_they_stand_are_worked_and_the_others_kept_off() 
     work = read_work(made.text, "the plan", CONFIG, ROBOT)
     assert (len(work.area.rows), len(work.area.crop)) == (2, len(ROWS) - 2)
     assert made.field is not None and len(made.field.crop_map_m) == len(ROWS)
+
+
+def test_the_time_of_a_plan_is_that_of_its_mission_with_ramps_and_turns() -> None:
+    """It was the length over the speed: 6:18 min for a mission that took 7:53."""
+    beside = [(EAST, SOUTH), (EAST + 12.0, SOUTH), (EAST + 12.0, NORTH), (EAST, NORTH)]
+    made = plan(feature("boundary", beside))
+    work = read_work(made.text, "the plan", CONFIG, ROBOT)
+    x_m, y_m = work.legs[0].xy_map_m[0].tolist()
+    path = work.plan_from((x_m, y_m, 0.0))
+    mission = Route(path, [row.index for row in work.rows], CONFIG.mission, ())
+    assert made.answer.time_s == pytest.approx(mission.time_left_s, abs=5.0)
+    assert made.answer.length_m is not None and made.answer.time_s is not None
+    assert made.answer.time_s > 1.1 * made.answer.length_m / CONFIG.mission.speed_mps
+
+
+def test_a_fault_of_a_field_is_a_place_on_the_map_and_no_degrees_in_the_text() -> None:
+    pond = [(WEST - 9.0, SOUTH), (WEST - 7.0, SOUTH), (WEST - 7.0, NORTH), (WEST - 9.0, NORTH)]
+    made = plan(feature("boundary", AROUND), {**feature("boundary", pond), **OBSTACLE})
+    [reason] = made.answer.reasons
+    assert reason.text == (
+        "the field: obstacle 1 lies outside the boundary; draw the boundary around it, or remove it"
+    )
+    assert reason.at_map_m == pytest.approx((WEST - 8.0, (SOUTH + NORTH) / 2.0), abs=0.1)

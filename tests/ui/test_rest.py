@@ -233,6 +233,28 @@ def test_field_files_of_other_programs_keep_every_vertex(browser: Browser, tmp_p
         assert corners == {(lon, lat) for lon, lat in RING}, name
 
 
+def test_one_of_several_fields_in_a_file_is_opened_by_its_name(browser: Browser) -> None:
+    """They were all drawn, and none of them could be planned."""
+    east = [(lon + 0.01, lat) for lon, lat in RING]
+    features = []
+    for name, ring in (("West", RING), ("East", east)):
+        feature = field(ring)["features"][0]
+        features.append({**feature, "properties": {"kind": "boundary", "name": name}})
+    row = {"type": "LineString", "coordinates": [east[0], east[2]]}
+    features.append({"type": "Feature", "properties": {"kind": "row"}, "geometry": row})
+    data = json.dumps({"type": "FeatureCollection", "features": features}).encode()
+    path = "/api/v1/fields/import?filename=farm.geojson"
+    status, read = browser.ask("POST", path, data)
+    assert (status, read["fields"], len(read["features"])) == (200, ["West", "East"], 3)
+    status, read = browser.ask("POST", f"{path}&field=East", data)
+    assert status == 200
+    assert [f["properties"]["kind"] for f in read["features"]] == ["boundary", "row"]
+    assert read["features"][0]["geometry"]["coordinates"][0][0] == pytest.approx(east[0])
+    status, answer = browser.ask("POST", f"{path}&field=North", data)
+    assert status == 422
+    assert answer["error"] == "'farm.geojson' has no 'North'; its fields: 'West', 'East'"
+
+
 def test_a_field_is_exported_in_the_format_that_is_asked_for(browser: Browser) -> None:
     for ending, start in (
         (".gpkg", b"SQLite format 3"),

@@ -72,8 +72,10 @@ async function ask<T>(method: string, path: string, body: unknown): Promise<T> {
 const name = encodeURIComponent
 
 /** What a field file holds; `left_out` names in one line what is not in it. */
+/** `fields` names those in the file, where it holds several. */
 interface ImportedField extends FeatureCollection {
   left_out?: string
+  fields?: string[]
 }
 
 export const api = {
@@ -108,8 +110,9 @@ export const api = {
   loadField: (id: string) => get<FeatureCollection>(`/api/v1/fields/${name(id)}`),
   saveField: (id: string, field: FeatureCollection) => write('PUT', `/api/v1/fields/${name(id)}`, field),
   deleteField: (id: string) => request(`/api/v1/fields/${name(id)}`, { method: 'DELETE' }),
-  importField: async (file: File): Promise<ImportedField> => {
-    const path = `/api/v1/fields/import?filename=${name(file.name)}`
+  /** Reads a field file; of several fields in it the one that is named. */
+  importField: async (file: File, field = ''): Promise<ImportedField> => {
+    const path = `/api/v1/fields/import?filename=${name(file.name)}&field=${name(field)}`
     return (await request(path, { method: 'POST', body: file })).json() as Promise<ImportedField>
   },
   exportField: async (ending: string, field: FeatureCollection): Promise<Blob> =>

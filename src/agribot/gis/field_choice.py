@@ -27,28 +27,60 @@ def split_choice(path: Path) -> tuple[Path, list[str]]:
     return Path(text[:at]), [name for name in text[at + 1 :].split("#") if name]
 
 
+def list_fields(root: dict[str, Any]) -> list[str]:
+    """List the names of the fields in a collection, the smaller parts of one included."""
+    return [*_name_all(root["features"], "boundary", "field"), *_name_parts(root)]
+
+
+def keep_field(root: dict[str, Any], name: str, shown: str) -> dict[str, Any]:
+    """Keep one field, or one part of one, of a collection with all that belongs to it.
+
+    Raises: MissionError: a name that is not there; all are listed.
+    """
+    features: list[Member] = root["features"]
+    fields, parts = _name_all(features, "boundary", "field"), _name_parts(root)
+    if name not in fields.keys() | parts.keys():
+        raise MissionError(f"{shown} has no '{name}'; its fields: {_list_names(fields | parts)}")
+    if name in parts:
+        features = _keep_field([*features, parts[name]], parts[name])
+    elif len(fields) > 1 or parts:
+        features = _keep_field(features, fields[name])
+    return {**_without_parts(root), "features": features}
+
+
 def choose_field(root: dict[str, Any], wanted: Sequence[str], shown: str) -> dict[str, Any]:
     """Keep one field of a collection with what belongs to it, and one A-B line.
 
     Raises: MissionError: a name that is not there, or one is needed; all are listed.
     """
-    features: list[Member] = root["features"]
-    fields = _name_all(features, "boundary", "field")
-    lines = _name_all(features, "ab_line", "line")
-    unknown = [name for name in wanted if name not in fields.keys() | lines.keys()]
+    fields, parts = _name_all(root["features"], "boundary", "field"), _name_parts(root)
+    lines = _name_all(root["features"], "ab_line", "line")
+    unknown = [name for name in wanted if name not in fields.keys() | parts.keys() | lines.keys()]
     if unknown:
         raise MissionError(
-            f"{shown} has no '{unknown[0]}'; its fields: {_list_names(fields)}; its A-B lines: "
-            f"{_list_names(lines)}"
+            f"{shown} has no '{unknown[0]}'; its fields: {_list_names(fields | parts)}; its A-B "
+            f"lines: {_list_names(lines)}"
         )
-    if len(fields) > 1:
-        features = _keep_field(features, fields[_choose(fields, wanted, "fields", shown)])
-        kept = {id(feature) for feature in features}
-        lines = {name: line for name, line in lines.items() if id(line) in kept}
+    is_part = any(name in parts for name in wanted)
+    if len(fields) > 1 or is_part:
+        root = keep_field(root, _choose(fields | parts, wanted, "fields", shown), shown)
+    elif parts:
+        root = keep_field(root, next(iter(fields)), shown)
+    kept = {id(feature) for feature in root["features"]}
+    lines = {name: line for name, line in lines.items() if id(line) in kept}
+    features: list[Member] = root["features"]
     if len(lines) > 1:
         line = lines[_choose(lines, wanted, "A-B lines", shown)]
         features = [f for f in features if f is line or f["properties"]["kind"] != "ab_line"]
-    return {**root, "features": features}
+    return {**_without_parts(root), "features": features}
+
+
+def _name_parts(root: dict[str, Any]) -> dict[str, Member]:
+    return {part["properties"]["name"]: part for part in root.get("parts", ())}
+
+
+def _without_parts(root: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in root.items() if key != "parts"}
 
 
 def _name_all(features: Sequence[Member], kind: str, what: str) -> dict[str, Member]:

@@ -23,7 +23,7 @@ from agribot.core.messages import MapPoint
 from agribot.gis.field_choice import choose_field, split_choice
 from agribot.gis.formats.table import read_fields
 from agribot.gis.geojson import KINDS, Feature, LonLat, parse_features
-from agribot.gis.ground import clean_ground, locate
+from agribot.gis.ground import clean_ground, make_fault
 
 if TYPE_CHECKING:
     import shapely
@@ -185,14 +185,19 @@ def _check_lines(area: FieldArea, source_name: str, frame: MapFrame) -> None:
     for name, line in lines:
         length_m = sum(math.dist(a, b) for a, b in pairwise(line))
         if length_m < MIN_LINE_M:
-            raise MissionError(
-                f"{source_name}: {name} at {locate(line[0], frame)} is {length_m:.2f} m long, "
-                f"shorter than {MIN_LINE_M} m; give it a beginning and an end"
+            raise make_fault(
+                f"{source_name}: {name}",
+                line[0],
+                frame,
+                f" is {length_m:.2f} m long, shorter than {MIN_LINE_M} m; give it a beginning and "
+                "an end",
             )
     if area.ab_line and math.dist(area.ab_line[0], area.ab_line[-1]) < MIN_LINE_M:
-        raise MissionError(
-            f"{source_name}: the ab_line ends where it begins, at "
-            f"{locate(area.ab_line[0], frame)}; swaths run from its first to its last point"
+        raise make_fault(
+            f"{source_name}: the ab_line ends where it begins",
+            area.ab_line[0],
+            frame,
+            "; swaths run from its first to its last point",
         )
 
 
@@ -205,7 +210,10 @@ def _check_rows(
         outside = shapely.LineString(row).difference(field)
         if not outside.is_empty:
             place = shapely.get_coordinates(outside)[0]
-            raise MissionError(
+            raise make_fault(
                 f"{source_name}: {outside.length:.1f} m of row {number} lie outside the field or "
-                f"in an obstacle, first at {locate(place, frame)}; check the rows and the boundary"
+                "in an obstacle, first",
+                place,
+                frame,
+                "; check the rows and the boundary",
             )

@@ -25,6 +25,20 @@ CLEANED_M2, SPECK_M2 = 0.01, 0.01
 TOUCH_M = 0.01  # an obstacle so near to the edge is at the edge
 
 
+class GroundFault(MissionError):
+    """What is wrong with a field, and where: `text` is the message without the place."""
+
+    text: str = ""
+    at_map_m: MapPoint = (0.0, 0.0)
+
+
+def make_fault(what: str, point: Sequence[float], frame: MapFrame, more: str) -> GroundFault:
+    """Make an error of what is wrong at a point of the map, and what more there is to say."""
+    fault = GroundFault(f"{what} at {locate(point, frame)}{more}")
+    fault.text, fault.at_map_m = what + more, (float(point[0]), float(point[1]))
+    return fault
+
+
 def clean_ground(
     boundary: Ring, obstacles: Sequence[Ring], source_name: str, frame: MapFrame
 ) -> tuple[shapely.Polygon, str]:
@@ -79,9 +93,11 @@ def _check_inside(area: BaseGeometry, outer: BaseGeometry, name: str, frame: Map
     """Refuse an obstacle that does not even touch the field: its file is another field's."""
     if area.distance(outer) > TOUCH_M:
         place = area.representative_point().coords[0]
-        raise MissionError(
-            f"{name} lies outside the boundary at {locate(place, frame)}; draw the boundary around "
-            "it, or remove it"
+        raise make_fault(
+            f"{name} lies outside the boundary",
+            place,
+            frame,
+            "; draw the boundary around it, or remove it",
         )
 
 
@@ -96,9 +112,9 @@ def _clean_ring(ring: Ring, name: str, frame: MapFrame) -> BaseGeometry:
         raise MissionError(f"{name} encloses no area")
     cleaned = clean_area(polygon)
     if cleaned is None:
-        raise MissionError(
-            f"{name} crosses itself{_name_fault(polygon, frame)}; put its corners in order"
-        )
+        spot = re.search(r"\[(\S+) (\S+)\]", shapely.is_valid_reason(polygon))
+        point = (float(spot[1]), float(spot[2])) if spot else ring[0]
+        raise make_fault(f"{name} crosses itself", point, frame, "; put its corners in order")
     return cleaned
 
 
@@ -113,13 +129,6 @@ def clean_area(polygon: shapely.Polygon) -> BaseGeometry | None:
         return polygon
     cleaned = shapely.union_all(list_areas(shapely.make_valid(polygon)))
     return cleaned if abs(cleaned.area - polygon.area) <= CLEANED_M2 else None
-
-
-def _name_fault(polygon: shapely.Polygon, frame: MapFrame) -> str:
-    import shapely
-
-    spot = re.search(r"\[(\S+) (\S+)\]", shapely.is_valid_reason(polygon))
-    return f" at {locate((float(spot[1]), float(spot[2])), frame)}" if spot else ""
 
 
 def locate(point: Sequence[float], frame: MapFrame) -> str:

@@ -1,4 +1,4 @@
-"""Boundaries of several parts, of which a plan needs one."""
+"""Boundaries of several parts, of which a plan needs one: no way leads from one to another."""
 
 from __future__ import annotations
 
@@ -23,16 +23,38 @@ def find_boundary(features: Sequence[Feature]) -> Feature | None:
     return None
 
 
-def keep_largest(parts: list[Geometry]) -> tuple[list[Geometry], list[str]]:
-    """Keep the largest of several polygons, and name the others."""
-    areas_m2 = [_measure_m2(part) for part in parts]
-    largest = int(np.argmax(areas_m2))
-    smaller = [
-        f"a part of the boundary of {area_m2:.0f} m2; plan it from a file of its own"
-        for number, area_m2 in enumerate(areas_m2)
-        if number != largest
+def split_boundary(parts: list[Geometry], properties: dict[str, Any]) -> list[Feature]:
+    """Make a boundary of each of several polygons, the largest first, the others named by number.
+
+    Their areas stand beside, in `area_m2`.
+    """
+    sizes_m2 = [_measure_m2(part) for part in parts]
+    largest_first = sorted(range(len(parts)), key=lambda number: -sizes_m2[number])
+    name = str(properties.get("name") or "").strip()
+    return [
+        {
+            "type": "Feature",
+            "geometry": parts[number],
+            "properties": {**properties}
+            if place == 1
+            else {
+                **properties,
+                "kind": "boundary",
+                "name": f"{name} part {place}".strip(),
+                "area_m2": sizes_m2[number],
+            },
+        }
+        for place, number in enumerate(largest_first, 1)
     ]
-    return parts[largest : largest + 1], smaller
+
+
+def describe_part(part: Feature) -> str:
+    """Name a part that is not the field, and how it becomes one."""
+    name, area_m2 = part["properties"]["name"], part["properties"]["area_m2"]
+    return (
+        f"a part of the boundary of {area_m2:.0f} m2; choose it behind the name of the file: "
+        f"'#{name}'"
+    )
 
 
 def _measure_m2(polygon: Geometry) -> float:

@@ -27,6 +27,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 import agribot
+from agribot.gis.field_choice import keep_field, list_fields
 from agribot.gis.formats.table import read_field_file, write_field_file
 from agribot.ui import wire
 from agribot.ui.server.mapviz_config import config_of, displays_of
@@ -217,7 +218,10 @@ def _answer(value: object, status: int = 200) -> Response:
 
 
 async def _import_field(request: Request) -> Response:
-    return JSONResponse(read_field_file(request.query_params["filename"], await request.body()))
+    name, field = request.query_params["filename"], request.query_params["field"]
+    root = read_field_file(name, await request.body())
+    names = {"fields": list_fields(root)} if len(list_fields(root)) > 1 else {}
+    return JSONResponse({**(keep_field(root, field, name) if field else root), **names})
 
 
 async def _export_field(request: Request) -> Response:

@@ -5,6 +5,7 @@ One page draws; the tests follow each other.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator
 from itertools import pairwise
@@ -14,6 +15,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from tests import nightly
 from tests.ui.page.conftest import hold_map_still, new_context, until
 from tests.ui.page.fake_answers import ROBOT
 from tests.ui.page.fake_server import FakeServer, serving
@@ -126,6 +128,7 @@ def test_a_field_file_is_imported_drawn_and_exported_again(
 def test_each_tool_draws_where_the_map_was_tapped(page: Page, server: FakeServer) -> None:
     for tool, places in (("Boundary", AREA), ("Obstacle", POND)):
         choose(page, tool)
+        expect(page.locator(".side")).to_contain_text("Tap the corners on the map")
         tap(page, *places, places[0])
         expect(page.locator(f"[data-kind={tool.lower()}]")).to_have_attribute(
             "aria-pressed", "false"
@@ -237,3 +240,29 @@ def test_a_field_is_saved_on_the_robot_under_its_name(page: Page, server: FakeSe
     wait_for(lambda: "fields/north acre" in server.written, "the saved field")
     assert server.written["fields/north acre"]["type"] == "FeatureCollection"
     assert "PUT fields/north acre" in server.requests
+
+
+@nightly.by_day("tests/ui/test_rest.py::test_one_of_several_fields_in_a_file_is_opened_by_its_name")
+def test_one_of_the_fields_in_a_file_is_chosen_and_a_new_one_begins_empty(
+    page: Page, server: FakeServer, tmp_path: Path
+) -> None:
+    file = tmp_path / "farm.geojson"
+    rings = {"West": AREA, "East": [(x_m + 40.0, y_m) for x_m, y_m in AREA]}
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": [
+        {"type": "Feature", "properties": {"kind": "boundary", "name": name},
+         "geometry": {"type": "Polygon", "coordinates": [[*lonlat(ring), lonlat(ring)[0]]]}}
+        for name, ring in rings.items()
+    ]}))  # fmt: skip
+    page.get_by_label("Field file").set_input_files(file)
+    dialog = page.get_by_role("dialog")
+    expect(dialog).to_contain_text("farm.geojson holds 2 fields.")
+    dialog.get_by_label("Which field?").select_option("East")
+    dialog.get_by_role("button", name="Open").click()
+    expect(page.locator(".side")).to_contain_text("1 boundary")
+    [boundary] = points(sent(page, server), "boundary")
+    assert is_near(boundary, rings["East"])
+    page.get_by_role("button", name="New").click()
+    expect(page.locator(".side")).to_contain_text("Choose what to draw, then tap the map.")
+    assert sent(page, server) == []
+    page.get_by_role("button", name="Undo").click()
+    expect(page.locator(".side")).to_contain_text("1 boundary")

@@ -75,6 +75,11 @@ export class Drawing {
     this.load()
   }
 
+  /** What is being drawn; null while shapes are selected. */
+  get kind(): Kind | null {
+    return this.next
+  }
+
   private kindOf(feature: GeoJSONStoreFeatures): Kind {
     return this.kinds.get(String(feature.id)) ?? this.next ?? 'boundary'
   }
@@ -86,6 +91,7 @@ export class Drawing {
   }
 
   select(id: string): void {
+    this.next = null
     this.draw.setMode('select')
     this.draw.selectFeature(id)
   }

@@ -18,6 +18,8 @@ const EXPORTS = [
 ] as const
 
 interface Document {
+  /** Leaves nothing drawn; Undo brings it back. */
+  clear: () => void
   content: () => FeatureCollection
   open: (collection: FeatureCollection) => void
 }
@@ -34,8 +36,8 @@ export function fileCard(app: App, document: Document): HTMLElement {
   const read = async (): Promise<void> => {
     const chosen = file.files?.[0]
     if (!chosen) return
-    const field = await app.attempt(api.importField(chosen))
     file.value = ''
+    const field = await importOne(app, chosen)
     if (!field) return
     document.open(field)
     if (field.left_out) app.toasts.show('warn', field.left_out)
@@ -49,6 +51,7 @@ export function fileCard(app: App, document: Document): HTMLElement {
     el(
       'div',
       { class: 'pair-grid' },
+      button('plus', 'New', () => document.clear()),
       button('plan', 'Open', () => void open(app, document)),
       button('save', 'Save', () => void save(app, document)),
       button('upload', 'Import', () => file.click()),
@@ -56,6 +59,15 @@ export function fileCard(app: App, document: Document): HTMLElement {
     ),
     file,
   )
+}
+
+/** Reads a file and asks which of its fields is meant where it holds several; null where none is. */
+async function importOne(app: App, file: File): Promise<Awaited<ReturnType<typeof api.importField>> | null> {
+  const all = await app.attempt(api.importField(file))
+  if (!all?.fields) return all
+  const about = `${file.name} holds ${all.fields.length} fields. What lies in the one that you choose comes with it.`
+  const name = await app.dialogs.pick('Which field?', about, all.fields, 'Open')
+  return name ? app.attempt(api.importField(file, name)) : null
 }
 
 async function exportTo(app: App, document: Document): Promise<void> {

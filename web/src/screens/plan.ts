@@ -10,11 +10,12 @@ import type { IconName } from '../icons.ts'
 import { mapControls } from '../map/controls.ts'
 import { openMap } from '../map/shared.ts'
 import { BoundaryRecorder } from '../plan/boundary-recorder.ts'
-import type { Kind } from '../plan/document.ts'
+import type { Kind, ShapeType } from '../plan/document.ts'
 import { fromGeoJson, PlanDocument, SHAPE_OF, shapesOf, toGeoJson } from '../plan/document.ts'
 import type { Drawing } from '../plan/drawing.ts'
 import { fileCard } from '../plan/files.ts'
 import { shapePanel } from '../plan/shape-panel.ts'
+import { takeSeat } from '../shell/seat.ts'
 import type { PlanReply, PlanWish } from '../wire.ts'
 
 const TOOLS: [Kind, string, IconName][] = [
@@ -32,6 +33,13 @@ const NAMES: Record<Kind, [one: string, many: string]> = {
   crop: ['crop row to keep off', 'crop rows to keep off'],
   ab_line: ['A–B line', 'A–B lines'],
   waypoint: ['goal', 'goals'],
+}
+
+/** What to do while a shape is drawn. */
+const HINTS: Record<ShapeType, string> = {
+  polygon: 'Tap the corners on the map, the first or last one again to finish. Esc gives it up.',
+  line: 'Tap the points on the map, the last one again to finish. Esc gives it up.',
+  point: 'Tap the goals in their order. Press Goals again to finish.',
 }
 
 const kept = new PlanDocument() // survives going to another screen and back
@@ -122,6 +130,7 @@ class Editor {
       this.planCard(),
       fileCard(app, {
         content: () => toGeoJson(kept.shapes, app.projection),
+        clear: () => this.step(() => kept.change([])),
         open: (collection) => this.step(() => kept.change(fromGeoJson(collection, app.projection))),
       }),
     )
@@ -171,7 +180,7 @@ class Editor {
   private choose(kind: Kind): void {
     const pressed = this.tools.find((tool) => tool.dataset.kind === kind)?.getAttribute('aria-pressed') === 'true'
     this.drawing.begin(pressed ? null : kind)
-    for (const tool of this.tools) tool.setAttribute('aria-pressed', String(!pressed && tool.dataset.kind === kind))
+    this.refresh()
   }
 
   private step(work: () => void): void {
@@ -193,8 +202,8 @@ class Editor {
   private refresh(): void {
     this.undo.disabled = !kept.canUndo
     this.redo.disabled = !kept.canRedo
-    for (const tool of this.tools) if (tool.dataset.kind !== 'waypoint') tool.setAttribute('aria-pressed', 'false')
-    this.summary.textContent = describe()
+    for (const tool of this.tools) tool.setAttribute('aria-pressed', String(tool.dataset.kind === this.drawing.kind))
+    this.summary.textContent = this.drawing.kind ? HINTS[SHAPE_OF[this.drawing.kind]] : describe()
     const shape = kept.shapes.find((s) => s.id === this.selected)
     this.shape.hidden = !shape
     if (shape) replace(this.shape, ...shapePanel(shape, kept, (work) => this.step(work)))
@@ -219,12 +228,10 @@ class Editor {
   }
 
   private async use(): Promise<void> {
-    if (!this.app.mayCommand) {
-      this.app.toasts.show('warn', "Take the operator's seat first: it is at the top of the page.")
-      return
-    }
     const text = 'The mission in the robot is replaced by this plan. It does not start to drive yet.'
-    if (!(await this.app.dialogs.confirm('Use this plan?', [text], 'Use this plan'))) return
+    const yes = this.app.store.seat === 'you' ? 'Use this plan' : 'Take control and use it'
+    if (!(await this.app.dialogs.confirm('Use this plan?', [text], yes))) return
+    if (!(await takeSeat(this.app))) return
     if (await this.app.attempt(api.applyPlan(this.body()))) {
       this.app.toasts.show('info', 'The plan is the mission now. Resume on the Drive screen begins it.')
     }
@@ -256,8 +263,7 @@ function leftOut(reply: PlanReply): HTMLElement[] {
 }
 
 function describe(): string {
-  if (!kept.shapes.length)
-    return 'Choose what to draw, then tap the map. Finish a line or an area by tapping its last point again.'
+  if (!kept.shapes.length) return 'Choose what to draw, then tap the map.'
   const counts = new Map<Kind, number>()
   let inside = 0
   for (const { kind, points } of kept.shapes) {

@@ -6,7 +6,7 @@ import { el, setText } from '../dom.ts'
 import { icon } from '../icons.ts'
 import { savedScale } from '../link.ts'
 import { HAND_MS } from '../link-monitor.ts'
-import { chooseSeat } from '../shell/seat.ts'
+import { chooseSeat, takeSeat } from '../shell/seat.ts'
 import { GamepadLine } from '../teleop/gamepad-line.ts'
 import { listenKeys, listenLeaving, listenPad } from '../teleop/inputs.ts'
 import type { Limits } from '../teleop/machine.ts'
@@ -150,12 +150,12 @@ function armSwitch(
     update()
   }
   const takeSeatAndArm = async (): Promise<void> => {
-    if (await app.command({ kind: 'take_seat' })) void arm()
+    if (await takeSeat(app)) void arm()
   }
   button.addEventListener('click', () => {
     if (machine.isArmed || wanted) wanted = false
     else if (app.store.seat === 'you') void arm()
-    else if (app.store.seat === 'free' && app.session.role === 'operator') void takeSeatAndArm()
+    else if (app.store.seat === 'free') void takeSeatAndArm()
     else void chooseSeat(app)
     update()
   })

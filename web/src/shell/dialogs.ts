@@ -81,6 +81,21 @@ export class Dialogs {
     return answer === true
   }
 
+  /** Ask for one of several names; null when dismissed. */
+  async pick(title: string, about: string, names: string[], yes: string): Promise<string | null> {
+    const options = names.map((value) => el('option', { value }, value))
+    const select = el('select', { class: 'field-input', 'aria-label': title }, ...options)
+    const answer = await this.ask(
+      title,
+      [el('p', {}, about), select],
+      [
+        { label: 'Cancel', value: false },
+        { label: yes, value: true, kind: 'primary' },
+      ],
+    )
+    return answer === true ? select.value : null
+  }
+
   /** Ask for one line of text; null when dismissed or left empty. */
   async prompt(title: string, label: string, value = '', yes = 'Save'): Promise<string | null> {
     const input = el('input', { type: 'text', value, maxlength: 80, class: 'field-input', autocomplete: 'off' })

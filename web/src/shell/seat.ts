@@ -3,7 +3,8 @@
 import type { App } from '../app.ts'
 import { el } from '../dom.ts'
 
-export async function chooseSeat(app: App): Promise<void> {
+/** Asks what to do with the seat; whether it was done. */
+export async function chooseSeat(app: App): Promise<boolean> {
   const { store, dialogs } = app
   const name = el('input', {
     type: 'text',
@@ -16,7 +17,7 @@ export async function chooseSeat(app: App): Promise<void> {
   const named = el('label', { class: 'field' }, el('span', {}, 'Name shown to the others'), name)
   if (app.session.role === 'viewer') {
     await dialogs.ask('Looking on', ['This address only lets you watch. STOP works all the same.'], [])
-    return
+    return false
   }
   const mine = store.seat === 'you'
   const about = mine
@@ -32,8 +33,7 @@ export async function chooseSeat(app: App): Promise<void> {
     store.seat === 'other' ? 'danger' : 'primary',
   )
   rename(app, name.value.trim())
-  if (!go) return
-  await app.command(mine ? { kind: 'leave_seat' } : { kind: 'take_seat', force: store.seat === 'other' })
+  return go && app.command(mine ? { kind: 'leave_seat' } : { kind: 'take_seat', force: store.seat === 'other' })
 }
 
 function rename(app: App, name: string): void {
@@ -42,13 +42,17 @@ function rename(app: App, name: string): void {
   app.link.send({ kind: 'use_name', name })
 }
 
+/** Takes the seat where nobody has it, and asks before it is taken over; whether this page has it then. */
+export async function takeSeat(app: App): Promise<boolean> {
+  const { seat } = app.store
+  if (seat === 'you') return true
+  return seat === 'free' && app.session.role === 'operator' ? app.command({ kind: 'take_seat' }) : chooseSeat(app)
+}
+
 /** A button that takes the seat where it is needed, and is hidden where you have it. */
 export function seatButton(app: App): { node: HTMLElement; done: () => void } {
   const button = el('button', { type: 'button', class: 'button primary' }, 'Take control')
-  button.addEventListener('click', () => {
-    if (app.store.seat === 'free' && app.session.role === 'operator') void app.command({ kind: 'take_seat' })
-    else void chooseSeat(app)
-  })
+  button.addEventListener('click', () => void takeSeat(app))
   const update = (): void => {
     button.hidden = app.store.seat === 'you'
     button.textContent = app.store.seat === 'other' ? 'Take over' : 'Take control'

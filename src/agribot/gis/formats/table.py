@@ -27,7 +27,7 @@ from agribot.gis.geojson import (
     read_geojson,
     read_position,
 )
-from agribot.gis.parts import find_boundary, keep_largest
+from agribot.gis.parts import describe_part, find_boundary, split_boundary
 
 MAX_NAMED = 8  # of the things that a file holds and that are left out
 _LEVELS = {"Point": (), "LineString": ("position",), "Polygon": ("ring", "position")}
@@ -36,8 +36,9 @@ _LEVELS = {"Point": (), "LineString": ("position",), "Polygon": ("ring", "positi
 def read_field_file(name: str, data: bytes) -> dict[str, Any]:
     """Read a FeatureCollection in WGS-84, without heights and multi-geometries.
 
-    A feature without a `kind` gets the default one: the first polygon is the boundary, others are
-    obstacles, lines are rows.
+    A feature without a `kind` gets the default one: areas are boundaries, and obstacles inside of
+    them, lines are rows. Of a boundary of several parts the largest is the field; `parts` holds the
+    others, which `choose_field` knows by their names.
     Raises: MissionError: an unknown kind of file, a broken one, or one in other coordinates.
     """
     return _read_shapes(name, data, is_field=True)
@@ -58,7 +59,7 @@ def _read_shapes(name: str, data: bytes, *, is_field: bool) -> dict[str, Any]:
     if reader is None:
         raise MissionError(f"{shown}: files that can be read end with {', '.join(sorted(READERS))}")
     try:
-        found, left_out = _read_members(reader(data), shown, is_field=is_field)
+        found, parts, left_out = _read_members(reader(data), shown, is_field=is_field)
     except AgribotError:
         raise
     except Exception as error:  # each library has its own errors for broken files
@@ -68,19 +69,23 @@ def _read_shapes(name: str, data: bytes, *, is_field: bool) -> dict[str, Any]:
         raise MissionError(f"{shown} holds no point, line or polygon")
     changes: Counter[str] = Counter()
     close_lines(found, changes)
+    left_out.update(describe_part(part) for part in parts)
     told = _name_changes(name, left_out, changes, give_kinds(found))
-    more = {"left_out": told} if told else {}
+    more: dict[str, Any] = {"left_out": told} if told else {}
+    if parts:
+        more["parts"] = parts
     return {"type": "FeatureCollection", "features": found, **more}
 
 
 def _read_members(
     members: Found, shown: str, *, is_field: bool
-) -> tuple[list[dict[str, Any]], Counter[str]]:
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]], Counter[str]]:
     """Split members into features of one part each; count what is left out, in words.
 
-    Of a boundary of several parts the largest is kept: no way leads from one to another.
+    The smaller parts of a boundary stand beside them.
     """
     whole: list[dict[str, Any]] = []
+    spare: list[dict[str, Any]] = []
     left_out: Counter[str] = Counter()
     for geometry, properties in members:
         if geometry is None:
@@ -93,13 +98,15 @@ def _read_members(
             continue
         parts = _split_multi(feature["geometry"], f"{shown} feature {number}")
         if feature is boundary and len(parts) > 1:
-            parts, smaller = keep_largest(parts)
-            left_out.update(smaller)
+            largest, *smaller = split_boundary(parts, feature["properties"])
+            found.append(largest)
+            spare += smaller
+            continue
         found += [
             {"type": "Feature", "geometry": part, "properties": {**feature["properties"]}}
             for part in parts
         ]
-    return found, left_out
+    return found, spare, left_out
 
 
 def _name_changes(name: str, left_out: Counter[str], changes: Counter[str], points: int) -> str:

@@ -11,6 +11,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from agribot.core.errors import AgribotError
+from agribot.gis.field_choice import keep_field, list_fields
 from agribot.gis.formats.table import read_field_file, write_field_file
 from agribot.ui import wire
 from agribot.ui.server.answers import (
@@ -79,13 +80,17 @@ async def delete_field(request: Request) -> Response:
 
 
 async def import_field(request: Request) -> Response:
-    """Read a file: the body with `?filename=`, or the first file of a form; nothing is stored."""
+    """Read a file: the body with `?filename=`, or the first file of a form; nothing is stored.
+
+    Of several fields in it, named in `fields` of the answer, `?field=` keeps one.
+    """
     need_operator(request)
     name, data = request.query_params.get("filename", ""), await request.body()
+    field = request.query_params.get("field", "")
     content_type = request.headers.get("content-type", "")
     form = content_type if content_type.startswith("multipart/form-data") else ""
     try:
-        read = await run_in_process(_read_file, name, data, form, what="file")
+        read = await run_in_process(_read_file, name, data, form, field, what="file")
         return Response(read, media_type="application/json", headers=NO_STORE)
     except AgribotError as error:
         raise Unusable(422, str(error)) from error
@@ -102,11 +107,16 @@ async def export_field(request: Request) -> Response:
     return Response(data, media_type="application/octet-stream")
 
 
-def _read_file(name: str, data: bytes, form: str) -> bytes:
+def _read_file(name: str, data: bytes, form: str, field: str) -> bytes:
     """Read the FeatureCollection in a file, as JSON; `form` is the type of a form around it."""
     if form:
         name, data = find_file_in_form(form, data)
-    return msgspec.json.encode(read_field_file(name, data))
+    root = read_field_file(name, data)
+    fields = list_fields(root)
+    if field:
+        root = keep_field(root, field, f"'{name[:80]}'")
+    root.pop("parts", None)
+    return msgspec.json.encode({**root, "fields": fields} if len(fields) > 1 else root)
 
 
 def find_file_in_form(content_type: str, data: bytes) -> tuple[str, bytes]:

@@ -18,6 +18,7 @@ from agribot.autonomy.plan.coverage.area import (
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.coverage.planner import plan_field
 from agribot.autonomy.plan.plan_certificate import certify_plan
+from agribot.autonomy.plan.speed import find_most_mps, limit_speeds
 from agribot.autonomy.plan.tool_gaps import measure_gaps_m2, warn_of_gaps
 from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
@@ -26,6 +27,7 @@ from agribot.core.messages import FloatArray
 from agribot.core.robot import RobotSpec
 from agribot.gis.field_file import parse_field
 from agribot.gis.geojson import KINDS, parse_features
+from agribot.gis.ground import GroundFault
 from agribot.gis.plan_file import SavedPlan, format_plan
 from agribot.ui import wire
 from agribot.ui.ground import field_of
@@ -49,6 +51,9 @@ def make_plan(
     """Plan a field among the `crop` rows that stand on the map."""
     try:
         return _plan(wanted, config, robot, crop)
+    except GroundFault as fault:
+        reason = wire.FieldReason(text=fault.text, at_map_m=fault.at_map_m)
+        return Made(wire.PlanReply(ok=False, reasons=[reason]))
     except MissionError as error:
         return Made(wire.PlanReply(ok=False, reasons=[wire.FieldReason(text=str(error))]))
 
@@ -73,10 +78,6 @@ def _plan(
     plan = warn_of_gaps(plan_field(area, shape, request), area, request, robot)
     certificate = certify_plan(plan, area, shape, request)
     frame = MapFrame(datum)
-    mission = config.mission
-    legs = [
-        (leg, mission.speed_mps if leg.tool_on else mission.turn_speed_mps) for leg in plan.legs
-    ]
     gaps_m2 = measure_gaps_m2(plan.legs, area, request, robot)
     worked_m2 = certificate.covered_area_m2 - gaps_m2
     answer = wire.PlanReply(
@@ -88,16 +89,17 @@ def _plan(
         warnings=list(plan.warnings),
         length_m=round(certificate.length_m, 2),
         area_m2=round(worked_m2, 2),
-        time_s=round(sum(leg.length_m / speed_mps for leg, speed_mps in legs), 1),
         path=[point for leg in plan.legs for point in _thin_leg(leg.xy_map_m, frame)],
         certificate=msgspec.to_builtins(certificate),
     )
     if not certificate.ok:
         return Made(answer)
-    rows = FieldWork(plan, area, shape, request).rows
+    work = FieldWork(plan, area, shape, request)
+    speeds = limit_speeds(config.mission, find_most_mps(config.safety, robot.drive))
+    answer = msgspec.structs.replace(answer, time_s=round(work.measure_time_s(speeds), 1))
     text = format_plan(SavedPlan(plan, area, request, datum), certificate)
     is_crop_gone = wanted.is_crop_gone and bool(crop)
-    return Made(answer, text, is_crop_gone, field_of(config, rows, area=area))
+    return Made(answer, text, is_crop_gone, field_of(config, work.rows, area=area))
 
 
 def _find_unworked(crop: Sequence[Sequence[wire.Vec2]], area: FieldArea) -> list[MapLine]:

@@ -17,6 +17,8 @@ from agribot.autonomy.plan.coverage.free_space import FreeSpace
 from agribot.autonomy.plan.coverage.ways import Ways
 from agribot.autonomy.plan.curves import SPACING_M, Place, make_path
 from agribot.autonomy.plan.plan_certificate import check_crop, check_ways
+from agribot.autonomy.plan.speed import plan_speed_mps, time_left_s
+from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import FloatArray, MapPoint, Path, Row
@@ -52,6 +54,11 @@ class FieldWork:
             rear_m=shape.rear_m,
             half_width_m=shape.half_width_m,
         )
+
+    def measure_time_s(self, mission: MissionConfig) -> float:
+        """Count the time at the speeds of a mission, with its ramps and turns in place."""
+        path = sample_legs(self.legs, self._row_of_piece)
+        return time_left_s(path, plan_speed_mps(path, mission))[0]
 
     @property
     def has_crop(self) -> bool:
