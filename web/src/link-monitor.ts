@@ -11,6 +11,11 @@ export const HAND_MS = 500
 export const DEAD_MS = 3000
 /** Longest step of the clock that counts as waiting: in a longer one the page itself stood still. */
 const AWAKE_STEP_MS = 250
+/** A longer step is the sleep of the device, not the work of the page. */
+const ASLEEP_STEP_MS = 10_000
+/** For how long it counts that the page stood still, and how much of that makes it slow. */
+const STOOD_KEPT_MS = 5000
+const SLOW_MS = 1000
 const SAMPLES_MS = 30_000
 const CLOCK_JUMP_MS = 50
 
@@ -30,6 +35,7 @@ export class LinkMonitor {
   private unanswered: { c: number; awakeMs: number }[] = []
   private awakeMs = 0
   private lastMs: number | null = null
+  private stood: { atMs: number; ms: number }[] = []
 
   /** Another connection: its first answer replaces what was known of the clock. */
   open(nowMs: number): void {
@@ -40,8 +46,16 @@ export class LinkMonitor {
   }
 
   tick(nowMs: number): void {
-    this.awakeMs += Math.min(nowMs - (this.lastMs ?? nowMs), AWAKE_STEP_MS)
+    const stepMs = nowMs - (this.lastMs ?? nowMs)
+    this.awakeMs += Math.min(stepMs, AWAKE_STEP_MS)
     this.lastMs = nowMs
+    this.stood = this.stood.filter(({ atMs }) => nowMs - atMs < STOOD_KEPT_MS)
+    if (stepMs > AWAKE_STEP_MS && stepMs < ASLEEP_STEP_MS) this.stood.push({ atMs: nowMs, ms: stepMs - AWAKE_STEP_MS })
+  }
+
+  /** Whether this page has stood still of late: its device is too slow for what is drawn. */
+  get isPageSlow(): boolean {
+    return this.stood.reduce((sum, { ms }) => sum + ms, 0) > SLOW_MS
   }
 
   sent(c: number): void {

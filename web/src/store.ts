@@ -47,6 +47,8 @@ interface Events {
   link: boolean
   signals: SignalBuffer
   stale: boolean
+  /** This device is too slow for what is drawn: draw less, until the page is loaded again. */
+  slow: null
   /** Something else is shown than before, or another place in it: what was gathered belongs to that. */
   restart: null
   channel: Channel
@@ -67,6 +69,8 @@ export class Store extends Emitter<Events> {
   clients = 0
   linked = false
   stale = true
+  /** Whether this device was too slow once. */
+  isSlow = false
   channel: Channel | null = null
   /** The robot's own mode and stop while a recording is shown. */
   live: LiveState | null = null
@@ -84,6 +88,10 @@ export class Store extends Emitter<Events> {
   }
 
   checkAge(nowMs: number): void {
+    if (!this.isSlow && this.monitor.isPageSlow) {
+      this.isSlow = true
+      this.emit('slow', null)
+    }
     const stale = this.ageMs(nowMs) > LATE_MS
     if (stale === this.stale) return
     this.stale = stale

@@ -1,7 +1,10 @@
 import assert from 'node:assert/strict'
 import { test } from 'node:test'
 import { DEAD_MS, LATE_MS, LinkMonitor, SILENT_MS } from '../src/link-monitor.ts'
+import { tellLine } from '../src/shell/line-text.ts'
 import { StopRequest } from '../src/stop-request.ts'
+import { Store } from '../src/store.ts'
+import type { State } from '../src/wire.ts'
 
 const AHEAD_MS = 1e6 // the robot's clock before the page's
 
@@ -67,6 +70,38 @@ test('a page that stood still itself does not give up its line', () => {
   monitor.tick(120_000)
   monitor.pong(100, 101 + AHEAD_MS, 0, 120_000)
   assert.ok((monitor.rttMs ?? 0) < 5000, 'nor is what it slept the time of an answer')
+})
+
+test('a page that stands still while it draws is slow, and one that slept or paused once is not', () => {
+  const monitor = new LinkMonitor()
+  pass(monitor, 0, 1000)
+  assert.equal(monitor.isPageSlow, false)
+  monitor.tick(2100) // one pause of a second
+  pass(monitor, 2100, 3000)
+  assert.equal(monitor.isPageSlow, false)
+  monitor.tick(4000)
+  assert.equal(monitor.isPageSlow, true)
+  pass(monitor, 4000, 9100)
+  assert.equal(monitor.isPageSlow, false, 'five seconds later')
+  monitor.tick(3_600_000)
+  assert.equal(monitor.isPageSlow, false, 'a device that slept')
+})
+
+test('what is old because this device draws too slowly is not blamed on the robot', () => {
+  const store = new Store()
+  store.setLinked(true)
+  answered(store.monitor, 0, 2, 2)
+  store.state = { mono_ms: AHEAD_MS } as State
+  pass(store.monitor, 100, 2000)
+  store.checkAge(2000)
+  assert.equal(tellLine(store, 2000, ''), 'What you see is 2.0 s old. The robot sends nothing new.')
+  for (let t = 3900; t < 10_000; t += 1900) store.monitor.tick(t)
+  answered(store.monitor, 9700, 2, 2)
+  store.checkAge(9704)
+  assert.match(tellLine(store, 9704, ''), /^What you see is 9\.7 s old\. This device is too slow for what it draws; /)
+  assert.equal(store.isSlow, true)
+  store.setLinked(false)
+  assert.match(tellLine(store, 9704, ''), /No link to the robot/)
 })
 
 test('a new connection waits for nothing of the old one', () => {

@@ -11,6 +11,8 @@ import type { Robot, State } from '../wire.ts'
 import { frustumLines } from './frustum.ts'
 
 const GROUND_M = 400
+/** Of the pixels along each side, on a device that is too slow for all of them. */
+const SLOW_RATIO = 0.5
 const TEXTURE_M = 4
 
 export interface Joint {
@@ -66,6 +68,12 @@ export class Scene {
     this.recolour()
     this.resize = new ResizeObserver(() => this.fit())
     this.resize.observe(host)
+    this.fit()
+  }
+
+  /** Draw fewer pixels on a device that is too slow. */
+  drawLess(): void {
+    this.renderer.setPixelRatio(this.renderer.getPixelRatio() * SLOW_RATIO)
     this.fit()
   }
 

@@ -28,6 +28,7 @@ export const robot: Screen = {
     }
     const scene = await makeScene(stage)
     if (!scene) return () => undefined
+    if (app.store.isSlow) scene.drawLess()
     replace(
       view,
       el('h2', {}, 'View'),
@@ -36,7 +37,7 @@ export const robot: Screen = {
       check('Frames of the links', false, (on) => scene.showFrames(on)),
     )
     if (window.__agribot) window.__agribot.scene = () => scene.shown()
-    const undo = [onTheme(() => scene.recolour())]
+    const undo = [onTheme(() => scene.recolour()), app.store.on('slow', () => scene.drawLess())]
     void showRobot(scene, app, joints, undo)
     return () => {
       for (const work of undo) work()

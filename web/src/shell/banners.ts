@@ -5,6 +5,7 @@ import { icon } from '../icons.ts'
 import type { IconName } from '../icons.ts'
 import type { Link } from '../link.ts'
 import type { Store } from '../store.ts'
+import { seconds, tellLine } from './line-text.ts'
 import { MODE_NAMES } from './statusbar.ts'
 
 const UPDATE_MS = 100
@@ -84,21 +85,7 @@ export class Banners {
   }
 
   private lineText(): string {
-    const { store, link } = this
-    if (link.isResting) return ''
-    const ageMs = store.ageMs(performance.now())
-    const old = store.stale && Number.isFinite(ageMs) ? `What you see is ${seconds(ageMs)} old. ` : ''
-    const { unansweredMs, roundTripMs } = store.monitor
-    if (!store.linked) return `${old}${link.farewell || 'No link to the robot, trying again…'}`
-    if (!store.answers)
-      return (
-        old +
-        (roundTripMs > unansweredMs
-          ? `The line is slow: the robot answers after ${seconds(roundTripMs)}.`
-          : `No answer from the robot for ${seconds(unansweredMs)}.`)
-      )
-    if (!store.stale) return ''
-    return old ? `${old}The robot sends nothing new.` : 'Waiting for the first data of the robot…'
+    return this.link.isResting ? '' : tellLine(this.store, performance.now(), this.link.farewell)
   }
 
   private unconfirmedText(): string {
@@ -113,8 +100,4 @@ export class Banners {
     const robot = live ? ` The robot itself: ${MODE_NAMES[live.mode].toLowerCase()}.` : ''
     return `Replay of ${channel?.name}: nothing here commands the robot${hasRobot ? ', but STOP does' : ''}.${robot}`
   }
-}
-
-function seconds(ms: number): string {
-  return ms < 10_000 ? `${(ms / 1000).toFixed(1)} s` : `${Math.floor(ms / 1000)} s`
 }
