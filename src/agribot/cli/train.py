@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--model", help="network (default: agribot-sim for sim, else agribot-s)")
     budget = parser.add_mutually_exclusive_group()
-    budget.add_argument("--minutes", type=finite, default=20.0, help="CPU time of the training")
+    budget.add_argument("--minutes", type=finite, default=20.0, help="CPU time of the steps")
     budget.add_argument("--steps", type=int, help="optimiser steps, for an exact repetition")
     parser.add_argument("--seed", type=seed, default=0)
     parser.add_argument("--threads", type=int, default=1, help="CPU threads; part of the result")
@@ -97,6 +97,9 @@ def run(args: argparse.Namespace) -> int:
 
     Raises: ConfigError: an option is out of range.
     """
+    from agribot.lab.train.cpu_meter import CpuMeter
+
+    meter = CpuMeter()
     _check(args)
     from agribot.lab.train.processes import join_group, leave_group, use_threads
 
@@ -105,12 +108,12 @@ def run(args: argparse.Namespace) -> int:
     try:
         source = group.run_leader_first(lambda: _make_source(args, group.device))
         plan = _make_plan(args, source, group)
-        return _train(args, source, plan, group)
+        return _train(args, source, plan, group, meter)
     finally:
         leave_group()
 
 
-def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
+def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any, meter: Any) -> int:
     from agribot.lab.train.architectures import find_architecture
     from agribot.lab.train.card import read_held_out
     from agribot.lab.train.export import export_onnx
@@ -119,7 +122,9 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
     from agribot.lab.train.precision import quantise_to_int8, sample_pictures
 
     held_out = read_held_out(args.scores_from, plan) if args.scores_from else None
-    trainer = Trainer(plan, source.batches, args.out, group, args.start, source.judge, args.workers)
+    trainer = Trainer(
+        plan, source.batches, args.out, group, args.start, source.judge, args.workers, meter
+    )
     network = trainer.run(_print_progress if group.is_leader else lambda text: None).cpu()
     if not group.is_leader:
         return 0
@@ -127,11 +132,14 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
         network = _blend(network, args, source)
     onnx_path = args.out / f"{args.name}.onnx"
     features = find_architecture(args.model).features
+    if source.aside is not None:
+        _print_progress("finding how sure it may be on pictures set aside")
     calibration = _calibrate(network, features, source)
     kept_temperatures = keep_temperatures(args)
     height_px, width_px = source.input_size_px
     is_small = args.precision == "int8"
     plain_path = args.out / f"{args.name}-fp32.onnx" if is_small else onnx_path
+    _print_progress(f"writing {plain_path}")
     export_onnx(
         network,
         plain_path,
@@ -142,6 +150,7 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
         temperatures=_choose_temperatures(calibration, kept_temperatures, held_out),
     )
     if is_small:
+        _print_progress(f"writing {onnx_path} with 8-bit numbers")
         quantise_to_int8(plain_path, onnx_path, sample_pictures(source.pictures))
     card = msgspec.structs.replace(
         _evaluate(args, trainer, onnx_path, source),
@@ -152,6 +161,7 @@ def _train(args: argparse.Namespace, source: Any, plan: Any, group: Any) -> int:
     card.write(onnx_path)
     write_curves(args.out / LOG, args.out / "training.png")
     _print_progress(card.markdown())
+    _print_progress(f"done: {meter.spent_s / 60.0:.1f} CPU-min in all")
     return 1 if source.problems else 0
 
 
@@ -288,10 +298,11 @@ def _evaluate(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: A
     from agribot.lab.train.network import count_parameters
 
     segmenter = Segmenter(onnx_path)
-    tests = {
-        name: evaluate(lambda image_rgb: classify(segmenter, image_rgb).class_id, pairs())
-        for name, pairs in source.tests.items()
-    }
+    tests = {}
+    for name, pairs in source.tests.items():
+        _print_progress(f"judging on {name}")
+        tests[name] = evaluate(lambda image_rgb: classify(segmenter, image_rgb).class_id, pairs())
+    plants = _judge_plants(args, onnx_path) if segmenter.finds_plants else {}
     return card.ModelCard(
         name=args.name,
         license=source.license,
@@ -314,10 +325,10 @@ def _evaluate(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: A
         sha256=card.hash_file(onnx_path),
         cpu_ms_per_frame=round(card.measure_cpu_ms_per_frame(segmenter), 1),
         cpu_ms_conditions=card.describe_speed_conditions(threads=1),
-        training_cpu_min=round(trainer.cpu_s / 60.0, 1),
+        training_cpu_min=round(trainer.meter.spent_s / 60.0, 1),
         training_device=trainer.device_name,
         test=tests,
-        plants=_judge_plants(args, onnx_path) if segmenter.finds_plants else {},
+        plants=plants,
     )
 
 
@@ -326,6 +337,7 @@ def _judge_plants(args: argparse.Namespace, onnx_path: Path) -> Any:
     from agribot.lab.bench.plant_scenes import SCENES
     from agribot.lab.bench.plants import FRAMES, judge_scenes, list_scores
 
+    _print_progress("judging on single plants of drawn scenes")
     frames = min(FRAMES, args.test_images)
     scenes = list(SCENES.values())
     return list_scores(judge_scenes(scenes, str(onnx_path), frames=frames, seed=args.seed))

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -12,6 +14,7 @@ from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.cli.train import run
 from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import PlantClass
+from agribot.lab.train import cpu_meter, export, photo_source
 from agribot.lab.train.card import ModelCard
 from agribot.lab.train.photo_source import make_photo_source
 from tests import nightly
@@ -137,6 +140,42 @@ def test_photographs_set_aside_draw_the_curve_and_teach_nothing(tmp_path: Path) 
     with (tmp_path / "out/training.csv").open(encoding="utf-8") as file:
         last = list(csv.DictReader(file))[-1]
     assert 0.0 < float(last["valid_miou"]) < 1.0 and not last["valid_stem_f1"]
+
+
+def test_a_training_states_the_cpu_time_of_its_whole_process_and_says_what_it_does_to_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clock = {"cpu_s": 1000.0}
+
+    def spend(minutes: float, work: Callable[..., Any]) -> Callable[..., Any]:
+        def spend_and_work(*given: Any, **named: Any) -> Any:
+            clock["cpu_s"] += 60.0 * minutes
+            return work(*given, **named)
+
+        return spend_and_work
+
+    monkeypatch.setattr(cpu_meter, "_measure_cpu_s", lambda: clock["cpu_s"])
+    monkeypatch.setattr(photo_source, "make_photo_source", spend(2.0, make_photo_source))
+    monkeypatch.setattr(export, "export_onnx", spend(1.5, export.export_onnx))
+    folder = photo_folder(tmp_path / "photos", 2)
+    words = ("--data", "cwfid", "--data-dir", str(folder), "--size", "64x64", *FEW_PIXELS)
+    words += ("--start", "random", "--train-width", "96", "--steps", "1")
+    assert run(parsed(*words, "--out", str(tmp_path / "out"))) == 0
+    card = msgspec.json.decode((tmp_path / "out/agribot-s.json").read_bytes(), type=ModelCard)
+    assert card.training_cpu_min == 3.5
+    said = capsys.readouterr().err.split("step 1/1")[1].splitlines()
+    assert said[0].endswith("2.0 CPU-min") and said[-1] == "done: 3.5 CPU-min in all"
+    assert f"writing {tmp_path / 'out' / 'agribot-s.onnx'}" in said
+
+
+def test_a_training_that_goes_on_counts_the_cpu_time_of_the_calls_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    readings = iter([10.0, 25.0])
+    monkeypatch.setattr(cpu_meter, "_measure_cpu_s", lambda: next(readings))
+    meter = cpu_meter.CpuMeter()
+    meter.earlier_s = 100.0
+    assert meter.spent_s == 115.0
 
 
 def test_some_photographs_are_left_to_train_on(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from torch.optim.swa_utils import get_ema_multi_avg_fn
 from agribot.core.errors import AgribotError, RecordingError
 from agribot.core.whole_file import make_at_once
 from agribot.lab.train.architectures import find_architecture
+from agribot.lab.train.cpu_meter import CpuMeter
 from agribot.lab.train.judged_figures import FIGURES
 from agribot.lab.train.loader import BatchLoader, BatchSource
 from agribot.lab.train.losses import CLASS_WEIGHTS, OVERLAP_LOSSES, segmentation_loss
@@ -88,8 +89,11 @@ class Trainer:
         start: Path | None = None,
         judge: Judge | None = None,
         workers: int = 0,
+        meter: CpuMeter | None = None,
     ) -> None:
+        """`meter` counts the CPU time of the whole process; left out, that from here on."""
         self.plan = plan
+        self.meter = CpuMeter() if meter is None else meter
         self._judge = judge
         self._best = BestSoFar()
         self._crew = group or TrainingGroup()
@@ -98,7 +102,6 @@ class Trainer:
         self._folder = folder
         self._rows: list[dict[str, float]] = []
         self._unread_losses: list[Tensor] = []
-        self.cpu_s = 0.0
         self.device_name = self._crew.name_device()
         torch.manual_seed(plan.seed)
         self._features = find_architecture(plan.model).features
@@ -133,11 +136,9 @@ class Trainer:
         return self.average
 
     def _go_on(self, progress: Progress) -> None:
-        zero_s = time.process_time() - self.cpu_s
         self._together.train()
         while self.step < self.plan.steps:
             loss = self.advance()
-            self.cpu_s = time.process_time() - zero_s
             self._note(loss)
             if self._judge and self._is_due(self.plan.judge_every):
                 self._look(progress)
@@ -148,7 +149,7 @@ class Trainer:
                 recent = [row["loss"] for row in self._rows[-50:]]
                 progress(
                     f"step {self.step}/{self.plan.steps}  loss {sum(recent) / len(recent):.4f}  "
-                    f"{self.cpu_s / 60.0:.1f} CPU-min"
+                    f"{self.meter.spent_s / 60.0:.1f} CPU-min"
                 )
 
     def _is_due(self, every: int) -> bool:
@@ -213,7 +214,7 @@ class Trainer:
                 "step": self.step,
                 "learning_rate": rate,
                 "loss": math.nan,
-                "cpu_s": round(self.cpu_s, 2),
+                "cpu_s": round(self.meter.spent_s, 2),
             }
         )
         self._unread_losses.append(loss)
@@ -235,7 +236,7 @@ class Trainer:
             "optimiser": self._optimiser.state_dict(),
             "rows": self._rows,
             "best": self._best.to_state(),
-            "cpu_s": self.cpu_s,
+            "cpu_s": self.meter.spent_s,
             "device": self.device_name,
         }
         data = io.BytesIO()
@@ -276,7 +277,7 @@ class Trainer:
         self._optimiser.load_state_dict(state["optimiser"])
         self._rows = state["rows"]
         self._best = BestSoFar.from_state(state.get("best", {}))
-        self.cpu_s = state["cpu_s"]
+        self.meter.earlier_s = state["cpu_s"]
         self.device_name = state.get("device", self.device_name)
         # The log may be gone, or ahead of the checkpoint.
         make_at_once(self._folder / LOG, self._write_log)
