@@ -15,9 +15,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.row_line import find_row_line
-from agribot.autonomy.perceive.segmenter import ClassMap, Segmenter
+from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core import config as settings
 from agribot.core.geo import transform
 from agribot.core.messages import RowLine

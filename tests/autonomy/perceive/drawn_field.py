@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.ground import GroundLookup
-from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.core.config import PerceptionConfig
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
 from agribot.core.messages import PlantClass

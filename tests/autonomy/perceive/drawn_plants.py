@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.ground import ground_to_pixels
-from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.autonomy.perceive.stems import CELL_PX, SQUARE_PX, PlantMaps
 from agribot.core.messages import FloatArray, PlantClass
 from tests.autonomy.perceive.drawn_field import BODY_FROM_CAMERA, CAMERA, MAP_SHAPE, Disc, draw

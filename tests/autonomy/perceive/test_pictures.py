@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.pictures import classify, enlarge
-from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray, PlantClass
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.plants import ground_plants, observe
-from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.core.errors import PerceptionError
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
 from agribot.core.messages import CameraFrame, PlantClass

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.row_line import find_row_line
-from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.core.messages import FloatArray, PlantClass, RowLine
 from tests import nightly
 from tests.autonomy.perceive.drawn_field import GROUND, MAP_SHAPE, Disc, draw

@@ -6,10 +6,11 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.ground import GroundLookup
+from agribot.autonomy.perceive.plant_names import LEAST_SCORE
 from agribot.autonomy.perceive.plants import ground_plants, observe
-from agribot.autonomy.perceive.segmenter import ClassMap
-from agribot.autonomy.perceive.stem_plants import LEAST_SCORE, find_stem_plants
+from agribot.autonomy.perceive.stem_plants import find_stem_plants
 from agribot.autonomy.perceive.stems import PlantMaps
 from agribot.core.errors import PerceptionError
 from agribot.core.geo import LINK_FROM_OPTICAL, transform
@@ -17,6 +18,7 @@ from agribot.core.messages import CameraFrame, GroundPlant, PlantClass
 from tests.autonomy.perceive.drawn_field import CAMERA, CONFIG, GROUND, Disc, draw
 from tests.autonomy.perceive.drawn_plants import draw_plants, find_stems_px, number_pixels
 
+UNSURE = 128  # of 255: leaves that say neither
 WEED, CROP, SOIL = PlantClass.WEED, PlantClass.CROP, PlantClass.SOIL
 
 
@@ -85,12 +87,14 @@ def test_overlapping_plants_of_both_classes_are_each_a_plant() -> None:
     assert_found(draw_plants(*field), *field)
 
 
-def test_a_weed_under_the_leaves_of_a_crop_keeps_its_class() -> None:
+def test_a_weed_under_the_leaves_of_a_crop_keeps_its_class_unless_its_own_are_surely_crop() -> None:
     weed, crop = (0.95, 0.035, 0.04, WEED), (0.9, 0.0, 0.06, CROP)
     class_map = draw_plants(weed, crop)
     assert_found(class_map, weed, crop)
-    class_map.class_id[class_map.class_id == WEED] = CROP  # nor do its own pixels change that
+    class_map.class_id[class_map.class_id == WEED] = CROP
     assert_found(class_map, weed, crop)
+    class_map.confidence[:] = 255
+    assert_found(class_map, crop)  # what may be either is neither
 
 
 def test_a_plant_whose_stem_is_outside_the_picture_is_not_reported() -> None:
@@ -194,6 +198,7 @@ def test_the_class_is_as_sure_as_the_one_score_against_the_other() -> None:
     class_map = draw_plants((0.9, 0.0, 0.05, WEED), score=0.3)
     maps = plants_in(class_map)
     maps.stem_score[1] = maps.stem_score[0] * 3
+    class_map.confidence[:] = UNSURE
     (plant,) = find_plants(class_map)
     assert plant.plant == CROP
     assert plant.confidence == pytest.approx(0.75, abs=0.01)
@@ -203,6 +208,7 @@ def test_the_class_is_as_sure_as_the_one_score_against_the_other() -> None:
 def test_a_stem_that_may_be_a_weed_or_a_crop_is_neither(sure: float, count: int) -> None:
     class_map = draw_plants((0.9, 0.0, 0.05, WEED), (0.9, 0.3, 0.05, CROP), score=0.4)
     maps, share = plants_in(class_map), CONFIG.min_confidence + sure
+    class_map.confidence[class_map.class_id == WEED] = UNSURE
     weeds = maps.stem_score[0]
     maps.stem_score[1] = np.maximum(maps.stem_score[1], weeds * ((1.0 - share) / share))
     assert [plant.plant for plant in find_plants(class_map)].count(WEED) == count

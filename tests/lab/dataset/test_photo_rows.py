@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot.autonomy.perceive.segmenter import ClassMap
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
 from agribot.core.geo import LINK_FROM_OPTICAL, transform

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.pictures import PictureClasses, SeenPicture
-from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.autonomy.perceive.stems import CELL_PX, PlantMaps
 from agribot.core.messages import PlantClass
 from agribot.lab.dataset.drawing import draw_field, list_missing_fields
@@ -40,12 +40,15 @@ def draw(*discs: tuple[float, float, float, PlantClass]) -> tuple[np.ndarray, Pl
 
 
 def see(label: np.ndarray, plants: PlantTruth, doubt: float = 0.0) -> SeenPicture:
-    """What a perfect network says; `doubt` is the other class's score over that of the stem."""
+    """What a perfect network says; `doubt` is the other class's score over that of the stem.
+
+    With it the leaves are as likely of either class.
+    """
     target = tell_targets(label, plants)
     stems = join_target_heat(target)
     heat = np.maximum(stems, doubt * stems[::-1])
     maps = PlantMaps(stem_score=(255.0 * heat).astype(np.uint8), way_px=target[WAY] * WAY_UNIT_PX)
-    sure = np.full(SHAPE, 255, np.uint8)
+    sure = np.full(SHAPE, 128 if doubt else 255, np.uint8)
     class_map = ClassMap(class_id=label, confidence=sure, scale_px=(1.0, 1.0), plants=maps)
     return SeenPicture(PictureClasses(label, sure), class_map, (1.0, 1.0))
 

@@ -91,8 +91,8 @@ def test_stems_alone_learn_where_the_classes_are_to_be_kept(
     temperatures = read_temperatures(start_file)
     assert temperatures == MILD
     export_onnx(network, tmp_path / "plants.onnx", 96, 128, temperatures=temperatures)
-    one = Segmenter(start_file).segment(draw_image())
-    other = Segmenter(tmp_path / "plants.onnx").segment(draw_image())
+    one = Segmenter(start_file).segment_pixels(draw_image())
+    other = Segmenter(tmp_path / "plants.onnx").segment_pixels(draw_image())
     # Its weights are stored in 16 bits: probabilities move a little, and ties may fall otherwise.
     steps = one.confidence.astype(int) - other.confidence.astype(int)  # of 1/255
     assert np.abs(steps).max() <= 2

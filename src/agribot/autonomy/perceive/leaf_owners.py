@@ -12,7 +12,6 @@ from agribot.autonomy.perceive.stems import (
     Owners,
     PlantMaps,
     Stems,
-    find_cell_owners,
     find_centres,
     sum_cells,
 )
@@ -24,11 +23,6 @@ class OwnedLeaves(NamedTuple):
 
     stems: Stems
     owners: Owners
-
-
-def own_leaves(maps: PlantMaps, stems: Stems, is_plant: Mask) -> OwnedLeaves:
-    """Give the vegetation (h, w) to its stems."""
-    return OwnedLeaves(stems, find_cell_owners(maps, stems, sum_cells(is_plant)))
 
 
 def find_crop_leaves(

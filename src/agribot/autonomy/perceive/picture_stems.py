@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from agribot.autonomy.perceive.pictures import SeenPicture
 from agribot.autonomy.perceive.pieces import find_windows
-from agribot.autonomy.perceive.stem_plants import LEAST_SCORE
-from agribot.autonomy.perceive.stems import find_owners, find_stems, share_kinds
+from agribot.autonomy.perceive.plant_names import name_plants
+from agribot.autonomy.perceive.stems import CELL_PX, share_kinds
 from agribot.core.config import PerceptionConfig
 from agribot.core.messages import FloatArray, PlantClass
 
@@ -52,15 +52,14 @@ class OwnedPixels(NamedTuple):
 
 def own_pixels(seen: SeenPicture) -> OwnedPixels:
     """Lead the vegetation of a picture to its stems; the class map has to tell stems."""
-    maps, class_id = seen.class_map.plants, seen.class_map.class_id
-    assert maps is not None
-    stems = find_stems(maps, LEAST_SCORE)
-    owners = find_owners(maps, stems, class_id != PlantClass.SOIL)
+    owned = seen.class_map.owned or name_plants(seen.class_map).owned
+    assert owned is not None
+    stems, cells = owned
     down, right = seen.scale_px
     height, width = seen.classes.class_id.shape
-    rows = np.minimum((np.arange(height) + 0.5) / down, owners.shape[0] - 1).astype(np.intp)
-    columns = np.minimum((np.arange(width) + 0.5) / right, owners.shape[1] - 1).astype(np.intp)
-    number = owners[rows[:, None], columns[None]] + 1
+    rows = np.minimum((np.arange(height) + 0.5) / (down * CELL_PX), cells.shape[0] - 1)
+    columns = np.minimum((np.arange(width) + 0.5) / (right * CELL_PX), cells.shape[1] - 1)
+    number = cells[rows.astype(np.intp)[:, None], columns.astype(np.intp)[None]] + 1
     number[seen.classes.class_id == PlantClass.SOIL] = 0
     stem_px = (stems.uv_px + 0.5) * (right, down) - 0.5
     return OwnedPixels(number, stem_px, share_kinds(stems.kind_scores))

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from agribot.autonomy.perceive.segmenter import ClassMap
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray, PlantClass
 

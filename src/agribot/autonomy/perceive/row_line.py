@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.ground import GroundLookup
-from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.core.messages import FloatArray, PlantClass, RowLine
 from agribot.core.pose import Pose2
 

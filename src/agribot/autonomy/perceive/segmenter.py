@@ -11,6 +11,8 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.autonomy.perceive.class_map import ClassMap
+from agribot.autonomy.perceive.plant_names import name_plants
 from agribot.autonomy.perceive.stems import CELL_PX, SQUARE_PX, PlantMaps
 from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray
@@ -21,31 +23,6 @@ PLANT_TYPES = ("tensor(uint8)", "tensor(float)")  # of theirs
 CPU = "CPUExecutionProvider"
 # The winner of three classes has at least a third of the probability, 85 of 255; less is NaN.
 LEAST_CONFIDENCE = 80
-
-
-class ClassMap(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """What the network says about an image, at the network's own resolution.
-
-    `class_id` (h, w) holds `PlantClass` values and `confidence` (h, w) the probability of that
-    class, 255 = certain. `scale_px` is (height, width) of the image over that of the map.
-    `plants` tells the stems, None of a network that only tells the classes of pixels.
-    """
-
-    class_id: ByteArray
-    confidence: ByteArray
-    scale_px: tuple[float, float]
-    plants: PlantMaps | None = None
-
-    def check_shape(self, map_shape: tuple[int, int]) -> None:
-        """Refuse a ground lookup of pixels (h, w) that are not those of this map.
-
-        Raises: PerceptionError: it is of another size.
-        """
-        if self.class_id.shape != map_shape:
-            raise PerceptionError(
-                f"class map is {self.class_id.shape}, the ground lookup {map_shape}; "
-                "build the lookup for the segmenter's map_shape"
-            )
 
 
 def model_names() -> list[str]:
@@ -75,6 +52,28 @@ def model_path(model: str | Path) -> Path:
     return path
 
 
+class _Card(msgspec.Struct, frozen=True):
+    """What a network has to know of itself, of the card beside its file."""
+
+    most_doubt: float | None = None
+
+
+def _read_card(path: Path) -> _Card:
+    """Read the card of a network; one without a card, or with an older one, limits no doubt.
+
+    Raises: PerceptionError: it cannot be read.
+    """
+    card = path.with_suffix(".json")
+    if not card.is_file():
+        return _Card()
+    try:
+        return msgspec.json.decode(card.read_bytes(), type=_Card)
+    except (OSError, msgspec.DecodeError) as error:
+        raise PerceptionError(
+            f"{card}: is no card of a network ({error}); copy it again, or move it away"
+        ) from error
+
+
 class Segmenter:
     """Runs a network on the CPU, or on other ONNX Runtime providers where they exist.
 
@@ -87,6 +86,7 @@ class Segmenter:
     ) -> None:
         self.path = path = model_path(model)
         self._session = _open_session(path, threads, providers)
+        self._most_doubt = _read_card(path).most_doubt
         try:
             (image,) = self._session.get_inputs()
             outputs = {output.name: output for output in self._session.get_outputs()}
@@ -104,7 +104,12 @@ class Segmenter:
         self._output_names = PIXEL_OUTPUTS + tuple(PLANT_OUTPUTS) * self.finds_plants
 
     def segment(self, image_rgb: ByteArray) -> ClassMap:
-        """Classify an image of (height, width, 3), of any size."""
+        """Classify an image of (height, width, 3), of any size; a plant has one name."""
+        named = name_plants(self.segment_pixels(image_rgb))
+        return msgspec.structs.replace(named, most_doubt=self._most_doubt)
+
+    def segment_pixels(self, image_rgb: ByteArray) -> ClassMap:
+        """Classify as the network does, each pixel for itself."""
         if image_rgb.ndim != 3 or image_rgb.shape[2] != 3 or image_rgb.dtype != np.uint8:
             raise PerceptionError(
                 f"image is {image_rgb.shape} {image_rgb.dtype}; give (height, width, 3) uint8"

@@ -7,17 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.crop_cover import Mask, StemLeaves
 from agribot.autonomy.perceive.foliage import find_nearer_ratio
 from agribot.autonomy.perceive.ground import GroundLookup
-from agribot.autonomy.perceive.leaf_owners import OwnedLeaves, find_crop_leaves, own_leaves
-from agribot.autonomy.perceive.segmenter import ClassMap
-from agribot.autonomy.perceive.stems import PlantMaps, Stems, find_stems, share_kinds, sum_cells
+from agribot.autonomy.perceive.leaf_owners import OwnedLeaves, find_crop_leaves
+from agribot.autonomy.perceive.plant_names import name_plants
+from agribot.autonomy.perceive.stems import PlantMaps, Stems, share_kinds, sum_cells
 from agribot.core.config import PerceptionConfig
 from agribot.core.errors import PerceptionError
 from agribot.core.messages import FloatArray, GroundPlant, PlantClass
 
-LEAST_SCORE = 0.25
 # Two stems of one class nearer than the first, in radii of a plant with the leaves of both, are one
 # plant found twice; the second is added by the share that the one is less sure than the other.
 DOUBLE_RATIO, DOUBT_RATIO = 0.35, 0.7
@@ -56,8 +56,9 @@ def see_stems(class_map: ClassMap, ground: GroundLookup) -> SeenStems:
         raise PerceptionError("the network of this class map finds no plants; give one that does")
     class_map.check_shape(ground.map_shape)
     is_plant = (class_map.class_id != PlantClass.SOIL) & (ground.area_m2 > 0.0)
-    stems = find_stems(class_map.plants, LEAST_SCORE)
-    return SeenStems(class_map.plants, own_leaves(class_map.plants, stems, is_plant), is_plant)
+    owned = class_map.owned or name_plants(class_map).owned
+    assert owned is not None  # a map with stems was named
+    return SeenStems(class_map.plants, owned, is_plant)
 
 
 def find_leaves(seen: SeenStems, ground: GroundLookup) -> StemLeaves:
@@ -78,8 +79,8 @@ def find_stem_plants(
 ) -> list[GroundPlant]:
     """Find the plants within range whose stem the image shows, the surest stem first.
 
-    A stem stands on the ground: its pixel is its place. The class is that of the stem, whatever
-    the leaves about it look like; a stem that is less sure of it than `config.min_confidence` is
+    A stem stands on the ground: its pixel is its place. The class is that of the plant (see
+    plant_names); one that is less sure of it than `config.min_confidence` is
     neither weed nor crop, and left out. Leaves of a plant whose stem is outside the image are of
     none.
 

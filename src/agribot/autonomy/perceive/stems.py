@@ -29,7 +29,7 @@ REACH_RATIO = 0.3
 Mask = npt.NDArray[np.bool_]
 Owners = npt.NDArray[np.int32]
 Indices = npt.NDArray[np.int64]
-Value = TypeVar("Value", np.bool_, np.float32)
+Value = TypeVar("Value", np.bool_, np.uint8, np.float32)
 
 
 class PlantMaps(msgspec.Struct, frozen=True, kw_only=True, eq=False):

@@ -15,11 +15,12 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.ground import GroundLookup
+from agribot.autonomy.perceive.plant_names import name_plants
 from agribot.autonomy.perceive.plants import find_pieces, ground_plants
-from agribot.autonomy.perceive.segmenter import ClassMap, Segmenter
-from agribot.autonomy.perceive.stem_plants import LEAST_SCORE
-from agribot.autonomy.perceive.stems import find_owners, find_stems
+from agribot.autonomy.perceive.segmenter import Segmenter
+from agribot.autonomy.perceive.stems import CELL_PX
 from agribot.core.config import DEFAULT_MODEL, PerceptionConfig
 from agribot.core.geo import inverse, transform
 from agribot.core.messages import WHEEL_NAMES, ByteArray, FloatArray, GroundPlant, PlantClass, Row
@@ -241,11 +242,12 @@ def find_segments(class_map: ClassMap, ground: GroundLookup) -> PlantSegments:
         pieces = find_pieces(class_map, ground)
         is_crop = np.arange(pieces.total) >= pieces.weeds
         return PlantSegments(pieces.labels, _name_kinds(is_crop))
-    stems = find_stems(class_map.plants, LEAST_SCORE)
-    is_plant = (class_map.class_id != PlantClass.SOIL) & (ground.area_m2 > 0.0)
-    owners = find_owners(class_map.plants, stems, is_plant)
-    is_crop = stems.kind_scores.argmax(axis=1) == PlantClass.CROP
-    return PlantSegments(owners + 1, _name_kinds(is_crop))
+    owned = class_map.owned or name_plants(class_map).owned
+    assert owned is not None  # a map with stems was named
+    number = (owned.owners + 1).repeat(CELL_PX, axis=0).repeat(CELL_PX, axis=1)
+    number[(class_map.class_id == PlantClass.SOIL) | (ground.area_m2 <= 0.0)] = 0
+    is_crop = owned.stems.kind_scores.argmax(axis=1) == PlantClass.CROP
+    return PlantSegments(number, _name_kinds(is_crop))
 
 
 def _name_kinds(is_crop: Mask) -> ByteArray:

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from agribot.autonomy.perceive.segmenter import ClassMap
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, FloatArray, PlantClass
 from agribot.lab.dataset.classes import UNLABELLED

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import msgspec
 
-from agribot.autonomy.perceive.segmenter import ClassMap, Segmenter
+from agribot.autonomy.perceive.class_map import ClassMap
+from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray
 from agribot.lab.dataset.layouts import IMAGE_FOLDERS, index_files

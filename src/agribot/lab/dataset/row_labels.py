@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.row_line import find_row_line, locate_foliage
-from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, PlantClass, RowLine
 from agribot.core.pose import Pose2
