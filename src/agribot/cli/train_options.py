@@ -252,6 +252,14 @@ def add_drawn_options(group: argparse._ArgumentGroup) -> None:
         help="so many more of young carrots or parsley among weeds, from close above, half in red "
         "and near infrared",
     )
+    group.add_argument(
+        "--front-images",
+        type=int,
+        default=0,
+        metavar="N",
+        help="so many more of rows from the camera to the horizon, on stony or bare fields in any "
+        "light",
+    )
     group.add_argument("--test-images", type=int, default=120, help="of each test set")
     group.add_argument("--cache", type=Path, help="where they lie (default: OUT/images)")
 
@@ -273,6 +281,8 @@ def check_drawn_options(args: argparse.Namespace) -> None:
         )
     if args.seedling_images < 0:
         raise ConfigError(f"--seedling-images {args.seedling_images}: must be 0 or more images")
+    if args.front_images < 0:
+        raise ConfigError(f"--front-images {args.front_images}: must be 0 or more images")
     if args.row_images is None:
         args.row_images = args.images // 2
     if args.turn_images is None:

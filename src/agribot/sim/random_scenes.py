@@ -25,8 +25,14 @@ DATUM = Datum(lat_deg=0.0, lon_deg=0.0)
 CROPS = (("sugar_beet", 0.07, 0.26), ("lettuce", 0.06, 0.20), ("maize", 0.12, 0.45))
 CROP_SHARE = (0.5, 0.25, 0.25)
 WEEDS = ("grass", "goosefoot", "thistle", "amaranth")
-ALL_CROPS = (*CROPS, ("carrot", 0.05, 0.22), ("onion", 0.08, 0.32), ("parsley", 0.05, 0.22))
-ALL_CROP_SHARE = (0.25, 0.15, 0.15, 0.15, 0.15, 0.15)
+ALL_CROPS = (
+    *CROPS,
+    ("carrot", 0.05, 0.22),
+    ("onion", 0.08, 0.32),
+    ("parsley", 0.05, 0.22),
+    ("fodder_beet", 0.07, 0.40),
+)
+ALL_CROP_SHARE = (0.2, 0.15, 0.15, 0.125, 0.125, 0.125, 0.125)
 FIELD_WEEDS = (*WEEDS, "chickweed", "plantain", "charlock", "chamomile")
 # The last five the packaged networks have learned as seedlings alone, or not at all.
 ALL_WEEDS = (*FIELD_WEEDS, "millet", "knotweed", "quickweed", "milk_thistle", "mayweed")

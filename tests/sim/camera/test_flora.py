@@ -41,7 +41,9 @@ def _leaf_area(mesh: Mesh) -> float:
 
 def test_there_are_crops_and_weeds() -> None:
     crops = {name for name, kind in SPECIES.items() if kind.plant == PlantClass.CROP}
-    assert crops == {"sugar_beet", "maize", "lettuce", "carrot", "onion", "parsley"}
+    assert crops == {
+        "sugar_beet", "maize", "lettuce", "carrot", "onion", "parsley", "fodder_beet",
+    }  # fmt: skip
     assert set(SPECIES) - crops == {
         "grass", "goosefoot", "thistle", "amaranth", "chickweed", "plantain", "charlock",
         "chamomile", "millet", "knotweed", "quickweed", "milk_thistle",

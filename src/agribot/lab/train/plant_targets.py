@@ -17,6 +17,7 @@ from torch.nn import functional
 
 from agribot.autonomy.perceive.stems import CELL_PX, SQUARE_PX, find_centres
 from agribot.lab.train.augment import choose_windows, recolour
+from agribot.lab.train.lights import change_light
 from agribot.lab.train.losses import IGNORED
 from agribot.lab.train.picture_stack import NO_PLANT, PictureStack
 from agribot.lab.train.plant_truth import LEAST_PX
@@ -48,7 +49,8 @@ def augment_views(
     """
     chosen = stack.choose(count, rng)
     windows = choose_windows(stack, chosen, crop_px, rng)
-    images = change_sensors(windows.cut_images(stack.images[chosen]), rng)
+    images = change_light(windows.cut_images(stack.images[chosen]), rng)
+    images = change_sensors(images, rng)
     images = compress_some(recolour(images, rng), rng)
     targets = make_targets(
         windows.cut_pixels(stack.labels[chosen]),

@@ -50,12 +50,13 @@ def find_plants(
     camera: CameraSpec,
     map_from_camera: FloatArray,
     ground: GroundSurface | None = None,
+    range_m: float = LABEL_RANGE_M,
 ) -> PlantTruth:
     """Find the plants that a picture of the world shows near enough to be told apart.
 
     The stem of a plant is where the map has it, on the ground.
     """
-    shown = _list_shown(drawn)
+    shown = _list_shown(drawn, range_m)
     number = np.zeros(len(world.plants) + 1, dtype=np.uint16)  # of instance -1, the last, none
     number[shown] = np.arange(1, len(shown) + 1)
     places_m, kind = place_stems(world, shown, ground)
@@ -99,8 +100,8 @@ def load_plants(path: Path) -> PlantTruth:
         return PlantTruth(*(stored[name] for name in PlantTruth._fields))
 
 
-def _list_shown(drawn: Rendering) -> npt.NDArray[np.intp]:
+def _list_shown(drawn: Rendering, range_m: float) -> npt.NDArray[np.intp]:
     """List the indices of the world's plants of which enough pixels are near enough."""
-    near = (drawn.instance >= 0) & (drawn.depth_m <= LABEL_RANGE_M)
+    near = (drawn.instance >= 0) & (drawn.depth_m <= range_m)
     seen_px = np.bincount(drawn.instance[near])
     return np.flatnonzero(seen_px >= LEAST_PX)

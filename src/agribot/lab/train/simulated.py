@@ -15,6 +15,12 @@ from agribot.lab.train.losses import IGNORED
 from agribot.lab.train.plant_truth import LABEL_RANGE_M, DrawnView, find_plants
 from agribot.lab.train.rough_ground import roughen
 from agribot.sim.camera.renderer import CameraRenderer, Rendering
+from agribot.sim.front_scenes import (
+    FRONT_RANGE_M,
+    sample_front_field,
+    sample_front_look,
+    sample_front_view,
+)
 from agribot.sim.ground_surface import build_ground_surface
 from agribot.sim.random_scenes import (
     STANDARD,
@@ -85,7 +91,20 @@ def draw_seedlings(
         yield DrawnView(image_rgb, make_label(drawn), plants)
 
 
-def make_label(drawn: Rendering) -> ByteArray:
+def draw_front(
+    rng: np.random.Generator, views: int, variety: Variety = STANDARD
+) -> Iterator[DrawnView]:
+    """Draw views along rows to the horizon, as of `front_scenes`; they are of no `variety`."""
+    world = sample_front_field(rng)
+    renderer = CameraRenderer(world, appearance=sample_front_look(rng), threads=1)
+    for _ in range(views):
+        camera, map_from_camera = sample_front_view(rng)
+        drawn = renderer.render(map_from_camera, camera, noise_seed=int(rng.integers(2**31)))
+        plants = find_plants(drawn, world, camera, map_from_camera, range_m=FRONT_RANGE_M)
+        yield DrawnView(drawn.image_rgb, make_label(drawn, FRONT_RANGE_M), plants)
+
+
+def make_label(drawn: Rendering, range_m: float = LABEL_RANGE_M) -> ByteArray:
     """Label pixels (H, W); those too far to tell are left out; sky counts as no plant."""
-    far = (drawn.depth_m > LABEL_RANGE_M) & np.isfinite(drawn.depth_m)
+    far = (drawn.depth_m > range_m) & np.isfinite(drawn.depth_m)
     return np.where(far, np.uint8(IGNORED), drawn.class_id)

@@ -29,6 +29,7 @@ from agribot.lab.train.simulated import (
     ROUGH_VIEWS_PER_SCENE,
     TAUGHT_VIEWS_PER_SCENE,
     VIEWS_PER_SCENE,
+    draw_front,
     draw_random_field,
     draw_seedlings,
 )
@@ -51,6 +52,7 @@ TAUGHT: dict[str, tuple[int, VariedDrawer, bool]] = {
     "train-usual-rows": (113, draw_row_crop, True),
     "train-usual-turns": (114, draw_turn, True),
     "train-seedlings": (117, draw_seedlings, False),
+    "train-front": (118, draw_front, False),
     "valid-random": (109, draw_random_field, False),
     "valid-rows": (110, draw_row_crop, False),
     "valid-usual-rows": (115, draw_row_crop, True),
@@ -131,11 +133,12 @@ def make_simulated_source(
         pictures=_copy_sample(stack) if args.precision == "int8" else [],
         recipe=recipe,
         tests={name: partial(one.read, args.test_images) for name, one in sets.items()},
-        train_images=args.images + args.usual_images + args.seedling_images,
+        train_images=sum(counts.values()),
         input_size_px=(INPUT_HEIGHT_PX, INPUT_WIDTH_PX),
         antialias=False,
         about=f"{SIM_TEXT}{VARIETY_TEXTS.get(args.variety, '')}"
-        f"{SEEDLING_TEXT if args.seedling_images else ''}; no photograph was used",
+        f"{SEEDLING_TEXT if args.seedling_images else ''}"
+        f"{FRONT_TEXT if args.front_images else ''}; no photograph was used",
         license=LICENSE,
         limits=SIM_LIMITS,
         command=_format_command(args),
@@ -149,6 +152,7 @@ def _format_command(args: argparse.Namespace) -> str:
     words += f" --crop-px {args.crop_px}" if args.crop_px != CROP_PX else ""
     more = f"--usual-images {args.usual_images} " if args.usual_images else ""
     more += f"--seedling-images {args.seedling_images} " if args.seedling_images else ""
+    more += f"--front-images {args.front_images} " if args.front_images else ""
     return (
         f"agribot train --data sim --variety {args.variety}{words} --images {args.images} "
         f"--row-images {args.row_images} --turn-images {args.turn_images} {more}"
@@ -174,6 +178,8 @@ def _count_training(args: argparse.Namespace) -> dict[str, int]:
     }
     if args.seedling_images:
         own["train-seedlings"] = args.seedling_images
+    if args.front_images:
+        own["train-front"] = args.front_images
     return own | _halve("train-usual", args.usual_images)
 
 
@@ -267,7 +273,7 @@ def draw_set(
 
 def _count_views(wanted: WantedSet) -> int:
     """Count the views of each scene of a set."""
-    if not wanted.variety.rough_share or wanted.drawer is draw_seedlings:
+    if not wanted.variety.rough_share or wanted.drawer in {draw_seedlings, draw_front}:
         return VIEWS_PER_SCENE
     return TAUGHT_VIEWS_PER_SCENE if wanted.name in TAUGHT else ROUGH_VIEWS_PER_SCENE
 
@@ -294,6 +300,10 @@ SIM_TEXT = (
 )
 SEEDLING_TEXT = (
     "; young carrots or parsley among weeds from close above, half of them in red and near infrared"
+)
+FRONT_TEXT = (
+    "; rows from the camera to the horizon, of stony or bare fields in any light, as the front "
+    "camera of a robot sees them"
 )
 VARIETY_TEXTS = {
     "rough": "; five crops from seedlings on, half of the fields with the relief, litter, "

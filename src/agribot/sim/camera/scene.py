@@ -194,7 +194,9 @@ def build_ground_textures(world: WorldSpec, to_sun: Doubles, look: Appearance) -
     images = []
     for surface in _list_layers(world.ground):
         relief = look.soil_contrast * min(1.0, world.light.diffuse / 0.75)
-        image = build_surface_texture(surface, look.texture_seed, to_sun, relief, world.soil)
+        image = build_surface_texture(
+            surface, look.texture_seed, to_sun, relief, world.soil, look.flint_cover_ratio
+        )
         if surface in EARTH:
             mean = image.mean(axis=(0, 1))
             image = (mean + (image - mean) * look.soil_contrast) * np.array(look.soil_tint)

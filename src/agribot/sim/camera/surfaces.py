@@ -12,6 +12,7 @@ from scipy import ndimage, spatial
 from agribot.core.errors import DescriptionError
 from agribot.core.messages import FloatArray
 from agribot.core.world import Soil
+from agribot.sim.camera.flints import add_flints
 from agribot.sim.camera.ground import TONE_SIZE
 from agribot.sim.flora.texture import make_tileable_noise
 
@@ -179,17 +180,24 @@ def _add_litter(material: Material, soil: Soil, seed: int) -> Material:
 
 
 def build_surface_texture(
-    surface: str, seed: int, to_sun: FloatArray, relief_ratio: float, soil: Soil = BARE
+    surface: str,
+    seed: int,
+    to_sun: FloatArray,
+    relief_ratio: float,
+    soil: Soil = BARE,
+    flint_cover_ratio: float = 0.0,
 ) -> npt.NDArray[np.float32]:
     """Build colours (n, n, 3), 0 to 255, rows along map y; slopes that face the sun are brighter.
 
-    What lies on the `soil` is on the surfaces "soil" and "track".
+    What lies on the `soil`, and flints, is on the surfaces "soil" and "track".
 
     Raises: DescriptionError: no such surface.
     """
     colour, height = _make_material(surface, seed)
     if surface in EARTH and (soil.stones_ratio or soil.residue_ratio):
         colour, height = _add_litter((colour, height), soil, seed)
+    if surface in EARTH and flint_cover_ratio > 0.0:
+        colour, height = add_flints((colour, height), flint_cover_ratio, seed)
     slope_x = np.roll(height, -1, axis=1) - np.roll(height, 1, axis=1)
     slope_y = np.roll(height, -1, axis=0) - np.roll(height, 1, axis=0)
     steep = 0.20 * relief_ratio

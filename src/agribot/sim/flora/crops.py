@@ -79,3 +79,15 @@ def grow_onion(rng: np.random.Generator, stage: float) -> list[Leaves]:
                pitch_deg=66 + 20 * age, curl=(0.0, 0.45), profile=_onion_blade, fold=0.9,
                base_z=0.06 * age, tone=0.92 + 0.16 * age),
     ]  # fmt: skip
+
+
+def grow_fodder_beet(rng: np.random.Generator, stage: float) -> list[Leaves]:
+    """Grow long-stalked leaves with wavy blades that stand upright and hang over at their tips."""
+    count = choose_leaf_count(rng, stage, 4, 13)
+    age = np.arange(count) / count  # 0 the outer and oldest leaf
+    length = (0.66 + 0.34 * stage) * (1 - 0.32 * age)
+    return [
+        grow_leaves(rng, arrange_spiral(rng, count), length=length, width=0.36 * length,
+                pitch_deg=46 + 34 * age, curl=(0.4, 1.7), profile=_beet_blade, petiole=0.38,
+                fold=0.4, twist=0.25, wave=0.6, tone=0.86 + 0.26 * age),
+    ]  # fmt: skip

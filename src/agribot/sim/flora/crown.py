@@ -25,6 +25,7 @@ RADIUS_RATIO: dict[str, tuple[float, ...]] = {
     "knotweed": (3.96, 2.04, 1.34, 1.07),
     "quickweed": (1.31, 1.11, 0.84), "milk_thistle": (1.70, 1.83, 1.65),
     "mayweed": (1.74, 1.56, 1.55),
+    "fodder_beet": (1.24, 1.16, 1.06),
 }  # fmt: skip
 
 

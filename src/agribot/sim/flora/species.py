@@ -67,6 +67,8 @@ _ALL = (
             (226, 234, 216), (160, 180, 140), 9, 0.10, 17),
     Species("mayweed", PlantClass.WEED, 0.15, grow_mayweed, 3, (92, 144, 62), (124, 166, 88),
             (126, 156, 88), 0, 0.10, 18, is_compound=True),
+    Species("fodder_beet", PlantClass.CROP, 0.30, crops.grow_fodder_beet, 12, (92, 132, 58),
+            (176, 198, 140), (178, 194, 132), 8, 0.14, 19),
 )  # fmt: skip
 SPECIES: dict[str, Species] = {kind.name: kind for kind in _ALL}
 

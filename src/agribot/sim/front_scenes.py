@@ -1,0 +1,161 @@
+"""Row crops as the front camera of a robot sees them, from under its wheels to the horizon.
+
+Fields are stony or bare, soil is grey to brown, leaves are dull or glossy, the sun often stands low
+before, behind or beside the camera. Some crops are species that grow as weeds elsewhere: what
+stands in the rows is the crop.
+"""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+
+from agribot.core.geo import LINK_FROM_OPTICAL, transform
+from agribot.core.messages import FloatArray, PlantClass
+from agribot.core.robot import CameraSpec
+from agribot.core.world import GroundTile, Light, Plant, Soil, WorldSpec
+from agribot.sim.camera.appearance import Appearance
+from agribot.sim.random_scenes import (
+    DATUM,
+    FIELD_WEEDS,
+    draw_log_uniform,
+    make_ground_tile,
+    place_plant,
+    sample_light,
+    sample_look,
+    sample_soil,
+)
+
+# The field: from behind the camera to its end, and as far to both sides; metres.
+BEHIND_M, AHEAD_M, ASIDE_M = 0.5, 12.0, 4.0
+FRONT_RANGE_M = 9.0  # farther plants are too small to be told apart
+# Species, range of heights in metres, and share of the fields.
+FRONT_CROPS = (
+    ("sugar_beet", 0.05, 0.30, 0.26),
+    ("fodder_beet", 0.06, 0.42, 0.30),
+    ("lettuce", 0.05, 0.22, 0.10),
+    ("maize", 0.08, 0.45, 0.07),
+    ("carrot", 0.05, 0.24, 0.06),
+    ("onion", 0.06, 0.32, 0.06),
+    ("amaranth", 0.05, 0.25, 0.04),
+    ("plantain", 0.04, 0.16, 0.03),
+    ("charlock", 0.05, 0.25, 0.04),
+    ("goosefoot", 0.05, 0.25, 0.04),
+)
+WEED_SIZE_RATIO = (0.15, 0.8)  # of the crop's height
+LEAST_WEED_M, MOST_WEED_M = 0.025, 0.22
+STONY_SHARE, LOW_SUN_SHARE, HEADLAND_SHARE = 0.65, 0.5, 0.5
+
+
+def sample_front_field(rng: np.random.Generator) -> WorldSpec:
+    """Sample rows along x of one crop at one stage, with weeds between and in them."""
+    species, least_m, most_m = _choose_crop(rng)
+    stage_m = draw_log_uniform(rng, least_m, most_m)
+    return WorldSpec(
+        name="front field",
+        datum=DATUM,
+        light=_sample_light(rng),
+        ground=_sample_ground(rng),
+        plants=(*_sample_rows(rng, species, stage_m), *_sample_weeds(rng, species, stage_m)),
+        obstacles=(),
+        soil=sample_soil(rng) if rng.random() < 0.5 else Soil(),
+    )
+
+
+def _choose_crop(rng: np.random.Generator) -> tuple[str, float, float]:
+    shares = [share for *_, share in FRONT_CROPS]
+    species, least_m, most_m, _ = FRONT_CROPS[rng.choice(len(FRONT_CROPS), p=shares)]
+    return species, least_m, most_m
+
+
+def _sample_rows(rng: np.random.Generator, species: str, stage_m: float) -> list[Plant]:
+    pitch_m = float(rng.uniform(0.42, 0.65)) + 0.5 * max(0.0, stage_m - 0.2)
+    spacing_m = draw_log_uniform(rng, 0.1, 0.4) + 0.3 * stage_m
+    gap_ratio, jitter_m = rng.uniform(0.0, 0.35), rng.uniform(0.005, 0.03)
+    spread_ratio = rng.uniform(0.1, 0.35)
+    plants = []
+    for y_m in np.arange(-ASIDE_M + rng.uniform(0.0, pitch_m), ASIDE_M, pitch_m):
+        for x_m in np.arange(-BEHIND_M + rng.uniform(0.0, spacing_m), AHEAD_M, spacing_m):
+            if rng.random() >= gap_ratio:
+                place_m = rng.normal((x_m, y_m), (2.0 * jitter_m, jitter_m))
+                size_m = stage_m * float(np.clip(rng.normal(1.0, spread_ratio), 0.4, 1.6))
+                plants.append(place_plant(rng, species, PlantClass.CROP, place_m, size_m))
+    return plants
+
+
+def _sample_weeds(rng: np.random.Generator, crop: str, stage_m: float) -> list[Plant]:
+    """Sample one to four species, none the crop's own, singly and in patches."""
+    others = [name for name in FIELD_WEEDS if name != crop]
+    kinds = rng.choice(others, size=int(rng.integers(1, 5)), replace=False)
+    count = int(draw_log_uniform(rng, 0.3, 12.0) * (AHEAD_M + BEHIND_M) * 2.0 * ASIDE_M)
+    low_m, high_m = (-BEHIND_M, -ASIDE_M), (AHEAD_M, ASIDE_M)
+    patches_m = rng.uniform(low_m, high_m, (max(1, count // 30), 2))
+    median_m = stage_m * rng.uniform(*WEED_SIZE_RATIO)
+    plants = []
+    for _ in range(count):
+        place_m = rng.uniform(low_m, high_m)
+        if rng.random() < 0.4:
+            place_m = rng.normal(patches_m[rng.integers(len(patches_m))], 0.35)
+        size_m = float(np.clip(median_m * rng.lognormal(0.0, 0.5), LEAST_WEED_M, MOST_WEED_M))
+        plants.append(place_plant(rng, str(rng.choice(kinds)), PlantClass.WEED, place_m, size_m))
+    return plants
+
+
+def _sample_light(rng: np.random.Generator) -> Light:
+    """Sample the light of other fields, or a low and hard sun."""
+    if rng.random() >= LOW_SUN_SHARE:
+        return sample_light(rng)
+    height_rad, turn_rad = math.radians(rng.uniform(10.0, 45.0)), rng.uniform(-math.pi, math.pi)
+    level = math.cos(height_rad)
+    to_sun = (level * math.cos(turn_rad), level * math.sin(turn_rad), math.sin(height_rad))
+    return Light(to_sun=to_sun, diffuse=rng.uniform(0.8, 1.4), ambient=rng.uniform(0.2, 0.45))
+
+
+def _sample_ground(rng: np.random.Generator) -> tuple[GroundTile, ...]:
+    """Sample the field, and sometimes a green headland behind its end."""
+    field = make_ground_tile("soil", -60.0, 60.0)
+    if rng.random() >= HEADLAND_SHARE:
+        return (field,)
+    end_m = AHEAD_M + rng.uniform(0.0, 4.0)
+    headland = msgspec.structs.replace(field, surface="grass", x_min_m=end_m, x_max_m=90.0)
+    return field, headland
+
+
+def sample_front_look(rng: np.random.Generator) -> Appearance:
+    """Sample a look with grey to brown soil, bare or under stones, and leaves dull to vivid."""
+    grey, soil = rng.uniform(0.0, 1.1), rng.uniform(0.6, 1.35)
+    dull, leaf = rng.uniform(0.0, 1.0), rng.uniform(0.75, 1.2)
+    is_stony = rng.random() < STONY_SHARE
+    return msgspec.structs.replace(
+        sample_look(rng),
+        soil_tint=(soil * (1.0 - 0.1 * grey), soil * (1.0 + 0.08 * grey), soil * (1 + 0.35 * grey)),
+        soil_contrast=rng.uniform(0.8, 1.3 if is_stony else 2.2),
+        soil_scale=rng.uniform(0.5, 1.6),
+        leaf_gain=(leaf * (1.0 + 0.22 * dull), leaf, leaf * (1.0 + 0.6 * dull)),
+        flint_cover_ratio=rng.uniform(0.05, 0.55) if is_stony else 0.0,
+        auto_exposure_level=rng.uniform(60.0, 150.0),
+        haze_per_m=draw_log_uniform(rng, 0.001, 0.03),
+    )
+
+
+def sample_front_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
+    """Sample a camera and `map_from_camera`, (4, 4), that looks along the rows."""
+    if rng.random() < 0.75:
+        height_m, tilt_rad = rng.uniform(0.6, 1.2), math.radians(rng.uniform(16.0, 40.0))
+    else:
+        height_m, tilt_rad = rng.uniform(0.4, 1.5), math.radians(rng.uniform(14.0, 85.0))
+    camera = CameraSpec(
+        link="camera_link",
+        width_px=640,
+        height_px=480,
+        hfov_rad=math.radians(rng.uniform(48.0, 85.0)),
+        rate_hz=10.0,
+        noise_std=rng.uniform(0.0, 0.02),
+        clip_near_m=0.02,
+        clip_far_m=100.0,
+    )
+    position_m = (rng.uniform(0.0, 1.0), rng.uniform(-0.5, 0.5), height_m)
+    link = transform(position_m, (rng.normal(0.0, 0.05), tilt_rad, rng.normal(0.0, 0.25)))
+    return camera, link @ LINK_FROM_OPTICAL
