@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from agribot.core.messages import PlantClass
+from agribot.core.world import Plant
 from agribot.sim.camera.flints import add_flints
 from agribot.sim.front_scenes import (
     AHEAD_M,
@@ -18,19 +19,33 @@ from agribot.sim.front_scenes import (
 FIELDS, VIEWS = 12, 200
 
 
-def test_the_crop_of_a_field_stands_in_rows_and_no_weed_is_of_its_species() -> None:
+def list_kind(k: int, kind: PlantClass) -> list[Plant]:
+    plants = sample_front_field(np.random.default_rng([5, k])).plants
+    return [plant for plant in plants if plant.plant == kind]
+
+
+def test_the_crop_of_a_field_is_one_species_in_rows_to_the_end_of_the_field() -> None:
     for k in range(FIELDS):
-        plants = sample_front_field(np.random.default_rng([5, k])).plants
-        crops = [plant for plant in plants if plant.plant == PlantClass.CROP]
-        weeds = {plant.species for plant in plants if plant.plant == PlantClass.WEED}
-        (species,) = {plant.species for plant in crops}
-        assert species not in weeds and 1 <= len(weeds) <= 4
-        y_m = np.sort([plant.y_map_m for plant in crops])
-        gaps_m = np.diff(y_m)
+        crops = list_kind(k, PlantClass.CROP)
+        assert len({plant.species for plant in crops}) == 1
+        gaps_m = np.diff(np.sort([plant.y_map_m for plant in crops]))
         assert (gaps_m > 0.15).sum() >= 7  # the ground between rows
         x_m = np.array([plant.x_map_m for plant in crops])
         assert x_m.min() < 0.5 and AHEAD_M - 1.0 < x_m.max() < AHEAD_M + 0.5
         assert x_m.min() > -BEHIND_M - 0.5
+
+
+def test_weeds_of_the_crops_own_species_stand_between_the_rows() -> None:
+    with_volunteers = 0
+    for k in range(FIELDS):
+        crops, weeds = list_kind(k, PlantClass.CROP), list_kind(k, PlantClass.WEED)
+        volunteers = [plant for plant in weeds if plant.species == crops[0].species]
+        assert 1 <= len({plant.species for plant in weeds}) <= 5
+        with_volunteers += bool(volunteers)
+        rows_y_m = np.array([plant.y_map_m for plant in crops])
+        for plant in volunteers:
+            assert np.abs(np.median(np.sort(np.abs(rows_y_m - plant.y_map_m))[:5])) > 0.05
+    assert 0.2 < with_volunteers / FIELDS < 0.8
 
 
 def test_cameras_look_ahead_along_the_rows_most_of_them_far() -> None:

@@ -1,13 +1,15 @@
 """Row crops as the front camera of a robot sees them, from under its wheels to the horizon.
 
 Fields are stony or bare, soil is grey to brown, leaves are dull or glossy, the sun often stands low
-before, behind or beside the camera. Some crops are species that grow as weeds elsewhere: what
-stands in the rows is the crop.
+before, behind or beside the camera. Some crops are species that grow as weeds elsewhere, and some
+weeds are crops of another year, also of the crop's own species: what stands in the rows is the
+crop, and what stands between them is a weed.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -44,21 +46,40 @@ FRONT_CROPS = (
     ("charlock", 0.05, 0.25, 0.04),
     ("goosefoot", 0.05, 0.25, 0.04),
 )
-WEED_SIZE_RATIO = (0.15, 0.8)  # of the crop's height
-LEAST_WEED_M, MOST_WEED_M = 0.025, 0.22
+WEED_SIZE_RATIO = (0.2, 0.9)  # of the crop's height
+LEAST_WEED_M, MOST_WEED_M = 0.025, 0.25
+WEEDS_PER_M2 = (0.8, 20.0)
+# How often the crop's own species is among the weeds, and how far from a row such a plant stands at
+# least, as a share of the way from row to row.
+VOLUNTEER_SHARE, LEAST_OFF_ROW_RATIO = 0.5, 0.28
+VOLUNTEERS = ("sugar_beet", "fodder_beet", "lettuce", "carrot")
 STONY_SHARE, LOW_SUN_SHARE, HEADLAND_SHARE = 0.65, 0.5, 0.5
+
+
+class _Rows(NamedTuple):
+    """Rows along x: their places across, and how far apart they are, metres."""
+
+    y_m: FloatArray
+    pitch_m: float
+
+    def find_off_row_ratio(self, y_m: float) -> float:
+        """Find the way to the nearest row over that from row to row: 0 on a row, 0.5 between."""
+        return float(np.abs(self.y_m - y_m).min()) / self.pitch_m
 
 
 def sample_front_field(rng: np.random.Generator) -> WorldSpec:
     """Sample rows along x of one crop at one stage, with weeds between and in them."""
     species, least_m, most_m = _choose_crop(rng)
     stage_m = draw_log_uniform(rng, least_m, most_m)
+    pitch_m = float(rng.uniform(0.42, 0.65)) + 0.5 * max(0.0, stage_m - 0.2)
+    rows = _Rows(np.arange(-ASIDE_M + rng.uniform(0.0, pitch_m), ASIDE_M, pitch_m), pitch_m)
+    crops = _sample_crops(rng, rows, species, stage_m)
     return WorldSpec(
         name="front field",
         datum=DATUM,
         light=_sample_light(rng),
         ground=_sample_ground(rng),
-        plants=(*_sample_rows(rng, species, stage_m), *_sample_weeds(rng, species, stage_m)),
+        plants=(*crops, *_sample_weeds(rng, rows, species, stage_m)),
         obstacles=(),
         soil=sample_soil(rng) if rng.random() < 0.5 else Soil(),
     )
@@ -70,13 +91,14 @@ def _choose_crop(rng: np.random.Generator) -> tuple[str, float, float]:
     return species, least_m, most_m
 
 
-def _sample_rows(rng: np.random.Generator, species: str, stage_m: float) -> list[Plant]:
-    pitch_m = float(rng.uniform(0.42, 0.65)) + 0.5 * max(0.0, stage_m - 0.2)
+def _sample_crops(
+    rng: np.random.Generator, rows: _Rows, species: str, stage_m: float
+) -> list[Plant]:
     spacing_m = draw_log_uniform(rng, 0.1, 0.4) + 0.3 * stage_m
     gap_ratio, jitter_m = rng.uniform(0.0, 0.35), rng.uniform(0.005, 0.03)
     spread_ratio = rng.uniform(0.1, 0.35)
     plants = []
-    for y_m in np.arange(-ASIDE_M + rng.uniform(0.0, pitch_m), ASIDE_M, pitch_m):
+    for y_m in rows.y_m:
         for x_m in np.arange(-BEHIND_M + rng.uniform(0.0, spacing_m), AHEAD_M, spacing_m):
             if rng.random() >= gap_ratio:
                 place_m = rng.normal((x_m, y_m), (2.0 * jitter_m, jitter_m))
@@ -85,11 +107,17 @@ def _sample_rows(rng: np.random.Generator, species: str, stage_m: float) -> list
     return plants
 
 
-def _sample_weeds(rng: np.random.Generator, crop: str, stage_m: float) -> list[Plant]:
-    """Sample one to four species, none the crop's own, singly and in patches."""
-    others = [name for name in FIELD_WEEDS if name != crop]
-    kinds = rng.choice(others, size=int(rng.integers(1, 5)), replace=False)
-    count = int(draw_log_uniform(rng, 0.3, 12.0) * (AHEAD_M + BEHIND_M) * 2.0 * ASIDE_M)
+def _choose_weeds(rng: np.random.Generator, crop: str) -> list[str]:
+    """Choose one to four species, and often the crop's own as well."""
+    others = [name for name in (*FIELD_WEEDS, *VOLUNTEERS) if name != crop]
+    kinds = [str(kind) for kind in rng.choice(others, int(rng.integers(1, 5)), replace=False)]
+    return [*kinds, crop] if rng.random() < VOLUNTEER_SHARE else kinds
+
+
+def _sample_weeds(rng: np.random.Generator, rows: _Rows, crop: str, stage_m: float) -> list[Plant]:
+    """Sample weeds singly and in patches; those of the crop's species stand between the rows."""
+    kinds = _choose_weeds(rng, crop)
+    count = int(draw_log_uniform(rng, *WEEDS_PER_M2) * (AHEAD_M + BEHIND_M) * 2.0 * ASIDE_M)
     low_m, high_m = (-BEHIND_M, -ASIDE_M), (AHEAD_M, ASIDE_M)
     patches_m = rng.uniform(low_m, high_m, (max(1, count // 30), 2))
     median_m = stage_m * rng.uniform(*WEED_SIZE_RATIO)
@@ -99,7 +127,9 @@ def _sample_weeds(rng: np.random.Generator, crop: str, stage_m: float) -> list[P
         if rng.random() < 0.4:
             place_m = rng.normal(patches_m[rng.integers(len(patches_m))], 0.35)
         size_m = float(np.clip(median_m * rng.lognormal(0.0, 0.5), LEAST_WEED_M, MOST_WEED_M))
-        plants.append(place_plant(rng, str(rng.choice(kinds)), PlantClass.WEED, place_m, size_m))
+        kind = kinds[int(rng.integers(len(kinds)))]
+        if kind != crop or rows.find_off_row_ratio(place_m[1]) > LEAST_OFF_ROW_RATIO:
+            plants.append(place_plant(rng, kind, PlantClass.WEED, place_m, size_m))
     return plants
 
 
