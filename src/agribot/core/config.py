@@ -80,7 +80,8 @@ class MissionConfig(Config, frozen=True):
     waypoint_radius_m: Positive = 0.15  # so near, a waypoint counts as reached
     # A waypoint farther from the origin is refused, and so is what is farther from the robot.
     max_waypoint_distance_m: Positive = 1000.0
-    off_path_limit_m: Positive = 0.5  # farther from the path than this, the mission fails
+    # Farther from the path than this, and than 3 sigma of the pose, the mission fails.
+    off_path_limit_m: Positive = 0.5
     resume_limit_m: Positive = 0.5  # moved farther while it stood, the robot does not go on
     waits_for_goals: bool = False  # begins when it is resumed, visits what it is sent to, and stays
     # Without headway; then the mission fails, or pauses where the robot may reach crop.

@@ -17,6 +17,7 @@ from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, record, rows, stand
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import error, play
+from tests.autonomy.estimate.test_first_heading import URBAN
 
 START = (1.0, 2.0, math.pi / 2)
 MARKED = FieldConfig(start_map_m=START[:2], start_yaw_deg=90.0)
@@ -32,27 +33,43 @@ def moved(east_m: float = 0.0, turned_deg: float = 0.0) -> FieldConfig:
     )
 
 
-def test_a_cheap_receiver_starts_from_the_mark() -> None:
-    for seed in range(10):
-        recording = record(stand, 5.0, seed=seed, errors=M8N, start=START)
+@pytest.mark.parametrize("errors", [M8N, URBAN], ids=["open sky", "beside walls"])
+def test_a_cheap_receiver_starts_from_the_mark(errors: Errors) -> None:
+    for seed in range(5):
+        recording = record(stand, 6.0, seed=seed, errors=errors, start=START)
         last = run(recording)[-1]
         assert last.ok, last.reason
         assert last.pos_std_m < 0.06
         assert math.hypot(*error(recording, last)[:2]) < 0.02  # the mark is exact here
 
 
-@nightly.all_or_first("seeds", range(20), in_suite=3)
-def test_the_stated_error_grows_honestly_after_the_mark(seeds: Sequence[int]) -> None:
+def drive_from_the_mark(seeds: Sequence[int], errors: Errors) -> tuple[float, float]:
+    """Drive 40 s: mean squared normalised error of the places, and mean 1 sigma stated."""
     normalised, stds = [], []
     for seed in seeds:
-        recording = record(rows, 40.0, seed=seed, errors=M8N, start=START)
+        recording = record(rows, 40.0, seed=seed, errors=errors, start=START)
         last = run(recording)[-1]
         cov = np.array(last.pose_cov).reshape(3, 3)[:2, :2]
         deviation = error(recording, last)[:2]
         normalised.append(float(deviation @ np.linalg.solve(cov, deviation)))
         stds.append(last.pos_std_m)
-    assert 0.15 < np.mean(stds) < 0.6
-    assert 0.4 < np.mean(normalised) < nightly.mean_square_band(len(seeds), 2)[1]
+    return float(np.mean(normalised)), float(np.mean(stds))
+
+
+@nightly.all_or_first("seeds", range(20), in_suite=3)
+def test_the_stated_error_grows_honestly_after_the_mark(seeds: Sequence[int]) -> None:
+    square, std_m = drive_from_the_mark(seeds, M8N)
+    assert 0.15 < std_m < 0.6
+    assert 0.4 < square < nightly.mean_square_band(len(seeds), 2)[1]
+
+
+@nightly.all_or_first("seeds", range(20), in_suite=3)
+def test_a_receiver_that_turns_out_to_wander_takes_nothing_from_the_mark(
+    seeds: Sequence[int],
+) -> None:
+    square, std_m = drive_from_the_mark(seeds, URBAN)
+    assert 0.15 < std_m < 0.6
+    assert square < nightly.mean_square_band(len(seeds), 2)[1]
 
 
 def test_with_corrections_the_receiver_decides() -> None:

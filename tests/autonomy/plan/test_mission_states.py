@@ -309,3 +309,46 @@ def test_the_time_left_follows_a_change_of_speed(ride: Ride, path: Path) -> None
     assert before.eta_s is not None and after.eta_s is not None
     assert before.eta_s < 2.0 * left_m / MISSION.speed_mps
     assert after.eta_s == pytest.approx(left_m / 0.1, rel=0.1)
+
+
+def known_to(std_m: float, here: Estimate, **change: object) -> Estimate:
+    cov = (std_m**2, 0.0, 0.0, 0.0, std_m**2, 0.0, 0.0, 0.0, 0.01)
+    return msgspec.structs.replace(here, pos_std_m=std_m, pose_cov=cov, **change)
+
+
+def test_a_pose_that_jumps_within_its_own_error_has_not_left_the_path(ride: Ride) -> None:
+    ride.settle()
+    ride.along(0.0, 6.0)
+    x_m, y_m = ride.place(6.0)
+    jumped = at(x_m - 0.6, y_m, ride.t_s + 0.02)
+    assert ride.mission.step(known_to(0.25, jumped)).status.state == "running"
+    goal = ride.mission.step(known_to(0.15, jumped))
+    assert goal.status.state == "failed"
+    assert "off path by 0.60 m > 0.50 m" in goal.status.reason
+
+
+def test_a_robot_that_cannot_tell_its_rows_apart_waits_where_it_stands(path: Path) -> None:
+    ride = Ride(Mission(PaperTask(lambda _: path, ROWS), MISSION))
+    for t_s in np.arange(0.0, MISSION.stall_timeout_s, 0.5):
+        goal = ride.mission.step(known_to(1.8, at(-2.0, 0.0, float(t_s))))
+        assert goal.status.state == "waiting"
+        assert goal.max_speed_mps == 0.0
+    assert "pose known to 1.80 m, rows need 0.25 m without a camera" in goal.status.reason
+    goal = ride.mission.step(known_to(1.8, at(-2.0, 0.0, MISSION.stall_timeout_s + 1.0)))
+    assert goal.status.state == "failed"
+    assert goal.status.reason.startswith("no position for 60 s (pose known to 1.80 m")
+
+
+def test_it_sets_off_once_its_place_is_known_or_a_camera_looks(path: Path) -> None:
+    for change in ({"std_m": 0.05}, {"std_m": 1.8, "row_seen": False}):
+        mission = Mission(PaperTask(lambda _: path, ROWS), MISSION)
+        for t_s in np.arange(0.0, 2.0, 0.1):
+            goal = mission.step(known_to(here=at(-2.0, 0.0, float(t_s)), **change))  # type: ignore[arg-type]
+        assert goal.status.state == "running"
+
+
+def test_waypoints_need_no_row(path: Path) -> None:
+    mission = Mission(PaperTask(lambda _: path, ROWS, has_crop=False), MISSION)
+    for t_s in np.arange(0.0, 2.0, 0.1):
+        goal = mission.step(known_to(1.8, at(-2.0, 0.0, float(t_s))))
+    assert goal.status.state == "running"

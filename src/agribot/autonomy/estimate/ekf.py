@@ -80,21 +80,26 @@ class FilterStates(Generic[Number]):
 
     def doubt_way(self, variance_m2: Number | float) -> None:
         """Doubt the way that was last told: what it is off by, the position is off by, too."""
-        self._doubt_together((WAY_X, WAY_Y), variance_m2, variance_m2)
+        for place, way in ((X, WAY_X), (Y, WAY_Y)):
+            self._doubt_together(place, way, variance_m2, variance_m2)
 
-    def doubt_fixes(self, variance_m2: Number | float) -> None:
-        """Doubt where fixes have put the robot: the receiver's bias may be off by so much more."""
-        self._doubt_together((GNSS_BIAS_X, GNSS_BIAS_Y), variance_m2, -variance_m2)
+    def doubt_fixes(self, ratio: Number | float) -> None:
+        """Believe that fixes vary by `ratio` as much as before, and the position that they gave.
+
+        A position that is known better than by fixes, from a mark or a row, loses next to nothing.
+        """
+        for place, bias in ((X, GNSS_BIAS_X), (Y, GNSS_BIAS_Y)):
+            variance_m2 = (ratio - 1.0) * self.cov[place, place]
+            self._doubt_together(place, bias, variance_m2, -variance_m2)
 
     def _doubt_together(
-        self, others: tuple[int, int], variance_m2: Number | float, shared_m2: Number | float
+        self, place: int, other: int, variance_m2: Number | float, shared_m2: Number | float
     ) -> None:
-        """Doubt the position and two other states alike, with this covariance between them."""
-        for place, other in zip((X, Y), others, strict=True):
-            self.inflate(place, variance_m2)
-            self.inflate(other, variance_m2)
-            self.cov[place, other] += shared_m2
-            self.cov[other, place] += shared_m2
+        """Doubt a coordinate and another state alike, with this covariance between them."""
+        self.inflate(place, variance_m2)
+        self.inflate(other, variance_m2)
+        self.cov[place, other] += shared_m2
+        self.cov[other, place] += shared_m2
 
     def forget_way(self) -> None:
         """Begin another way, which is believed."""

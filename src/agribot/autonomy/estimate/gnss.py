@@ -218,9 +218,9 @@ class Gnss(Correction[GnssFix]):
         widened = self._widen(fix, noise, is_vouched=is_vouched)
         if self._is_wide and "position" in self.pose.known:
             # What was believed of the fixes so far was too much.
-            size_m2 = float(widened.bias_std_m) ** 2
-            self.pose.ekf.doubt_fixes(max(0.0, size_m2 - self._widest_m2))
-            self._widest_m2 = max(self._widest_m2, size_m2)
+            widest_m2 = max(self._widest_m2, float(widened.bias_std_m) ** 2)
+            self.pose.ekf.doubt_fixes(widest_m2 / self._widest_m2)
+            self._widest_m2 = widest_m2
         return widened
 
     def _widen(
@@ -312,8 +312,9 @@ class Gnss(Correction[GnssFix]):
         was, kind = (self._is_corrected, self._is_differential), (is_corrected, is_differential)
         if kind != was or "position" not in self.pose.known:
             self._receiver_m = (0.0, 0.0)
+            self._widest_m2 = float(noise.bias_std_m) ** 2
             for state in (GNSS_BIAS_X, GNSS_BIAS_Y):
-                self.pose.ekf.reset(state, 0.0, noise.bias_std_m**2)
+                self.pose.ekf.reset(state, 0.0, self._widest_m2)
         self._is_corrected, self._is_differential = kind
 
     def _find_antenna(
@@ -382,7 +383,6 @@ class Gnss(Correction[GnssFix]):
             ekf.reset(state, value, at_m2)
         rows = (((X, 1.0), (GNSS_BIAS_X, 1.0)), ((Y, 1.0), (GNSS_BIAS_Y, 1.0)))
         ekf.update_pair(rows, (x_m - at_m[0], y_m - at_m[1]), variance_m2)
-        self._widest_m2 = float(ekf.cov[GNSS_BIAS_X, GNSS_BIAS_X])
         self.pose.known.add("position")
 
     def _conclude(self, measured: Measurement, verdict: Verdict) -> None:

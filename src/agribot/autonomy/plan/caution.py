@@ -93,7 +93,7 @@ class CropGuard:
         self.ratio = 0.0
         return (
             f"may be {level_m:.2f} m off the row > {limit_m:.2f} m from wheels to crop; wait for "
-            "GNSS, or look where the robot stands and resume"
+            "GNSS with corrections or the camera, or look where the robot stands and resume"
         )
 
 

@@ -491,9 +491,9 @@ class Mission:
         self._state = Paused(reason, cut_off=cut_off)
 
     def _wait(self, state: Waiting, estimate: Estimate) -> None:
-        if not self._is_located:
-            self._state = Waiting(f"waiting for position: {estimate.reason or 'no estimate'}")
-            if lost := self._watch.check_position(estimate.t_s, estimate.reason):
+        if lack := self._find_lack(estimate):
+            self._state = Waiting(f"waiting for position: {lack}")
+            if lost := self._watch.check_position(estimate.t_s, lack):
                 self._end("failed", lost)
             return
         steady_since_s = state.steady_since_s
@@ -505,6 +505,13 @@ class Mission:
         else:
             self._state = Waiting(state.reason, steady_since_s)
             self._begin(estimate)
+
+    def _find_lack(self, estimate: Estimate) -> str:
+        """Say what the pose lacks for this task; empty where it may begin."""
+        if not self._is_located:
+            return estimate.reason or "no estimate"
+        rows = self._task.rows if self._task.has_crop else ()
+        return self._watch.check_start(rows, estimate, self._config)
 
     def _begin(self, estimate: Estimate) -> None:
         """Plan from here. A refused plan ends a mission that begins by itself, and a visit.

@@ -15,6 +15,8 @@ from agribot.core.row_shape import project_on_row, row_length_m
 
 # Wheels of a robot this near to a row, or past its ends, may reach its plants.
 BESIDE_CROP_M, PAST_CROP_M = 0.6, 0.4
+# Distance from the path that an error of the pose explains, in sigmas of the pose.
+OFF_PATH_SIGMA = 3.0
 
 
 class Watch:
@@ -52,8 +54,21 @@ class Watch:
         """Whether the robot stands because it may be off its row."""
         return self._guard.ratio == 0.0
 
+    def check_start(self, rows: Sequence[Row], estimate: Estimate, config: MissionConfig) -> str:
+        """Say why the robot must not set off: neither its pose nor a camera knows the rows."""
+        std_m, limit_m = estimate.pos_std_m, config.max_row_std_m
+        if not rows or estimate.row_seen is not None or std_m <= limit_m:
+            return ""
+        return (
+            f"pose known to {std_m:.2f} m, rows need {limit_m:.2f} m without a camera; start on a "
+            "mark (field.start_map_m), set the place on the page, switch the camera on or use a "
+            "receiver with corrections"
+        )
+
     def check_path(self, route: Route, estimate: Estimate, limit_m: float) -> str:
+        """Say that the robot has left its path: it is farther off than its pose may be wrong."""
         x_map_m, y_map_m = estimate.x_map_m, estimate.y_map_m
+        limit_m = max(limit_m, OFF_PATH_SIGMA * across_std_m(estimate, route.yaw_map_rad))
         if route.progress.off_path_m <= limit_m:
             return ""
         off_m = route.progress.off_driven_path_m(x_map_m, y_map_m)
