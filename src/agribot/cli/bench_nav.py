@@ -23,13 +23,16 @@ if TYPE_CHECKING:
     from agribot.lab.bench.nav.job import Job
 
 MAX_SPEED_MPS = 1.0
+STACK_PRESETS = ("rtk-1", "m8n-1", "m8n-urban", "rtk-trees")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", default="20000-20499", metavar="LIST", help="such as 1-100")
     parser.add_argument(
-        "--sensors", choices=("legacy", "hector", "m8n", "rtk", "rtk-dual"),
-        help="one receiver (default: the published table)",
+        "--sensors",
+        choices=("legacy", "hector", "m8n", "rtk", "rtk-dual", *STACK_PRESETS),
+        help="one receiver (default: the published table); those of robots without a magnetometer "
+        f"({', '.join(STACK_PRESETS)}) are driven by the whole filter, some CPU seconds a mission",
     )  # fmt: skip
     parser.add_argument("--variant", choices=("nominal", "hard"), default="nominal")
     parser.add_argument(
@@ -120,6 +123,11 @@ def _list_jobs(options: argparse.Namespace, seeds: Sequence[int]) -> list[Job]:
         options.sensors, vision=options.vision, speed_mps=options.speed, variant=options.variant
     )
     jobs = [suite.chosen(seeds, robot, what)]
+    if options.baseline and what.is_of_stack:
+        raise ConfigError(
+            f"--baseline: the original robot needs a magnetometer, {options.sensors} has none; "
+            "leave --baseline out"
+        )
     if options.baseline:
         receiver: Receiver = "rtk" if options.sensors == "rtk-dual" else options.sensors
         jobs += suite.originals(seeds, robot, (receiver,), options.variant)

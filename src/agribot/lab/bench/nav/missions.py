@@ -129,10 +129,10 @@ def run_missions(
             break
     paused_s = driving.paused_s * tick_s
     found = judge.outcomes(list(seeds), driving.is_done, paused_s, has_filter=True)
-    return _add_levels(found, levels) if has_level else found
+    return add_levels(found, levels) if has_level else found
 
 
-def _add_levels(found: Sequence[Outcome], levels: LevelJudge) -> list[Outcome]:
+def add_levels(found: Sequence[Outcome], levels: LevelJudge) -> list[Outcome]:
     pairs = zip(found, levels.outcomes(), strict=True)
     return [msgspec.structs.replace(outcome, level=level) for outcome, level in pairs]
 

@@ -34,7 +34,7 @@ class RoverFleet:
         self.y_m = START_STD_M * first[2]
         self.yaw_rad = START_STD_RAD * first[3]
         self.v_mps, self.lateral_mps, self.yaw_rate_radps = (np.zeros(count) for _ in range(3))
-        self.wheel_mps, self._wheel_radps = np.zeros(count), np.zeros(count)
+        self.wheel_mps, self.wheel_radps = np.zeros(count), np.zeros(count)
         self._slip_now, self._gain_now, self._shake, self._drift = np.zeros((4, count))
         self._waiting = [(np.zeros(count), np.zeros(count))] * DEAD_STEPS
 
@@ -44,9 +44,9 @@ class RoverFleet:
         asked_mps, asked_radps = self._waiting[0]
         dv = clamp((asked_mps - self.wheel_mps) / DRIVE_LAG_S, -MAX_ACCEL_MPS2, MAX_ACCEL_MPS2)
         self.wheel_mps = self.wheel_mps + dv * DT_S
-        dw = (asked_radps - self._wheel_radps) / DRIVE_LAG_S
+        dw = (asked_radps - self.wheel_radps) / DRIVE_LAG_S
         dw = clamp(dw, -MAX_YAW_ACCEL_RADPS2, MAX_YAW_ACCEL_RADPS2)
-        self._wheel_radps = self._wheel_radps + dw * DT_S
+        self.wheel_radps = self.wheel_radps + dw * DT_S
         self._slip_now = wander(self._slip_now, soil.slip_std_ratio, SLIP_MEMORY_S, DT_S, normal[0])
         self._gain_now = wander(
             self._gain_now, soil.yaw_gain_walk_ratio, YAW_GAIN_MEMORY_S, DT_S, normal[1]
@@ -58,7 +58,7 @@ class RoverFleet:
         moving = np.minimum(1.0, abs(self.wheel_mps) / MOVING_MPS)
         self.v_mps = self.wheel_mps * (1.0 - self._slip - self._slip_now)
         self.yaw_rate_radps = (
-            self._wheel_radps * (self._yaw_gain + self._gain_now) + self._shake * moving
+            self.wheel_radps * (self._yaw_gain + self._gain_now) + self._shake * moving
         )
         self.lateral_mps = (
             self._slope_rad * np.cos(self.yaw_rad) * self.v_mps

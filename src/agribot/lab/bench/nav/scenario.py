@@ -17,6 +17,8 @@ from agribot.core.config import (
 from agribot.core.geo import Datum
 
 Receiver = Literal["legacy", "hector", "m8n", "rtk", "rtk-dual"]
+# Presets of the simulator on a robot without a magnetometer; the stack itself drives them.
+Preset = Literal["rtk-1", "m8n-1", "m8n-urban", "rtk-trees"]
 Variant = Literal["nominal", "hard"]
 
 DT_S = 0.01
@@ -102,15 +104,21 @@ RECEIVERS["rtk-dual"] = msgspec.structs.replace(_RTK, heading_std_rad=math.radia
 class Scenario(msgspec.Struct, frozen=True, kw_only=True):
     """One line of the table."""
 
-    receiver: Receiver = "m8n"
+    receiver: Literal[Receiver, Preset] = "m8n"
     vision: Vision | None = Vision()
     soil: SoilDrift = SoilDrift()
     variant: Variant = "nominal"
     speed_mps: float = 0.8
 
     @property
+    def is_of_stack(self) -> bool:
+        """Whether the stack itself drives each robot, not the batch that follows its formulas."""
+        return self.receiver not in RECEIVERS
+
+    @property
     def gnss(self) -> GnssErrors:
-        return RECEIVERS[self.receiver]
+        """Errors of a receiver of the batch."""
+        return RECEIVERS[self.receiver]  # type: ignore[index]
 
     @property
     def name(self) -> str:
@@ -143,7 +151,9 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
         return ControlConfig()
 
 
-def scenario(receiver: Receiver, *, vision: bool, speed_mps: float, variant: Variant) -> Scenario:
+def scenario(
+    receiver: Literal[Receiver, Preset], *, vision: bool, speed_mps: float, variant: Variant
+) -> Scenario:
     soil, seen = SoilDrift(), Vision()
     if variant == "hard":
         soil = SoilDrift(

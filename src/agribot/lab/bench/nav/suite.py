@@ -14,11 +14,14 @@ from agribot.lab.bench.nav.kept import KeptMissions
 from agribot.lab.bench.nav.missions import run_missions
 from agribot.lab.bench.nav.original import run_original
 from agribot.lab.bench.nav.scenario import Receiver, Scenario, Variant, scenario
+from agribot.lab.bench.nav.stack_missions import run_stack_missions
 from agribot.lab.bench.nav.table import Line, line
 
 # So many robots share one set of arrays: each costs a third of what it does among the least. More
 # save little and come back late.
 MOST_IN_BLOCK, LEAST_IN_BLOCK = 1000, 125
+# Robots of the stack share nothing but the plant, which is cheap.
+STACK_BLOCK = 5
 Stop = Callable[[], bool]
 
 
@@ -74,7 +77,8 @@ def originals(
 def drive(job: Job, stop: Stop) -> tuple[Job, list[Outcome]]:
     if job.is_original:
         return job, run_original(job.seeds, job.scenario, job.robot, stop)
-    return job, run_missions(job.seeds, job.scenario, job.robot, stop, has_level=job.has_level)
+    run = run_stack_missions if job.scenario.is_of_stack else run_missions
+    return job, run(job.seeds, job.scenario, job.robot, stop, has_level=job.has_level)
 
 
 def drive_all(
@@ -109,7 +113,8 @@ def drive_all(
 
 def _split(job: Job, seeds: Sequence[int], workers: int) -> list[Job]:
     """Split seeds into blocks, one at least for each worker if there are enough of them."""
-    each = min(MOST_IN_BLOCK, max(LEAST_IN_BLOCK, -(-len(seeds) // workers)))
+    most, least = (STACK_BLOCK, 1) if job.scenario.is_of_stack else (MOST_IN_BLOCK, LEAST_IN_BLOCK)
+    each = min(most, max(least, -(-len(seeds) // workers)))
     return [
         msgspec.structs.replace(job, seeds=tuple(seeds[first : first + each]))
         for first in range(0, len(seeds), each)
