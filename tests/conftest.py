@@ -91,10 +91,15 @@ def rank_files(items: list[pytest.Item]) -> dict[Path, float]:
     return ranks
 
 
+def pytest_collection() -> None:
+    gc.disable()
+
+
 def pytest_collection_finish() -> None:
     """Leave modules and tests, which stay to the end, out of Python's searches for garbage."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 def pytest_terminal_summary(terminalreporter: TerminalReporter) -> None:

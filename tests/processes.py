@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-
-PARENT = 1  # field of /proc/PID/stat behind the name
 
 
 def find_descendants(root: int) -> dict[int, list[str]]:
     """Find all processes below `root`: their ids, and the fields of their stat behind the name."""
-    children: dict[int, dict[int, list[str]]] = {}
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = path.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue  # it has just ended
-        children.setdefault(int(fields[PARENT]), {})[int(path.parent.name)] = fields
     found: dict[int, list[str]] = {}
     waiting = [root]
     while waiting:
-        below = children.get(waiting.pop(), {})
-        found |= below
-        waiting += below
+        for child in list_children(waiting.pop()):
+            try:
+                stat = Path(f"/proc/{child}/stat").read_text()
+            except OSError:
+                continue  # it has just ended
+            found[child] = stat.rpartition(")")[2].split()
+            waiting.append(child)
     return found
+
+
+def list_children(pid: int) -> Iterator[int]:
+    """List the processes that the threads of a process started and that still live."""
+    for thread in Path(f"/proc/{pid}/task").glob("*/children"):
+        try:
+            yield from map(int, thread.read_text().split())
+        except OSError:
+            continue  # it has just ended

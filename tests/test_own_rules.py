@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 import runpy
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,8 @@ import pytest
 
 from tests import nightly_results
 from tests.nightly import mean_square_band
+from tests.processes import find_descendants
+from tests.waiting import wait_for
 
 ROOT = Path(__file__).parents[1]
 IN_PART = "tests/autonomy/estimate/test_start_mark.py"
@@ -99,3 +103,15 @@ def test_the_work_of_a_process_is_charged_to_the_test_that_started_it(tmp_path: 
     # The kernel charges in ticks and may miss some of a busy machine's.
     assert spent_s["test_that_lets_a_child_work"] > SPENT_S / 2
     assert spent_s["test_that_does_nothing"] < SPENT_S / 2
+
+
+def test_a_process_of_a_thread_is_found_below_this_one_with_what_it_started() -> None:
+    before = set(find_descendants(os.getpid()))
+    with ThreadPoolExecutor(1) as threads:
+        words = ["sh", "-c", "cat; true"]
+        shell = threads.submit(subprocess.Popen, words, stdin=subprocess.PIPE).result()
+        wait_for(lambda: len(set(find_descendants(os.getpid())) - before) == 2, "both processes")
+        (cat,) = find_descendants(shell.pid)
+        assert find_descendants(os.getpid())[cat][1] == str(shell.pid)
+        shell.communicate()
+    assert set(find_descendants(os.getpid())) == before
