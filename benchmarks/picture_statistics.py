@@ -9,6 +9,7 @@ that the simulator draws to train on, N of each kind.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
@@ -95,9 +96,9 @@ def main() -> None:
     for kind in DRAWN if args.drawn else ():
         lines[f"drawn {kind}"] = summarise(draw_pictures(kind, args.drawn))
     names = list(dict.fromkeys(name for cells in lines.values() for name in cells))
-    print(f"| set | {' | '.join(names)} |\n|{'---|' * (len(names) + 1)}")
+    sys.stdout.write(f"| set | {' | '.join(names)} |\n|{'---|' * (len(names) + 1)}\n")
     for title, cells in lines.items():
-        print(f"| {title} | {' | '.join(cells.get(name, '') for name in names)} |")
+        sys.stdout.write(f"| {title} | {' | '.join(cells.get(name, '') for name in names)} |\n")
 
 
 if __name__ == "__main__":

@@ -213,9 +213,9 @@ class TreatmentConfig(Config, frozen=True):
     enabled: bool = True  # the implement works
     margin_m: NonNegative = 0.04  # most that is treated around a weed, where its place is unsure
     crop_guard_m: NonNegative = 0.05  # around the stem of a crop plant, which is never treated
-    # What the place of a stem is off by at the tool, 1 sigma: `look_std_m` in all looks at it alike
-    # (mount of the camera, ground, network), `way_std_m` by wheels and gyro from the last look on.
+    # Error of a stem's place, 1 sigma, alike in all looks: mount of the camera, ground, network
     look_std_m: NonNegative = 0.02
+    # Error of a stem's place, 1 sigma, by wheels and gyro from the last look to the tool
     way_std_m: NonNegative = 0.012
     # Leaves of crop that may be treated: any, as by an agent that the crop endures; none; or those
     # of plants that stand alone in the map, of all whose stem is mapped, or these and those beside
