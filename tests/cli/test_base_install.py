@@ -74,6 +74,7 @@ COMMANDS = {
     "bench faults": ("--seeds 1 --out {out}/faults", "sim"),
     "bench perception": ("--frames 1", "train"),
     "bench closed-loop": ("--seconds 1", "sim"),
+    "bench in-row": ("--seconds 1", "sim"),
     "bench plants": ("--frames 1", "sim"),
     "bench ui": ("--seconds 1", "sim"),
     "dataset generate": ("--images 1 --out {out}/drawn", "sim"),

@@ -30,6 +30,8 @@ def last_line(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
         ("closed-loop --heights tall", "tall"),
         ("closed-loop --heights 9", "0.2 to 3"),
         ("closed-loop --seconds 0", "--seconds 0"),
+        ("in-row --length 1", "--length 1: must be from 2 to 100 m"),
+        ("in-row --seconds 0", "--seconds 0: must be from 1 to 3600"),
         ("plants --scenes jungle", "--scenes jungle: not known; there are beet-4-9"),
         ("plants --preset moon", "unknown preset 'moon'"),
     ],

@@ -47,6 +47,11 @@ BENCHMARKS = {
         "drive fields and judge what the network sees, by crop, growth and light",
         "agribot bench closed-loop --fields beet,farm --lights noon",
     ),
+    "in-row": (
+        "agribot.cli.bench_in_row",
+        "drive a weedy row: what names of plants and rules of the tool leave in it",
+        "agribot bench in-row --seeds 1-3 --json",
+    ),
     "plants": (
         "agribot.cli.bench_plants",
         "find single plants by their stems: rows that close, carpets of weeds, other crops",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import math
 from collections import OrderedDict
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
@@ -29,6 +30,16 @@ if TYPE_CHECKING:
 KEPT_MASKS = 20
 LOOK_PX = 30  # visible pixels of a plant in a picture that count as a look at it
 _LOG = logging.getLogger(__name__)
+
+
+class TrueView(NamedTuple):
+    """What a frame truly shows, and from where: `map_from_camera` (4, 4) of the optical frame."""
+
+    frame_index: int
+    picture: Rendering
+    camera: CameraSpec
+    map_from_camera: FloatArray
+    ground: GroundSurface
 
 
 class CameraSensor:
@@ -71,6 +82,7 @@ class CameraSensor:
         self._walkers = world.walkers
         self._shown: dict[int, int] = {}  # plants that lie -> how old they are in the picture
         self.looks: npt.NDArray[np.int64] = np.zeros(len(world.plants), dtype=np.int64)
+        self.view_taps: list[Callable[[TrueView], None]] = []  # called before a frame goes out
         self._index = 0
         self._masks: OrderedDict[int, ByteArray] = OrderedDict()
         self._draw(transform((0.0, 0.0, robot.base_height_m)), None if noise is None else 0, None)
@@ -88,10 +100,17 @@ class CameraSensor:
         frame = CameraFrame(t_s=t_s, index=self._index, image_rgb=picture.image_rgb)
         self._masks[self._index] = picture.class_id
         self._count_looks(picture.instance)
+        self._show(picture, base)
         if len(self._masks) > KEPT_MASKS:
             self._masks.popitem(last=False)
         self._index += 1
         return frame
+
+    def _show(self, picture: Rendering, base: FloatArray) -> None:
+        pose = base @ self._base_from_camera
+        view = TrueView(self._index, picture, self._camera, pose, self._ground)
+        for tap in self.view_taps:
+            tap(view)
 
     def _count_looks(self, instance: npt.NDArray[np.int32]) -> None:
         """Count a look at each plant that shows enough pixels in a picture."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from agribot.core.messages import (
     BumperSample,
     ByteArray,
     CameraFrame,
+    FloatArray,
     ImplementCommand,
     Inbox,
     OperatorEvent,
@@ -25,7 +26,7 @@ from agribot.core.messages import (
 from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.sim.attitude import read_roll_pitch_yaw, read_rotation
-from agribot.sim.camera_sensor import CameraSensor
+from agribot.sim.camera_sensor import CameraSensor, TrueView
 from agribot.sim.clock import NS_PER_S, Schedule, round_step_ns
 from agribot.sim.contactor import SimContactors
 from agribot.sim.driven_physics import DrivenPhysics, WheelDriver
@@ -269,6 +270,20 @@ class SimPlatform:
     def offsets_m(self) -> dict[int, float]:
         """Weeds that the tool worked near: index -> distance from the middle of a section."""
         return self._implement.offsets_m if isinstance(self._implement, WetsLeaves) else {}
+
+    def add_view_tap(self, tap: Callable[[TrueView], None]) -> None:
+        """Let `tap` see what each frame truly shows, before the frame goes out.
+
+        Raises: PlatformError: the robot has no camera, or it is off.
+        """
+        if self._feed is None:
+            raise PlatformError("the simulated robot takes no pictures; set perception.enabled")
+        self._feed.view_taps.append(tap)
+
+    @property
+    def motion(self) -> tuple[FloatArray, FloatArray]:
+        """Rows of the physics history at the start and the end of the last tick."""
+        return self._physics.history[0], self._physics.history[-1]
 
     @property
     def looks(self) -> dict[int, int]:
