@@ -82,12 +82,13 @@ def page(context: BrowserContext, robot: Robot, asked: list[str]) -> Page:
 
 def in_charge(page: Page, screen: str = "drive") -> None:
     """The page has the seat, and no stop holds the robot."""
-    show(page, screen)
     if "You" not in page.locator(".operator").inner_text():
+        show(page, "drive")  # not every screen has a button that takes it
         take_control(page)
     if page.evaluate(f"{STATE}.stop"):
         page.get_by_role("button", name="Release stop").click()
         until(page, f"!{STATE}.stop")
+    show(page, screen)
 
 
 def on_its_mission(page: Page) -> None:
