@@ -272,8 +272,11 @@ def test_the_list_of_recordings_tells_room_result_and_files(open_page: OpenPage)
     expect(rows.nth(0)).to_contain_text("Recording")
     expect(rows.nth(0).get_by_role("button", name="Replay")).to_be_disabled()
     expect(rows.nth(1)).to_contain_text("Done")
-    link = rows.nth(1).get_by_role("link", name="run.mcap")
+    link = rows.nth(1).get_by_role("link", name="Recording")
     assert link.get_attribute("href") == "/api/v1/recordings/2026-05-03-171200-farm/run.mcap"
+    assert rows.nth(1).get_by_role("link").count() == 1
+    rows.nth(1).get_by_text("1 more").click()
+    expect(rows.nth(1).get_by_role("link", name="report.json")).to_be_visible()
 
 
 def test_a_replay_is_moved_by_its_slider_and_speed(open_page: OpenPage, server: FakeServer) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import pytest
-from playwright.sync_api import Browser, CDPSession, Page, expect
+from playwright.sync_api import Browser, CDPSession, FloatRect, Page, expect
 
 from agribot.ui import wire
 from tests import nightly
@@ -201,3 +201,30 @@ def test_the_place_that_the_robot_drives_to_is_told_by_its_path(
     assert page.evaluate("window.__agribot.goal()") is None
     server.robot.leg = "to the goal"
     assert until(page, "window.__agribot.goal()") == list(server.robot.path[-1])
+
+
+@nightly.by_day("test_a_goal_and_a_pose_are_sent_when_they_are_confirmed_and_not_before")
+def test_a_message_does_not_lie_over_what_is_to_be_confirmed(
+    page: Page, server: FakeServer
+) -> None:
+    """The reason against a goal could not be read below it."""
+    page.set_viewport_size({"width": 1366, "height": 650})
+    server.refused_goal = "The goal lies beyond the fence"
+    page.get_by_role("button", name=GOAL).click()
+    page.mouse.click(*middle_of_map(page))
+    expect(page.locator(".map-proposal .problem")).to_contain_text("beyond the fence")
+    page.evaluate(
+        "document.querySelector('.toasts').innerHTML = '<div class=toast>Pose corrected</div>'"
+    )
+    proposal = page.locator(".map-proposal").bounding_box()
+    assert proposal
+    message = page.locator(".toast")
+    wait_for(lambda: lies_above(message.bounding_box(), proposal["y"]), "a message above", 60.0)
+    page.get_by_role("group", name="Proposal").get_by_text("Cancel").click()
+    wait_for(lambda: not lies_above(message.bounding_box(), proposal["y"]), "its usual place", 60.0)
+    page.evaluate("document.querySelector('.toasts').replaceChildren()")
+    page.set_viewport_size({"width": 900, "height": 600})
+
+
+def lies_above(box: FloatRect | None, top_px: float) -> bool:
+    return box is not None and box["y"] + box["height"] <= top_px

@@ -25,6 +25,8 @@ export interface Proposal {
 const PATH_WITHIN_S = 0.5
 /** A robot that has moved so far is asked for its way again. */
 const WAY_LASTS_M = 1
+/** Between a message and what is proposed, the edge of the map included. */
+const GAP_PX = 24
 const GOAL_LEGS = new Set(['stops first', 'to the goal'])
 const BAD_GOAL = new Set([400, 409, 422])
 
@@ -194,6 +196,13 @@ class Card {
     this.node.addEventListener('keydown', (event) => {
       if (event.key === 'Escape') cancel()
     })
+    new ResizeObserver(() => this.tellHeight()).observe(this.node)
+  }
+
+  /** Messages keep above it; nothing of its height is left where it is hidden or its screen was left. */
+  private tellHeight(): void {
+    const { offsetHeight } = this.node
+    document.documentElement.style.setProperty('--proposal', `${offsetHeight && offsetHeight + GAP_PX}px`)
   }
 
   show(text: CardText | null, maySend: boolean): void {

@@ -7,6 +7,14 @@ import { bytes, duration } from '../format.ts'
 import { icon } from '../icons.ts'
 import type { RecordingInfo, Recordings, ReplayProgress } from '../wire.ts'
 
+/** Files that are called by what they are, in the order of how often people want them. */
+const FILE_NAMES: [file: string, text: string][] = [
+  ['report.html', 'Report'],
+  ['weeds.geojson', 'Weeds'],
+  ['run.mcap', 'Recording'],
+]
+/** Of the program itself. */
+const HIDDEN = new Set(['run.lock'])
 const SPEEDS = [0.1, 0.5, 1, 2, 5, 10]
 const REFRESH_MS = 10_000
 
@@ -101,15 +109,15 @@ function recordButton(app: App): RecordButton {
   return made
 }
 
-/** A row that is as it was stays: whoever is at its button keeps the focus. */
+/** A row that is as it was stays: its button keeps the focus, and its list of files stays open. */
 function show(list: Element, found: Recordings, replay: ReplayBar): void {
   const rows = found.recordings.map((recording) => row(recording, recording.name === found.current, replay))
-  const there = list.querySelectorAll('tbody > tr')
+  const there = list.querySelectorAll<HTMLElement>('tbody > tr')
   if (!rows.length) replace(list, el('p', { class: 'empty' }, 'No recording yet: every mission makes one.'))
   else if (rows.length !== there.length) replace(list, table(rows))
   else
     rows.forEach((one, i) => {
-      if (!one.isEqualNode(there[i] ?? null)) there[i]?.replaceWith(one)
+      if (one.dataset.shown !== there[i]?.dataset.shown) there[i]?.replaceWith(one)
     })
 }
 
@@ -123,7 +131,9 @@ function table(rows: HTMLElement[]): HTMLElement {
       el(
         'tr',
         {},
-        ...['Name', 'Length', 'Size', 'Result', 'Files', ''].map((name) => (name ? el('th', {}, name) : el('td', {}))),
+        ...['Recorded', 'Length', 'Size', 'Result', 'Files', ''].map((name) =>
+          name ? el('th', {}, name) : el('td', {}),
+        ),
       ),
     ),
     el('tbody', {}, ...rows),
@@ -140,15 +150,11 @@ function row(recording: RecordingInfo, current: boolean, replay: ReplayBar): HTM
   const when = new Date(recording.utc)
   const isDated = !Number.isNaN(when.getTime())
   const date = isDated ? when.toLocaleString(undefined, { dateStyle: 'medium', timeStyle: 'short' }) : recording.utc
+  const name = recording.name + (recording.profile ? ` · ${recording.profile}` : '')
   return el(
     'tr',
-    { class: current ? 'current' : '' },
-    el(
-      'td',
-      {},
-      el('strong', {}, recording.name),
-      el('div', { class: 'muted small' }, date + (recording.profile ? ` · ${recording.profile}` : '')),
-    ),
+    { class: current ? 'current' : '', 'data-shown': JSON.stringify([recording, current]) },
+    el('td', {}, el('strong', {}, date), el('div', { class: 'muted small' }, name)),
     el('td', {}, duration(recording.duration_s)),
     el('td', {}, bytes(recording.size_bytes)),
     el('td', {}, result(recording, current)),
@@ -170,21 +176,31 @@ function result(recording: RecordingInfo, current: boolean): HTMLElement {
       )
 }
 
+/** What people look for by its name, and the other files below. */
 function fileLinks(recording: RecordingInfo): HTMLElement {
+  const { named, others } = sortFiles(recording.files)
+  const link = (file: string, text: string): HTMLElement => {
+    const href = `/api/v1/recordings/${encodeURIComponent(recording.name)}/${encodeURIComponent(file)}`
+    return el('a', { href, download: file }, text)
+  }
   return el(
     'div',
     { class: 'file-links' },
-    ...recording.files.map((file) =>
+    ...named.map(([file, text]) => link(file, text)),
+    others.length > 0 &&
       el(
-        'a',
-        {
-          href: `/api/v1/recordings/${encodeURIComponent(recording.name)}/${encodeURIComponent(file)}`,
-          download: file,
-        },
-        file,
+        'details',
+        {},
+        el('summary', {}, `${others.length} more`),
+        el('div', { class: 'file-links' }, ...others.map((file) => link(file, file))),
       ),
-    ),
   )
+}
+
+export function sortFiles(files: string[]): { named: [file: string, text: string][]; others: string[] } {
+  const named = FILE_NAMES.filter(([file]) => files.includes(file))
+  const known = new Set(named.map(([file]) => file))
+  return { named, others: files.filter((file) => !known.has(file) && !HIDDEN.has(file)) }
 }
 
 /** Play, pause, seek and speed of the recording that is being replayed. */
