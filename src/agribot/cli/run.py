@@ -68,7 +68,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="drive the rows of the field (default), or find them by camera and "
                              "draw them as field.geojson")  # fmt: skip
     parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
-    parser.add_argument("--field", metavar="FILE", help="plan this field (GeoJSON) and work it")
+    parser.add_argument("--field", metavar="FILE",
+                        help="plan this field and work it: every format of agribot plan --field; "
+                             "of several fields and A-B lines in it those of "
+                             "FILE#NAME")  # fmt: skip
     parser.add_argument("--implement-width", type=finite, metavar="M",
                         help="for --field (default: that of the robot)")  # fmt: skip
     parser.add_argument("--margin", type=finite, metavar="M",

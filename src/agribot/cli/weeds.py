@@ -52,7 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     take.add_argument("source", type=Path, metavar="MAP", help=_SOURCE)
     take.add_argument("--classes", metavar="VALUE=weed|crop,…", help="what its classes mean")
-    take.add_argument("--field", type=Path, metavar="FIELD", help="refuse plants outside of it")
+    take.add_argument("--field", type=Path, metavar="FIELD",
+                      help="refuse plants outside of it; of several fields in the file: "
+                           "FILE#NAME")  # fmt: skip
     take.add_argument("--name", help="of the map; default: the file's")
     _add_output(take)
     report = actions.add_parser(
