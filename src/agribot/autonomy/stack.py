@@ -15,7 +15,7 @@ from agribot.autonomy.estimate.stem_map import StemMap
 from agribot.autonomy.implements.treatment import Treatment
 from agribot.autonomy.implements.zones import ZoneMap
 from agribot.autonomy.perceive.ground import GroundLookup
-from agribot.autonomy.perceive.plants import observe
+from agribot.autonomy.perceive.plants import look
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.autonomy.perception_host import (
     NewestPerception,
@@ -220,7 +220,7 @@ def perceiving(
         class_map = segmenter.segment(frame.image_rgb)
         if on_mask is not None:
             on_mask(frame.index, class_map.class_id)
-        return observe(frame, class_map, ground, settings, ready_s)
+        return look(frame, class_map, ground, settings, ready_s)
 
     if runs_in_real_time(config.platform):
         return NewestPerception(observer, settings.latency_s)

@@ -30,7 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--precision", choices=("fp32", "fp16", "int8"), default="fp32")
     parser.add_argument("--size", help="input size, WxH px (default: as it is)")
     parser.add_argument(
-        "--calibrate", type=Path, help="int8: folder of pictures like those to come"
+        "--calibrate",
+        type=Path,
+        help="folder of pictures like those to come: ranges of int8, and how much doubt is usual",
     )
     parser.add_argument(
         "--auto", action="store_true",
@@ -55,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
     network.
     """
     from agribot.autonomy.perceive.segmenter import Segmenter, model_path
+    from agribot.lab.train.exported_card import write_card
     from agribot.lab.train.networks import open_network, write_network
 
     if args.out.suffix != ".onnx":
@@ -65,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
     problems: list[str] = []
     if args.auto:
         return _export_automatically(args, problems)
+    pictures = list(_read_pictures(args.calibrate, problems)) if args.calibrate else []
     before = open_network(args.model, 1, args.size)
     with tempfile.TemporaryDirectory() as folder:
         source = Path(folder) / "source.onnx"
@@ -78,9 +82,10 @@ def run(args: argparse.Namespace) -> int:
         else:
             shutil.copy(model_path(args.model), source)
         made = Path(folder) / "made.onnx"
-        _convert(args, source, made, problems)
+        _convert(args, source, made, pictures)
         Segmenter(made)  # what does not run replaces nothing
         write_network(made, args.out)
+    write_card(model_path(args.model), args.out, args.precision, pictures)
     after = Segmenter(args.out)
     summary = _compare(args, before, after, problems)
     if args.json:
@@ -135,7 +140,7 @@ class _JudgedPairs:
         return read_pairs(self._pairs, self._problems.append)
 
 
-def _convert(args: argparse.Namespace, source: Path, made: Path, problems: list[str]) -> None:
+def _convert(args: argparse.Namespace, source: Path, made: Path, pictures: list[ByteArray]) -> None:
     from agribot.lab.train import precision
 
     if args.precision == "fp32":
@@ -143,11 +148,9 @@ def _convert(args: argparse.Namespace, source: Path, made: Path, problems: list[
     elif args.precision == "fp16":
         precision.convert_to_fp16(source, made)
     else:
-        pictures = _read_pictures(args.calibrate, problems)
-        first = next(pictures, None)
-        if first is None:
+        if not pictures:
             raise ConfigError(f"--calibrate {args.calibrate}: no picture there that can be read")
-        precision.quantise_to_int8(source, made, [first, *pictures])
+        precision.quantise_to_int8(source, made, pictures)
 
 
 def _read_pictures(folder: Path, problems: list[str]) -> Iterator[ByteArray]:

@@ -318,6 +318,7 @@ def _evaluate(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: A
         plan=trainer.plan,
         train_images=source.train_images,
         precision=args.precision,
+        most_doubt=_limit_doubt(segmenter, source),
         parameters=count_parameters(trainer.network),
         input_height_px=segmenter.map_shape[0],
         input_width_px=segmenter.map_shape[1],
@@ -330,6 +331,15 @@ def _evaluate(args: argparse.Namespace, trainer: Any, onnx_path: Path, source: A
         test=tests,
         plants=plants,
     )
+
+
+def _limit_doubt(segmenter: Any, source: Any) -> float | None:
+    from agribot.lab.train.doubt_limit import find_most_doubt
+    from agribot.lab.train.precision import sample_pictures
+
+    if not segmenter.finds_plants:
+        return None
+    return find_most_doubt(segmenter, sample_pictures(source.pictures))
 
 
 def _judge_plants(args: argparse.Namespace, onnx_path: Path) -> Any:

@@ -296,6 +296,20 @@ def test_a_camera_or_a_network_that_fails_is_named_and_the_tool_goes_off(
     assert "network" in gate.supervisor.gate.told
 
 
+def test_the_tool_is_off_while_the_plants_that_the_camera_names_are_in_doubt() -> None:
+    gate = Gate().cruise()
+    for doubt, is_on in (("", True), ("camera: picture is too dark", False), ("", True)):
+        for _ in range(3):
+            gate.rover.t_s += TICK_S
+            estimate = gate.believed(plants_doubt=doubt)
+            sent, reason = gate.supervisor.check(
+                gate.command(FORWARD), estimate, gate.rover.batch(), goal("running")
+            )
+            gate.rover.turn_wheels(sent.drive)
+        assert (sent.drive, reason) == (FORWARD, ""), "it drives on"
+        assert sent.implement.is_on == is_on
+
+
 def test_a_robot_without_a_camera_or_with_a_slow_one_lacks_nothing() -> None:
     watch = CameraWatch(SafetyConfig())
     for tick in range(1000):

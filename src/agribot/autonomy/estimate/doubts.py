@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from agribot.autonomy.estimate.crop_watch import CropWatch
 from agribot.autonomy.estimate.ekf import X, Y
+from agribot.autonomy.estimate.fitness_watch import FitnessWatch
 from agribot.autonomy.estimate.fix_watch import MAX_JUMP_M
 from agribot.autonomy.estimate.gnss import SUSPICIOUS_REJECTIONS, Gnss
 from agribot.autonomy.estimate.heading_watch import HeadingWatch
@@ -28,8 +30,8 @@ class Doubts:
         self._pose, self._gnss, self._agreement = pose, gnss, pose.agreement
         self._identity, self._lines = pose.identity, pose.lines
         self._pictures, self._flow, self._camera = PictureWatch(), PictureFlow(), SceneWatch()
-        self._mirror = MirrorWatch()
-        self.heading = HeadingWatch()
+        self._mirror, self._fitness = MirrorWatch(), FitnessWatch()
+        self.crop, self.heading = CropWatch(), HeadingWatch()
         self._moving_t_s = -math.inf
 
     def move(self, t_s: float) -> None:
@@ -37,11 +39,15 @@ class Doubts:
         self._moving_t_s = t_s
 
     def is_refused(self, scene: Scene, now_s: float) -> bool:
-        """Whether the scene is of an old picture again, or of one upside down or mirrored."""
+        """Whether the scene is of an old picture again, or of one turned over, or unfit."""
         self._camera.hear(scene, now_s)
+        self._fitness.hear(scene)
         then = self._pose.history.at(scene.t_s)
         if self._pictures.is_stale(scene, then):
             self._pose.rejected["picture not new"] += 1
+            return True
+        if scene.unfit:
+            self._pose.rejected["picture unfit"] += 1
             return True
         was_turned_over = self._is_turned_over
         self._flow.add(scene, then)
@@ -64,6 +70,11 @@ class Doubts:
     def expire(self, t_s: float) -> None:
         """Drop doubts that nothing has told again for long."""
         self._agreement.expire(t_s)
+
+    @property
+    def of_plants(self) -> str:
+        """Why no tool may work by what the camera calls weed and crop; empty where it may."""
+        return self._fitness.fault or self.crop.fault
 
     @property
     def contradiction(self) -> str:
@@ -115,6 +126,8 @@ class Doubts:
             yield Finding("camera", "contradicted", self._pose.line_noise.fault)
         elif self._camera.lateness:
             yield Finding("camera", "late", self._camera.lateness)
+        elif self.of_plants:
+            yield Finding("camera", "contradicted", self.of_plants)
 
     def _say_rejected(self) -> str:
         return (

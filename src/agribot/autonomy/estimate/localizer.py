@@ -105,6 +105,8 @@ class Localizer:
         return self._estimate(batch.t_s)
 
     def _apply_event(self, event: OperatorEvent) -> None:
+        if event.action == "set" and event.text == "treatment.enabled" and event.value:
+            self._doubts.crop.accept()
         if event.action == "pose_estimate":
             self._set_pose_by_hand(event.numbers)
         elif event.action in ("start", "resume") and self._plant_places.accept():
@@ -136,11 +138,18 @@ class Localizer:
             line = self._row_lines.pick(scene.row_line)
             if line is not None:
                 self.observe_line(line)
+        self._look_for_crop(scene)
         self._sight.observe(scene.t_s, self._crop_rows.fitted + self._row_lines.fitted)
         epoch = self._history.epoch(scene.t_s)
         is_told = self._gnss.quality is GnssQuality.RTK_FIXED  # the fixes tell rows apart
         if scene.crop_cover is not None and epoch is not None and not is_told:
             self.pose.identity.look(scene.crop_cover, self.pose.place(epoch), self.pose.rows)
+
+    def _look_for_crop(self, scene: Scene) -> None:
+        """Hold what the network calls crop against the rows."""
+        place = self.place(scene.t_s)
+        if scene.crop_cover is not None and place is not None:
+            self._doubts.crop.look(scene.crop_cover, place, self.pose.rows)
 
     def _observe_plants(self, scene: Scene) -> None:
         found = self._plant_places.found
@@ -304,6 +313,7 @@ class Localizer:
             across_unknown_m=bounds.across_unknown_m,
             rows_off_m=self.pose.rows_off_m,
             contradiction=contradiction if ok else "",
+            plants_doubt=self._doubts.of_plants,
             verdicts=self._verdicts.judge(t_s, findings),
             row_certainty=self.pose.identity.certainty,
         )

@@ -69,7 +69,9 @@ class CoverGrid:
         self._seen_cells = np.zeros(self._rows * self._columns, dtype=bool)
         self._seen_cells[self._cell[in_range]] = True
 
-    def cover(self, is_crop: Mask, leaves: StemLeaves | None = None) -> CropCover:
+    def cover(
+        self, is_crop: Mask, leaves: StemLeaves | None = None, is_weed: Mask | None = None
+    ) -> CropCover:
         """Of the crop pixels (h, w), and of what the stems say of leaves, where a network tells.
 
         Seams of the ground are lines of crop pixels: leaves are broader. What points to a stem of
@@ -77,7 +79,7 @@ class CoverGrid:
         """
         crop = middles_of_squares(is_crop) & (self._cell >= 0)
         if leaves is None:
-            return self._make(crop, self._seen)
+            return self._make(crop, self._seen, weed=self._note_weeds(is_weed))
         leaves.check_shape(is_crop.shape)
         owner = np.where(self._cell >= 0, leaves.owner, NO_LEAF)
         unknown = (owner == NO_STEM) & ~is_crop
@@ -87,7 +89,11 @@ class CoverGrid:
         is_cut[self._cell[crop | unknown]] = False
         seen = np.packbits(self._seen_cells & ~is_cut).tobytes()
         stems_body_m, owners = self._own(crop, owner, leaves.places_m)
-        return self._make(crop, seen, self._bits(unknown), stems_body_m, owners)
+        weed = self._note_weeds(is_weed)
+        return self._make(crop, seen, self._bits(unknown), stems_body_m, owners, weed)
+
+    def _note_weeds(self, is_weed: Mask | None) -> bytes:
+        return b"" if is_weed is None else self._bits(is_weed & (self._cell >= 0))
 
     def _own(
         self, crop: Mask, owner: Owners, places_m: FloatArray
@@ -117,6 +123,7 @@ class CoverGrid:
         unknown: bytes = b"",
         stems_body_m: tuple[tuple[float, float], ...] = (),
         owners: bytes = b"",
+        weed: bytes = b"",
     ) -> CropCover:
         return CropCover(
             x_body_m=self._corner_m[0],
@@ -129,6 +136,7 @@ class CoverGrid:
             unknown=unknown,
             stems_body_m=stems_body_m,
             owners=owners,
+            weed=weed,
         )
 
     def _bits(self, pixels: Mask) -> bytes:

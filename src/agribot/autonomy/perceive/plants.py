@@ -13,12 +13,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.crop_cover import middles_of_squares
 from agribot.autonomy.perceive.foliage import find_nearer_ratio
 from agribot.autonomy.perceive.ground import GroundLookup
+from agribot.autonomy.perceive.picture_light import find_fault
 from agribot.autonomy.perceive.pieces import find_windows, label_pieces
 from agribot.autonomy.perceive.row_line import find_row_line
-from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.autonomy.perceive.stem_plants import (
     SeenStems,
     find_leaves,
@@ -51,6 +52,29 @@ class Pieces(NamedTuple):
     total: int
 
 
+def look(
+    frame: CameraFrame,
+    class_map: ClassMap,
+    ground: GroundLookup,
+    config: PerceptionConfig,
+    ready_s: float,
+) -> Scene:
+    """Make the scene of a frame, an empty one with the reason where the picture is unfit."""
+    unfit = find_unfit(frame, class_map)
+    if not unfit:
+        return observe(frame, class_map, ground, config, ready_s)
+    return Scene(
+        t_s=frame.t_s,
+        ready_s=ready_s,
+        frame_index=frame.index,
+        plants=(),
+        view_body_m=ground.view_body_m,
+        picture_crc32=_sum_up(frame),
+        doubt=class_map.doubt,
+        unfit=unfit,
+    )
+
+
 def observe(
     frame: CameraFrame,
     class_map: ClassMap,
@@ -58,7 +82,7 @@ def observe(
     config: PerceptionConfig,
     ready_s: float,
 ) -> Scene:
-    """Make the scene of a frame from the class map of its image."""
+    """Make the scene of a frame that is fit, from the class map of its image."""
     counts = np.bincount(class_map.class_id.ravel(), minlength=len(PlantClass))
     ratio = counts / class_map.class_id.size
     pieces = find_pieces(class_map, ground)
@@ -72,10 +96,32 @@ def observe(
         view_body_m=ground.view_body_m,
         class_ratio=(float(ratio[0]), float(ratio[1]), float(ratio[2])),
         row_line=find_row_line(class_map, ground, frame.t_s),
-        crop_cover=ground.cover_grid.cover(pieces.labels > pieces.weeds, leaves),
+        crop_cover=ground.cover_grid.cover(
+            pieces.labels > pieces.weeds,
+            leaves,
+            (pieces.labels > 0) & (pieces.labels <= pieces.weeds),
+        ),
         weed_scores=None if stems is None else ground.score_grid.score(stems.maps),
-        picture_crc32=zlib.crc32(np.ascontiguousarray(frame.image_rgb).data),
+        picture_crc32=_sum_up(frame),
+        doubt=class_map.doubt,
     )
+
+
+def find_unfit(frame: CameraFrame, class_map: ClassMap) -> str:
+    """Say why a picture tells nothing of plants; empty where it does."""
+    if fault := find_fault(frame.image_rgb):
+        return fault
+    doubt, most = class_map.doubt, class_map.most_doubt
+    if doubt is None or most is None or doubt <= most:
+        return ""
+    return (
+        f"the network does not know these plants in this light, doubt {doubt:.2f} > {most:.2f}; "
+        "label pictures of this field and train on them"
+    )
+
+
+def _sum_up(frame: CameraFrame) -> int:
+    return zlib.crc32(np.ascontiguousarray(frame.image_rgb).data)
 
 
 def ground_plants(

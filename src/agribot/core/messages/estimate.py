@@ -48,7 +48,8 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     `rows_off_m` is how far the field's rows stand East and North of where the map has them.
     `contradiction` names sensors that disagree, between which a person decides, or asks one which
     row this is: `row_certainty` is the probability that it is the one that the pose says.
-    `verdicts` say of every sensor whether it is believed.
+    `verdicts` say of every sensor whether it is believed. `plants_doubt` is why the tool must not
+    work by what the camera calls weed and crop, though the pose is good.
     """
 
     t_s: float
@@ -73,6 +74,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     rows_off_m: tuple[float, float] = (0.0, 0.0)
     verdicts: SensorVerdicts = ALL_FINE
     row_certainty: float = 1.0
+    plants_doubt: str = ""
 
     def relate_to_rows(self) -> Estimate:
         """Return the pose in a map whose rows lie where those of the field stand."""

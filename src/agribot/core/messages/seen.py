@@ -61,7 +61,8 @@ class CropCover(msgspec.Struct, frozen=True, kw_only=True):
 
     Square cells of the body frame, row by row from the corner at (`x_body_m`, `y_body_m`): columns
     run to the left (y), rows forwards (x). `crop` and `seen` hold a bit for each cell, the highest
-    bit of a byte first, whether it shows crop, and whether the picture shows it at all.
+    bit of a byte first, whether it shows crop, and whether the picture shows it at all; `weed`
+    whether it shows weeds, empty where nobody tells.
 
     A network that finds plants tells more. `unknown` has the bits of vegetation that no stem
     explains, empty where nobody tells. `stems_body_m` are the stems of crop that leaves point to,
@@ -77,6 +78,7 @@ class CropCover(msgspec.Struct, frozen=True, kw_only=True):
     columns: int
     crop: bytes
     seen: bytes
+    weed: bytes = b""
     unknown: bytes = b""
     stems_body_m: tuple[tuple[float, float], ...] = ()
     owners: bytes = b""
@@ -117,6 +119,8 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     crop_cover: CropCover | None = None  # None: the camera or the recording has none
     weed_scores: WeedScores | None = None  # None: the network or the recording has none
     picture_crc32: int = 0  # of the picture's bytes; 0 where nobody worked it out
+    doubt: float | None = None  # of the network, 0 to 1 (perceive/doubt.py); None: not known
+    unfit: str = ""  # why nothing else of the scene holds, such as too dark a picture
 
 
 class MappedPlant(msgspec.Struct, frozen=True, kw_only=True):

@@ -64,9 +64,11 @@ class ModelCard(msgspec.Struct, frozen=True, kw_only=True):
     limits: str = SIM_LIMITS
     chosen_blind: bool = True  # no setting, such as the input size, was chosen by the test sets
     precision: str = "fp32"  # of the numbers in the file
+    most_doubt: float | None = None  # of a picture it knows (perceive/doubt.py); None: no limit
     calibration: Calibration | None = None  # None: confidences are the softmax of the logits
     held_out: HeldOut | None = None  # where nothing is left to judge these very weights on
     changed_since: str = ""  # what the same command does otherwise today
+    exported_from: str = ""  # SHA-256 of the file that was trained, whose scores these are
 
     def write(self, onnx_path: Path) -> None:
         """Put the card beside the weights, as JSON and as Markdown."""
@@ -97,7 +99,7 @@ SHA-256 `{self.sha256}`
 - Network resolution: {self.input_width_px} x {self.input_height_px}; the graph takes uint8 images \
 of any size
 - Speed: {self.cpu_ms_per_frame:.1f} ms CPU time per frame ({self.cpu_ms_conditions})
-- Confidence: {self._sureness()}
+- Confidence: {self._sureness()}{self._doubt()}
 
 {self._origin()}
 
@@ -117,7 +119,16 @@ Limits: {self.limits}
         return f"{self.training_cpu_min:.1f} CPU-minutes{gpu}"
 
     def _change(self) -> str:
-        return f"\n- Changed since: {self.changed_since}" if self.changed_since else ""
+        changed = f"\n- Changed since: {self.changed_since}" if self.changed_since else ""
+        if not self.exported_from:
+            return changed
+        return f"{changed}\n- Exported from: SHA-256 `{self.exported_from}`, whose scores these are"
+
+    def _doubt(self) -> str:
+        """Say of which pictures the robot believes nothing, where there is a limit."""
+        if self.most_doubt is None:
+            return ""
+        return f"\n- Doubt: pictures with more than {self.most_doubt:.3g} count as unknown"
 
     def _sureness(self) -> str:
         if self.kept_temperatures is not None:

@@ -81,7 +81,7 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
         has_tests_aside=held is not None and not aside,
         judge=_make_judge(aside, (height_px, width_px), args.model),
         batches=_make_photo_batches(args, read, recipe, progress),
-        pictures=_read_sample(args, read.files),
+        pictures=_read_sample(read.files),
         recipe=recipe,
         tests={f"fold {args.fold} of {args.folds}": held} if held else {},
         train_images=len(read.files),
@@ -214,10 +214,8 @@ def _make_judge(aside: list[LabelledImage], size_px: tuple[int, int], model: str
     return HeldOutPictures(aside, size_px, find_architecture(model).features)
 
 
-def _read_sample(args: argparse.Namespace, files: PairFiles) -> list[ByteArray]:
-    """Read some of the pictures, on which 8-bit numbers are calibrated."""
-    if args.precision != "int8":
-        return []
+def _read_sample(files: PairFiles) -> list[ByteArray]:
+    """Read some of the pictures, on which 8-bit numbers are calibrated and doubt is limited."""
     return [files[index][0] for index in sample_pictures(range(len(files)))]
 
 

@@ -84,7 +84,9 @@ class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
     aside: Callable[[], Iterable[LabelledImage]] | None = None
     has_tests_aside: bool = False
     judge: Judge | None = None
-    pictures: Sequence[ByteArray]  # some that were trained on, to calibrate 8-bit numbers
+    pictures: Sequence[
+        ByteArray
+    ]  # some that were trained on, for 8-bit numbers and the limit of doubt
     train_images: int
     input_size_px: tuple[int, int]  # height, width
     antialias: bool
@@ -130,7 +132,7 @@ def make_simulated_source(
         aside=aside,
         judge=judge,
         batches=batches,
-        pictures=_copy_sample(stack) if args.precision == "int8" else [],
+        pictures=_copy_sample(stack),
         recipe=recipe,
         tests={name: partial(one.read, args.test_images) for name, one in sets.items()},
         train_images=sum(counts.values()),
@@ -279,7 +281,7 @@ def _count_views(wanted: WantedSet) -> int:
 
 
 def _copy_sample(stack: PictureStack) -> list[ByteArray]:
-    """Copy some of the pictures, on which 8-bit numbers are calibrated."""
+    """Copy some of the pictures, on which 8-bit numbers are calibrated and doubt is limited."""
     return [stack.images[index].cpu().numpy() for index in sample_pictures(range(len(stack)))]
 
 
