@@ -85,6 +85,7 @@ COMMANDS = {
     ),
     "dataset label-by-rows": ("{run} --out {out}/taught", "sim"),
     "dataset split": ("{pairs} --by image --ratios 50,25,25 -o {out}/split.json", ""),
+    "adapt": ("{pairs} -o {out}/field.onnx", "train"),
     "train": ("--images 1 --minutes 1 --out {out}/training", "train"),
     "eval": ("{pairs}", ""),
     "predict": ("{pairs}/images/0.png -o {out}/seen", ""),

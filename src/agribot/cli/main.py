@@ -159,6 +159,11 @@ COMMANDS = {
         "train the crop/weed network on simulated images or your own photographs",
         "agribot train --images 1200 --minutes 20 --seed 0 --out training",
     ),
+    "adapt": (
+        "agribot.cli.adapt",
+        "adapt a crop/weed network to a field by its rows, without labels",
+        "agribot adapt photos -o field.onnx --json",
+    ),
     "eval": (
         "agribot.cli.evaluate",
         "judge a crop/weed network on labelled pictures",

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.perceive.picture_rows import PictureRows, find_rows, measure_contrast
+from agribot.core.messages import FloatArray
 from tests.autonomy.perceive.drawn_rows import draw_cover, make_rows
 
 DOWN, SPACING, PICTURES = -0.08, 0.55, 6
+
+
+Found = tuple[list[PictureRows], list[PictureRows], FloatArray]
 
 
 def draw_set(rng: np.random.Generator) -> list[PictureRows]:
@@ -26,34 +30,34 @@ def find_lean_deg(rows: PictureRows, foot: float) -> float:
 
 
 @pytest.fixture(scope="module")
-def found() -> tuple[list[PictureRows], list[PictureRows], np.ndarray]:
+def found() -> Found:
     rng = np.random.default_rng(3)
     true = draw_set(rng)
     contrasts = [measure_contrast(draw_cover(rows, rng)) for rows in true]
     return true, *find_rows(contrasts, rng)
 
 
-def test_lines_of_rows_are_found_where_they_cross_the_lower_edge(found) -> None:
+def test_lines_of_rows_are_found_where_they_cross_the_lower_edge(found: Found) -> None:
     for true, seen in zip(*found[:2], strict=True):
         off = seen.find_feet() - true.foot_ratio
         assert np.abs(off).min() < 0.06 * SPACING
 
 
-def test_vanishing_point_and_spacing_are_those_of_the_drawing(found) -> None:
+def test_vanishing_point_and_spacing_are_those_of_the_drawing(found: Found) -> None:
     for true, seen in zip(*found[:2], strict=True):
         assert seen.down_ratio == pytest.approx(DOWN, abs=0.05)
         assert seen.across_ratio == pytest.approx(true.across_ratio, abs=0.05)
         assert seen.spacing_ratio == pytest.approx(SPACING, rel=0.06)
 
 
-def test_lines_lean_as_the_rows_do_within_three_degrees(found) -> None:
+def test_lines_lean_as_the_rows_do_within_three_degrees(found: Found) -> None:
     for true, seen in zip(*found[:2], strict=True):
         foot = seen.find_feet()[np.abs(seen.find_feet() - true.foot_ratio).argmin()]
         lean_deg = find_lean_deg(true, true.foot_ratio)
         assert find_lean_deg(seen, float(foot)) == pytest.approx(lean_deg, abs=3.0)
 
 
-def test_pictures_of_rows_have_more_evidence_than_they_would_without_rows(found) -> None:
+def test_pictures_of_rows_have_more_evidence_than_they_would_without_rows(found: Found) -> None:
     _, rows, without = found
     assert min(one.evidence for one in rows) > without.max()
 

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("cv2")
 
 from agribot.core.messages import ByteArray, PlantClass
-from agribot.lab.train.photo_batches import PhotoBatches, ScaledPictures
+from agribot.lab.train.photo_batches import ALONG_ROWS, PhotoBatches, ScaledPictures
 
 # Far apart, so that no change of light makes one the other.
 COLOURS = np.array([[250, 30, 30], [30, 250, 30], [20, 20, 60]], dtype=np.uint8)
@@ -94,3 +94,15 @@ def test_a_set_larger_than_the_memory_gives_the_same_batches_from_less_of_it() -
     for index in rng.integers(0, 9, 60):
         scaled[int(index)]
         assert scaled.held_bytes <= 3.5 * one
+
+
+def test_along_rows_pictures_stay_upright() -> None:
+    label = np.full((200, 200), PlantClass.SOIL, np.uint8)
+    label[100:] = PlantClass.CROP
+    upright = PhotoBatches(
+        [(COLOURS[label], label)], scale=1.0, batch_size=8, crop_px=160, view=ALONG_ROWS
+    )
+    _, labels = upright(np.random.default_rng(0))
+    upper, lower = labels[:, 32, 48:112], labels[:, 128, 48:112]
+    assert (upper.numpy() == PlantClass.SOIL).all()
+    assert (lower.numpy() == PlantClass.CROP).all()

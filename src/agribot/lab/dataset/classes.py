@@ -9,7 +9,7 @@ import numpy.typing as npt
 from PIL import Image
 
 from agribot.core.errors import ConfigError
-from agribot.core.messages import ByteArray, PlantClass
+from agribot.core.messages import ByteArray, FloatArray, PlantClass
 from agribot.lab.dataset.pictures import DEEP_MODES
 
 # Stored value, or COLOUR and 0xRRGGBB, to class; 255 is a pixel that counts for nothing.
@@ -232,7 +232,7 @@ class ClassTally:
         )
 
 
-def excess_green(image_rgb: ByteArray) -> npt.NDArray[np.float64]:
+def excess_green(image_rgb: ByteArray | FloatArray) -> npt.NDArray[np.float64]:
     """Compute (2 G - R - B) / (R + G + B), -1 to 2, of (H, W, 3) (Woebbecke et al. 1995)."""
     red, green, blue = np.moveaxis(image_rgb.astype(np.float64), -1, 0)
     greenness: npt.NDArray[np.float64] = (2.0 * green - red - blue) / (red + green + blue + 1.0)

@@ -68,6 +68,32 @@ class PhotoLabelReport(msgspec.Struct, frozen=True, kw_only=True):
     problems: tuple[str, ...]
 
 
+class Photographs(NamedTuple):
+    """The pictures in a folder, or in that of images in it, and what cannot be used."""
+
+    folder: Path
+    paths: list[Path]
+    left_out: tuple[str, ...]
+
+
+def list_photographs(folder: Path) -> Photographs:
+    """List the pictures in a folder, or in that of images in it.
+
+    Raises: ConfigError: no folder, or no picture in it.
+    """
+    if not folder.is_dir():
+        raise ConfigError(f"{folder} is no folder; check the path")
+    inner = next((folder / name for name in IMAGE_FOLDERS if (folder / name).is_dir()), folder)
+    found, left_out = index_files(folder, inner)
+    if not found:
+        raise ConfigError(
+            f"{inner} holds neither the recording of a run, run.mcap, nor a picture "
+            f"({', '.join(sorted(SUFFIXES))})"
+        )
+    paths = [folder / name for name in found.values()]
+    return Photographs(inner, paths, tuple(f"{folder / file}: {why}" for why, file in left_out))
+
+
 class PhotographedRows:
     """A folder of photographs from straight above, in each of which one row of crop runs.
 
@@ -81,19 +107,8 @@ class PhotographedRows:
 
         Raises: ConfigError: no folder, or no picture in it.
         """
-        if not folder.is_dir():
-            raise ConfigError(f"{folder} is no folder; check the path")
-        inner = (folder / name for name in IMAGE_FOLDERS if (folder / name).is_dir())
-        self._folder = next(inner, folder)
-        found, left_out = index_files(folder, self._folder)
-        self._paths = [folder / name for name in found.values()]
-        if not self._paths:
-            raise ConfigError(
-                f"{self._folder} holds neither the recording of a run, run.mcap, nor a picture "
-                f"({', '.join(sorted(SUFFIXES))})"
-            )
+        self._folder, self._paths, self._left_out = list_photographs(folder)
         self._segmenter, self._direction = segmenter, direction
-        self._left_out = tuple(f"{folder / file}: {reason}" for reason, file in left_out)
         self._problems: dict[Path, str] = {}
 
     def __len__(self) -> int:

@@ -1,7 +1,8 @@
-"""Training batches from photographs that look straight down: any turn, scale and light.
+"""Training batches from photographs: random turns, scales and light.
 
-Plants look the same from every side there, so a crop is turned freely. Rare plants are shown
-more often: crops centre on vegetation, and plants of one picture are set into another.
+Seen from straight above plants look the same from every side, so that a crop is turned freely.
+Rare plants are shown more often: crops centre on vegetation, and plants of one picture are set
+into another.
 """
 
 from __future__ import annotations
@@ -24,19 +25,34 @@ from agribot.lab.train.photo_transforms import relight, warp
 SCALE_RATIO = (0.86, 1.66)
 LEVELS = 4
 FROM_LEVEL_RATIO = (0.85, 1.0)  # what is left to the warp after the nearest larger level
-ON_PLANTS_RATIO = 0.6  # of the crops centre on vegetation, half of them on a crop plant
-PASTE_RATIO = 0.35
+ON_PLANTS_RATIO = 0.6  # of the crops centre on vegetation, half of them on the rare plants
 PASTE_CROP_RATIO = 0.7
 LEAST_PASTE_PX = 30
 MEMORY_BYTES = 2_000_000_000  # of pictures at all scales, some 300 of 512 px
 
 
+class View(NamedTuple):
+    """What a view of plants allows: turns, plants set into other pictures; which plants are rare.
+
+    Where rows run away from the camera, the place in the picture says what a plant is: it is not
+    turned, and nothing is moved to another place.
+    """
+
+    most_turn_rad: float
+    paste_ratio: float
+    rare: PlantClass
+
+
+STRAIGHT_DOWN = View(np.pi, 0.35, PlantClass.CROP)
+ALONG_ROWS = View(0.1, 0.0, PlantClass.WEED)
+
+
 class Level(NamedTuple):
-    """A picture at one scale, and where its crops and all its plants are."""
+    """A picture at one scale, and where its rare and all its plants are."""
 
     image_rgb: ByteArray
     label: ByteArray
-    crop_rows_columns: npt.NDArray[np.intp]
+    rare_rows_columns: npt.NDArray[np.intp]
     plant_rows_columns: npt.NDArray[np.intp]
 
 
@@ -52,9 +68,14 @@ class ScaledPictures:
     """All pictures at all scales, as many as `memory_bytes` hold; the others are read again."""
 
     def __init__(
-        self, pairs: LabelledPictures, scales: npt.NDArray[np.float64], memory_bytes: int
+        self,
+        pairs: LabelledPictures,
+        scales: npt.NDArray[np.float64],
+        memory_bytes: int,
+        rare: PlantClass = STRAIGHT_DOWN.rare,
     ) -> None:
         self._pairs, self._scales, self._memory_bytes = pairs, scales, memory_bytes
+        self._rare = rare
         self._kept: OrderedDict[int, list[Level]] = OrderedDict()
         self.held_bytes = 0
         self._one_at_a_time = Lock()  # batches may be drawn by several threads
@@ -72,7 +93,7 @@ class ScaledPictures:
                 self._kept.move_to_end(index)
                 return self._kept[index]
         pair = self._pairs[index]
-        levels = [_make_level(*pair, float(s)) for s in self._scales]
+        levels = [_make_level(*pair, float(s), self._rare) for s in self._scales]
         with self._one_at_a_time:
             if index not in self._kept:  # else another thread has just read it
                 self._kept[index] = levels
@@ -96,12 +117,14 @@ class PhotoBatches:
         batch_size: int,
         crop_px: int,
         memory_bytes: int = MEMORY_BYTES,
+        view: View = STRAIGHT_DOWN,
     ) -> None:
         self.batch_size = batch_size
+        self._view = view
         self.crop_px = crop_px
         scales = np.minimum(1.0, scale * np.geomspace(*SCALE_RATIO, LEVELS) / FROM_LEVEL_RATIO[0])
         scales = np.minimum(scales, scale * SCALE_RATIO[1])
-        self._pictures = ScaledPictures(pairs, scales, memory_bytes)
+        self._pictures = ScaledPictures(pairs, scales, memory_bytes, view.rare)
         # A turned square must not reach over the edge of its window.
         self._window_px = int(np.ceil(crop_px * 1.2))
 
@@ -116,7 +139,7 @@ class PhotoBatches:
 
     def _sample(self, rng: np.random.Generator) -> tuple[ByteArray, ByteArray]:
         image, label = self._crop(rng)
-        if rng.random() >= PASTE_RATIO:
+        if rng.random() >= self._view.paste_ratio:
             return image, label
         kind = PlantClass.CROP if rng.random() < PASTE_CROP_RATIO else PlantClass.WEED
         other_image, other_label = self._crop(rng)
@@ -132,7 +155,8 @@ class PhotoBatches:
         picture = self._pictures[int(rng.integers(len(self._pictures)))]
         level = picture[int(rng.integers(len(picture)))]
         image, label = self._window(level, rng)
-        image, label = warp(image, label, self.crop_px, FROM_LEVEL_RATIO, rng)
+        turn_rad = self._view.most_turn_rad
+        image, label = warp(image, label, self.crop_px, FROM_LEVEL_RATIO, rng, turn_rad)
         return relight(image, rng), label
 
     def _window(self, level: Level, rng: np.random.Generator) -> tuple[ByteArray, ByteArray]:
@@ -140,8 +164,8 @@ class PhotoBatches:
         centre = np.array([rng.uniform(0, height), rng.uniform(0, width)])
         if rng.random() < ON_PLANTS_RATIO:
             places = level.plant_rows_columns
-            if rng.random() < 0.5 and len(level.crop_rows_columns):
-                places = level.crop_rows_columns
+            if rng.random() < 0.5 and len(level.rare_rows_columns):
+                places = level.rare_rows_columns
             if len(places):
                 jitter_px = rng.uniform(-0.35, 0.35, 2) * self.crop_px
                 centre = places[int(rng.integers(len(places)))] + jitter_px
@@ -156,7 +180,7 @@ def _count_bytes(levels: list[Level]) -> int:
     return sum(part.nbytes for level in levels for part in level)
 
 
-def _make_level(image_rgb: ByteArray, label: ByteArray, scale: float) -> Level:
+def _make_level(image_rgb: ByteArray, label: ByteArray, scale: float, rare: PlantClass) -> Level:
     height, width = (max(1, round(size * scale)) for size in label.shape)
     # Pillow's filter widens with the reduction: fine leaves do not alias.
     image = np.asarray(
@@ -165,4 +189,4 @@ def _make_level(image_rgb: ByteArray, label: ByteArray, scale: float) -> Level:
     small = resize_nearest(label, (height, width))
     sparse = small[::4, ::4]
     plants = (sparse == PlantClass.CROP) | (sparse == PlantClass.WEED)
-    return Level(image, small, 4 * np.argwhere(sparse == PlantClass.CROP), 4 * np.argwhere(plants))
+    return Level(image, small, 4 * np.argwhere(sparse == rare), 4 * np.argwhere(plants))

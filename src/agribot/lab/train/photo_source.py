@@ -254,7 +254,7 @@ def _make_photo_batches(
     if not aside:
         return photos
     if find_architecture(args.model).finds_plants:
-        return _mix_with_plants(photos, _draw_plants(args, progress), aside, recipe)
+        return mix_with_plants(photos, draw_plants(args, progress), aside, recipe)
     wanted = WantedSet("train-random", 0, draw_random_field, STANDARD, args.with_sim)
     drawn = draw_set(args, wanted, progress)
     images = list(drawn.read(args.with_sim))
@@ -268,7 +268,7 @@ def _make_photo_batches(
     return draw_mixed
 
 
-def _draw_plants(args: argparse.Namespace, progress: Progress) -> list[DrawnView]:
+def draw_plants(args: argparse.Namespace, progress: Progress) -> list[DrawnView]:
     """Draw dense fields, half of them seen by the robot along rows: what keeps stems in mind."""
     masts = args.with_sim // 2
     sets = (
@@ -282,7 +282,7 @@ def _draw_plants(args: argparse.Namespace, progress: Progress) -> list[DrawnView
     ]
 
 
-def _mix_with_plants(
+def mix_with_plants(
     photos: BatchSource, views: list[DrawnView], count: int, recipe: TrainingPlan
 ) -> BatchSource:
     """Photographs teach classes alone; of every batch `count` are views that teach stems, too."""

@@ -1,4 +1,4 @@
-"""Random turns and random light for photographs that look straight down, on OpenCV.
+"""Random turns and random light for photographs, on OpenCV.
 
 Every number comes from the generator that is passed: the same state gives the same picture.
 """
@@ -30,6 +30,7 @@ def warp(
     crop_px: int,
     scale_ratio: tuple[float, float],
     rng: np.random.Generator,
+    most_turn_rad: float = np.pi,
 ) -> tuple[ByteArray, ByteArray]:
     """Turn, shear, scale and mirror a window about its centre, and cut `crop_px` squares.
 
@@ -39,7 +40,7 @@ def warp(
     Returns: (crop_px, crop_px, 3) and (crop_px, crop_px).
     """
     height, width = label.shape
-    turn_rad = rng.uniform(-np.pi, np.pi)
+    turn_rad = rng.uniform(-most_turn_rad, most_turn_rad)
     shear_x, shear_y = np.tan(np.deg2rad(rng.uniform(-SHEAR_DEG, SHEAR_DEG, 2)))
     scale_x, scale_y = rng.uniform(*scale_ratio, 2)
     cos, sin = np.cos(turn_rad), np.sin(turn_rad)

@@ -49,6 +49,22 @@ def start_from(path: Path, network: nn.Module, x: Tensor) -> None:
     set_convolutions(network, weights, x)
 
 
+def recognise_architecture(path: Path) -> str:
+    """Recognise as which network the file at `path` was trained, by its convolutions.
+
+    Raises: PerceptionError: no network that runs. ConfigError: none of ours.
+    """
+    shapes = [tuple(weight.shape) for weight, _ in read_convolutions(path)]
+    for name, architecture in ARCHITECTURES.items():
+        layers = _list_convolutions(architecture.build())
+        if [tuple(layer.weight.shape) for layer in layers] == shapes:
+            return name
+    raise ConfigError(
+        f"{path}: its {len(shapes)} convolutions are those of no network that can be trained "
+        f"further; give one of {', '.join(ARCHITECTURES)}"
+    )
+
+
 def set_convolutions(network: nn.Module, weights: list[tuple[Tensor, Tensor]], x: Tensor) -> None:
     """Give `network` these weights and biases, as of `read_convolutions`.
 

@@ -1,0 +1,209 @@
+"""Adapt a network to a field by its rows: see them, learn from them, and say what that brought."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from agribot.app.run_recording import find_recording
+from agribot.autonomy.perceive.segmenter import Segmenter, model_path
+from agribot.core.errors import ConfigError, RecordingError
+from agribot.core.whole_file import write_at_once
+from agribot.lab.adapt.field_training import Budget, FieldTraining, choose_size_px
+from agribot.lab.adapt.row_figures import TaughtFigures, draw_sheet, judge_rows
+from agribot.lab.adapt.row_teacher import PASSES, see_rows, teach
+from agribot.lab.dataset.photographed_rows import list_photographs
+from agribot.lab.dataset.recorded_rows import PASSES as DRIVE_PASSES
+from agribot.lab.dataset.recorded_rows import RecordedPictures, label_recordings
+from agribot.lab.train.card import hash_file
+from agribot.lab.train.fit import load_checkpoint
+from agribot.lab.train.photographs import Pair, find_pairs, read_pair
+
+ASIDE_EVERY = 6  # of the pictures with rows, one is not learned from and judges
+SHEET_PICTURES = 6
+TAUGHT, NOTE = "taught", "taught.json"
+
+
+class Taught(msgspec.Struct, frozen=True, kw_only=True):
+    """What rows taught, as it stands beside the pictures: a second call goes on with it."""
+
+    source: str
+    base: str
+    pictures: int = 0
+    rows_seen: int = 0
+    problems: tuple[str, ...] = ()
+    cpu_s: float = 0.0
+
+
+class Adaptation(msgspec.Struct, frozen=True, kw_only=True):
+    """What an adaptation saw and brought; the figures are of pictures that it did not learn from.
+
+    `cpu_s` is that of all calls that it took.
+    """
+
+    pictures: int
+    rows_seen: int
+    before: TaughtFigures
+    after: TaughtFigures
+    cpu_s: float
+    steps: int
+    model: str
+    sheet: str
+    problems: tuple[str, ...]
+
+
+class Wanted(NamedTuple):
+    """What to adapt to, with which network, and where to write the weights."""
+
+    source: Path
+    base: str
+    out: Path
+    budget: Budget
+    seed: int
+
+
+class Listener(NamedTuple):
+    """Who hears of progress: lines of text, and counters of so many pictures."""
+
+    tell: Callable[[str], None]
+    start_count: Callable[[int], Callable[[int], None]]
+
+
+def adapt(wanted: Wanted, listener: Listener) -> Adaptation:
+    """Adapt a network; a call that was stopped is gone on with by the same call.
+
+    What it needs until it is done lies in a folder beside the weights.
+    Raises: ConfigError: no rows, or a network that cannot learn; RecordingError: a broken
+    recording, or a full disk.
+    """
+    base = model_path(wanted.base)
+    folder = wanted.out.with_name(f"{wanted.out.stem}-adapt")
+    earlier_s = _count_earlier_s(folder) - time.process_time()
+    training = FieldTraining(base, folder, wanted.seed)
+    taught = _teach_once(wanted, base, folder, listener)
+    pairs, aside = _part(folder / TAUGHT)
+    listener.tell(
+        f"{taught.rows_seen} of {taught.pictures} pictures show rows; {len(aside)} of them are "
+        "kept aside to judge"
+    )
+    network = Segmenter(base)
+    before = judge_rows(network, map(read_pair, aside))
+    size_px = choose_size_px(network, [read_pair(pair)[1].shape[:2] for pair in aside])
+    # Judging again costs about as much as what was done since the rows were found.
+    spent_s = 2.0 * (earlier_s + time.process_time()) - taught.cpu_s
+    budget = _leave(wanted.budget, spent_s / 60.0)
+    trained = training.run(pairs, budget, size_px, wanted.out, listener.tell)
+    adapted = Segmenter(wanted.out)
+    return Adaptation(
+        pictures=taught.pictures,
+        rows_seen=taught.rows_seen,
+        before=before,
+        after=judge_rows(adapted, map(read_pair, aside)),
+        steps=trained.step,
+        model=str(wanted.out),
+        sheet=str(_draw(wanted.out, aside, network, adapted)),
+        problems=taught.problems,
+        cpu_s=earlier_s + time.process_time(),
+    )
+
+
+def _count_earlier_s(folder: Path) -> float:
+    """Count the CPU time that earlier calls spent on seeing rows and on learning."""
+    state, taught = load_checkpoint(folder), _read_note(folder)
+    return (taught.cpu_s if taught else 0.0) + (state["cpu_s"] if state else 0.0)
+
+
+def _leave(budget: Budget, spent_min: float) -> Budget:
+    """Take what was spent from a budget.
+
+    Raises: ConfigError: nothing is left.
+    """
+    if budget.steps is None and budget.minutes <= spent_min:
+        raise ConfigError(
+            f"--minutes {budget.minutes:g}: seeing the rows and judging take {spent_min:.1f} "
+            "CPU-minutes, which leaves none to learn; give more"
+        )
+    return budget._replace(minutes=budget.minutes - spent_min)
+
+
+def _part(folder: Path) -> tuple[list[Pair], list[Pair]]:
+    """Part the pictures with rows in those to learn from and those that judge."""
+    pairs, _ = find_pairs(folder, "folder")
+    aside = pairs[ASIDE_EVERY - 1 :: ASIDE_EVERY]
+    return [pair for pair in pairs if pair not in aside], aside
+
+
+def _draw(out: Path, aside: Sequence[Pair], before: Segmenter, after: Segmenter) -> Path:
+    sheet = out.with_name(f"{out.stem}-before-after.jpg")
+    shown = aside[:: max(1, len(aside) // SHEET_PICTURES)][:SHEET_PICTURES]
+    draw_sheet(sheet, [read_pair(pair)[0] for pair in shown], before, after)
+    return sheet
+
+
+def _read_note(folder: Path) -> Taught | None:
+    try:
+        return msgspec.json.decode((folder / NOTE).read_bytes(), type=Taught)
+    except FileNotFoundError:
+        return None
+    except msgspec.DecodeError as error:
+        raise RecordingError(
+            f"{folder / NOTE}: is broken ({error}); move the folder away to begin anew"
+        ) from error
+
+
+def _teach_once(wanted: Wanted, base: Path, folder: Path, listener: Listener) -> Taught:
+    """See the rows and label by them, unless an earlier call has done so.
+
+    Raises: ConfigError: no rows, or the folder is of another adaptation.
+    """
+    source, network = str(wanted.source.absolute()), hash_file(base)[:16]
+    taught = _read_note(folder)
+    if taught is None:
+        return _teach(wanted, base, folder, listener, Taught(source=source, base=network))
+    if (taught.source, taught.base) != (source, network):
+        raise ConfigError(
+            f"{folder} holds an adaptation to {taught.source} with other settings; give another "
+            "-o, or move the folder away"
+        )
+    return taught
+
+
+def _teach(wanted: Wanted, base: Path, folder: Path, listener: Listener, note: Taught) -> Taught:
+    shutil.rmtree(folder / TAUGHT, ignore_errors=True)  # of a call that was stopped
+    started_s = time.process_time()
+    is_drive = not wanted.source.is_dir() or find_recording(wanted.source).exists()
+    see = _see_drive if is_drive else _see_photographs
+    pictures, rows_seen, problems = see(wanted.source, base, folder / TAUGHT, listener)
+    taught = msgspec.structs.replace(
+        note,
+        pictures=pictures,
+        rows_seen=rows_seen,
+        problems=problems,
+        cpu_s=time.process_time() - started_s,
+    )
+    write_at_once(folder / NOTE, msgspec.json.encode(taught))
+    return taught
+
+
+def _see_drive(
+    source: Path, base: Path, out: Path, listener: Listener
+) -> tuple[int, int, tuple[str, ...]]:
+    recording = RecordedPictures(source)
+    count = listener.start_count(DRIVE_PASSES * len(recording))
+    report = label_recordings([recording], out, count)
+    return report.pictures, report.labelled, ()
+
+
+def _see_photographs(
+    source: Path, base: Path, out: Path, listener: Listener
+) -> tuple[int, int, tuple[str, ...]]:
+    _, paths, left_out = list_photographs(source)
+    count = listener.start_count(PASSES * len(paths))
+    seen = see_rows(paths, Segmenter(base), count)
+    teach(seen, out, lambda done: count(len(paths) + done))
+    return len(paths) + len(left_out), len(seen.rows), (*left_out, *seen.problems)

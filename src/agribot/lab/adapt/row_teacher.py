@@ -1,0 +1,147 @@
+"""Rows seen in perspective as teacher: what stands on them is crop, what stands between is weed.
+
+The labels are for learning: a weed in a row is taught as crop, and a long leaf of a crop between
+two rows as weed, which the many others outweigh.
+Source: Lottes and Stachniss 2017 (IROS); Bah et al. 2018 (Remote Sensing 10).
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from PIL import Image
+from scipy import ndimage
+
+from agribot.autonomy.perceive.picture_rows import (
+    PictureRows,
+    find_rows,
+    measure_contrast,
+)
+from agribot.autonomy.perceive.pictures import Classifier, PictureClasses, classify
+from agribot.core.errors import ConfigError
+from agribot.core.messages import ByteArray, FloatArray, PlantClass
+from agribot.lab.dataset.classes import UNLABELLED, excess_green
+from agribot.lab.dataset.pictures import PictureError, read_picture
+from agribot.lab.dataset.taught_set import TaughtSet
+
+Progress = Callable[[int], None]
+
+MOST_WIDTH_PX = 1024  # of a picture to learn from; a larger one is reduced
+SMOOTH_PX = 1.0  # standard deviation of the blur before greenness is measured
+SOIL_GREEN, PLANT_GREEN = 0.06, 0.1  # excess of green below and above which pixels are named
+COVER_GREEN = (0.06, 0.14)  # excess of green of no cover and of full cover with plants
+NETWORK_SHARE = 0.6  # of cover, from the network's word on crop
+ON_ROW, BETWEEN_ROWS = 0.2, 0.36  # distances from a row's line in spacings
+# Quantile of the evidence of pictures without rows above which a picture shows them; the share of
+# the pictures that have to, and the least number of them.
+NO_ROWS_QUANTILE, LEAST_SHARE, LEAST_PICTURES = 0.9, 0.5, 8
+PASSES = 2
+
+
+class SeenRows(NamedTuple):
+    """The rows of each picture that shows them, by its file, and what could not be read."""
+
+    rows: dict[Path, PictureRows]
+    problems: tuple[str, ...]
+
+
+def read_small(path: Path) -> ByteArray:
+    """Read a picture (H, W, 3), reduced to at most MOST_WIDTH_PX.
+
+    Raises: PictureError: it cannot be read.
+    """
+    image_rgb = read_picture(path)
+    height, width = image_rgb.shape[:2]
+    if width <= MOST_WIDTH_PX:
+        return image_rgb
+    size = (MOST_WIDTH_PX, max(1, round(height * MOST_WIDTH_PX / width)))
+    return np.asarray(Image.fromarray(image_rgb).resize(size, Image.Resampling.BOX))
+
+
+def measure_green(image_rgb: ByteArray) -> FloatArray:
+    """Measure the excess of green of pixels (H, W) after a slight blur."""
+    smooth = ndimage.gaussian_filter(image_rgb.astype(np.float64), (SMOOTH_PX, SMOOTH_PX, 0.0))
+    return excess_green(smooth)
+
+
+def measure_cover(green: FloatArray, classes: PictureClasses) -> FloatArray:
+    """Measure how likely pixels (H, W) are plants, 0 to 1, and most of all crop.
+
+    Greenness finds a crop that the network does not know, the network a crop in bad light.
+    """
+    sure = classes.confidence / 255.0
+    low, high = COVER_GREEN
+    is_plant = classes.class_id != PlantClass.SOIL
+    is_crop = classes.class_id == PlantClass.CROP
+    plant = np.maximum(((green - low) / (high - low)).clip(0.0, 1.0), np.where(is_plant, sure, 0.0))
+    crop = np.where(is_crop, sure, np.where(is_plant, 1.0 - sure, 0.0))
+    cover: FloatArray = (1.0 - NETWORK_SHARE) * plant + NETWORK_SHARE * crop
+    return cover
+
+
+def label_by_rows(green: FloatArray, rows: PictureRows) -> ByteArray:
+    """Label pixels (H, W) by their greenness and row: a PlantClass, or UNLABELLED."""
+    off = rows.measure_off(*green.shape)
+    is_plant = green > PLANT_GREEN
+    label = np.full(green.shape, UNLABELLED, dtype=np.uint8)
+    label[green < SOIL_GREEN] = PlantClass.SOIL
+    label[is_plant & (off < ON_ROW)] = PlantClass.CROP
+    label[is_plant & (off > BETWEEN_ROWS)] = PlantClass.WEED
+    return label
+
+
+def see_rows(paths: list[Path], network: Classifier, progress: Progress) -> SeenRows:
+    """See the rows in the pictures of one camera.
+
+    Raises: ConfigError: they show no rows.
+    """
+    contrasts: dict[Path, FloatArray] = {}
+    problems: list[str] = []
+    for path, image_rgb in _read(paths, problems, progress):
+        cover = measure_cover(measure_green(image_rgb), classify(network, image_rgb))
+        contrasts[path] = measure_contrast(cover)
+    if len(contrasts) < LEAST_PICTURES:
+        raise ConfigError(
+            f"{len(contrasts)} pictures can be read, rows are found in {LEAST_PICTURES} or more; "
+            "give more pictures of the same camera in the same field"
+        )
+    rows, without = find_rows(list(contrasts.values()), np.random.default_rng(0))
+    least = float(np.quantile(without, NO_ROWS_QUANTILE))
+    seen = {path: one for path, one in zip(contrasts, rows, strict=True) if one.evidence > least}
+    if len(seen) < max(LEAST_PICTURES, LEAST_SHARE * len(contrasts)):
+        raise ConfigError(
+            f"no rows to be seen: in {len(seen)} of {len(contrasts)} pictures plants stand along "
+            f"lines more than by chance, {LEAST_SHARE:.0%} are needed; give pictures of one camera "
+            "that looks along several rows, or label some by hand (agribot label)"
+        )
+    return SeenRows(seen, tuple(problems))
+
+
+def teach(seen: SeenRows, out: Path, progress: Progress) -> TaughtSet:
+    """Write the pictures with rows to `out`/images and their classes to `out`/masks."""
+    taught = TaughtSet(out)
+    for number, (path, image_rgb) in enumerate(_read(list(seen.rows), [], progress)):
+        label = label_by_rows(measure_green(image_rgb), seen.rows[path])
+        taught.add(f"{number:05d}-{path.stem}.png", _encode(image_rgb), label)
+    return taught
+
+
+def _read(
+    paths: list[Path], problems: list[str], progress: Progress
+) -> Iterator[tuple[Path, ByteArray]]:
+    for done, path in enumerate(paths, 1):
+        try:
+            yield path, read_small(path)
+        except PictureError as error:
+            problems.append(str(error))
+        progress(done)
+
+
+def _encode(image_rgb: ByteArray) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(image_rgb).save(buffer, format="PNG", compress_level=1)
+    return buffer.getvalue()
