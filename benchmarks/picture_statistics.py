@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from agribot.core.messages import ByteArray
 from agribot.lab.train.farm import draw_row_crop
+from agribot.lab.train.plant_truth import DrawnView
 from agribot.lab.train.simulated import draw_front, draw_random_field, draw_seedlings
 from agribot.sim.random_scenes import DENSE
 
@@ -26,7 +27,7 @@ WIDTH_PX = 640
 SUFFIXES = {".jpg", ".jpeg", ".png"}
 LEAST_GREENNESS = 0.1  # excess green of a plant's pixels
 DARK, BRIGHT = 8, 247  # grey levels beyond which a pixel counts as clipped
-DRAWN = {
+DRAWN: dict[str, Callable[[np.random.Generator, int], Iterator[DrawnView]]] = {
     "masts": partial(draw_random_field, variety=DENSE),
     "rows": partial(draw_row_crop, variety=DENSE),
     "seedlings": draw_seedlings,
@@ -96,9 +97,9 @@ def main() -> None:
     for kind in DRAWN if args.drawn else ():
         lines[f"drawn {kind}"] = summarise(draw_pictures(kind, args.drawn))
     names = list(dict.fromkeys(name for cells in lines.values() for name in cells))
-    sys.stdout.write(f"| set | {' | '.join(names)} |\n|{'---|' * (len(names) + 1)}\n")
-    for title, cells in lines.items():
-        sys.stdout.write(f"| {title} | {' | '.join(cells.get(name, '') for name in names)} |\n")
+    table = [["set", *names], ["---"] * (len(names) + 1)]
+    table += [[title, *(cells.get(name, "") for name in names)] for title, cells in lines.items()]
+    sys.stdout.write("".join(f"| {' | '.join(cells)} |\n" for cells in table))
 
 
 if __name__ == "__main__":

@@ -50,7 +50,8 @@ def _change(images: Tensor, rng: np.random.Generator) -> Tensor:
 
     images = cast_shadows(images, draw(SHADE_RATIO, *SHADE, 1.0), rng)
     is_toned = rng.random((count, 1)) < TONE_RATIO
-    exposures = np.exp(rng.uniform(*np.log(EXPOSURE), (count, 1)))
+    low, high = np.log(EXPOSURE).tolist()
+    exposures = np.exp(rng.uniform(low, high, (count, 1)))
     contrasts = rng.uniform(*CONTRAST, (count, 1))
     images = expose(images, np.where(is_toned, exposures, 1.0), np.where(is_toned, contrasts, 1.0))
     is_split = rng.random((count, 1)) < SPLIT_RATIO
