@@ -46,8 +46,9 @@ FRONT_CROPS = (
     ("charlock", 0.05, 0.25, 0.04),
     ("goosefoot", 0.05, 0.25, 0.04),
 )
-WEED_SIZE_RATIO = (0.2, 0.9)  # of the crop's height
-LEAST_WEED_M, MOST_WEED_M = 0.025, 0.25
+# Of the crop's height: the median of the weeds, and the largest. A crop outgrows its weeds.
+WEED_SIZE_RATIO, LARGEST_RATIO = (0.2, 0.7), 0.85
+LEAST_WEED_M = 0.025
 WEEDS_PER_M2 = (0.8, 20.0)
 # How often the crop's own species is among the weeds, and how far from a row such a plant stands at
 # least, as a share of the way from row to row.
@@ -94,9 +95,9 @@ def _choose_crop(rng: np.random.Generator) -> tuple[str, float, float]:
 def _sample_crops(
     rng: np.random.Generator, rows: _Rows, species: str, stage_m: float
 ) -> list[Plant]:
-    spacing_m = draw_log_uniform(rng, 0.1, 0.4) + 0.3 * stage_m
-    gap_ratio, jitter_m = rng.uniform(0.0, 0.35), rng.uniform(0.005, 0.03)
-    spread_ratio = rng.uniform(0.1, 0.35)
+    spacing_m = draw_log_uniform(rng, 0.1, 0.45) + 0.5 * stage_m
+    gap_ratio, jitter_m = rng.uniform(0.0, 0.5), rng.uniform(0.005, 0.03)
+    spread_ratio = rng.uniform(0.1, 0.3)
     plants = []
     for y_m in rows.y_m:
         for x_m in np.arange(-BEHIND_M + rng.uniform(0.0, spacing_m), AHEAD_M, spacing_m):
@@ -126,7 +127,8 @@ def _sample_weeds(rng: np.random.Generator, rows: _Rows, crop: str, stage_m: flo
         place_m = rng.uniform(low_m, high_m)
         if rng.random() < 0.4:
             place_m = rng.normal(patches_m[rng.integers(len(patches_m))], 0.35)
-        size_m = float(np.clip(median_m * rng.lognormal(0.0, 0.5), LEAST_WEED_M, MOST_WEED_M))
+        grown_m = min(median_m * rng.lognormal(0.0, 0.5), LARGEST_RATIO * stage_m)
+        size_m = float(max(grown_m, LEAST_WEED_M))
         kind = kinds[int(rng.integers(len(kinds)))]
         if kind != crop or rows.find_off_row_ratio(place_m[1]) > LEAST_OFF_ROW_RATIO:
             plants.append(place_plant(rng, kind, PlantClass.WEED, place_m, size_m))
