@@ -29,6 +29,7 @@ hypothesis.settings.register_profile("suite", deadline=None)
 hypothesis.settings.load_profile("suite")
 
 pytest_plugins = [
+    "tests.compiled_once",
     "tests.cpu_times",
     "tests.askers",
     "tests.figures",
