@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot.autonomy.perceive.segmenter import ClassMap
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.lab.adapt.row_teacher import label_by_rows, measure_green, see_rows, teach

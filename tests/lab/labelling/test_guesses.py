@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.picture_stems import OwnedPixels
-from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.lab.labelling.guesses import Guess, guess_picture, measure_doubt
 from tests.autonomy.perceive.drawn_field import MAP_SHAPE

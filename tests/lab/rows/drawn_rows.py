@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
-from agribot.autonomy.perceive.segmenter import ClassMap
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.core.messages import ByteArray, PlantClass
 
 SOIL_RGB, PLANT_RGB, WEED_RGB = (120, 90, 70), (40, 160, 40), (60, 180, 40)

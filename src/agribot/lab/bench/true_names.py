@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.autonomy.perceive.plants import observe
-from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.autonomy.perceive.stems import CELL_PX, SQUARE_PX, PlantMaps, find_centres
 from agribot.core.config import PerceptionConfig
 from agribot.core.messages import ByteArray, CameraFrame, FloatArray, PlantClass, Scene

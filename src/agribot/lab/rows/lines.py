@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.ground import GroundLookup, ground_to_pixels
 from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.autonomy.perceive.row_line import find_row_line
-from agribot.autonomy.perceive.segmenter import ClassMap
 from agribot.core.messages import FloatArray, RowLine
 from agribot.core.pose import Pose2
 from agribot.core.robot import CameraSpec

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -219,7 +220,7 @@ def _measure_bulge_m(xy: FloatArray) -> float:
     return float(np.max(np.abs(cross)) / max(math.hypot(*along), 1e-9))
 
 
-def sample_legs(legs: list[Leg], rows: list[list[int] | None]) -> Path:
+def sample_legs(legs: Sequence[Leg], rows: list[list[int] | None]) -> Path:
     """Lay points 2 cm apart; where the robot turns in place, or back, one stands twice."""
     blocks, done_m = [], 0.0
     for leg, numbers in zip(legs, rows, strict=True):
