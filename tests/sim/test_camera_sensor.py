@@ -17,7 +17,7 @@ from agribot.core.messages import ByteArray, FloatArray, PlantClass, RobotComman
 from agribot.core.robot import CameraSpec, Origin, RobotSpec, Shape
 from agribot.core.world import Light, Plant, WorldSpec
 from agribot.sim.attitude import read_base_pose
-from agribot.sim.camera_sensor import KEPT_MASKS, CameraSensor
+from agribot.sim.camera_sensor import KEPT_MASKS, LOOK_PX, CameraSensor, TrueView
 from agribot.sim.plant_states import PlantStates
 from agribot.sim.platform import SimPlatform
 from agribot.sim.random_streams import make_stream
@@ -169,6 +169,23 @@ def test_a_visual_whose_mesh_is_missing_is_left_out_with_a_warning(
     feed = CameraSensor(robot, _camera(robot), garden, None, has_body=True)
     assert feed.sample(0.0, _row(robot, 1.0, 1.2, (0.0, 0.0, 0.0))).image_rgb.any()
     assert "elsewhere/body.dae" in caplog.text
+
+
+def test_each_picture_that_shows_thirty_pixels_of_a_plant_is_a_look_at_it(
+    seeing: RobotSpec, garden: WorldSpec
+) -> None:
+    """The robot looks at the plant twice, then away from it; a tap sees each true view."""
+    tall = msgspec.structs.replace(garden.plants[0], size_m=0.2)
+    garden = msgspec.structs.replace(garden, plants=(tall,))
+    feed = CameraSensor(seeing, _camera(seeing), garden, None)
+    views: list[TrueView] = []
+    feed.view_taps.append(views.append)
+    for yaw_rad in (0.0, 0.0, math.pi):
+        feed.sample(1.0, _row(seeing, 1.0, 1.2, (0.0, 0.0, yaw_rad)))
+    pixels = [int((view.picture.instance == 0).sum()) for view in views]
+    assert [count >= LOOK_PX for count in pixels] == [True, True, False]
+    assert feed.looks[0] == 2
+    assert [view.frame_index for view in views] == [0, 1, 2]
 
 
 def test_only_the_last_masks_are_kept(seeing: RobotSpec, garden: WorldSpec) -> None:
