@@ -56,6 +56,13 @@ COLLISIONS = """() => {
     || parts.some(([other, its]) => other !== each && meet(box, its))
   ).map(([each]) => each.textContent)
 }"""
+# The link and the age of a slow line need more room than those of a quick one.
+COLLISIONS_OF_A_SLOW_LINE = f"""() => {{
+  const [link, age] = [...document.querySelectorAll('.chips .chip-value')]
+  link.textContent = '123 ms'
+  age.textContent = '10.2 s'
+  return ({COLLISIONS})()
+}}"""
 SCROLLBARS = """[...document.querySelectorAll('.rail')].filter(each =>
     each.scrollHeight > each.clientHeight + 1 || each.scrollWidth > each.clientWidth + 1).length"""
 
@@ -149,6 +156,7 @@ def test_the_line_at_the_top_has_room_for_all_of_it_whatever_the_name_of_the_ope
     for width, height in (*SIZES, (640, 320), (360, 640), (600, 800), (768, 1024), (1280, 720)):
         page.set_viewport_size({"width": width, "height": height})
         assert page.evaluate(COLLISIONS) == [], f"{width}×{height}"
+        assert page.evaluate(COLLISIONS_OF_A_SLOW_LINE) == [], f"{width}×{height}, slow"
 
 
 def test_no_card_beside_the_map_lies_over_another_on_any_screen(open_page: OpenPage) -> None:
@@ -156,7 +164,7 @@ def test_no_card_beside_the_map_lies_over_another_on_any_screen(open_page: OpenP
     show(page, "drive")
     for width, height in (*SIZES, (1280, 800), (390, 844), (768, 1024), (800, 1100), (1000, 1400)):
         page.set_viewport_size({"width": width, "height": height})
-        until(page, "document.querySelectorAll('.screen-drive .side > *').length == 4")
+        until(page, "document.querySelectorAll('.screen-drive .side > :not([hidden])').length == 4")
         assert page.evaluate(COVERING) == [], f"{width}×{height}"
 
 
