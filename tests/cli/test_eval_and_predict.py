@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot.autonomy.perceive.pictures import classify
+from agribot.autonomy.perceive.pictures import classify, see_picture
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.cli.main import main
 from agribot.cli.result_names import name_results
@@ -23,7 +23,7 @@ from tests.lab.train.photo_folder import photo_folder, spoil
 EVAL_KEYS = {
     "dataset", "images", "height_px", "width_px", "model", "iou", "miou", "precision", "recall",
     "f1", "boundary_f1", "calibration_error", "plant_calibration_error", "confusion", "params",
-    "fps_cpu",
+    "fps_cpu", "doubt_median",
 }  # fmt: skip
 
 
@@ -45,11 +45,15 @@ def test_eval_reports_one_pooled_confusion_matrix(
     assert result["fps_cpu"] > 0.0
     counts = np.zeros((3, 3), int)
     segmenter = Segmenter("agribot-plants")
+    doubts = []
     for index in range(3):
         image = np.asarray(Image.open(folder / "images" / f"{index:03d}_image.png"))
         mask = np.asarray(Image.open(folder / "annotations" / f"{index:03d}_annotation.png"))
         truth = np.where(mask[..., 0] > 0, 0, np.where(mask[..., 1] > 0, 1, 2))
-        np.add.at(counts, (truth, classify(segmenter, image).class_id), 1)
+        seen = see_picture(segmenter, image)
+        np.add.at(counts, (truth, seen.classes.class_id), 1)
+        doubts.append(seen.class_map.doubt)
+    assert result["doubt_median"] == sorted(doubts)[1]
     assert result["confusion"] == counts.tolist()
     hits = np.diag(counts)
     union = counts.sum(axis=0) + counts.sum(axis=1) - hits
@@ -236,8 +240,23 @@ def test_predict_lists_the_stems_of_a_network_that_finds_them(
         assert plant["class"] == (named if max(weed, crop) >= 0.6 else "unknown")
     counted = ("weed_count", "crop_count", "unknown_count")
     assert sum(result[name] for name in counted) == len(plants)
+    (area,) = rows(tmp_path / "areas.csv")
+    assert 0.05 < float(area["doubt"]) < 0.6 and area["unfit"] == ""
+    assert (result["doubt_median"], result["unfit_pictures"]) == (float(area["doubt"]), 0)
     assert main([*words, "--model", "agribot-plants", "--tile", "400x300"]) == 0
     assert not rows(tmp_path / "plants.csv")[0]["weed_probability"]
+
+
+def test_predict_says_of_which_pictures_the_robot_would_believe_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Image.new("RGB", (64, 48)).save(tmp_path / "night.png")
+    words = ["predict", str(tmp_path / "night.png"), "-o", str(tmp_path / "seen"), "--only", "mask"]
+    assert main([*words, "--json"]) == 0
+    result = result_of(capsys)
+    assert (result["doubt_median"], result["unfit_pictures"]) == (None, 1)
+    (area,) = rows(tmp_path / "seen" / "areas.csv")
+    assert area["unfit"].startswith("picture is too dark") and not area["doubt"]
 
 
 def test_pictures_of_one_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:

@@ -77,11 +77,15 @@ def run(args: argparse.Namespace) -> int:
     for text in problems:
         print_line(f"left out: {text}")
     network_scores, plant_judge = NetworkScores(), PicturePlantJudge()
-    cpu_s = _evaluate(network_scores, plant_judge, segmenter, pairs, tile_px, problems)
+    doubts: list[float] = []
+    cpu_s = _evaluate(network_scores, plant_judge, segmenter, pairs, tile_px, problems, doubts)
     if not network_scores.images:
         raise ConfigError(f"{folder}: no pair can be read; the first problem: {problems[0]}")
     _print_scores(network_scores)
+    doubt = float(np.median(doubts)) if doubts else None
+    sys.stdout.write(f"doubt: {'-' if doubt is None else f'{doubt:.3f}'}\n")
     summary = _summarise(args, folder, network_scores, segmenter.map_shape)
+    summary["doubt_median"] = doubt
     if (single := plant_judge.compute_scores()) is not None:
         sys.stdout.write(format_plants(single) + "\n")
         summary["single_plants"] = msgspec.to_builtins(single)
@@ -157,6 +161,7 @@ def _evaluate(
     pairs: Any,
     tile_px: tuple[int, int] | None,
     problems: list[str],
+    doubts: list[float],
 ) -> list[float]:
     """Return CPU seconds per picture of resize, network and mask, not of reading and enlarging."""
     from agribot.autonomy.perceive.pictures import classify, see_picture
@@ -175,6 +180,8 @@ def _evaluate(
             continue
         seen = see_picture(segmenter, image_rgb) if tile_px is None else None
         guess = classify(segmenter, image_rgb, tile_px) if seen is None else seen.classes
+        if seen is not None and seen.class_map.doubt is not None:
+            doubts.append(seen.class_map.doubt)
         if plants is not None:
             finds_plants = seen is not None and segmenter.finds_plants
             plant_judge.add(plants, seen if finds_plants else guess)

@@ -6,6 +6,7 @@ import argparse
 import csv
 import glob
 import json
+import statistics
 import sys
 import time
 from collections import Counter
@@ -25,7 +26,8 @@ KINDS = ("mask", "overlay", "panel")
 AREAS, PLANTS = "areas.csv", "plants.csv"
 AREA_COLUMNS = (
     "image", "frame", "width_px", "height_px", "weed_px", "crop_px", "soil_px", "weed_ratio",
-    "crop_ratio", "weed_count", "crop_count", "unknown_count", "confidence", "cpu_ms",
+    "crop_ratio", "weed_count", "crop_count", "unknown_count", "confidence", "doubt", "unfit",
+    "cpu_ms",
 )  # fmt: skip
 PLANT_COLUMNS = (
     "image", "frame", "class", "u_px", "v_px", "area_px", "confidence", "left_px", "top_px",
@@ -79,6 +81,8 @@ def run(args: argparse.Namespace) -> int:
     args.out.mkdir(parents=True, exist_ok=True)
     problems: list[str] = []
     done = 0
+    doubts: list[float] = []
+    unfit = 0
     counted = ("weed_px", "crop_px", "soil_px", "weed_count", "crop_count", "unknown_count")
     total = dict.fromkeys(counted, 0)
     with (
@@ -90,15 +94,23 @@ def run(args: argparse.Namespace) -> int:
             areas.add([row])
             plants.add(found)
             done += 1
+            doubts += [row["doubt"]] if row["doubt"] != "" else []
+            unfit += row["unfit"] != ""
             for name in total:
                 total[name] += row[name]
             sys.stderr.write(
                 f"{seen.name}: weed {row['weed_ratio']:.1%} in {row['weed_count']} plants, crop "
-                f"{row['crop_ratio']:.1%} in {row['crop_count']}\n"
+                f"{row['crop_ratio']:.1%} in {row['crop_count']}"
+                + (f"; {row['unfit']}" if row["unfit"] else "")
+                + "\n"
             )
     sys.stderr.write(f"{done} pictures; areas.csv, plants.csv and pictures in {args.out}\n")
     if args.json:
-        summary = {"out": str(args.out), "pictures": done, **total, "problems": problems}
+        median = statistics.median(doubts) if doubts else None
+        summary = {
+            "out": str(args.out), "pictures": done, **total, "doubt_median": median,
+            "unfit_pictures": unfit, "problems": problems,
+        }  # fmt: skip
         sys.stdout.write(json.dumps(summary) + "\n")
     return 1 if problems else 0
 
@@ -236,7 +248,7 @@ def _predict(
 
     from agribot.cli.drawings import write_drawings
 
-    found, plants, cpu_ms = _look(seen.image_rgb, segmenter, tile_px, args.least_px)
+    found, plants, sure, cpu_ms = _look(seen.image_rgb, segmenter, tile_px, args.least_px)
     write_drawings(seen.image_rgb, found, args.out / stem, kinds, args.format)
     height, width = found.class_id.shape
     counts = np.bincount(found.class_id.ravel(), minlength=len(PlantClass))
@@ -247,6 +259,7 @@ def _predict(
         "width_px": width,
         "height_px": height,
         "confidence": round(float(found.confidence.mean()) / 255.0, 4),
+        **sure,
         "cpu_ms": round(cpu_ms, 1),
     }
     for kind in PlantClass:
@@ -260,13 +273,14 @@ def _predict(
 
 def _look(
     image_rgb: ByteArray, segmenter: Any, tile_px: tuple[int, int] | None, least_px: int
-) -> tuple[Any, list[dict[str, Any]], float]:
-    """Return classes, single plants and the CPU time of the former, ms.
+) -> tuple[Any, list[dict[str, Any]], dict[str, Any], float]:
+    """Return classes, single plants, how far to believe them, and the CPU time of classes, ms.
 
     Plants are those of stems where the network finds them in a whole picture, else connected
     pieces of one class.
     """
     from agribot.autonomy.perceive.instances import plants_in
+    from agribot.autonomy.perceive.picture_light import find_fault
     from agribot.autonomy.perceive.picture_stems import list_stems, own_pixels
     from agribot.autonomy.perceive.pictures import classify, see_picture
 
@@ -275,11 +289,20 @@ def _look(
         seen = see_picture(segmenter, image_rgb)
         cpu_ms = 1e3 * (time.process_time() - started_s)
         stems = list_stems(own_pixels(seen), least_px)
-        return seen.classes, [_describe_stem(stem) for stem in stems], cpu_ms
+        plants = [_describe_stem(stem) for stem in stems]
+        return seen.classes, plants, _describe_doubt(image_rgb, seen.class_map), cpu_ms
     found = classify(segmenter, image_rgb, tile_px)
     cpu_ms = 1e3 * (time.process_time() - started_s)
-    plants = plants_in(found.class_id, found.confidence, least_px)
-    return found, [_describe_piece(plant) for plant in plants], cpu_ms
+    pieces = plants_in(found.class_id, found.confidence, least_px)
+    sure = {"doubt": "", "unfit": find_fault(image_rgb)}
+    return found, [_describe_piece(plant) for plant in pieces], sure, cpu_ms
+
+
+def _describe_doubt(image_rgb: ByteArray, class_map: Any) -> dict[str, Any]:
+    from agribot.autonomy.perceive.unfit import find_unfit
+
+    doubt = "" if class_map.doubt is None else round(class_map.doubt, 4)
+    return {"doubt": doubt, "unfit": find_unfit(image_rgb, class_map)}
 
 
 def _describe_stem(stem: Any) -> dict[str, Any]:

@@ -17,7 +17,6 @@ from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.crop_cover import middles_of_squares
 from agribot.autonomy.perceive.foliage import find_nearer_ratio
 from agribot.autonomy.perceive.ground import GroundLookup
-from agribot.autonomy.perceive.picture_light import find_fault
 from agribot.autonomy.perceive.pieces import find_windows, label_pieces
 from agribot.autonomy.perceive.row_line import find_row_line
 from agribot.autonomy.perceive.stem_plants import (
@@ -26,6 +25,7 @@ from agribot.autonomy.perceive.stem_plants import (
     find_stem_plants,
     see_stems,
 )
+from agribot.autonomy.perceive.unfit import find_unfit
 from agribot.core.config import PerceptionConfig
 from agribot.core.messages import ByteArray, CameraFrame, FloatArray, GroundPlant, PlantClass, Scene
 
@@ -60,7 +60,7 @@ def look(
     ready_s: float,
 ) -> Scene:
     """Make the scene of a frame, an empty one with the reason where the picture is unfit."""
-    unfit = find_unfit(frame, class_map)
+    unfit = find_unfit(frame.image_rgb, class_map)
     if not unfit:
         return observe(frame, class_map, ground, config, ready_s)
     return Scene(
@@ -104,19 +104,6 @@ def observe(
         weed_scores=None if stems is None else ground.score_grid.score(stems.maps),
         picture_crc32=_sum_up(frame),
         doubt=class_map.doubt,
-    )
-
-
-def find_unfit(frame: CameraFrame, class_map: ClassMap) -> str:
-    """Say why a picture tells nothing of plants; empty where it does."""
-    if fault := find_fault(frame.image_rgb):
-        return fault
-    doubt, most = class_map.doubt, class_map.most_doubt
-    if doubt is None or most is None or doubt <= most:
-        return ""
-    return (
-        f"the network does not know these plants in this light, doubt {doubt:.2f} > {most:.2f}; "
-        "label pictures of this field and train on them"
     )
 
 

@@ -1,0 +1,20 @@
+"""Whether a picture tells anything of plants: by its light, and by what its network knows."""
+
+from __future__ import annotations
+
+from agribot.autonomy.perceive.class_map import ClassMap
+from agribot.autonomy.perceive.picture_light import find_fault
+from agribot.core.messages import ByteArray
+
+
+def find_unfit(image_rgb: ByteArray, class_map: ClassMap) -> str:
+    """Say why a picture tells nothing of plants; empty where it does."""
+    if fault := find_fault(image_rgb):
+        return fault
+    doubt, most = class_map.doubt, class_map.most_doubt
+    if doubt is None or most is None or doubt <= most:
+        return ""
+    return (
+        f"the network does not know these plants in this light, doubt {doubt:.2f} > {most:.2f}; "
+        "label pictures of this field and train on them"
+    )
