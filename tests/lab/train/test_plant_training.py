@@ -210,7 +210,8 @@ def test_one_command_draws_fields_and_makes_weights_that_find_plants(
     judged = {name: SCENES[name] for name in ("beet-25-25", "beet-7-9", "weeds-20")}
     monkeypatch.setattr(plant_scenes, "SCENES", judged)
     words = ("--variety", "dense", "--images", "2", "--row-images", "1", "--turn-images", "0")
-    more = ("--usual-images", "2", "--seedling-images", "1", "--batch-size", "3", "--crop-px", "96")
+    more = ("--usual-images", "2", "--seedling-images", "1", "--front-images", "2")
+    more = (*more, "--batch-size", "3", "--crop-px", "96")
     few = (*more, "--test-images", "1", "--steps", "2", "--out", str(tmp_path))
     assert run(parsed(*PLANTS, *words, *few, "--validate", "2")) == 0
     weights = tmp_path / "agribot-plants.onnx"
@@ -224,7 +225,7 @@ def test_one_command_draws_fields_and_makes_weights_that_find_plants(
     assert read_temperatures(weights) == card.calibration.temperatures
     told = weights.with_suffix(".md").read_text(encoding="utf-8")
     assert "| beet-25-25 |" in told and "over the pixels taken for plants" in told
-    assert "--validate 2" in card.command and card.train_images == 5
-    assert "--usual-images 2 --seedling-images 1" in card.command
+    assert "--validate 2" in card.command and card.train_images == 7
+    assert "--usual-images 2 --seedling-images 1 --front-images 2" in card.command
     assert "--batch-size 3" in card.command and "young carrots" in card.data
     assert "valid_stem_f1" in capsys.readouterr().err
