@@ -31,7 +31,7 @@ class Ride:
 
     def be_at(self, x_m: float, y_m: float, *actions: str, ok: bool = True) -> Goal:
         self.t_s += 0.02
-        events = [event(action) for action in actions]  # type: ignore[arg-type]
+        events = [event(action) for action in actions]
         return self.mission.step(at(x_m, y_m, self.t_s, ok), events)
 
     def settle(self) -> Goal:
@@ -343,7 +343,7 @@ def test_it_sets_off_once_its_place_is_known_or_a_camera_looks(path: Path) -> No
     for change in ({"std_m": 0.05}, {"std_m": 1.8, "row_seen": False}):
         mission = Mission(PaperTask(lambda _: path, ROWS), MISSION)
         for t_s in np.arange(0.0, 2.0, 0.1):
-            goal = mission.step(known_to(here=at(-2.0, 0.0, float(t_s)), **change))  # type: ignore[arg-type]
+            goal = mission.step(known_to(here=at(-2.0, 0.0, float(t_s)), **change))
         assert goal.status.state == "running"
 
 

@@ -142,7 +142,7 @@ def run_stack_missions(
         judge.tick(plant, row, fleet.tool_on, ~goes_on)
         pose, cov = fleet.read_pose()
         if k % round(NEES_PERIOD_S / DT_S) == 0:
-            judge.check_covariance(plant, *pose, cov, row)
+            judge.check_covariance(plant, pose[0], pose[1], pose[2], cov, row)
         if has_level:
             levels.tick(plant, pose[1], fleet.level_m, row)
         if not goes_on.any() or stop():
