@@ -211,6 +211,23 @@ def test_wheels_that_nobody_measured_are_found_from_fixes_and_gyro(tmp_path: Pat
     assert run.driven_m == pytest.approx(np.sum(v) * drives.ODOM_S, rel=0.01)
 
 
+@pytest.mark.parametrize(("scale", "expected"), [(1.15, 1.16), (1.0, 1.0)])
+def test_an_odometry_whose_way_is_too_long_is_divided_by_what_the_fixes_show(
+    tmp_path: Path, scale: float, expected: float
+) -> None:
+    """That of the drive is 1 % too long, which the filter learns as slip."""
+    drive = make_drive(duration_s=40.0, fix_std_m=0.1)
+    drive.odom[:, 1] *= scale
+    write_tables(tmp_path, drive)
+    study = open_study([tmp_path], StudyOptions())
+    assert study.way_ratio == pytest.approx(expected, rel=0.02)
+    is_noted = any("odometry: its speeds are divided by 1.1" in each for each in study.facts.notes)
+    assert is_noted == (scale != 1.0)
+    (run,) = run_study(study)
+    way_m = np.sum(np.hypot(*np.diff(drive.truth[:, 1:3], axis=0).T))
+    assert run.driven_m == pytest.approx(way_m, rel=0.03)
+
+
 def test_a_recording_of_ours_brings_its_robot_and_its_settings(tmp_path: Path) -> None:
     recorder = RunRecorder(
         tmp_path / "run.mcap", load("rows-10x12", ["seed=7"]), load_robot(), export_urdf()

@@ -9,6 +9,9 @@ from agribot.core.messages import FloatArray, Vec3
 from agribot.core.robot import DriveSpec, Joint, Link, Origin, RobotSpec, SensorMount
 
 ANTENNA_LINK = "log_antenna"
+# Share by which the way of an odometry may differ from that of the fixes: the filter learns more
+# than that as slip, which it forgets.
+WAY_ROOM_RATIO = 0.05
 # Room above the fastest reading of a log, so that none counts as an encoder that restarted.
 SPEED_ROOM_RATIO = 1.2
 
@@ -95,3 +98,9 @@ def fit_wheels(
         words.append(f"track of {separation_m:.2f} m assumed, it hardly turns; state --track")
     drive = msgspec.structs.replace(drive, wheel_radius_m=radius_m)
     return msgspec.structs.replace(robot, drive=drive), tuple(words)
+
+
+def find_way_ratio(scan: LogScan) -> float:
+    """Find how many times too far an odometry drives that states speeds; 1 where that is little."""
+    ratio = None if scan.has_wheels else scan.way_ratio
+    return ratio if ratio is not None and abs(ratio - 1.0) > WAY_ROOM_RATIO else 1.0

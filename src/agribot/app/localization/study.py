@@ -11,11 +11,12 @@ import numpy as np
 from agribot.app.calibration.recorded_robot import read_measured_robot
 from agribot.app.localization.batches import make_batches
 from agribot.app.localization.localize import LogPass, Tap, localize
-from agribot.app.localization.log import LogSensor, RobotLog
+from agribot.app.localization.log import LogEntry, LogSensor, RobotLog, TwistSample
 from agribot.app.localization.log_checks import check_scan
 from agribot.app.localization.log_files import find_own_recording, open_log
 from agribot.app.localization.log_robot import (
     allow_speeds,
+    find_way_ratio,
     fit_wheels,
     place_antenna,
     set_wheels,
@@ -74,6 +75,7 @@ class Study(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     options: StudyOptions
     facts: LogFacts
     base: RunConfig | None = None  # of a recording of ours
+    way_ratio: float = 1.0  # by which the speeds of the odometry are divided
 
 
 def open_study(
@@ -99,6 +101,9 @@ def open_study(
         robot, scan, fitted = _fit_wheels(log, robot, scan, options, progress)
     notes = [*check_scan(log, scan), *fitted]
     frames = log.read_transforms()
+    way_ratio = 1.0 if own is not None else find_way_ratio(scan)
+    if way_ratio != 1.0:
+        notes.append(f"odometry: its speeds are divided by {way_ratio:.2f}, as the fixes show")
     mount = IN_BODY if own is not None else choose_mount(scan, options.imu_rpy_deg, frames, notes)
     mag_mount = mount if own is not None else choose_mag_mount(scan, mount, frames, notes)
     is_known = options.robot is not None or own is not None
@@ -118,7 +123,7 @@ def open_study(
     )
     study = Study(
         log=log, scan=scan, mount=mount, mag_mount=mag_mount, robot=robot, options=options,
-        facts=facts, base=base, config=config,
+        facts=facts, base=base, config=config, way_ratio=way_ratio,
     )  # fmt: skip
     return msgspec.structs.replace(study, config=_put_datum(config, study))
 
@@ -210,8 +215,18 @@ def _make_batches(study: Study, on_progress: Progress) -> Iterator[SensorBatch]:
         for entry in order_by_stamp(count_entries(study.log.entries(), on_progress))
         if len(frames) < 2 or entry.sensor != "gnss" or entry.frame == frame
     )
+    if study.way_ratio != 1.0:
+        entries = (_scale_way(entry, 1.0 / study.way_ratio) for entry in entries)
     mounts = study.mount, study.mag_mount
     return make_batches(entries, study.scan.start_s, mounts, study.robot.drive)
+
+
+def _scale_way(entry: LogEntry, ratio: float) -> LogEntry:
+    """Scale the speed of an odometry; other samples stay as they are."""
+    sample = entry.sample
+    if not isinstance(sample, TwistSample):
+        return entry
+    return entry._replace(sample=msgspec.structs.replace(sample, v_mps=ratio * sample.v_mps))
 
 
 def make_config(settings: Sequence[str], base: RunConfig | None = None) -> RunConfig:
