@@ -31,7 +31,7 @@ class Ride:
 
     def be_at(self, x_m: float, y_m: float, *actions: str, ok: bool = True) -> Goal:
         self.t_s += 0.02
-        events = [event(action) for action in actions]
+        events = [event(action) for action in actions]  # type: ignore[arg-type]
         return self.mission.step(at(x_m, y_m, self.t_s, ok), events)
 
     def settle(self) -> Goal:
