@@ -18,7 +18,7 @@ from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_model import RECOVERY_OFFSET_M, RECOVERY_YAW_RAD
 from agribot.autonomy.estimate.scene_watch import SceneWatch
 from agribot.autonomy.estimate.verdicts import Finding
-from agribot.core.messages import Scene
+from agribot.core.messages import GnssQuality, Scene
 
 BELIEVE_CAMERA = "look where the robot stands, then resume to believe the camera"
 
@@ -87,8 +87,19 @@ class Doubts:
         if 0.0 < jump.off_m <= MAX_JUMP_M and self._is_seen:
             return f"camera and GNSS disagree by {jump.off_m:.2f} m; {BELIEVE_CAMERA}"
         fixes = jump.fault or self._gnss.drift.fault
-        carried = self._gnss.velocity.carry.fault
-        return fixes or carried or self.heading.fault or self._identity.doubt
+        # A robot whose compass is wrong seems to be carried.
+        is_judged = self._pose.first_heading.check.is_under_way
+        carried = "" if is_judged else self._gnss.velocity.carry.fault
+        return fixes or carried or self.heading.fault or self._aside or self._identity.doubt
+
+    @property
+    def _aside(self) -> str:
+        """Why fixes that claim centimetres put the robot beside its rows; empty where they do not.
+
+        A receiver without corrections is off by more, whatever its antenna is.
+        """
+        antenna, is_fixed = self._gnss.velocity.antenna, self._gnss.quality is GnssQuality.RTK_FIXED
+        return f"{antenna.fault}, then resume" if is_fixed and antenna.fault else ""
 
     def find(self, t_s: float) -> Iterator[Finding]:
         """Find what is wrong with the sensors, although there is a pose without them."""
@@ -105,6 +116,8 @@ class Doubts:
             yield Finding("gnss", "contradicted", agreement.fault)
         if gnss.rejected_in_a_row >= SUSPICIOUS_REJECTIONS:
             yield Finding("gnss", "contradicted", self._say_rejected())
+        if fault := gnss.velocity.antenna.fault:
+            yield Finding("gnss", "contradicted", fault)
         if fault := gnss.velocity.spin_fault(t_s):
             yield Finding("wheels", "contradicted", fault)
         for noise in (gnss.position_noise, gnss.velocity.noise):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
+from agribot.autonomy.estimate.course_check import CourseCheck
 from agribot.autonomy.estimate.ekf import YAW, Ekf, Row
 from agribot.autonomy.estimate.motion_heading import (
     Course,
@@ -39,7 +40,7 @@ class FirstHeading:
     heading at once, and so do two antennas; otherwise it follows from the first metres driven:
     the turn between what the receiver saw of them and what wheels and gyro drew. Wheels know
     whether the robot drives backwards. A mark that nothing else confirms is held against the
-    first metres, too.
+    first metres, too, and so is a compass or a second antenna.
     """
 
     def __init__(self, ekf: Ekf, start: StartMark, known: set[Known], *, has_compass: bool) -> None:
@@ -47,6 +48,7 @@ class FirstHeading:
         self._ekf, self._start, self._known = ekf, start, known
         self._has_compass = has_compass
         self._motion, self._course = MotionHeading(), CourseHeading()
+        self.check = CourseCheck()
         self._turn: Turn | None = None
         self._since_s = self._now_s = math.inf
         self._turned_rad = 0.0
@@ -97,6 +99,13 @@ class FirstHeading:
             )
         self._ekf.update(row, residual_rad, variance)
         self._known.add("yaw")
+        self.check.begin(wrap_rad(yaw_rad - self._turned_rad), source)
+
+    def confirm(self, course: Course | None) -> None:
+        """Hold the sensor that began against a velocity, in the frame of the odometry."""
+        if course is not None and self.check.is_due:
+            self.check.add(course)
+            self.misplaced = self.misplaced or self.check.fault
 
     def _set_as_marked(self, yaw_map_rad: float) -> None:
         self._ekf.reset(YAW, wrap_rad(yaw_map_rad + self._turned_rad), self._start.yaw_std_rad**2)
@@ -111,14 +120,14 @@ class FirstHeading:
             self._course.add(course)
         turn = self._turn = _join(self._motion.fit(), self._course.fit())
         if self.is_known:
-            self._confirm(turn)
+            self._hold_against_mark(turn)
             return None
         if turn is None or turn.std_rad > FIRST_STD_RAD or self.is_compass_awaited:
             return None
         self.begin(turn.rad + self._turned_rad, turn.std_rad**2, "way driven")
         return complex(math.cos(turn.rad), math.sin(turn.rad))
 
-    def _confirm(self, off: Turn | None) -> None:
+    def _hold_against_mark(self, off: Turn | None) -> None:
         """Hold the mark against the way driven, which is in the axes of the map by now."""
         if off is not None:
             self.misplaced = self._start.heading_fault(off.rad, off.std_rad, "way driven")

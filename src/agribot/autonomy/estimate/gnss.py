@@ -139,6 +139,7 @@ class Gnss(Correction[GnssFix]):
         self.jump.forget()
         self.drift.restart()
         self.velocity.carry.forget()
+        self.velocity.antenna.forget()
         self._position_gate.rejected_in_a_row = 0
 
     def shift(self, by_m: tuple[float, float]) -> None:
@@ -179,6 +180,9 @@ class Gnss(Correction[GnssFix]):
             self.pose.rejected["velocity not usable"] += 1
             sample = msgspec.structs.replace(sample, velocity_mps=None)
         self.last_t_s, self.quality = sample.t_s, sample.quality
+        lever_m = _level(self._antenna_body_m, self.pose.up_body)
+        course = _find_course(sample, epoch.then, epoch.then.yaw_rad, lever_m)
+        self.pose.first_heading.confirm(course)
         if self.pose.first_heading.wants_fixes:
             self._learn_heading(sample, epoch)
         if not self.pose.first_heading.is_known:
@@ -188,7 +192,6 @@ class Gnss(Correction[GnssFix]):
         self.quality = fix.quality
         is_first = self._noise is None
         since_last_s = FLOAT_MEMORY_S if is_first else min(epoch.since_last_s, FLOAT_MEMORY_S)
-        lever_m = _level(self._antenna_body_m, self.pose.up_body)
         antenna_m, arm_m = self._find_antenna(fix, lever_m, epoch)
         then_m = complex(epoch.then.x_m, epoch.then.y_m)
         self.position_noise.add(fix.t_s, antenna_m - arm_m - then_m, fix.pos_std_m)
@@ -243,12 +246,7 @@ class Gnss(Correction[GnssFix]):
             fix.t_s, antenna_m, complex(then.x_m, then.y_m) + arm_m, self._moved_m,
             math.sqrt(noise.variance_m2), noise.bias_std_m, noise.bias_walk_m_per_sqrt_s,
         )  # fmt: skip
-        course = None
-        if fix.velocity_mps is not None:
-            ahead_mps = cmath.rect(then.wheel_mps, self.pose.place(epoch).yaw_rad)
-            led_mps = ahead_mps + 1j * then.yaw_rate_radps * arm_m
-            seen_mps = complex(*fix.velocity_mps[:2])
-            course = Course(fix.t_s, seen_mps, led_mps, fix.velocity_std_mps)
+        course = _find_course(fix, then, self.pose.place(epoch).yaw_rad, lever_m)
         turn = self.pose.first_heading.add_fix(place, course)
         if turn is not None:
             led_m = complex(epoch.now.x_m, epoch.now.y_m)
@@ -462,6 +460,17 @@ class Gnss(Correction[GnssFix]):
             for state, residual in zip((X, Y), measured.residuals, strict=True)
         )
         self.pose.open_for(measured._replace(opens=opens, is_retaken=True))
+
+
+def _find_course(
+    fix: GnssFix, then: Motion, yaw_rad: float, lever_m: tuple[float, float]
+) -> Course | None:
+    """Find how a fix and how wheels and gyro have the antenna move, at a heading."""
+    if fix.velocity_mps is None:
+        return None
+    arm_m = complex(*lever_m) * cmath.rect(1.0, yaw_rad)
+    led_mps = cmath.rect(then.wheel_mps, yaw_rad) + 1j * then.yaw_rate_radps * arm_m
+    return Course(fix.t_s, complex(*fix.velocity_mps[:2]), led_mps, fix.velocity_std_mps)
 
 
 def _sum(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:

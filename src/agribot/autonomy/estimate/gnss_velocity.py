@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from agribot.autonomy.estimate.antenna_watch import AntennaWatch
 from agribot.autonomy.estimate.carry_watch import CarryWatch
 from agribot.autonomy.estimate.correction import Measurements
 from agribot.autonomy.estimate.ekf import SLIP, WAY_X, WAY_Y, WHEEL_SCALE, YAW, Row
@@ -63,7 +64,7 @@ class GnssVelocity:
         self._gate = Gate(pose.config.gate_sigma, self._spin_after, "velocity outlier")
         self._spin_watch = SpinWatch(FLOATS, self._spin_after)
         self._spun_t_s, self._spun_mps = -math.inf, (0.0, 0.0)
-        self.carry = CarryWatch()
+        self.carry, self.antenna = CarryWatch(), AntennaWatch()
         self._told: ToldWay | None = None
         self._lost_t_s = -math.inf
 
@@ -125,6 +126,7 @@ class GnssVelocity:
         )
         claimed_mps, _ = ahead_and_aside(FLOATS, (east_mps, north_mps), yaw_rad)
         missing_mps = ahead_and_aside(FLOATS, residuals, yaw_rad)
+        self.antenna.add(missing_mps, rate_radps, math.sqrt(variance), since_last_s)
         spins = bool(self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance)))
         is_steady = self.noise.is_steady
         spins = spins and self.noise.is_known and is_steady

@@ -98,9 +98,11 @@ class Localizer:
         for event in batch.events:
             self._apply_event(event)
         self._doubts.expire(batch.t_s)
-        self._doubts.heading.add(
-            batch.t_s, self._ekf.x[YAW] - self._motion.yaw_rad, math.sqrt(self._ekf.cov[YAW, YAW])
-        )
+        if not self.pose.first_heading.check.is_under_way:
+            self._doubts.heading.add(
+                batch.t_s, self._ekf.x[YAW] - self._motion.yaw_rad,
+                math.sqrt(self._ekf.cov[YAW, YAW]),
+            )  # fmt: skip
         self._now_s = batch.t_s
         return self._estimate(batch.t_s)
 
