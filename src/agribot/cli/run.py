@@ -20,6 +20,7 @@ from agribot.cli.pacing import parse_pace
 from agribot.cli.page import (
     Pacer,
     add_page_arguments,
+    choose_address,
     has_page,
     is_kept_open,
     keep_ready,
@@ -212,6 +213,7 @@ def _check(options: argparse.Namespace, config: RunConfig) -> None:
         )
     if has_page(options):
         extras.require("ui", "the operator's page")
+        choose_address(options).check_tls()
     bridging.check_bridges(options, read_sources(config.sources))
 
 
