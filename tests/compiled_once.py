@@ -10,6 +10,7 @@ import contextlib
 import importlib
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -36,10 +37,11 @@ def take_turns_in_numba(lock: Path) -> None:
     from filelock import FileLock  # slow
     from numba.core.dispatcher import Dispatcher
 
-    compile_now, turn = Dispatcher.compile, FileLock(lock)
+    loops: Any = Dispatcher
+    compile_now, turn = loops.compile, FileLock(lock)
 
-    def compile_in_turn(self: Dispatcher, signature: object) -> object:
+    def compile_in_turn(loop: Any, signature: Any) -> Any:
         with turn:
-            return compile_now(self, signature)
+            return compile_now(loop, signature)
 
-    Dispatcher.compile = compile_in_turn
+    loops.compile = compile_in_turn

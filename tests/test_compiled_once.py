@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from filelock import FileLock, Timeout
@@ -33,13 +34,14 @@ def test_loops_are_compiled_by_one_worker_at_a_time_and_by_it_within_each_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lock = tmp_path / "lock"
+    loops: Any = Dispatcher
 
-    def compile_two(self: Dispatcher, signature: int) -> int:
+    def compile_two(loop: str, depth: int) -> str:
         with pytest.raises(Timeout):
             FileLock(lock).acquire(timeout=0)
-        return signature and 1 + Dispatcher.compile(self, signature - 1)
+        return f"{depth} {loops.compile(loop, depth - 1)}" if depth else loop
 
     monkeypatch.setattr(Dispatcher, "compile", compile_two)
     take_turns_in_numba(lock)
-    assert Dispatcher.compile(None, 2) == 2
+    assert loops.compile("a loop", 2) == "2 1 a loop"
     FileLock(lock).acquire(timeout=0).lock.release()
