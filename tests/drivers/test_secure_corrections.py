@@ -24,7 +24,7 @@ from tests.drivers.lines import Line, Opened, speak_ubx
 from tests.waiting import PATIENCE_S, wait_for
 
 pytestmark = machine.needs("openssl")
-NEW_KEY = ("-newkey", "rsa:2048", "-nodes")
+NEW_KEY = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
 LOGIN = ntrip.CasterLogin("farmer", "s3cret")
 TIMING = CorrectionTiming(gga_period_s=0.02, stall_s=600, first_wait_s=0.01, longest_wait_s=0.05)
 

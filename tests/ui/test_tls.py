@@ -39,7 +39,19 @@ pytestmark = machine.needs("openssl")
 
 def certificate(folder: Path, name: str) -> tuple[str, str]:
     cert, key = folder / f"{name}.crt", folder / f"{name}.key"
-    words = ["req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=robot"]
+    words = [
+        "req",
+        "-x509",
+        "-newkey",
+        "ec",
+        "-pkeyopt",
+        "ec_paramgen_curve:prime256v1",
+        "-nodes",
+        "-days",
+        "2",
+        "-subj",
+        "/CN=robot",
+    ]
     names = ["-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1"]
     files = ["-keyout", str(key), "-out", str(cert)]
     subprocess.run(["openssl", *words, *names, *files], check=True, capture_output=True, timeout=60)
