@@ -47,7 +47,7 @@ def test_no_weeds_where_none_are_asked_for() -> None:
     assert _weeds(5, 0.0) == []
 
 
-@nightly.one_by_one("density", [None, 4.0, 0.5], in_suite=2)
+@nightly.one_by_one("density", [None, 4.0, 0.5], in_suite=1)
 def test_number_of_weeds_is_the_density_times_the_area(density: float | None) -> None:
     """Poisson: over n fields the mean is within 4 sigma, and variance equals mean within 50 %."""
     fields = 60

@@ -127,6 +127,11 @@ def test_a_drift_of_fixed_rtk_without_camera_is_named_and_stopped_before_the_cro
     assert records[-1].command.drive.v_mps == 0.0
 
 
+@nightly.by_day(
+    "tests/autonomy/estimate/test_doubts.py::"
+    "test_a_receiver_that_repeats_its_place_while_the_wheels_turn_is_named_and_not_believed",
+    "test_a_receiver_that_jumps_100_m_is_told_and_crushes_nothing",
+)
 def test_a_receiver_that_freezes_is_named_and_crushes_nothing(tmp_path: Path) -> None:
     last: list[GnssFix] = []
 

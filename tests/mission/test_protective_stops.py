@@ -93,13 +93,18 @@ def test_a_touch_stops_the_robot_in_its_tick_in_every_mode(tmp_path: Path, mode:
         assert abs(session.simulator.truth().v_mps) < 0.01
 
 
-@pytest.mark.parametrize("actuation", ["servo", "effort"])
-@pytest.mark.parametrize(
-    ("wheel", "name"), [("left_wheel_F", "left front"), ("right_wheel_R", "right rear")]
+@nightly.one_by_one(
+    "motor",
+    [
+        ("left_wheel_F", "left front", "effort"),
+        ("right_wheel_R", "right rear", "servo"),
+        ("left_wheel_F", "left front", "servo"),
+        ("right_wheel_R", "right rear", "effort"),
+    ],
+    in_suite=2,
 )
-def test_a_dead_motor_is_named_within_a_second(
-    tmp_path: Path, wheel: str, name: str, actuation: str
-) -> None:
+def test_a_dead_motor_is_named_within_a_second(tmp_path: Path, motor: tuple[str, str, str]) -> None:
+    wheel, name, actuation = motor
     with opened(tmp_path, f"sim.actuation='{actuation}'") as session:
         ticks = session.ticks()
         next(record for record in ticks if record.batch.t_s > FROM_S)
@@ -167,7 +172,19 @@ def test_an_encoder_that_sticks_is_named_within_a_second(tmp_path: Path, is_all:
 
 
 @pytest.mark.parametrize(
-    ("gyro", "words"), [("frozen", "IMU repeats the same numbers"), ("off", "the gyro says")]
+    ("gyro", "words"),
+    [
+        ("off", "the gyro says"),
+        pytest.param(
+            "frozen",
+            "IMU repeats the same numbers",
+            marks=nightly.by_day(
+                "tests/autonomy/control/test_wheel_watch.py::"
+                "test_an_imu_that_repeats_itself_is_told_of_a_moving_robot_only",
+                "test_a_gyro_that_lies_is_told_within_a_second",
+            ),
+        ),
+    ],
 )
 def test_a_gyro_that_lies_is_told_within_a_second(tmp_path: Path, gyro: str, words: str) -> None:
     first: list[SensorBatch] = []
@@ -196,12 +213,16 @@ def test_a_gyro_that_lies_is_told_within_a_second(tmp_path: Path, gyro: str, wor
     ("sensors", "actuation"),
     [
         ("rtk", "effort"),
-        ("m8n", "servo"),
         *(
             pytest.param(
                 *other, marks=nightly.by_day("test_a_robot_without_fault_is_never_stopped")
             )
-            for other in (("legacy", "effort"), ("seed", "servo"), ("ideal", "servo"))
+            for other in (
+                ("m8n", "servo"),
+                ("legacy", "effort"),
+                ("seed", "servo"),
+                ("ideal", "servo"),
+            )
         ),
     ],
 )

@@ -19,6 +19,7 @@ from agribot.ui import wire
 from agribot.ui.address import Address
 from agribot.ui.robot_side import server_process
 from agribot.ui.robot_side.operator_page import OperatorPage
+from tests import nightly
 from tests.ui.client import Page
 from tests.waiting import PATIENCE_S, wait_for
 
@@ -94,10 +95,11 @@ def test_the_robot_stands_soon_after_the_page_falls_silent(tmp_path: Path) -> No
         assert stopped_after_s(drive(session, None, 1.0)) <= 0.5
 
 
-@pytest.mark.parametrize(("policy", "state"), [("continue", "running"), ("pause", "paused")])
+@nightly.one_by_one("after", [("pause", "paused"), ("continue", "running")], in_suite=1)
 def test_a_killed_server_stops_the_hand_and_the_mission_goes_on_as_configured(
-    tmp_path: Path, policy: str, state: str
+    tmp_path: Path, after: tuple[str, str]
 ) -> None:
+    policy, state = after
     with simulated(tmp_path, f'safety.on_operator_lost="{policy}"') as (session, page, browser):
         drive_by_hand(session, browser)
         resume_until_it_runs(session, browser)

@@ -16,7 +16,7 @@ from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, rec
 from tests.autonomy.estimate.playback import batches, error, localizer, play
 
 ALL_SEEDS, DURATION_S = range(40), 26.0
-over_seeds = nightly.all_or_first("seeds", ALL_SEEDS, in_suite=6)
+over_seeds = nightly.all_or_first("seeds", ALL_SEEDS, in_suite=3)
 # The noisy compass of the original simulation: white, without iron.
 NOISY_COMPASS = msgspec.structs.replace(M8N, mag_noise_rad=0.28, hard_iron_rad=0.0)
 
@@ -53,7 +53,7 @@ def rms(values: FloatArray) -> float:
 @pytest.mark.parametrize(
     ("errors", "rms_limit_m", "seeds"),
     [
-        pytest.param(RTK, 0.02, ALL_SEEDS[:6], id="rtk-6 seeds"),
+        pytest.param(RTK, 0.02, ALL_SEEDS[:3], id="rtk-3 seeds"),
         pytest.param(M8N, 1.6, ALL_SEEDS[:12], id="m8n-12 seeds"),
         pytest.param(RTK, 0.02, ALL_SEEDS, id="rtk-all seeds", marks=pytest.mark.nightly),
         pytest.param(M8N, 1.6, ALL_SEEDS, id="m8n-all seeds", marks=pytest.mark.nightly),
@@ -120,7 +120,7 @@ def test_result_does_not_depend_on_the_tick_rate(tick_hz: float) -> None:
     assert last.yaw_std_rad == pytest.approx(expected.yaw_std_rad, rel=0.05)
 
 
-@nightly.all_or_first("seeds", range(4), in_suite=2)
+@nightly.all_or_first("seeds", range(4), in_suite=1)
 def test_late_fixes_serve_as_well_as_punctual_ones(seeds: Sequence[int]) -> None:
     spread = {}
     for latency_s in (0.0, 0.4):

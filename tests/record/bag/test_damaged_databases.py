@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import sqlite3
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from agribot.record.bag.definitions import ros2_store
 from agribot.record.bag.info import read_info
 from agribot.record.bag.opening import open_bag
 from agribot.record.damage import Damage, collect_damage
+from tests import nightly
 from tests.record import damaged_files
 from tests.record.bag import bag_samples as samples
 
@@ -97,13 +99,14 @@ def test_bytes_that_change_anywhere_give_all_sound_messages_or_a_refusal(tmp_pat
         assert damages or len(read) == len(whole), seed
 
 
+@nightly.all_or_first("seeds", (15, 14, 13, 16), in_suite=1)  # pages of 15 lead in circles
 def test_many_damaged_places_end_no_reader_and_nothing_is_lost_in_silence(
-    tmp_path: Path,
+    tmp_path: Path, seeds: Sequence[int]
 ) -> None:
     path = _write(tmp_path / "bag", count=300)
     sound = path.read_bytes()
     kinds: tuple[damaged_files.Kind, ...] = ("flip", "zero", "random")
-    for seed in range(13, 17):  # the pages of 15 lead in circles
+    for seed in seeds:
         rng, data = np.random.default_rng(seed), sound
         for _ in range(4):
             tail, _, _ = damaged_files.damage(data[3 * PAGE_BYTES :], kinds[rng.integers(3)], rng)
