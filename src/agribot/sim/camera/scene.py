@@ -129,16 +129,15 @@ def make_obstacle_instances(obstacles: tuple[Obstacle, ...], first_form: int) ->
 ]:  # fmt: skip
     """Make an instance of each shape of each obstacle, and the forms, from `first_form` on."""
     pairs = [(thing, shape) for thing in obstacles for shape in thing.shapes]
-    keys = [(shape.kind, shape.size_m) for _thing, shape in pairs]
-    forms = {key: index for index, key in enumerate(dict.fromkeys(keys))}
-    lods = {key: build_shape_lods(shape) for key, (_thing, shape) in zip(keys, pairs, strict=True)}
+    shapes = {(shape.kind, shape.size_m): shape for _thing, shape in pairs}
+    forms = {key: form for form, key in enumerate(shapes, first_form)}
     count = len(pairs)
     poses = np.array([_make_pose(thing, shape) for thing, shape in pairs]).reshape(count, 4, 4)
     things = Instances(
         position=np.ascontiguousarray(poses[:, :3, 3]),
         rotation=np.ascontiguousarray(poses[:, :3, :3], np.float32),
         scale=np.ones(count, np.float32),
-        form=np.array([first_form + forms[key] for key in keys], np.int64),
+        form=np.array([forms[shape.kind, shape.size_m] for _thing, shape in pairs], np.int64),
         tint=np.array([shape.rgba[:3] for _thing, shape in pairs], np.float32).reshape(count, 3),
         sun=np.ones(count, np.float32),
         layer=np.full(count, PLAIN_LAYER, np.int64),
@@ -146,7 +145,7 @@ def make_obstacle_instances(obstacles: tuple[Obstacle, ...], first_form: int) ->
         id=np.full(count, -1, np.int32),
         solid=np.ones(count, np.uint8),
     )
-    return things, [lods[key] for key in forms]
+    return things, [build_shape_lods(shape) for shape in shapes.values()]
 
 
 def _make_pose(thing: Obstacle, shape: Shape) -> FloatArray:
