@@ -235,7 +235,7 @@ def test_field_files_of_other_programs_keep_every_vertex(browser: Browser, tmp_p
 
 def test_one_of_several_fields_in_a_file_is_opened_by_its_name(browser: Browser) -> None:
     """They were all drawn, and none of them could be planned."""
-    east = [(lon + 0.01, lat) for lon, lat in RING]
+    east = [[lon + 0.01, lat] for lon, lat in RING]
     features = []
     for name, ring in (("West", RING), ("East", east)):
         feature = field(ring)["features"][0]

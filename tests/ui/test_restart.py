@@ -261,9 +261,10 @@ def test_the_end_of_a_process_is_told_in_words() -> None:
 class _Looking:
     """A page that keeps what it is told."""
 
-    session, name, role = "ann", "Ann", "operator"
+    session, name = "ann", "Ann"
 
     def __init__(self, hub: Hub) -> None:
+        self.role: str | None = "operator"
         self.channel = hub.live
         self.told: list[wire.ServerMessage] = []
 

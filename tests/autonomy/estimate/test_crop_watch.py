@@ -21,9 +21,9 @@ def cover(pose: Pose2, is_crop: Place, is_weed: Place) -> CropCover:
     """Show the ground from 0.4 to 1.4 m ahead, 0.6 m to either side."""
     row, column = np.indices((ROW_CELLS, COLUMN_CELLS))
     x_m, y_m = pose.transform(0.4 + (row + 0.5) * CELL_M, -0.6 + (column + 0.5) * CELL_M)
-    seen = np.ones_like(row, dtype=bool)
+    everywhere = np.ones_like(row, dtype=bool)
     crop, weed, seen = (
-        np.packbits(each).tobytes() for each in (is_crop(x_m, y_m), is_weed(x_m, y_m), seen)
+        np.packbits(each).tobytes() for each in (is_crop(x_m, y_m), is_weed(x_m, y_m), everywhere)
     )
     return CropCover(
         x_body_m=0.4, y_body_m=-0.6, cell_m=CELL_M, rows=ROW_CELLS, columns=COLUMN_CELLS,

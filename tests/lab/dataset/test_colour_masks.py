@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.lab.dataset.classes import read_ids
+from agribot.lab.labelling.guesses import Guess
 from agribot.lab.labelling.label_folder import LabelFolder
 from agribot.lab.train.photographs import find_pairs, read_pair
 
@@ -167,7 +167,7 @@ def test_colours_that_are_none_are_refused(text: str, words: str) -> None:
 
 
 def test_masks_are_written_as_values_only(tmp_path: Path) -> None:
-    def guess(_picture: ByteArray) -> PictureClasses:
+    def guess(_picture: ByteArray) -> Guess:
         raise AssertionError("no picture is looked at")
 
     folder = make_set(tmp_path / "set", paint())

@@ -158,8 +158,8 @@ def test_a_training_states_the_cpu_time_of_its_whole_process_and_says_what_it_do
     monkeypatch.setattr(photo_source, "make_photo_source", spend(2.0, make_photo_source))
     monkeypatch.setattr(export, "export_onnx", spend(1.5, export.export_onnx))
     folder = photo_folder(tmp_path / "photos", 2)
-    words = ("--data", "cwfid", "--data-dir", str(folder), "--size", "64x64", *FEW_PIXELS)
-    words += ("--start", "random", "--train-width", "96", "--steps", "1")
+    words = ["--data", "cwfid", "--data-dir", str(folder), "--size", "64x64", *FEW_PIXELS]
+    words += ["--start", "random", "--train-width", "96", "--steps", "1"]
     assert run(parsed(*words, "--out", str(tmp_path / "out"))) == 0
     card = msgspec.json.decode((tmp_path / "out/agribot-s.json").read_bytes(), type=ModelCard)
     assert card.training_cpu_min == 3.5

@@ -49,7 +49,8 @@ def _average(values: ByteArray, block_px: int) -> Floats:
     for down in range(block_px):
         for right in range(block_px):
             total += values[down:height:block_px, right:width:block_px]
-    return total / np.float32(block_px**2)
+    mean: Floats = total / np.float32(block_px**2)
+    return mean
 
 
 def _measure_sharpness(fine: Floats) -> float:
