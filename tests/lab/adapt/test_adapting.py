@@ -94,7 +94,7 @@ def test_the_folder_of_another_adaptation_is_refused(
 ) -> None:
     folder = tmp_path / "field-adapt"
     folder.mkdir()
-    (folder / "taught.json").write_text('{"source": "/elsewhere", "base": "0"}')
+    (folder / "taught.json").write_text('{"source": "/elsewhere", "files": "0", "base": "0"}')
     assert adapt(tmp_path, tmp_path / "field.onnx") == 2
     assert "holds an adaptation to /elsewhere" in capsys.readouterr().err
 

@@ -197,6 +197,30 @@ def test_one_command_makes_a_set_of_a_recording_that_training_reads(
     assert "no empty folder" in capsys.readouterr().err
 
 
+def test_a_network_adapts_to_the_rows_of_a_recording(
+    carrots: Pictures, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("torch")
+    record(tmp_path / "run.mcap", [image_rgb for image_rgb, _ in carrots])
+    words = ["adapt", str(tmp_path), "-o", str(tmp_path / "field.onnx"), "--model", "agribot-sim"]
+    assert main([*words, "--steps", "1", "--json"]) == 0
+    adapted = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert adapted["pictures"] == VIEWS
+    assert adapted["rows_seen"] >= 6
+    assert adapted["before"]["on_rows"]["weed"] > 0.5  # it takes carrots for weeds
+
+
+def test_a_recording_with_few_rows_is_refused_with_how_many_are_needed(
+    carrots: Pictures, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("torch")
+    record(tmp_path / "run.mcap", [image_rgb for image_rgb, _ in carrots[:3]])
+    words = ["adapt", str(tmp_path), "-o", str(tmp_path / "field.onnx"), "--model", "agribot-sim"]
+    assert main([*words, "--steps", "1"]) == 2
+    assert "pictures show rows, 6 are needed" in capsys.readouterr().err
+    assert not (tmp_path / "field.onnx").exists()
+
+
 def test_a_recording_without_pictures_is_refused_and_nothing_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 import time
 from collections.abc import Callable, Sequence
@@ -30,9 +31,13 @@ TAUGHT, NOTE = "taught", "taught.json"
 
 
 class Taught(msgspec.Struct, frozen=True, kw_only=True):
-    """What rows taught, as it stands beside the pictures: a second call goes on with it."""
+    """What rows taught, as it stands beside the pictures: a second call goes on with it.
+
+    `files` is a digest of the names and sizes of the source's files.
+    """
 
     source: str
+    files: str
     base: str
     pictures: int = 0
     rows_seen: int = 0
@@ -132,8 +137,16 @@ def _leave(budget: Budget, spent_min: float) -> Budget:
 
 
 def _part(folder: Path) -> tuple[list[Pair], list[Pair]]:
-    """Part the pictures with rows in those to learn from and those that judge."""
+    """Part the pictures with rows in those to learn from and those that judge.
+
+    Raises: ConfigError: too few to judge with any.
+    """
     pairs, _ = find_pairs(folder, "folder")
+    if len(pairs) < ASIDE_EVERY:
+        raise ConfigError(
+            f"{len(pairs)} pictures show rows, {ASIDE_EVERY} are needed; record more of them with "
+            "--set record.image_rate_hz=2"
+        )
     aside = pairs[ASIDE_EVERY - 1 :: ASIDE_EVERY]
     return [pair for pair in pairs if pair not in aside], aside
 
@@ -161,16 +174,23 @@ def _teach_once(wanted: Wanted, base: Path, folder: Path, listener: Listener) ->
 
     Raises: ConfigError: no rows, or the folder is of another adaptation.
     """
-    source, network = str(wanted.source.absolute()), hash_file(base)[:16]
+    source = str(wanted.source.absolute())
+    note = Taught(source=source, files=_digest(wanted.source), base=hash_file(base)[:16])
     taught = _read_note(folder)
     if taught is None:
-        return _teach(wanted, base, folder, listener, Taught(source=source, base=network))
-    if (taught.source, taught.base) != (source, network):
+        return _teach(wanted, base, folder, listener, note)
+    if (taught.source, taught.files, taught.base) != (note.source, note.files, note.base):
         raise ConfigError(
-            f"{folder} holds an adaptation to {taught.source} with other settings; give another "
-            "-o, or move the folder away"
+            f"{folder} holds an adaptation to {taught.source} with other pictures or another "
+            "--model; give another -o, or move the folder away"
         )
     return taught
+
+
+def _digest(source: Path) -> str:
+    files = sorted(source.rglob("*")) if source.is_dir() else [source]
+    sizes = [(str(path), path.stat().st_size) for path in files if path.is_file()]
+    return hashlib.sha256(msgspec.json.encode(sizes)).hexdigest()[:16]
 
 
 def _teach(wanted: Wanted, base: Path, folder: Path, listener: Listener, note: Taught) -> Taught:

@@ -36,9 +36,9 @@ SOIL_GREEN, PLANT_GREEN = 0.06, 0.1  # excess of green below and above which pix
 COVER_GREEN = (0.06, 0.14)  # excess of green of no cover and of full cover with plants
 NETWORK_SHARE = 0.6  # of cover, from the network's word on crop
 ON_ROW, BETWEEN_ROWS = 0.2, 0.36  # distances from a row's line in spacings
-# Quantile of the evidence of pictures without rows above which a picture shows them; the share of
-# the pictures that have to, and the least number of them.
-NO_ROWS_QUANTILE, LEAST_SHARE, LEAST_PICTURES = 0.9, 0.5, 8
+# Quantiles of the evidence of pictures without rows: above the first a picture shows rows by
+# itself, above the second one of a set that shows them; the share of a set that has to; its size.
+SURE_QUANTILE, LIKELY_QUANTILE, LEAST_SHARE, LEAST_PICTURES = 0.9, 0.5, 0.5, 8
 PASSES = 2
 
 
@@ -110,15 +110,16 @@ def see_rows(paths: list[Path], network: Classifier, progress: Progress) -> Seen
             "give more pictures of the same camera in the same field"
         )
     rows, without = find_rows(list(contrasts.values()), np.random.default_rng(0))
-    least = float(np.quantile(without, NO_ROWS_QUANTILE))
-    seen = {path: one for path, one in zip(contrasts, rows, strict=True) if one.evidence > least}
-    if len(seen) < max(LEAST_PICTURES, LEAST_SHARE * len(contrasts)):
+    sure, likely = np.quantile(without, (SURE_QUANTILE, LIKELY_QUANTILE))
+    count = sum(one.evidence > sure for one in rows)
+    if count < LEAST_SHARE * len(rows):
         raise ConfigError(
-            f"no rows to be seen: in {len(seen)} of {len(contrasts)} pictures plants stand along "
-            f"lines more than by chance, {LEAST_SHARE:.0%} are needed; give pictures of one camera "
-            "that looks along several rows, or label some by hand (agribot label)"
+            f"no rows to be seen: in {count} of {len(rows)} pictures plants stand along lines more "
+            f"than by chance, {LEAST_SHARE:.0%} are needed; give pictures of one camera that looks "
+            "along several rows, or label some by hand (agribot label)"
         )
-    return SeenRows(seen, tuple(problems))
+    pairs = zip(contrasts, rows, strict=True)
+    return SeenRows({path: one for path, one in pairs if one.evidence > likely}, tuple(problems))
 
 
 def teach(seen: SeenRows, out: Path, progress: Progress) -> TaughtSet:
