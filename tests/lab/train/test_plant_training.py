@@ -212,7 +212,7 @@ def test_one_command_draws_fields_and_makes_weights_that_find_plants(
     words = ("--variety", "dense", "--images", "2", "--row-images", "1", "--turn-images", "0")
     more = ("--usual-images", "2", "--seedling-images", "1", "--front-images", "2")
     batch = ("--batch-size", "3", "--crop-px", "96")
-    few = (*more, *batch, "--test-images", "1", "--steps", "2", "--out", str(tmp_path))
+    few = [*more, *batch, "--test-images", "1", "--steps", "2", "--out", str(tmp_path)]
     assert run(parsed(*PLANTS, *words, *few, "--validate", "2")) == 0
     weights = tmp_path / "agribot-plants.onnx"
     card = msgspec.json.decode(weights.with_suffix(".json").read_bytes(), type=ModelCard)

@@ -49,8 +49,8 @@ def _average(values: ByteArray, block_px: int) -> Floats:
     for down in range(block_px):
         for right in range(block_px):
             total += values[down:height:block_px, right:width:block_px]
-    mean: Floats = total / np.float32(block_px**2)
-    return mean
+    total /= block_px**2
+    return total
 
 
 def _measure_sharpness(fine: Floats) -> float:
