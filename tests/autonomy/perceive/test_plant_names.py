@@ -60,9 +60,16 @@ def test_the_odds_of_stem_and_leaves_make_the_name(crop_of_stem: float, name: in
 def test_the_confidence_of_a_pixel_is_shared_with_its_plant() -> None:
     mixed = misname(draw_plants(*PAIR), 0, wrong_ratio=0.0, sure=0.64)
     found = name_plants(mixed).confidence[number_pixels(*PAIR) == 0] / 255.0
-    odds = 0.98 / 0.02 * 0.64 / 0.36  # of its stem, which is sure, and of its leaves
+    odds = (0.98 / 0.02) ** 0.9 * 0.64 / 0.36  # of its stem, which scores 0.9, and of its leaves
     plant = odds / (1.0 + odds)
     assert found == pytest.approx(np.sqrt(plant * 0.64), abs=0.003)
+
+
+@pytest.mark.parametrize(("score", "name"), [(0.9, WEED), (0.3, CROP)])
+def test_a_stem_counts_as_much_as_it_is_sure_to_stand_there(score: float, name: int) -> None:
+    leaves = misname(draw_plants(*PAIR), 0, wrong_ratio=0.0, sure=0.9)
+    torn = doubt_stem(leaves, CROP, score, 0.02 * score)
+    assert (name_plants(torn).class_id[number_pixels(*PAIR) == 0] == name).all()
 
 
 def test_leaves_without_a_stem_keep_the_names_of_their_pixels() -> None:

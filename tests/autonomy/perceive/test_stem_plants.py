@@ -201,12 +201,13 @@ def test_the_class_is_as_sure_as_the_one_score_against_the_other() -> None:
     class_map.confidence[:] = UNSURE
     (plant,) = find_plants(class_map)
     assert plant.plant == CROP
-    assert plant.confidence == pytest.approx(0.75, abs=0.01)
+    odds = 3.0**0.9  # to the power of how surely a stem stands there
+    assert plant.confidence == pytest.approx(odds / (1.0 + odds), abs=0.01)
 
 
 @pytest.mark.parametrize(("sure", "count"), [(0.05, 1), (-0.05, 0)])
 def test_a_stem_that_may_be_a_weed_or_a_crop_is_neither(sure: float, count: int) -> None:
-    class_map = draw_plants((0.9, 0.0, 0.05, WEED), (0.9, 0.3, 0.05, CROP), score=0.4)
+    class_map = draw_plants((0.9, 0.0, 0.05, WEED), (0.9, 0.3, 0.05, CROP), score=1.0)
     maps, share = plants_in(class_map), CONFIG.min_confidence + sure
     class_map.confidence[class_map.class_id == WEED] = UNSURE
     weeds = maps.stem_score[0]

@@ -1,7 +1,9 @@
 """One name for each plant, by what its stem says and by what its leaves look like.
 
 A network names every pixel for itself, so that leaves of one plant may get two names, and a stem
-another one than its leaves. A plant has one name: the odds of both witnesses are multiplied.
+another one than its leaves. A plant has one name: the odds of both witnesses are multiplied, those
+of the stem to the power of how surely it stands there. On pictures unlike those that taught stems
+the leaves decide.
 """
 
 from __future__ import annotations
@@ -71,9 +73,9 @@ def _share_names(class_map: ClassMap, stems: Stems, leaves: _Leaves) -> FloatArr
     count = np.bincount(leaves.stem, minlength=len(of_stem))
     crop = np.where(count > 0, crop / np.maximum(count, 1), of_stem[:, PlantClass.CROP])
     of_leaves = np.column_stack([1.0 - crop, crop])
-    likely: FloatArray = of_stem.clip(LEAST_SHARE, MOST_SHARE)
-    likely = likely * of_leaves.clip(LEAST_SHARE, MOST_SHARE)
-    return share_kinds(likely)
+    weight = stems.kind_scores.max(axis=1, keepdims=True)
+    likely: FloatArray = of_stem.clip(LEAST_SHARE, MOST_SHARE) ** weight
+    return share_kinds(likely * of_leaves.clip(LEAST_SHARE, MOST_SHARE))
 
 
 def _rename(stems: Stems, shares: FloatArray) -> Stems:
