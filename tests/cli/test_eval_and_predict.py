@@ -8,6 +8,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from PIL import Image
@@ -16,6 +17,7 @@ from agribot.autonomy.perceive.pictures import classify, see_picture
 from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.cli.main import main
 from agribot.cli.result_names import name_results
+from agribot.lab.train.card import ModelCard, hash_file
 from agribot.lab.train.simulated import draw_random_field
 from agribot.sim.random_scenes import DENSE
 from tests.lab.train.photo_folder import photo_folder, spoil
@@ -383,3 +385,11 @@ def test_eight_bits_make_a_smaller_file_that_mostly_agrees(
     whole, small = Segmenter("agribot-sim"), Segmenter(out)
     same = classify(whole, image_rgb).class_id == classify(small, image_rgb).class_id
     assert same.mean() > 0.9
+    card = msgspec.json.decode(out.with_suffix(".json").read_bytes(), type=ModelCard)
+    whole_card = msgspec.json.decode(whole.path.with_suffix(".json").read_bytes(), type=ModelCard)
+    assert (card.precision, card.input_width_px, card.input_height_px) == ("int8", 320, 256)
+    assert (card.sha256, card.file_bytes) == (hash_file(out), out.stat().st_size)
+    assert (card.exported_from, card.test) == (whole_card.sha256, whole_card.test)
+    assert card.most_doubt is None, "it finds no stems"
+    said = out.with_suffix(".md").read_text(encoding="utf-8")
+    assert f"Exported from: SHA-256 `{whole_card.sha256}`, whose scores these are" in said

@@ -19,10 +19,9 @@ Place = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 def cover(pose: Pose2, is_crop: Place, is_weed: Place) -> CropCover:
     """Show the ground from 0.4 to 1.4 m ahead, 0.6 m to either side."""
-    row, column = np.indices((ROW_CELLS, COLUMN_CELLS))
-    ahead_m = np.asarray(0.4 + (row + 0.5) * CELL_M, dtype=np.float64)
-    x_m, y_m = pose.transform(ahead_m, -0.6 + (column + 0.5) * CELL_M)
-    everywhere = np.ones_like(row, dtype=bool)
+    row, column = np.indices((ROW_CELLS, COLUMN_CELLS)).astype(np.float64)
+    x_m, y_m = pose.transform(0.4 + (row + 0.5) * CELL_M, -0.6 + (column + 0.5) * CELL_M)
+    everywhere = np.ones(row.shape, dtype=bool)
     crop, weed, seen = (
         np.packbits(each).tobytes() for each in (is_crop(x_m, y_m), is_weed(x_m, y_m), everywhere)
     )
