@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import gc
 import re
 import subprocess
 import sys
@@ -10,6 +11,8 @@ import tomllib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "agribot"
@@ -48,6 +51,18 @@ def sources() -> list[Path]:
 @cache
 def tree_of(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _parsed() -> Iterator[None]:
+    """Parse without searches for garbage, which would go through all nodes again and again."""
+    gc.disable()
+    for path in sources():
+        nodes_of(path)
+    gc.enable()
+    yield
+    tree_of.cache_clear()
+    nodes_of.cache_clear()
 
 
 def room_of(module: str) -> str:
