@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+import statistics
 
 import numpy as np
 
@@ -42,6 +43,7 @@ class FixWays:
         self._frame = MapFrame(datum)
         self._mark: tuple[float, complex, complex] | None = None  # time, by fixes, by wheels
         self._fixes_m = self._wheels_m = 0.0
+        self._ratios: list[float] = []
         self._last: tuple[complex, complex] | None = None  # the piece before, both ways
         self._turn_count = 0
         self._turns = np.zeros(3)  # squares of turns by fixes and by wheels, and their product
@@ -56,10 +58,13 @@ class FixWays:
 
     @property
     def ratio(self) -> float | None:
-        """How many times as far as the fixes the wheels moved; None of too short a way."""
+        """How many times as far as the fixes the wheels moved; None of too short a way.
+
+        The median of the pieces does not hear single fixes that lie elsewhere.
+        """
         if max(self._fixes_m, self._wheels_m) < LEAST_WAY_M:
             return None
-        return self._wheels_m / max(self._fixes_m, 1e-9)
+        return statistics.median(self._ratios)
 
     def add(self, t_s: float, fix: GnssFix, wheels_m: complex) -> None:
         if self._mark is not None and t_s - self._mark[0] < WAY_S:
@@ -78,6 +83,7 @@ class FixWays:
             return
         self._fixes_m += fixes_m
         self._wheels_m += wheels_m
+        self._ratios.append(wheels_m / max(fixes_m, 1e-9))
         if self._last is not None:
             turns = [
                 (now * last.conjugate()).imag / max(abs(now * last), 1e-9)
