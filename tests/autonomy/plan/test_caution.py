@@ -100,7 +100,9 @@ def test_far_above_the_limit_it_stands_at_once_unless_a_person_bids_it_creep_on(
 
 def test_a_robot_that_only_knows_little_creeps_on_until_it_may_see_its_row_again() -> None:
     guard, unsure = CropGuard(), known(0.2, 0.2)
-    unsure = msgspec.structs.replace(unsure, across_protection_m=0.66, across_unknown_m=0.66)
+    unsure = msgspec.structs.replace(
+        unsure, across_protection_m=0.66, across_unknown_m=0.66, row_seen=False
+    )
     for t_s in (0.0, PATIENCE_S + 1.0):
         assert guard.judge(msgspec.structs.replace(unsure, t_s=t_s), LIMIT_M) == ""
         assert guard.ratio == CREEP_RATIO
@@ -109,6 +111,7 @@ def test_a_robot_that_only_knows_little_creeps_on_until_it_may_see_its_row_again
     for change in (
         {"reason": "camera picture has not changed"},
         {"across_unknown_m": 0.66 / 1.6},  # the GNSS may lie
+        {"row_seen": None},  # neither a camera nor corrections will tell
     ):
         assert CropGuard().judge(msgspec.structs.replace(unsure, **change), LIMIT_M)
 

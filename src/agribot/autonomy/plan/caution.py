@@ -10,7 +10,7 @@ import math
 
 from agribot.core.config import MissionConfig
 from agribot.core.geo import std_along_m
-from agribot.core.messages import Estimate
+from agribot.core.messages import Estimate, GnssQuality
 from agribot.core.robot import DriveSpec
 
 # What is left of the speed just before the robot must stop: it sees more plants only by moving.
@@ -21,7 +21,7 @@ TRACKING_M = 0.06
 LEAST_LIMIT_M = 0.2
 # It creeps so long beyond the limit, to get row or fix back, and not that far beyond.
 # Where nothing is wrong but that it knows little, as after a turn on a slope, it creeps for longer,
-# a plant's distance or two: it sees its row only by moving.
+# a plant's distance or two: camera or corrections show its row only on the move.
 PATIENCE_S, MAX_RATIO = 10.0, 1.5
 # Two solutions that agree are less than 2 sigma apart, and the level holds about 4: then at least
 # two thirds of it is mere ignorance.
@@ -86,6 +86,7 @@ class CropGuard:
         is_unsure = estimate.across_unknown_m >= UNSURE_RATIO * level_m
         is_unsure = is_unsure and lasts_s < UNSURE_PATIENCE_S
         is_unsure = is_unsure and not estimate.reason  # no sensor is known to fail
+        is_unsure = is_unsure and _finds_row(estimate)
         is_near = self._is_granted or level_m <= MAX_RATIO * limit_m
         if is_unsure or (is_near and lasts_s < PATIENCE_S):
             self.ratio = CREEP_RATIO
@@ -95,6 +96,12 @@ class CropGuard:
             f"may be {level_m:.2f} m off the row > {limit_m:.2f} m from wheels to crop; wait for "
             "GNSS with corrections or the camera, or look where the robot stands and resume"
         )
+
+
+def _finds_row(estimate: Estimate) -> bool:
+    """Whether the robot knows more by moving: a camera looks, or fixes have corrections."""
+    is_corrected = estimate.quality in (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
+    return estimate.row_seen is not None or is_corrected
 
 
 class LostRow:
