@@ -57,7 +57,7 @@ LIMIT_M = 0.3
 
 
 def judged(guard: CropGuard, t_s: float, level_m: float) -> str:
-    estimate = known(0.05, 0.05)
+    estimate = msgspec.structs.replace(known(0.05, 0.05), row_seen=True)
     return guard.judge(
         msgspec.structs.replace(estimate, t_s=t_s, across_protection_m=level_m), LIMIT_M
     )
@@ -114,6 +114,16 @@ def test_a_robot_that_only_knows_little_creeps_on_until_it_may_see_its_row_again
         {"row_seen": None},  # neither a camera nor corrections will tell
     ):
         assert CropGuard().judge(msgspec.structs.replace(unsure, **change), LIMIT_M)
+
+
+def test_without_a_camera_and_corrections_it_stands_at_the_limit_until_a_person_looks() -> None:
+    guard, blind = CropGuard(), known(0.1, 0.1)
+    blind = msgspec.structs.replace(blind, across_protection_m=0.31, across_unknown_m=0.31)
+    assert guard.judge(blind, LIMIT_M).startswith("may be 0.31 m off the row > 0.30 m")
+    assert guard.ratio == 0.0
+    guard.restart()
+    assert guard.judge(blind, LIMIT_M) == ""
+    assert guard.ratio == CREEP_RATIO
 
 
 class Ride:

@@ -86,9 +86,9 @@ class CropGuard:
         is_unsure = estimate.across_unknown_m >= UNSURE_RATIO * level_m
         is_unsure = is_unsure and lasts_s < UNSURE_PATIENCE_S
         is_unsure = is_unsure and not estimate.reason  # no sensor is known to fail
-        is_unsure = is_unsure and _finds_row(estimate)
         is_near = self._is_granted or level_m <= MAX_RATIO * limit_m
-        if is_unsure or (is_near and lasts_s < PATIENCE_S):
+        may_creep = self._is_granted or _finds_row(estimate)
+        if may_creep and (is_unsure or (is_near and lasts_s < PATIENCE_S)):
             self.ratio = CREEP_RATIO
             return ""
         self.ratio = 0.0
@@ -99,9 +99,9 @@ class CropGuard:
 
 
 def _finds_row(estimate: Estimate) -> bool:
-    """Whether the robot knows more by moving: a camera looks, or fixes have corrections."""
-    is_corrected = estimate.quality in (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
-    return estimate.row_seen is not None or is_corrected
+    """Whether row or fix may come back on the move: not without a camera and corrections."""
+    is_at_its_best = estimate.quality in (GnssQuality.SINGLE, GnssQuality.DGNSS)
+    return estimate.row_seen is not None or not is_at_its_best
 
 
 class LostRow:
