@@ -37,6 +37,16 @@ def photos(tmp_path: Path) -> Path:
     return folder
 
 
+def test_pictures_are_known_by_any_path_to_them_until_one_changes(
+    photos: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(photos.parent)
+    before = adapting._digest(photos)
+    assert adapting._digest(Path("photos")) == before
+    (photos / "0.png").write_bytes(b"another")
+    assert adapting._digest(photos) != before
+
+
 def adapt(photos: Path, out: Path, *more: str) -> int:
     words = ["adapt", str(photos), "-o", str(out), "--model", BASE, "--steps", "2", "--json"]
     return main([*words, *more])

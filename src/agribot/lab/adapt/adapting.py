@@ -189,7 +189,9 @@ def _teach_once(wanted: Wanted, base: Path, folder: Path, listener: Listener) ->
 
 def _digest(source: Path) -> str:
     files = sorted(source.rglob("*")) if source.is_dir() else [source]
-    sizes = [(str(path), path.stat().st_size) for path in files if path.is_file()]
+    sizes = [
+        (str(path.relative_to(source)), path.stat().st_size) for path in files if path.is_file()
+    ]
     return hashlib.sha256(msgspec.json.encode(sizes)).hexdigest()[:16]
 
 

@@ -31,7 +31,7 @@ from agribot.lab.train.photographs import Pair, PairFiles
 from agribot.lab.train.start import recognise_architecture
 
 # Of weed, crop and soil: with equal ones everything becomes crop, since weeds between rows are few.
-FIELD_WEIGHTS = (5.0, 1.0, 0.6)
+FIELD_WEIGHTS = (12.0, 1.0, 0.6)
 BATCH_SIZE, CROP_PX, LEARNING_RATE, WARMUP_STEPS, EMA_DECAY = 6, 384, 1e-3, 30, 0.98
 CHECKPOINT_EVERY = 25  # steps
 STEM_VIEWS, VIEWS_IN_BATCH = 32, 1  # drawn, from which a network that finds stems remembers them
