@@ -54,6 +54,7 @@ def test_eval_reports_one_pooled_confusion_matrix(
         truth = np.where(mask[..., 0] > 0, 0, np.where(mask[..., 1] > 0, 1, 2))
         seen = see_picture(segmenter, image)
         np.add.at(counts, (truth, seen.classes.class_id), 1)
+        assert seen.class_map.doubt is not None
         doubts.append(seen.class_map.doubt)
     assert None not in doubts
     assert result["doubt_median"] == np.median([doubt for doubt in doubts if doubt is not None])
