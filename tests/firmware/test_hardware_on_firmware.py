@@ -50,7 +50,7 @@ def test_a_robot_is_armed_driven_by_hand_and_stopped_by_the_red_button_of_its_fi
                     assert record.batch.battery
                     bench.set_estop(pressed=True)
                     is_pressed = True
-                if record.status.stopped and is_pressed:
+                if is_pressed and "red button is pressed" in record.status.stopped:
                     break
                 if record.status.stopped:  # a busy machine: the board's patience is 0.3 s
                     run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop"))
