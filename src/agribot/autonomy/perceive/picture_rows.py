@@ -107,8 +107,10 @@ def find_rows(
     compared = [_compare(contrast, COARSE) for contrast in contrasts]
     prior = _learn_shared(np.stack([one.score for one in compared]))
     rows = [_refine(*pair, prior) for pair in zip(contrasts, compared, strict=True)]
-    without = [_compare(_shift_bands(contrast, rng), COARSE) for contrast in contrasts]
-    return rows, np.array([float(_weigh(one.score, prior).max()) for one in without])
+    without = np.stack([_compare(_shift_bands(one, rng), COARSE).score for one in contrasts])
+    # Pictures without rows share something by chance, too.
+    by_chance = _learn_shared(without)
+    return rows, np.array([float(_weigh(score, by_chance).max()) for score in without])
 
 
 def measure_contrast(cover: FloatArray) -> FloatArray:
