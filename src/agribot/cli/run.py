@@ -49,6 +49,12 @@ STARTING = (
 OPENING = "opening the robot's devices"
 
 
+FIELD_HELP = (
+    "plan this field and work it: every format of agribot plan --field; of several fields and A-B "
+    "lines in it those of FILE#NAME"
+)
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_setting_arguments(parser)
     parser.add_argument(
@@ -69,10 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="drive the rows of the field (default), or find them by camera and "
                              "draw them as field.geojson")  # fmt: skip
     parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
-    parser.add_argument("--field", metavar="FILE",
-                        help="plan this field and work it: every format of agribot plan --field; "
-                             "of several fields and A-B lines in it those of "
-                             "FILE#NAME")  # fmt: skip
+    parser.add_argument("--field", metavar="FILE", help=FIELD_HELP)
     parser.add_argument("--implement-width", type=finite, metavar="M",
                         help="for --field (default: that of the robot)")  # fmt: skip
     parser.add_argument("--margin", type=finite, metavar="M",

@@ -240,5 +240,5 @@ def test_a_robot_is_offered_no_calibration_of_what_it_does_not_have(
     for name in absent:
         told = wizard.answer({"do": "start", "kind": name, "by": "Anna"})
         assert (
-            f"this robot has no calibration '{name}'; those that it has: drive" in told["refusal"]
+            f"there is no calibration '{name}' of this robot; there are: drive" in told["refusal"]
         )

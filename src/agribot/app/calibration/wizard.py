@@ -37,12 +37,7 @@ class Wizard:
 
     def __init__(self, inbox: Inbox, robot: RobotSpec, config: RunConfig, file: RobotFile) -> None:
         self._inbox, self._robot, self._config, self._file = inbox, robot, config, file
-        has_compass, has_camera = has_magnetometer(robot, config), robot.camera is not None
-        self._kinds = {
-            name: kind
-            for name, kind in KINDS.items()
-            if kind.suits(has_compass=has_compass, has_camera=has_camera)
-        }
+        self._has_compass = has_magnetometer(robot, config)
         self._lock = threading.RLock()
         self._record: TickRecord | None = None
         self._kind: Kind | None = None
@@ -109,6 +104,16 @@ class Wizard:
             refusal = str(error)
         return {**self._describe(), "refusal": refusal}
 
+    @property
+    def _kinds(self) -> dict[str, Kind]:
+        """The calibrations of what the robot has."""
+        has_camera = self._robot.camera is not None
+        return {
+            name: kind
+            for name, kind in KINDS.items()
+            if kind.suits(has_compass=self._has_compass, has_camera=has_camera)
+        }
+
     def _describe(self) -> dict[str, Any]:
         try:
             settings, broken = self._file.settings(), ""
@@ -137,7 +142,7 @@ class Wizard:
         if kind is None:
             known = ", ".join(self._kinds)
             raise MissionError(
-                f"this robot has no calibration '{name[:40]}'; those that it has: {known}"
+                f"there is no calibration '{name[:40]}' of this robot; there are: {known}"
             )
         if self._phase in ("driving", "computing"):
             raise MissionError("a calibration is under way; cancel it first")
