@@ -70,6 +70,18 @@ def test_weeds_without_rows_have_no_more_evidence_than_by_chance() -> None:
     assert is_seen.mean() < 0.5
 
 
+def test_a_few_large_plants_from_close_above_have_no_more_evidence_than_by_chance() -> None:
+    rng = np.random.default_rng(5)
+    v, u = np.mgrid[0:96, 0:128] / 128.0
+    covers = [np.zeros((96, 128)) for _ in range(2 * PICTURES)]
+    for cover in covers:
+        for down, across in rng.uniform(0.0, (0.75, 1.0), (4, 2)):
+            cover[np.hypot(v - down, u - across) < 0.12] = 1.0
+    rows, without = find_rows([measure_contrast(cover) for cover in covers], rng)
+    is_seen = np.array([one.evidence for one in rows]) > np.quantile(without, 0.9)
+    assert is_seen.mean() < 0.5
+
+
 def test_pixels_on_a_line_are_off_by_nothing_and_midway_by_half_a_spacing() -> None:
     off = make_rows(0.5, 0.0, 0.5, 0.5).measure_off(100, 200)
     assert off[99, 100] == pytest.approx(0.0, abs=0.01)

@@ -52,5 +52,5 @@ def test_rows_lie_on_the_lines_that_people_drew_in_nineteen_of_twenty_pictures(
     "tests/autonomy/perceive/test_picture_rows.py"
     "::test_pictures_of_rows_have_more_evidence_than_they_would_without_rows"
 )
-def test_nineteen_of_twenty_real_pictures_show_rows(paths: list[Path], seen: SeenRows) -> None:
-    assert len(seen.rows) >= 0.95 * len(paths)
+def test_nine_of_ten_real_pictures_show_rows(paths: list[Path], seen: SeenRows) -> None:
+    assert len(seen.rows) >= 0.9 * len(paths)

@@ -31,6 +31,7 @@ PHASES = np.linspace(0.0, 1.0, 48, endpoint=False)  # of a comb, in spacings
 FAR_RATIO = 0.12  # nearer to the horizon rows are too fine
 WINDOW_RATIO = 0.5  # width over which cover is compared with its surroundings
 FLAT_CONTRAST = 0.1  # of cover: less is no contrast
+BANDS = 3  # of a picture that are shifted aside; a plant from close above lies in one of them
 FOOT_RATIO, FOOT_BINS = 4.0, 512  # reach of feet of pixels beside the vanishing point
 # Independent plants as which a picture counts; rounds of learning what pictures share; its width in
 # steps of the grids across and of spacings; the share of pictures that may be unlike the others.
@@ -258,6 +259,6 @@ def _split(axis: FloatArray, k: int) -> FloatArray:
 
 def _shift_bands(contrast: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Shift bands of lines aside, each by its own, so that nothing runs down the picture."""
-    edges = np.linspace(0, CELLS, 9).astype(int)
+    edges = np.linspace(0, CELLS, BANDS + 1).astype(int)
     bands = [contrast[a:b] for a, b in itertools.pairwise(edges)]
     return np.concatenate([np.roll(band, int(rng.integers(CELLS)), axis=1) for band in bands])
