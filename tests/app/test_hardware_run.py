@@ -56,7 +56,8 @@ PATIENT = [
 START = (-2.0, 0.0, math.pi / 2.0)  # the mark of the farm
 AHEAD_M = 1.2
 IN_TERMINAL = """
-import fcntl, os, sys, termios
+import fcntl, os, signal, sys, termios
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 os.execv(sys.argv[1], sys.argv[1:])
 """

@@ -97,7 +97,7 @@ def read_convolutions(path: Path) -> list[tuple[Tensor, Tensor]]:
     values = {one.name.removesuffix(HALF): one for one in graph.initializer}
     nodes = [node for node in graph.node if node.op_type == "Conv"]
     if not all(len(node.input) == 3 and values.keys() >= set(node.input[1:]) for node in nodes):
-        raise ConfigError(f"--start {path}: has no plain weights; give the fp32 file")
+        raise ConfigError(f"{path}: has no plain weights; give the fp32 file")
     arrays = [
         [numpy_helper.to_array(values[name]).astype(np.float32) for name in node.input[1:]]
         for node in nodes
