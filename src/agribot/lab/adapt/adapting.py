@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import shutil
 import time
 from collections.abc import Callable, Sequence
@@ -25,7 +26,8 @@ from agribot.lab.train.card import hash_file
 from agribot.lab.train.fit import load_checkpoint
 from agribot.lab.train.photographs import Pair, find_pairs, read_pair
 
-ASIDE_EVERY = 6  # of the pictures with rows, one is not learned from and judges
+PICTURES_OF = 6  # of so many pictures with rows one chooses, one judges, and the others teach
+MOST_CHOOSING = 24  # pictures, at which a training looks again and again
 SHEET_PICTURES = 6
 TAUGHT, NOTE = "taught", "taught.json"
 
@@ -91,10 +93,10 @@ def adapt(wanted: Wanted, listener: Listener) -> Adaptation:
     earlier_s = _count_earlier_s(folder) - time.process_time()
     training = FieldTraining(base, folder, wanted.seed)
     taught = _teach_once(wanted, base, folder, listener)
-    pairs, aside = _part(folder / TAUGHT)
+    pairs, choosing, aside = _part(folder / TAUGHT)
     listener.tell(
-        f"{taught.rows_seen} of {taught.pictures} pictures show rows; {len(aside)} of them are "
-        "kept aside to judge"
+        f"{taught.rows_seen} of {taught.pictures} pictures show rows; {len(choosing)} of them "
+        f"choose the best network, {len(aside)} judge it, and {len(pairs)} teach"
     )
     network = Segmenter(base)
     before = judge_rows(network, map(read_pair, aside))
@@ -102,7 +104,7 @@ def adapt(wanted: Wanted, listener: Listener) -> Adaptation:
     # Judging again costs about as much as what was done since the rows were found.
     spent_s = 2.0 * (earlier_s + time.process_time()) - taught.cpu_s
     budget = _leave(wanted.budget, spent_s / 60.0)
-    trained = training.run(pairs, budget, size_px, wanted.out, listener.tell)
+    trained = training.run(pairs, choosing, budget, size_px, wanted.out, listener.tell)
     adapted = Segmenter(wanted.out)
     return Adaptation(
         pictures=taught.pictures,
@@ -136,19 +138,20 @@ def _leave(budget: Budget, spent_min: float) -> Budget:
     return budget._replace(minutes=budget.minutes - spent_min)
 
 
-def _part(folder: Path) -> tuple[list[Pair], list[Pair]]:
-    """Part the pictures with rows in those to learn from and those that judge.
+def _part(folder: Path) -> tuple[list[Pair], list[Pair], list[Pair]]:
+    """Part the pictures with rows in those to learn from, those that choose, and those that judge.
 
     Raises: ConfigError: too few to judge with any.
     """
     pairs, _ = find_pairs(folder, "folder")
-    if len(pairs) < ASIDE_EVERY:
+    if len(pairs) < PICTURES_OF:
         raise ConfigError(
-            f"{len(pairs)} pictures show rows, {ASIDE_EVERY} are needed; record more of them with "
+            f"{len(pairs)} pictures show rows, {PICTURES_OF} are needed; record more of them with "
             "--set record.image_rate_hz=2"
         )
-    aside = pairs[ASIDE_EVERY - 1 :: ASIDE_EVERY]
-    return [pair for pair in pairs if pair not in aside], aside
+    choosing, aside = (pairs[first::PICTURES_OF] for first in (2, PICTURES_OF - 1))
+    teaching = [pair for pair in pairs if pair not in choosing and pair not in aside]
+    return teaching, choosing[:: math.ceil(len(choosing) / MOST_CHOOSING)], aside
 
 
 def _draw(out: Path, aside: Sequence[Pair], before: Segmenter, after: Segmenter) -> Path:

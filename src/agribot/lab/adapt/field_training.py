@@ -13,6 +13,7 @@ import numpy as np
 from torch import nn
 
 from agribot.autonomy.perceive.segmenter import Segmenter
+from agribot.lab.adapt.balance import BalanceJudge
 from agribot.lab.train.architectures import find_architecture
 from agribot.lab.train.card import hash_file
 from agribot.lab.train.export import export_onnx
@@ -27,13 +28,14 @@ from agribot.lab.train.loader import BatchSource
 from agribot.lab.train.networks import STRIDE_PX
 from agribot.lab.train.photo_batches import ALONG_ROWS, PhotoBatches
 from agribot.lab.train.photo_source import draw_plants, mix_with_plants
-from agribot.lab.train.photographs import Pair, PairFiles
+from agribot.lab.train.photographs import Pair, PairFiles, read_pair
 from agribot.lab.train.start import recognise_architecture
 
 # Of weed, crop and soil: with equal ones everything becomes crop, since weeds between rows are few.
 FIELD_WEIGHTS = (12.0, 1.0, 0.6)
 BATCH_SIZE, CROP_PX, LEARNING_RATE, WARMUP_STEPS, EMA_DECAY = 6, 384, 1e-3, 30, 0.98
-CHECKPOINT_EVERY = 25  # steps
+CHECKPOINT_EVERY = 25  # steps, after which the network is judged, too
+LEARN_SHARE = 0.8  # of the CPU time of a training; the rest judges
 STEM_VIEWS, VIEWS_IN_BATCH = 32, 1  # drawn, from which a network that finds stems remembers them
 
 
@@ -55,17 +57,26 @@ class FieldTraining:
     def run(
         self,
         pairs: Sequence[Pair],
+        choosing: Sequence[Pair],
         budget: Budget,
         size_px: tuple[int, int],
         out: Path,
         progress: Progress,
     ) -> Trainer:
-        """Train on pairs and write the network for an input of (height, width) to `out`."""
+        """Train on pairs and write the network for an input of (height, width) to `out`.
+
+        It is that of the step, and with the balance of weed and crop, that names the pictures of
+        `choosing` best.
+        """
         plan = self._make_plan(pairs)
         batches = self._make_batches(pairs, plan, size_px, progress)
         plan = msgspec.structs.replace(plan, steps=self._count_steps(budget, batches, plan))
-        trainer = Trainer(plan, batches, self._folder, start=self._base)
-        self._export(trainer.run(progress), size_px, out)
+        features = find_architecture(self.model).features
+        judge = BalanceJudge([read_pair(pair) for pair in choosing], size_px, features)
+        trainer = Trainer(plan, batches, self._folder, start=self._base, judge=judge)
+        network = trainer.run(progress)
+        progress(f"logit of weed moved by {judge.balance(network):+.1f}")
+        self._export(network, size_px, out)
         return trainer
 
     def _make_plan(self, pairs: Sequence[Pair]) -> TrainingPlan:
@@ -78,6 +89,7 @@ class FieldTraining:
             warmup_steps=WARMUP_STEPS,
             ema_decay=EMA_DECAY,
             checkpoint_every=CHECKPOINT_EVERY,
+            judge_every=CHECKPOINT_EVERY,
             model=self.model,
             class_weights=FIELD_WEIGHTS,
             overlap_loss="lovasz",
@@ -111,7 +123,7 @@ class FieldTraining:
             return int(state["plan"]["steps"])
         if budget.steps is not None:
             return budget.steps
-        return count_steps_within(budget.minutes, batches, plan, self._folder)
+        return count_steps_within(LEARN_SHARE * budget.minutes, batches, plan, self._folder)
 
     def _export(self, network: nn.Module, size_px: tuple[int, int], out: Path) -> None:
         features = find_architecture(self.model).features
