@@ -300,7 +300,7 @@ def _count_mapped(
     drive: EndedRun, weeds: Sequence[MappedPlant], crops: int, kept: tuple[int, ...],
     not_driven: str,
 ) -> WeedReport:  # fmt: skip
-    """Count what the map of a real field says, of which nobody knows the truth."""
+    """Count what the map of a real field says, whose truth is unknown."""
     spec = drive.robot.implement
     passage = Passage(
         drive.rows,

@@ -32,7 +32,7 @@ def format_summary(report: Report, out_dir: Path) -> str:
 
 
 def _format_drive(mission: MissionReport, tracking: TrackingReport) -> str:
-    """Format way, rows and crop; on a real robot, where nobody knows the truth, less of it."""
+    """Format way, rows and crop; less of it on a real robot, whose truth is unknown."""
     parts = []
     if mission.distance_m is not None:
         parts.append(f"{_format_number(mission.distance_m, unit=' m')} driven")

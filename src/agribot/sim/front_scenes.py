@@ -25,6 +25,7 @@ from agribot.sim.random_scenes import (
     draw_log_uniform,
     make_ground_tile,
     place_plant,
+    sample_camera,
     sample_light,
     sample_look,
     sample_soil,
@@ -178,16 +179,7 @@ def sample_front_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]
         height_m, tilt_rad = rng.uniform(0.6, 1.2), math.radians(rng.uniform(16.0, 40.0))
     else:
         height_m, tilt_rad = rng.uniform(0.4, 1.5), math.radians(rng.uniform(14.0, 85.0))
-    camera = CameraSpec(
-        link="camera_link",
-        width_px=640,
-        height_px=480,
-        hfov_rad=math.radians(rng.uniform(48.0, 85.0)),
-        rate_hz=10.0,
-        noise_std=rng.uniform(0.0, 0.02),
-        clip_near_m=0.02,
-        clip_far_m=100.0,
-    )
+    camera = sample_camera(rng, (48.0, 85.0), 0.02)
     position_m = (rng.uniform(0.0, 1.0), rng.uniform(-0.5, 0.5), height_m)
     link = transform(position_m, (rng.normal(0.0, 0.05), tilt_rad, rng.normal(0.0, 0.25)))
     return camera, link @ LINK_FROM_OPTICAL

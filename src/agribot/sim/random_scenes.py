@@ -128,6 +128,22 @@ def sample_look(rng: np.random.Generator) -> Appearance:
     )
 
 
+def sample_camera(
+    rng: np.random.Generator, hfov_deg: tuple[float, float], most_noise_std: float
+) -> CameraSpec:
+    """Sample a lens within these angles of view, and noise up to a standard deviation."""
+    return CameraSpec(
+        link="camera_link",
+        width_px=640,
+        height_px=480,
+        hfov_rad=math.radians(rng.uniform(*hfov_deg)),
+        rate_hz=10.0,
+        noise_std=rng.uniform(0.0, most_noise_std),
+        clip_near_m=0.02,
+        clip_far_m=100.0,
+    )
+
+
 def sample_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
     """Sample a camera and `map_from_camera`, (4, 4).
 
@@ -137,16 +153,7 @@ def sample_view(rng: np.random.Generator) -> tuple[CameraSpec, FloatArray]:
         height_m, tilt_rad = rng.uniform(0.6, 1.1), math.radians(rng.uniform(40.0, 75.0))
     else:
         height_m, tilt_rad = rng.uniform(0.35, 1.3), math.radians(rng.uniform(30.0, 90.0))
-    camera = CameraSpec(
-        link="camera_link",
-        width_px=640,
-        height_px=480,
-        hfov_rad=math.radians(rng.uniform(58.0, 90.0)),
-        rate_hz=10.0,
-        noise_std=rng.uniform(0.0, 0.015),
-        clip_near_m=0.02,
-        clip_far_m=100.0,
-    )
+    camera = sample_camera(rng, (58.0, 90.0), 0.015)
     # Mostly along a row, either way; sometimes across, as on the headland.
     yaw_rad = rng.choice([0.0, math.pi]) + rng.normal(0.0, 0.15)
     if rng.random() < 0.3:

@@ -2,7 +2,7 @@
 
 The rows are known, so that what stands in them is crop. Where a network calls nearly none of it
 crop, it does not know this crop, and takes it for weeds. The plants show where their row runs: a
-pose that is decimetres off, or a crop that nobody recognises, does not hide them.
+pose that is decimetres off, or a crop that the network does not know, does not hide them.
 """
 
 from __future__ import annotations

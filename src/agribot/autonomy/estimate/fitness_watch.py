@@ -1,4 +1,4 @@
-"""Pictures that show nothing to go by: too dark, out of focus, or of plants nobody taught."""
+"""Pictures that show nothing to go by: too dark, out of focus, or of unknown plants."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class Passage(NamedTuple):
     not_passed: str
 
     def explain(self, x_map_m: float, y_map_m: float) -> str:
-        """Say what became of a place of which the implement says nothing."""
+        """Say what happened at a place for which the implement states no reason."""
         place = find_nearest_row(x_map_m, y_map_m, self.rows)
         if self.width_m is None:
             return NO_TOOL

@@ -34,7 +34,8 @@ class BalanceJudge:
         size_px: tuple[int, int],
         features: Callable[[Tensor], Tensor] = centred_rgb,
     ) -> None:
-        self._pictures, self._size_px, self._features = pictures, size_px, features
+        self._pictures = [shrink_pair(*picture, size_px) for picture in pictures]
+        self._size_px, self._features = size_px, features
 
     def __call__(self, network: nn.Module) -> Judgement:
         """Return the mean of crop on rows and weed between them, with the best offset."""
@@ -57,9 +58,8 @@ class BalanceJudge:
         deployed = make_deployed(network, *self._size_px, self._features).eval()
         right = {PlantClass.CROP: np.zeros(len(OFFSETS)), PlantClass.WEED: np.zeros(len(OFFSETS))}
         count = dict.fromkeys(right, 0)
-        for image_rgb, label in self._pictures:
-            small_rgb, truth = shrink_pair(image_rgb, label, self._size_px)
-            logits = self._answer(deployed, small_rgb)
+        for image_rgb, truth in self._pictures:
+            logits = self._answer(deployed, image_rgb)
             top = round((1.0 - LOWER_RATIO) * len(truth))
             for kind in right:
                 here = logits[:, top:][:, truth[top:] == kind]
