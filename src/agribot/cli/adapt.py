@@ -98,7 +98,7 @@ def _show(adapted: Any, options: argparse.Namespace) -> None:
         sys.stdout.write(json.dumps(msgspec.to_builtins(adapted)) + "\n")
 
 
-def _format(shares: dict[str, float] | None) -> str:
+def _format(shares: dict[str, float | None] | None) -> str:
     if shares is None:
         return "no plants"
-    return ", ".join(f"{name} {share:.0%}" for name, share in shares.items())
+    return ", ".join(f"{name} {share:.0%}" for name, share in shares.items() if share is not None)

@@ -14,15 +14,14 @@ from agribot.autonomy.perceive.segmenter import Segmenter
 from agribot.core.messages import ByteArray, PlantClass
 from agribot.core.whole_file import make_at_once
 from agribot.lab.dataset.pictures import resize_nearest
+from agribot.lab.rows.labelled import Regions
+from agribot.lab.rows.scores import NameScores, Shares, share
 from agribot.lab.train.data import LabelledImage
 
 LOWER_RATIO = 0.7  # of the height of a picture, in which plants are judged
 SHEET_WIDTH_PX = 360  # of each picture of a sheet
 TINTS = {PlantClass.WEED: (255, 40, 40), PlantClass.CROP: (40, 220, 60)}
 TINT_SHARE = 0.55
-NAMES = ("crop", "weed", "soil")
-
-Shares = dict[str, float] | None  # of pixels by the class that a network gives them
 
 
 class TaughtFigures(msgspec.Struct, frozen=True, kw_only=True):
@@ -33,8 +32,8 @@ class TaughtFigures(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     pictures: int
-    on_rows: Shares
-    between_rows: Shares
+    on_rows: Shares | None
+    between_rows: Shares | None
     balanced: float | None
 
 
@@ -42,32 +41,23 @@ class RowTally:
     """Counts what a network calls pixels that rows name: `add` pictures, then `make_figures`."""
 
     def __init__(self) -> None:
-        self._counts = {kind: np.zeros(len(PlantClass), np.int64) for kind in TINTS}
-        self._pictures = 0
+        self._names, self._pictures = NameScores(), 0
 
     def add(self, class_id: ByteArray, label: ByteArray) -> None:
         """Add what a network says of a picture (H, W), and what its rows say."""
-        top = round((1.0 - LOWER_RATIO) * label.shape[0])
-        for kind in self._counts:
-            named = class_id[top:][label[top:] == kind]
-            self._counts[kind] += np.bincount(named, minlength=len(PlantClass))
+        lower = label[round((1.0 - LOWER_RATIO) * label.shape[0]) :]
+        regions = Regions(lower == PlantClass.CROP, lower == PlantClass.WEED)
+        self._names.add(regions, class_id[-len(lower) :])
         self._pictures += 1
 
     def make_figures(self) -> TaughtFigures:
-        on_rows, between = (self._share(kind) for kind in (PlantClass.CROP, PlantClass.WEED))
-        is_whole = on_rows is not None and between is not None
+        names = self._names
         return TaughtFigures(
             pictures=self._pictures,
-            on_rows=on_rows,
-            between_rows=between,
-            balanced=(on_rows["crop"] + between["weed"]) / 2.0 if is_whole else None,  # type: ignore[index]
+            on_rows=share(names.on_rows) if names.on_rows.any() else None,
+            between_rows=share(names.between_rows) if names.between_rows.any() else None,
+            balanced=names.balanced,
         )
-
-    def _share(self, kind: PlantClass) -> Shares:
-        counts = self._counts[kind]
-        if not counts.any():
-            return None
-        return {name: float(counts[PlantClass[name.upper()]] / counts.sum()) for name in NAMES}
 
 
 def judge_rows(segmenter: Segmenter, pairs: Iterator[LabelledImage]) -> TaughtFigures:

@@ -58,7 +58,7 @@ class FieldWork:
 
     def measure_time_s(self, mission: MissionConfig) -> float:
         """Count the time at the speeds of a mission, with its ramps and turns in place."""
-        path = sample_legs([*self.legs], self._row_of_piece)
+        path = sample_legs(self.legs, self._row_of_piece)
         return time_left_s(path, plan_speed_mps(path, mission))[0]
 
     @property
