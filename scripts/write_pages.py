@@ -10,8 +10,10 @@ import commands_page
 import faults_page
 import firmware_page
 import hazards_page
+import llms_page
 import mission_page
 import nightly_page
+import original_page
 import python_page
 import settings_page
 import topics_page
@@ -28,9 +30,11 @@ PAGES: dict[str, Callable[[], str]] = {
     "docs/firmware.md": firmware_page.page,
     "docs/hazards.md": hazards_page.page,
     "docs/mission.md": mission_page.page,
+    "docs/original.md": original_page.page,
     "docs/python.md": python_page.page,
     "docs/settings.md": settings_page.page,
     "docs/topics.md": topics_page.page,
+    "llms.txt": llms_page.page,
 }
 
 

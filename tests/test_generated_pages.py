@@ -13,7 +13,8 @@ SCRIPTS = ROOT / "scripts"
 NAMES = (
     "CONTRIBUTING.md", "docs/architecture.md", "docs/commands.md", "docs/nightly.md",
     "docs/faults.md", "docs/field-file.md", "docs/firmware.md", "docs/hazards.md",
-    "docs/mission.md", "docs/python.md", "docs/settings.md", "docs/topics.md",
+    "docs/mission.md", "docs/original.md", "docs/python.md", "docs/settings.md",
+    "docs/topics.md", "llms.txt",
 )  # fmt: skip
 
 

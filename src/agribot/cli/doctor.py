@@ -47,6 +47,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with --probe: a line such as /dev/ttyAMA0 to be asked though it is silent, for a "
         "VESC or an ODrive; never one with an Arduino",
     )
+    parser.add_argument(
+        "--original",
+        action="store_true",
+        help="only prove the parts of the original AGRIBOT that a command shows within seconds "
+        "(docs/original.md)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -54,6 +60,8 @@ def run(options: argparse.Namespace) -> int:
 
     Raises: ConfigError: options that belong together, or a missing extra.
     """
+    if options.original:
+        return _prove_original(as_json=options.json)
     print_line(f"agribot {__version__}, looking at this machine ...")
     _check_options(options)
     from agribot.cli import doctor_machine
@@ -77,6 +85,30 @@ def run(options: argparse.Namespace) -> int:
         _print_json(ok, machine, findings, probe)
     elif options.udev and probe is not None:
         _print_rules(probe)
+    return 0 if ok else 1
+
+
+def _prove_original(*, as_json: bool) -> int:
+    """Run the quick proofs of docs/original.md; 1 where one fails."""
+    from agribot.lab.original import load_table, prove
+
+    table = load_table()
+    proofs = [proof for proof in table.proofs if proof.is_quick]
+    print_line(
+        f"{len(proofs)} of the original's {len(table.proofs)} parts, one command or two each"
+    )
+    results = []
+    for proof, outcome in zip(proofs, prove(proofs, given=table.files), strict=True):
+        reason = f": {outcome.reason}" if outcome.reason else ""
+        print_line(f"{outcome.state:7} {proof.id:4} {proof.part}{reason}")
+        commands = {"part": proof.part, "commands": proof.commands}
+        results.append(
+            {"id": proof.id, **commands, "result": outcome.state, "reason": outcome.reason}
+        )
+    ok = all(result["result"] == "pass" for result in results)
+    print_line("OK" if ok else "NOT OK: run the commands of a failed row by hand")
+    if as_json:
+        sys.stdout.write(json.dumps({"ok": ok, "rows": results}) + "\n")
     return 0 if ok else 1
 
 
