@@ -211,7 +211,7 @@ def test_kml_names_what_has_no_place_or_no_shape_and_points_that_plans_do_not_ke
     )
     told = read_field_file("f.kml", kml(*shapes))["left_out"]
     assert told.startswith(
-        "f.kml: left out: Point without a place of 'it', Model without a place of 'it'; points "
+        "f.kml: left out: Point 'it' without coordinates, Model 'it' without coordinates; points "
         "without a kind: 1, taken for goals"
     )
 

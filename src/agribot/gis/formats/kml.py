@@ -51,8 +51,10 @@ def _read_shape(element: ET.Element, properties: dict[str, str]) -> Found:
             yield from _read_shape(part, properties)
     elif kind in _SHAPES:
         shape = _SHAPES[kind](element)
-        where = f" of '{properties['name'][:40]}'" if "name" in properties else ""
-        yield (shape, properties) if shape else describe_left_out(f"{kind} without a place{where}")
+        name = f" '{properties['name'][:40]}'" if "name" in properties else ""
+        yield (
+            (shape, properties) if shape else describe_left_out(f"{kind}{name} without coordinates")
+        )
 
 
 def _read_point(element: ET.Element) -> Geometry | None:
