@@ -20,7 +20,11 @@ HEAD = """# AGRIBOT
 # A link is its text, a picture nothing; a sentence ends before a space or the end of its line.
 LINK = re.compile(r"!?\[([^\]]*)\]\([^)]*\)")
 SENTENCE = re.compile(r".+?[.:](?=\s+[A-Z`]|$)", re.DOTALL)
-SECTIONS = {"Pages": "docs/*.md", "Adding something": "docs/contribute/*.md"}
+SECTIONS = {
+    "Pages": "docs/*.md",
+    "Results": "docs/results/*.md",
+    "Adding something": "docs/contribute/*.md",
+}
 
 
 def page() -> str:

@@ -166,7 +166,7 @@ ESTIMATE, MISSION = EstimateConfig(), MissionConfig()
     [
         ("README.md", f"extended Kalman filter, {ekf.STATES} states"),
         ("docs/navigation.md", f"\n{ekf.STATES} states: position"),
-        ("README.md", f"the {KEEP_OFF_CM:g} cm around the middle of its stem never"),
+        ("docs/results/missions.md", f"the {KEEP_OFF_CM:g} cm around the middle of its stem never"),
         ("docs/safety.md", f"keeps {KEEP_OFF_CM:g} cm off every stem of crop"),
         (
             "docs/safety.md",
@@ -184,7 +184,7 @@ def test_a_figure_in_the_text_is_that_of_the_code(page: str, text: str) -> None:
     assert text in text_of(ROOT / page)
 
 
-def test_the_readme_says_of_faults_what_the_campaign_measured() -> None:
+def test_the_results_say_of_faults_what_the_campaign_measured() -> None:
     campaign = text_of(ROOT / "docs/fault-campaign.md")
     found = re.search(
         r"--no-camera`: Of (\d+) faults on 10 seeds the robot noticed (\d+) %.* "
@@ -195,15 +195,15 @@ def test_the_readme_says_of_faults_what_the_campaign_measured() -> None:
     faults, of_all, of_harmful = found.groups()
     drives = campaign.partition("--fault-free 500`")[2].partition("<!-- end")[0].splitlines()
     crushed = sum(int(row.split("|")[11]) for row in drives if row.startswith("| no fault"))
-    readme = text_of(ROOT / "README.md")
-    assert f"of {faults} faults without a camera" in readme
-    assert f"noticed {of_all} % of all and {of_harmful} % of those that had an effect" in readme
-    assert f"in which {crushed} plants were crushed" in readme
+    results = text_of(ROOT / "docs/results/missions.md")
+    assert f"Without a camera, of {faults} faults on 10 seeds" in results
+    assert f"noticed {of_all} % of all and {of_harmful} % of those that had an effect" in results
+    assert f"in which {crushed} plants were crushed" in results
 
 
-def test_the_readme_has_the_iou_that_perception_measured_in_the_farm_world() -> None:
+def test_the_results_have_the_iou_that_perception_measured_in_the_farm_world() -> None:
     (row,) = re.findall(r"^\| Farm world, all three pooled \|(.+)$", text_of(
         ROOT / "docs/perception.md"), re.MULTILINE)  # fmt: skip
     field, kind = (row.split("|")[k].strip().replace(", ", " and ") for k in (1, 3))
     said = f"weed and crop IoU {field} on the preset `field`, {kind} on `kind`"
-    assert said in text_of(ROOT / "README.md")
+    assert said in text_of(ROOT / "docs/results/missions.md")
