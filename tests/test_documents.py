@@ -157,6 +157,13 @@ def test_every_type_in_the_glossary_is_one_of_the_code() -> None:
     }
 
 
+def test_the_citation_is_of_the_version_in_the_changelog() -> None:
+    cited = re.search(r"^version: (.+)$", text_of(ROOT / "CITATION.cff"), re.MULTILINE)
+    dated = re.search(r"^date-released: (.+)$", text_of(ROOT / "CITATION.cff"), re.MULTILINE)
+    assert cited and dated
+    assert f"## {cited[1]}, {dated[1]}" in text_of(ROOT / "CHANGELOG.md")
+
+
 KEEP_OFF_CM = 100.0 * find_most_keep_off_m(TreatmentConfig())
 ESTIMATE, MISSION = EstimateConfig(), MissionConfig()
 
