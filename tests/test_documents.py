@@ -28,7 +28,7 @@ _CODE = re.compile(r"`(agribot [^`]+)`")
 _FENCE = re.compile(r"^```\w*\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _PARSERS = every_parser()
 # What the text speaks of but is none of the program's: a placeholder, and a page's own example.
-NOT_OURS = ("COMMAND", "rows")
+NOT_OURS = ("COMMAND", "rows", "beacons")
 
 
 @cache

@@ -18,7 +18,9 @@ from agribot.core.implement import kind as implements
 from agribot.drivers import schemes
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted((ROOT / "docs" / "contribute").glob("*.md"))
+PAGES = sorted(
+    page for page in (ROOT / "docs" / "contribute").glob("*.md") if page.stem != "plugins"
+)
 TABLES = (platforms._KINDS, schemes._KINDS, implements._registered, CORRECTIONS, COMMANDS)
 MARKS = {
     name: pytest.mark.slow for name in ("platform", "screen", "source", "tool")

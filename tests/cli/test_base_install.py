@@ -93,6 +93,7 @@ COMMANDS = {
     "live": ("sim --seconds 1", "sim"),
     "export": ("agribot-sim --size 128x96 -o {out}/small.onnx", "train"),
     "models": ("agribot-sim", ""),
+    "plugins": ("", ""),
 }
 ELSEWHERE = {
     "board flash": "needs avrdude and a board: test_board.py",

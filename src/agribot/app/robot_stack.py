@@ -12,6 +12,7 @@ from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.autonomy.stack import Stack, build
 from agribot.core.config import RunConfig
 from agribot.core.messages import MapPoint
+from agribot.core.plugins import require_plugins
 from agribot.core.robot import RobotSpec
 
 
@@ -33,6 +34,7 @@ def build_stack(
     `zones` is a prescription, `plants` the crop that an earlier run mapped.
     Raises: AgribotError: the settings, the robot and the field do not fit each other.
     """
+    require_plugins(config.plugins)
     task = choose_task(config, robot, waypoints_map_m, work)
     under_way = TasksUnderWay(task, config, robot)
     return build(config, robot, task, under_way, perception, saved, zones, planning, plants)

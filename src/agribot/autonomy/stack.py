@@ -9,6 +9,7 @@ import msgspec
 from agribot.autonomy.control.follower import Follower
 from agribot.autonomy.control.hand_drive import HandControl
 from agribot.autonomy.control.supervise import Supervisor
+from agribot.autonomy.estimate.corrections import load_corrections
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.mapped_rows import MappedRows
 from agribot.autonomy.estimate.stem_map import StemMap
@@ -176,7 +177,7 @@ def build(
         mission=Mission(task, config.mission, saved, new_tasks, planning, latch, most_mps),
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
-        treatment=Treatment(config.treatment, robot.implement, zones),
+        treatment=Treatment(config.treatment, robot.implement, zones, config.plugins),
         supervisor=Supervisor(config.safety, robot, latch),
         planning=planning,
         mask_taps=mask_taps,
@@ -186,7 +187,8 @@ def build(
 
 def _localize(config: RunConfig, robot: RobotSpec, task: Task, plants: StemMap | None) -> Localizer:
     """Build the filter, and tell it what is known of the crop."""
-    localizer = Localizer(config.estimate, config.field, robot)
+    corrections = load_corrections(config.plugins)
+    localizer = Localizer(config.estimate, config.field, robot, corrections)
     if task.work is not None:
         localizer.take_rows(find_rows(task.work, config.field.plant_spacing_m))
     elif task.explorer is not None:

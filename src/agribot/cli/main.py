@@ -109,6 +109,11 @@ COMMANDS = {
         "show what a receiver tells, and set up a u-blox receiver for driving",
         "agribot gnss show serial:/dev/ttyACM0",
     ),
+    "plugins": (
+        "agribot.cli.plugins",
+        "list what installed packages add to the program, and why what cannot be used",
+        "agribot plugins",
+    ),
     "doctor": (
         "agribot.cli.doctor",
         "say what is installed, which devices answer and what to do about what is missing",
@@ -227,7 +232,8 @@ def _run(arguments: list[str], wanted: str) -> int:
     )
     parser.add_argument("--version", action="version", version=f"agribot {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, (module_name, help_line, example) in COMMANDS.items():
+    known = COMMANDS if wanted in COMMANDS else COMMANDS | _list_installed(wanted)
+    for name, (module_name, help_line, example) in known.items():
         command = commands.add_parser(
             name,
             help=help_line,
@@ -238,8 +244,29 @@ def _run(arguments: list[str], wanted: str) -> int:
             importlib.import_module(module_name).add_arguments(command)
     options = parser.parse_args(arguments)
     return _note_damage(
-        lambda: int(importlib.import_module(COMMANDS[options.command][0]).run(options))
+        lambda: int(importlib.import_module(known[options.command][0]).run(options))
     )
+
+
+def _list_installed(wanted: str) -> dict[str, tuple[str, str, str]]:
+    """List the commands of installed packages; one that cannot be imported only where wanted.
+
+    Raises: ConfigError: the wanted one cannot be imported.
+    """
+    from agribot.core import plugins
+    from agribot.core.errors import ConfigError
+
+    found = {}
+    for name in plugins.list_names(plugins.COMMANDS):
+        try:
+            module = plugins.find_plugin(plugins.COMMANDS, name)
+        except ConfigError:
+            if name == wanted:
+                raise
+            continue
+        if module is not None:
+            found[name] = (module.__name__, module.HELP, module.EXAMPLE)
+    return found
 
 
 def _note_damage(run: Callable[[], int]) -> int:

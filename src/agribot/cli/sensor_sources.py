@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -64,7 +64,8 @@ def open_sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[N
     """
     wanted = read_sources(session.config.sources)
     refuse = Requests(session.inbox, report=print_line).refuse
-    with source_context(session.robot, options, refuse) as context:
+    plugins = session.config.plugins
+    with source_context(session.robot, options, refuse, plugins) as context:
         sources = [open_source(name, uri, context) for name, uri in wanted.items()]
         if sources:
             session.take_sensors(sources)
@@ -72,12 +73,18 @@ def open_sensor_sources(options: argparse.Namespace, session: Run) -> Iterator[N
 
 
 def source_context(
-    robot: RobotSpec, options: argparse.Namespace, refuse: Callable[[str], None]
+    robot: RobotSpec,
+    options: argparse.Namespace,
+    refuse: Callable[[str], None],
+    plugins: Mapping[str, Any] | None = None,
 ) -> SourceContext:
-    """Make a context for sources, with the networks that the options name."""
+    """Make a context for sources, with the networks that the options name.
+
+    `plugins` are `RunConfig.plugins`.
+    """
     network = RosNetwork(
         domain=lambda: read_domain(options),
         router=lambda: read_router(options),
         master=lambda: read_master(options),
     )
-    return SourceContext(robot, network, refuse)
+    return SourceContext(robot, network, refuse, plugins)

@@ -22,6 +22,7 @@ from agribot.core.geo import Datum
 from agribot.core.messages import SafetyInput
 from agribot.core.own_world import WORLD, OwnWorld
 from agribot.core.platforms import find_platform
+from agribot.core.plugins import resolve_plugins
 from agribot.core.suggestions import suggest_name
 from agribot.core.table_text import read_text_file
 
@@ -310,6 +311,8 @@ class RunConfig(Config, frozen=True):
     record: RecordConfig = RecordConfig()
     sim: SimConfig = SimConfig()
     sources: SourceConfig = SourceConfig()
+    # Of installed packages that add to the program, by the plugin's name (`agribot plugins`).
+    plugins: dict[str, dict[str, Any]] = {}
 
 
 def list_profiles() -> list[str]:
@@ -386,6 +389,7 @@ def from_tree(tree: dict[str, Any], source: str) -> RunConfig:
     try:
         config = msgspec.convert(tree, RunConfig)
         find_platform(config.platform)
+        config = msgspec.structs.replace(config, plugins=resolve_plugins(config.plugins))
     except msgspec.ValidationError as error:
         raise ConfigError(f"{source}: {name_setting(str(error), tree)}") from error
     except ConfigError as error:

@@ -11,6 +11,7 @@ from agribot.core.errors import AgribotError, ConfigError
 from agribot.core.messages import SafetyInput
 from agribot.core.named_functions import find_function
 from agribot.core.platform import Platform
+from agribot.core.plugins import PLATFORMS, find_plugin, list_names
 from agribot.core.suggestions import suggest_name
 
 # Takes the settings of the run (`RunConfig`) and the robot (`RobotSpec`).
@@ -124,16 +125,22 @@ def register_platform(
 
 
 def find_platform(name: str) -> PlatformKind:
-    """Find a registered platform, or take a name such as "my_robot:open_platform" at its word.
+    """Find a registered or installed platform, or take "my_robot:open_platform" at its word.
 
-    Raises: ConfigError: neither.
+    Raises: ConfigError: none of these, or an installed one cannot be imported.
     """
     if name in _KINDS:
         return _KINDS[name]
     if ":" in name:
         return PlatformKind(opener=name)
+    installed = find_plugin(PLATFORMS, name)
+    if installed is not None:
+        is_kind = isinstance(installed, PlatformKind)
+        _KINDS[name] = installed if is_kind else PlatformKind(opener=installed)
+        return _KINDS[name]
+    known = [*_KINDS, *list_names(PLATFORMS)]
     raise ConfigError(
-        f"platform = {name!r}{suggest_name(name, _KINDS)}; known: {', '.join(_KINDS)}; "
+        f"platform = {name!r}{suggest_name(name, known)}; known: {', '.join(known)}; "
         "or name your own as module:function"
     )
 

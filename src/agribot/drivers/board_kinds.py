@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from agribot.core import extras
 from agribot.core.errors import ConfigError
 from agribot.core.named_functions import find_function
+from agribot.core.plugins import BOARDS, bind_settings, find_plugin, list_names
 from agribot.core.robot import RobotSpec
 from agribot.core.suggestions import suggest_name
 from agribot.drivers.byte_streams import OpenStream, SerialStream, TcpStream
@@ -17,7 +18,7 @@ from agribot.drivers.schemes import BASE, CAN, SourceUri, read_uri
 from agribot.drivers.stream_sources import read_address
 from agribot.drivers.uri_options import UriOptions
 
-MakeBoard = Callable[[RobotSpec, UriOptions], MotorBoard]
+MakeBoard = Callable[..., MotorBoard]  # of `RobotSpec` and `UriOptions`, and of `settings`
 
 
 class BoardLine(NamedTuple):
@@ -56,11 +57,15 @@ def register_board(name: str, maker: MakeBoard | str, baud: int = 115_200) -> No
 
 
 def open_board(
-    uri_text: str, robot: RobotSpec, settings: Mapping[str, float] | None = None
+    uri_text: str,
+    robot: RobotSpec,
+    settings: Mapping[str, float] | None = None,
+    plugins: Mapping[str, Any] | None = None,
 ) -> BoardLine:
     """Make the board that a URI names, without opening its line.
 
-    `settings` are options that count where the URI does not state them.
+    `settings` are options that count where the URI does not state them, `plugins` those of
+    `RunConfig.plugins`.
 
     Raises: ConfigError: none is named, or the URI means nothing.
     """
@@ -72,12 +77,13 @@ def open_board(
     uri = read_uri("--source", uri_text, f"{BASE}=")
     options = UriOptions(uri, settings)
     name = options.pop_text("board", "agribot")
-    if name not in _KINDS:
+    kind = _KINDS.get(name) or _find_installed(name)
+    if kind is None:
+        known = [*_KINDS, *list_names(BOARDS)]
         raise ConfigError(
-            f"--source {BASE}={uri_text}: board={name}{suggest_name(name, list(_KINDS))}; known: "
-            f"{', '.join(_KINDS)}"
+            f"--source {BASE}={uri_text}: board={name}{suggest_name(name, known)}; known: "
+            f"{', '.join(known)}"
         )
-    kind = _KINDS[name]
     if uri.scheme == CAN and name not in _CAN_KINDS:
         raise ConfigError(
             f"--source {BASE}={uri_text}: board={name} is on no CAN bus; boards there: "
@@ -86,9 +92,15 @@ def open_board(
     open_stream = _find_line(uri, options, kind.baud)
     found = _CAN_KINDS[name] if uri.scheme == CAN else kind.maker
     maker: MakeBoard = find_function(found, f"board={name}")
-    board = maker(robot, options)
+    board = maker(robot, options, **bind_settings(maker, plugins or {}, name))
     options.check_empty()
     return BoardLine(board, open_stream, uri.name)
+
+
+def _find_installed(name: str) -> _Kind | None:
+    """Find a board of an installed package; its `baud` is an attribute, 115,200 by default."""
+    maker = find_plugin(BOARDS, name)
+    return None if maker is None else _Kind(maker, getattr(maker, "baud", 115_200))
 
 
 def _find_line(uri: SourceUri, options: UriOptions, default_baud: int) -> OpenStream:

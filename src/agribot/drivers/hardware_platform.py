@@ -150,7 +150,7 @@ def open_platform(config: RunConfig, robot: RobotSpec) -> HardwarePlatform:
     """
     motors = {name: getattr(config.calibration, name) for name in MOTOR_SETTINGS}
     stated = {name: value for name, value in motors.items() if value is not None}
-    board, open_stream, name = open_board(config.sources.base, robot, stated)
+    board, open_stream, name = open_board(config.sources.base, robot, stated, config.plugins)
     must_report = config.safety.must_report
     check_inputs(board, name, must_report or ())
     return HardwarePlatform(robot, config.tick_hz, board, open_stream, name)

@@ -18,6 +18,7 @@ from agribot.core.config import SourceConfig
 from agribot.core.errors import ConfigError
 from agribot.core.named_functions import find_function
 from agribot.core.platform import Sensor, SensorSource
+from agribot.core.plugins import SOURCES, bind_settings, find_plugin, list_names
 from agribot.core.robot import RobotSpec
 from agribot.drivers.ntrip import check_no_login
 
@@ -58,11 +59,19 @@ class RosNetwork(NamedTuple):
 class SourceContext:
     """What sources are opened with, and what they share; it closes all of it.
 
-    `refuse` is told what a source does not take, and why. Use it as a context.
+    `refuse` gets what a source does not take, and why; `plugins` are `RunConfig.plugins`. Use it
+    as a context.
     """
 
-    def __init__(self, robot: RobotSpec, ros: RosNetwork, refuse: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        robot: RobotSpec,
+        ros: RosNetwork,
+        refuse: Callable[[str], None],
+        plugins: Mapping[str, Any] | None = None,
+    ) -> None:
         self.robot, self.ros, self.refuse = robot, ros, refuse
+        self.plugins = plugins or {}
         self._shared: dict[object, Any] = {}
         self._opened = ExitStack()
 
@@ -126,6 +135,19 @@ def register_scheme(
     _KINDS[scheme] = SourceKind(opener, extra, example or f"{scheme}:...")
 
 
+def find_scheme(scheme: str) -> SourceKind | None:
+    """Find what opens the sources of a scheme, here or in an installed package.
+
+    Raises: ConfigError: the package cannot be imported.
+    """
+    if scheme in _KINDS:
+        return _KINDS[scheme]
+    installed = find_plugin(SOURCES, scheme) if scheme else None
+    if installed is None or isinstance(installed, SourceKind):
+        return installed
+    return SourceKind(installed, "", f"{scheme}:...", needs_path=False)
+
+
 def read_uri(option: str, uri: str, name: str = "") -> SourceUri:
     """Read what `option` names, after `name` if it has one.
 
@@ -137,12 +159,13 @@ def read_uri(option: str, uri: str, name: str = "") -> SourceUri:
         parts = urlsplit(uri)
     except ValueError:  # half an IPv6 address
         parts = urlsplit("")
-    kind = _KINDS.get(parts.scheme)
+    kind = find_scheme(parts.scheme)
     rest = uri.partition(":")[2]
     if kind is not None and kind.is_verbatim and rest.strip():
         return SourceUri(parts.scheme, "", rest)
     if kind is None or (kind.needs_path and not parts.path.strip("/")):
-        known = " or ".join(f"{name}{kind.example}" for kind in _KINDS.values())
+        kinds = [*_KINDS.values(), *(find_scheme(found) for found in list_names(SOURCES))]
+        known = " or ".join(f"{name}{kind.example}" for kind in kinds if kind is not None)
         raise ConfigError(f"{option} {name}{uri}: write {known}, or leave it out")
     options = tuple(parse_qsl(parts.query, keep_blank_values=True))
     return SourceUri(parts.scheme, parts.netloc, "/" + parts.path.strip("/"), options)
@@ -164,7 +187,8 @@ def require_extras(sources: Mapping[str, SourceUri]) -> None:
     Raises: MissingExtraError: one does.
     """
     for name, uri in sources.items():
-        extra = _KINDS[uri.scheme].extra
+        kind = find_scheme(uri.scheme)
+        extra = kind.extra if kind else ""
         if extra:
             extras.require(extra, f"--source {name}={uri.scheme}:{uri.path}")
 
@@ -175,6 +199,10 @@ def open_source(name: str, uri: SourceUri, context: SourceContext) -> SensorSour
     Raises: AgribotError: it cannot be opened.
     """
     sensor = _SENSOR_OF.get(name) or msgspec.convert(name, Sensor)
-    opener = find_function(_KINDS[uri.scheme].opener, f"--source {name}={uri.scheme}:{uri.path}")
-    source: SensorSource = opener(sensor, uri, context)
+    kind, what = find_scheme(uri.scheme), f"--source {name}={uri.scheme}:{uri.path}"
+    if kind is None:
+        raise ConfigError(f"{what}: no such scheme is known")
+    opener = find_function(kind.opener, what)
+    settings = bind_settings(opener, context.plugins, uri.scheme)
+    source: SensorSource = opener(sensor, uri, context, **settings)
     return source

@@ -9,6 +9,7 @@ import msgspec
 
 from agribot.app.localization.figures import FixFigures, FixOffset, OutageFigures, ThinTable
 from agribot.app.localization.log_robot import find_antenna_m
+from agribot.autonomy.estimate.corrections import load_corrections
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import RunConfig
 from agribot.core.geo import MapFrame
@@ -43,7 +44,9 @@ class LogPass:
     def __init__(
         self, config: RunConfig, robot: RobotSpec, outages: Sequence[tuple[float, float]] = ()
     ) -> None:
-        self.localizer = Localizer(config.estimate, config.field, robot)
+        self.localizer = Localizer(
+            config.estimate, config.field, robot, load_corrections(config.plugins)
+        )
         self._datum = config.field.datum
         self._fixes = FixFigures(MapFrame(config.field.datum), find_antenna_m(robot))
         self._outages = [OutageFigures(*outage) for outage in outages]

@@ -6,7 +6,8 @@ A further one is a class in a file of its own, and a line here or, from elsewher
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from agribot.autonomy.estimate.base_correction import BaseCorrection
@@ -19,8 +20,10 @@ from agribot.autonomy.estimate.plant_places import PlantPlaces
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_lines import RowLines
 from agribot.core.errors import ConfigError
+from agribot.core.plugins import CORRECTIONS as GROUP
+from agribot.core.plugins import bind_settings, find_plugin
 
-BuildCorrection = Callable[[PoseFilter], Correction[Any]]
+BuildCorrection = Callable[..., Correction[Any]]  # of a `PoseFilter`, and of `settings`
 
 # What a sample that is refused is counted as, and the sensor.
 CORRECTIONS: dict[str, BuildCorrection] = {
@@ -44,3 +47,18 @@ def register_correction(name: str, build: BuildCorrection) -> None:
     if name in CORRECTIONS:
         raise ConfigError(f"the correction {name!r} is registered already; choose another name")
     CORRECTIONS[name] = build
+
+
+def load_corrections(plugins: Mapping[str, Any]) -> dict[str, Callable[[PoseFilter], Any]]:
+    """Take those that are registered, and with their settings those of installed packages.
+
+    Args:
+        plugins: `RunConfig.plugins`, which names the installed ones that are used.
+
+    Raises: ConfigError: a package cannot be imported, or its settings do not fit.
+    """
+    found = dict(CORRECTIONS)
+    found |= {name: build for name in plugins if (build := find_plugin(GROUP, name)) is not None}
+    return {
+        name: partial(build, **bind_settings(build, plugins, name)) for name, build in found.items()
+    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from agribot.autonomy.estimate.compass import Compass
@@ -54,19 +54,25 @@ Kind = TypeVar("Kind", bound=Correction[Any])
 class Localizer:
     """Extended Kalman filter over wheels, gyro and whatever corrects them (see ekf.Ekf).
 
-    `corrections.CORRECTIONS` are the sensors that do. The result depends on the times in the
-    samples only, not on how they are cut into batches, but for the instant at which a late
+    `corrections` are the sensors that do, name -> what makes one. The result depends on the times
+    in the samples only, not on how they are cut into batches, but for the instant at which a late
     measurement is let in. `rejected` counts, by cause, every sample that did not enter the filter.
     """
 
-    def __init__(self, config: EstimateConfig, field: FieldConfig, robot: RobotSpec) -> None:
+    def __init__(
+        self,
+        config: EstimateConfig,
+        field: FieldConfig,
+        robot: RobotSpec,
+        corrections: Mapping[str, Callable[[PoseFilter], Correction[Any]]] = CORRECTIONS,
+    ) -> None:
         self.pose = PoseFilter(config, field, robot)
         self.rejected = self.pose.rejected
         self._config = config
         self._ekf, self._history = self.pose.ekf, self.pose.history
         self._noise = motion_noise(config)
         self._odometry = Odometry(robot.drive, config.imu_timeout_s, self.rejected)
-        self.ladders = {name: Ladder(name, build(self.pose)) for name, build in CORRECTIONS.items()}
+        self.ladders = {name: Ladder(name, build(self.pose)) for name, build in corrections.items()}
         self._corrections = [ladder.correction for ladder in self.ladders.values()]
         self._gnss, self._compass = self._find(Gnss), self._find(Compass)
         self._crop_rows, self._row_lines = self._find(CropRows), self._find(RowLines)

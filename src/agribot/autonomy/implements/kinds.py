@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from agribot.autonomy.implements.hoe import Hoe
@@ -12,18 +12,21 @@ from agribot.core.config import TreatmentConfig
 from agribot.core.errors import DescriptionError
 from agribot.core.implement.kind import Implement, find_registered
 from agribot.core.implement.spec import ImplementSpec
+from agribot.core.plugins import bind_settings
 
-KINDS: dict[str, Callable[[Any, TreatmentConfig], Implement]] = {
+KINDS: dict[str, Callable[..., Implement]] = {
     "sprayer": SpotSprayer,
     "hoe": Hoe,
     "point": Pointer,
 }
 
 
-def fit_implement(spec: ImplementSpec, config: TreatmentConfig) -> Implement:
-    """Make what decides for the implement of a robot.
+def fit_implement(
+    spec: ImplementSpec, config: TreatmentConfig, plugins: Mapping[str, Any] | None = None
+) -> Implement:
+    """Make what decides for the implement of a robot; `plugins` are `RunConfig.plugins`.
 
-    Raises: DescriptionError: nobody registered its kind.
+    Raises: DescriptionError: its kind is not registered. ConfigError: its settings do not fit.
     """
     kind = find_registered(spec.kind)
     control = KINDS.get(spec.kind) if kind is None else kind.control
@@ -31,4 +34,4 @@ def fit_implement(spec: ImplementSpec, config: TreatmentConfig) -> Implement:
         raise DescriptionError(
             f"nothing decides for an implement '{spec.kind}'; register its kind first"
         )
-    return control(spec, config)
+    return control(spec, config, **bind_settings(kind, plugins or {}, spec.kind))

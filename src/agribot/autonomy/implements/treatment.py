@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -23,14 +24,19 @@ class Treatment:
     """Call `step` every tick, tool on or off; a robot without an implement has nothing to do."""
 
     def __init__(
-        self, config: TreatmentConfig, spec: ImplementSpec | None, zones: ZoneMap | None = None
+        self,
+        config: TreatmentConfig,
+        spec: ImplementSpec | None,
+        zones: ZoneMap | None = None,
+        plugins: Mapping[str, Any] | None = None,
     ) -> None:
         """Take the implement of the robot, if it has one; it works in `zones` with a rate only.
 
-        Raises: DescriptionError: nobody registered its kind.
+        `plugins` are `RunConfig.plugins`.
+        Raises: DescriptionError: its kind is not registered. ConfigError: its settings do not fit.
         """
         self._config, self._spec, self.zones = config, spec, zones
-        self._implement = None if spec is None else fit_implement(spec, config)
+        self._implement = None if spec is None else fit_implement(spec, config, plugins)
 
     def apply_events(self, events: Iterable[OperatorEvent]) -> None:
         """Switch the treatment on or off under way, when an operator sets it."""

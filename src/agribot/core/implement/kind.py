@@ -9,19 +9,18 @@ named by an installed package as an entry point of the group `agribot.implements
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.metadata import entry_points
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import msgspec
 
-from agribot.core.config import TreatmentConfig
-from agribot.core.errors import DescriptionError
+from agribot.core.errors import ConfigError, DescriptionError
 from agribot.core.implement.hoe import HoeSpec
 from agribot.core.implement.plants import PlantMap
 from agribot.core.implement.point import PointSpec
 from agribot.core.implement.spec import ImplementSpec
 from agribot.core.implement.sprayer import SprayerSpec
 from agribot.core.messages import Estimate, FloatArray, ImplementCommand, Vec3
+from agribot.core.plugins import IMPLEMENTS, find_plugin
 from agribot.core.world import WorldSpec
 
 Spec = TypeVar("Spec", bound=ImplementSpec)
@@ -101,15 +100,16 @@ class WetsLeaves(Protocol):
 class ImplementKind(NamedTuple, Generic[Spec]):
     """All that a new kind of implement brings along; the robot's description has its numbers.
 
-    `effect` gets the description, the world, and the height of base_link over the ground.
+    `control` gets the description and the settings of the treatment, and where the kind has
+    `settings` of its own, those as `settings=`. `effect` gets the description, the world, and the
+    height of base_link over the ground.
     """
 
     spec: type[Spec]
-    control: Callable[[Spec, TreatmentConfig], Implement]
+    control: Callable[..., Implement]
     effect: Callable[[Spec, WorldSpec, float], ImplementEffect]
+    settings: type[msgspec.Struct] | None = None
 
-
-GROUP = "agribot.implements"  # of the entry points that installed packages register kinds by
 
 SPECS: dict[str, type[ImplementSpec]] = {
     spec.kind: spec for spec in (SprayerSpec, HoeSpec, PointSpec)
@@ -138,13 +138,12 @@ def find_spec_type(name: str) -> type[ImplementSpec] | None:
     Raises: DescriptionError: an installed package has one that cannot be loaded.
     """
     if name not in SPECS and name not in _registered:
-        for point in entry_points(group=GROUP, name=name):
-            try:
-                register_implement(point.load())
-            except (ImportError, AttributeError) as error:
-                raise DescriptionError(
-                    f"implement '{name}' of {point.value}: {error}; mend that package"
-                ) from error
+        try:
+            installed = find_plugin(IMPLEMENTS, name)
+        except ConfigError as error:
+            raise DescriptionError(str(error)) from error
+        if installed is not None:
+            register_implement(installed)
     kind = _registered.get(name)
     return SPECS.get(name) if kind is None else kind.spec
 

@@ -7,12 +7,14 @@ run, and one fault more changes nothing of the others.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from agribot.core.config import RunConfig
 from agribot.core.messages import STOP, SensorBatch
+from agribot.core.plugins import FAULTS, bind_settings, find_plugin
 from agribot.core.robot import RobotSpec
 from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim.faults.boards import (
@@ -43,6 +45,7 @@ from agribot.sim.faults.positions import (
     Outage,
 )
 from agribot.sim.faults.schedule import Fault
+from agribot.sim.faults.table import BUILT_IN
 from agribot.sim.physics import Physics
 from agribot.sim.random_streams import make_stream
 
@@ -74,13 +77,13 @@ class FaultLayer:
         self._batch_faults = [
             (
                 fault.name,
-                MAKERS[fault.name](
+                maker(
                     fault,
                     FaultMaterial(make_stream(config.seed, f"fault {fault.name}"), robot, world),
                 ),
             )
             for fault in sorted(self.faults, key=_choose_place)
-            if fault.name in MAKERS
+            if (maker := _find_maker(fault.name, config)) is not None
         ]
         self._body = BodyFaults(self.faults, robot, config.seed)
         self._on: set[int] = set()
@@ -143,12 +146,25 @@ class FaultMaterial(NamedTuple):
     world: WorldSpec
 
 
+MakeFault = Callable[[Fault, FaultMaterial], BatchFault]
+
+
+def _find_maker(name: str, config: RunConfig) -> MakeFault | None:
+    """Find what makes a fault of samples, here or in an installed package."""
+    if name in MAKERS or name in BUILT_IN:
+        return MAKERS.get(name)
+    installed = find_plugin(FAULTS, name)
+    if installed is None:
+        return None
+    return partial(installed.make, **bind_settings(installed, config.plugins, name))
+
+
 def _make_offset(fault: Fault, around: FaultMaterial) -> BatchFault:
     return Offset(fault, around.world.datum, around.rng)
 
 
 # What a fault does to samples; those that are missing here do nothing to them.
-MAKERS: dict[str, Callable[[Fault, FaultMaterial], BatchFault]] = {
+MAKERS: dict[str, MakeFault] = {
     "gnss.outage": lambda fault, _: Outage(fault),
     "gnss.jump": _make_offset,
     "gnss.wrong_fix": _make_offset,

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 
 from agribot.core.errors import ConfigError
 from agribot.core.messages import WHEEL_NAMES
+from agribot.core.plugins import FAULTS as GROUP
+from agribot.core.plugins import find_plugin, list_names
 from agribot.core.suggestions import suggest_name
 
 Part = Literal["gnss", "compass", "imu", "wheels", "motors", "ground", "camera", "network",
@@ -49,6 +52,18 @@ class FaultKind(msgspec.Struct, frozen=True, kw_only=True):
     def accepted(self) -> tuple[Part, ...]:
         """The parts by which the robot may call this fault."""
         return self.named_as or (self.part,)
+
+
+class FaultPlugin(NamedTuple):
+    """A fault of an installed package, an entry point of the group `agribot.faults`.
+
+    `make` gets the `Fault` and the `FaultMaterial` of `sim.faults.layer`, and `settings` where it
+    has some, and returns what alters the batches.
+    """
+
+    kind: FaultKind
+    make: Callable[..., Any]
+    settings: type[msgspec.Struct] | None = None
 
 
 _MOTOR: tuple[Part, ...] = ("motors", "wheels")
@@ -173,6 +188,7 @@ FAULTS = (
               about="in every row so many metres of crop are missing, from a place of the seed on"),
 )  # fmt: skip
 _BY_NAME = {kind.name: kind for kind in FAULTS}
+BUILT_IN = frozenset(_BY_NAME)
 
 
 def find_kind(name: str) -> FaultKind:
@@ -180,8 +196,13 @@ def find_kind(name: str) -> FaultKind:
 
     Raises: ConfigError: there is none of this name.
     """
-    if name not in _BY_NAME:
+    if name in _BY_NAME:
+        return _BY_NAME[name]
+    installed = find_plugin(GROUP, name) if name else None
+    if installed is None:
+        known = [*_BY_NAME, *list_names(GROUP)]
         raise ConfigError(
-            f"unknown fault '{name}'{suggest_name(name, _BY_NAME)}; known: {', '.join(_BY_NAME)}"
+            f"unknown fault '{name}'{suggest_name(name, known)}; known: {', '.join(known)}"
         )
-    return _BY_NAME[name]
+    kind: FaultKind = installed.kind
+    return kind

@@ -18,6 +18,7 @@ from agribot.autonomy.weeds.track import Track
 from agribot.core.errors import ConfigError, MissionError, RecordingError
 from agribot.core.messages import ByteArray, OperatorEvent, TickRecord
 from agribot.core.messages import Path as PlannedPath
+from agribot.core.plugins import PANELS, bind_settings, iterate_plugins
 from agribot.record.events import Event
 from agribot.ui import wire
 from agribot.ui.about import About
@@ -55,6 +56,9 @@ class OperatorPage:
         self._timeout_s = session.config.safety.hand_timeout_s
         self._pauses_when_lost = session.config.safety.on_operator_lost == "pause"
         self._panels = panels or Panels()
+        for name, add_panels in iterate_plugins(PANELS):
+            settings = bind_settings(add_panels, session.config.plugins, name)
+            add_panels(self._panels, session, **settings)
         self._verdicts = Verdicts(self._inbox)
         self.address = address or Address()
         self.server = ServerProcess(self.address, self._about, self._server_lost)
