@@ -21,6 +21,7 @@ HEAD = """# AGRIBOT
 LINK = re.compile(r"!?\[([^\]]*)\]\([^)]*\)")
 SENTENCE = re.compile(r".+?[.:](?=\s+[A-Z`]|$)", re.DOTALL)
 SECTIONS = {
+    "Tutorials": "docs/tutorials/*.md",
     "Pages": "docs/*.md",
     "Results": "docs/results/*.md",
     "Adding something": "docs/contribute/*.md",

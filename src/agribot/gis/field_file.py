@@ -132,7 +132,7 @@ def _check_place(ring: Sequence[LonLat], datum: Datum, source_name: str) -> None
     if away_m <= MAX_OFFSET_M:
         return
     lon_deg, lat_deg = ring[0]
-    hint = "check its coordinates"
+    hint = f"check its coordinates, or put the map there with --origin {lat_deg:.6f},{lon_deg:.6f}"
     if abs(lon_deg) <= 90.0:
         swapped_m = math.hypot(*_to_map((lat_deg, lon_deg), frame))
         if swapped_m < MAX_OFFSET_M < math.hypot(*_to_map(ring[0], frame)):
