@@ -21,7 +21,7 @@ from agribot.core.messages import Path as PlannedPath
 from agribot.core.plugins import PANELS, bind_settings, iterate_plugins
 from agribot.record.events import Event
 from agribot.ui import wire
-from agribot.ui.about import About
+from agribot.ui.about import About, RosPlaces
 from agribot.ui.address import Address
 from agribot.ui.ground import field_of
 from agribot.ui.panels import Panels
@@ -49,7 +49,11 @@ class OperatorPage:
     """
 
     def __init__(
-        self, session: Run, address: Address | None = None, panels: Panels | None = None
+        self,
+        session: Run,
+        address: Address | None = None,
+        panels: Panels | None = None,
+        ros: RosPlaces | None = None,
     ) -> None:
         self._session = session
         self._inbox = session.inbox
@@ -59,6 +63,7 @@ class OperatorPage:
         for name, add_panels in iterate_plugins(PANELS):
             settings = bind_settings(add_panels, session.config.plugins, name)
             add_panels(self._panels, session, **settings)
+        self._ros = ros or RosPlaces()
         self._verdicts = Verdicts(self._inbox)
         self.address = address or Address()
         self.server = ServerProcess(self.address, self._about, self._server_lost)
@@ -273,7 +278,7 @@ class OperatorPage:
         field = field_of(run.config, run.rows, run.goals_map_m, area)
         about = about_run(self.address, port, run.config, run.robot, run.urdf, field, run.out_dir)
         show_changes(about.settings, self._changed)
-        return about
+        return msgspec.structs.replace(about, ros=self._ros)
 
 
 class SessionSource:
