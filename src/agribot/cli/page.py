@@ -95,6 +95,7 @@ def open_page(options: argparse.Namespace, session: Run) -> Iterator[OperatorPag
     """
     from agribot.ui.robot_side.operator_page import OperatorPage
 
+    _add_noise_panel(session)
     with OperatorPage(session, choose_address(options), shared, find_ros_places(options)) as page:
         announce(page.url, page.address.viewer_url(page.server.port), options)
         yield page
@@ -111,6 +112,16 @@ def find_ros_places(options: argparse.Namespace) -> RosPlaces:
         domain=read_domain(options),
         layers_from=tuple(name for name in ("ros1", "ros2") if getattr(options, name, False)),
     )
+
+
+def _add_noise_panel(session: Run) -> None:
+    """Let the errors of simulated sensors be changed on the page."""
+    from agribot.app.simulated_run import SimulatedRun
+    from agribot.sim.sensors.tuning import check_tuning
+    from agribot.ui.noise_panel import add_noise_panel
+
+    if isinstance(session, SimulatedRun):
+        add_noise_panel(shared, check_tuning, session.simulator.tune)
 
 
 def choose_address(options: argparse.Namespace) -> Address:
