@@ -26,7 +26,6 @@ from tests.ros.ros1_system import Ros1
 from tests.waiting import wait_for
 
 TALKER = Path(__file__).with_name("rospy_talker.py")
-DAY = "tests/ui/test_topic_feeds.py::test_a_topic_comes_once_in_the_map_by_its_frame"
 
 
 @contextmanager
@@ -73,7 +72,10 @@ def check_scene(feeds: TopicFeeds) -> None:
             assert said.display in listed[said.topic]
 
 
-@nightly.by_day(DAY, "test_each_display_gets_its_message_over_zenoh_and_latched_ones_afterwards")
+@nightly.by_day(
+    "tests/ui/test_topic_feeds.py::test_a_topic_comes_once_in_the_map_by_its_frame",
+    "test_each_display_gets_its_message_over_zenoh_and_latched_ones_afterwards",
+)
 def test_each_display_gets_its_message_from_a_node_of_rospy(tmp_path: Path) -> None:
     machine.require("roscore")
     lines = []
