@@ -19,7 +19,10 @@ from tests.lab.rows.drawn_rows import ColourNetwork, draw_field, draw_labels, wr
 
 ROWS, WEEDS = (-1.0, 0.0, 1.0), (-0.5, 0.5)
 KEYS = {"pictures", "on_rows", "between_rows", "balanced", "line"}
-LINE_KEYS = {"found", "angle_deg_median", "angle_deg_p95", "offset_ratio_median"}
+LINE_KEYS = {
+    "found", "angle_deg_median", "angle_deg_p95", "offset_ratio_median", "angle_within_2_sigma",
+    "offset_within_2_sigma",
+}  # fmt: skip
 DATA = Path(os.environ.get("AGRIBOT_DATA", "")) / "crdld-rows"
 NEAR = 0.06  # between a fifth of the photographs and those of the card
 

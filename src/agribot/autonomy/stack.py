@@ -167,7 +167,7 @@ def build(
             tap(frame_index, class_id)
 
     if perception is None:
-        perception = perceiving(config, robot, show_mask)
+        perception = perceiving(config, robot, show_mask, find_row_spacing_m(config, task))
     most_mps = find_most_mps(config.safety, robot.drive)
     return Stack(
         localizer=_localize(config, robot, task, plants),
@@ -204,17 +204,30 @@ def find_rows(work: FieldWork, spacing_m: float | None) -> MappedRows:
     return MappedRows(work.area.rows, spacing_m)
 
 
+def find_row_spacing_m(config: RunConfig, task: Task) -> float | None:
+    """Find how far apart the field's rows are; None where a plan or nobody says where they are."""
+    is_told = task.work is None and task.explorer is None and config.field.row_count > 1
+    return config.field.row_pitch_m if is_told else None
+
+
 def perceiving(
-    config: RunConfig, robot: RobotSpec, on_mask: MaskTap | None = None
+    config: RunConfig,
+    robot: RobotSpec,
+    on_mask: MaskTap | None = None,
+    row_spacing_m: float | None = None,
 ) -> PerceptionHost:
-    """Put the camera network off the control loop; `on_mask` gets frame indices and class maps."""
+    """Put the camera network off the control loop; `on_mask` gets frame indices and class maps.
+
+    `row_spacing_m` is that of the field's rows, None where it is not known.
+    """
     settings = config.perception
     if not settings.enabled or robot.camera is None:
         return NoPerception()
     segmenter = Segmenter(settings.model, settings.threads)
     ground = GroundLookup(
-        robot.camera, robot.body_from_camera(), segmenter.map_shape, settings.max_range_m
-    )
+        robot.camera, robot.body_from_camera(), segmenter.map_shape, settings.max_range_m,
+        row_spacing_m,
+    )  # fmt: skip
 
     def observer(frame: CameraFrame, ready_s: float) -> Scene:
         class_map = segmenter.segment(frame.image_rgb)

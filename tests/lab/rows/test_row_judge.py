@@ -16,7 +16,14 @@ from agribot.lab.rows.conditions import find_condition
 from agribot.lab.rows.figures import RowFigures
 from agribot.lab.rows.judge import PictureJudge, RowJudge
 from agribot.lab.rows.labelled import RowPhoto, find_gaps, find_regions, read_lines
-from agribot.lab.rows.lines import JUDGED_AT_PX, LineFinder, LineScores, PhotoCameras, trace_lines
+from agribot.lab.rows.lines import (
+    JUDGED_AT_PX,
+    FoundLine,
+    LineFinder,
+    LineScores,
+    PhotoCameras,
+    trace_lines,
+)
 from tests.lab.rows.drawn_rows import (
     HORIZON_PX,
     SIDE_PX,
@@ -125,9 +132,9 @@ def test_the_found_line_lies_on_the_crop(row: float) -> None:
     seen = ColourNetwork().segment(draw_field((row,)))
     found = LineFinder().find(PictureClasses(seen.class_id, seen.confidence), camera)
     assert found is not None
-    # What is drawn flat on the ground is taken for leaves above it, which stand nearer.
-    assert found.at_px == pytest.approx(place_row(0.9 * row, JUDGED_AT_PX), abs=2.0)
-    assert found.angle_rad == pytest.approx(math.atan(row * SPACING), abs=math.radians(1.0))
+    assert found.line.at_px == pytest.approx(place_row(row, JUDGED_AT_PX), abs=4.0)
+    assert found.line.angle_rad == pytest.approx(math.atan(row * SPACING), abs=math.radians(1.5))
+    assert abs(found.line.at_px - place_row(row, JUDGED_AT_PX)) <= 2.0 * found.at_std_px
 
 
 def test_a_found_line_is_held_against_the_nearest_row() -> None:
@@ -135,13 +142,16 @@ def test_a_found_line_is_held_against_the_nearest_row() -> None:
     camera = PhotoCameras([traced]).find(traced)
     assert camera is not None
     scores = LineScores()
-    scores.add(traced, camera, traced[2]._replace(at_px=traced[2].at_px + 20.0))
+    beside = traced[2]._replace(at_px=traced[2].at_px + 20.0)
+    scores.add(traced, camera, FoundLine(beside, angle_std_rad=0.01, at_std_px=9.0))
     scores.add(traced, camera, None)
     assert scores.summarise() == {
         "found": 0.5,
         "angle_deg_median": 0.0,
         "angle_deg_p95": 0.0,
         "offset_ratio_median": pytest.approx(20.0 / camera.spacing_px),
+        "angle_within_2_sigma": 1.0,
+        "offset_within_2_sigma": 0.0,
     }
 
 

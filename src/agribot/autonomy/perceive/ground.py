@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.autonomy.perceive.crop_cover import CoverGrid
+from agribot.autonomy.perceive.far_view import FarView
 from agribot.autonomy.perceive.weed_scores import ScoreGrid
 from agribot.core.errors import PerceptionError
 from agribot.core.lens import distort, undistort
@@ -107,6 +108,7 @@ class GroundLookup:
     `camera_xyz_body_m` is the camera's position; `view_body_m` the corners, counter-clockwise,
     of the ground within `max_range_m` of it on which a small plant is seen whole; `cover_grid`
     puts the pixels within that range into cells, `score_grid` what a network says about stems.
+    `far_view` is the ground on which rows far away are seen, None of a camera that looks down.
     """
 
     def __init__(
@@ -115,7 +117,12 @@ class GroundLookup:
         body_from_camera: FloatArray,
         map_shape: tuple[int, int],
         max_range_m: float,
+        row_spacing_m: float | None = None,
     ) -> None:
+        """Compute the ground of each pixel; rows of the field are `row_spacing_m` apart, if known.
+
+        Raises: PerceptionError: the camera is not above the ground, or sees none within range.
+        """
         if body_from_camera[2, 3] <= 0.0:
             raise PerceptionError(
                 f"camera is {body_from_camera[2, 3]:.3f} m over the ground; it must be above "
@@ -145,6 +152,9 @@ class GroundLookup:
             self.x_body_m, self.y_body_m, self.range_m <= max_range_m, self.camera_xyz_body_m
         )
         self.score_grid = ScoreGrid(self.x_body_m, self.y_body_m, self.range_m)
+        self.far_view = FarView.open(
+            self.x_body_m, self.y_body_m, self.range_m, self.camera_xyz_body_m, row_spacing_m
+        )
 
     def _grid(self, body_from_camera: FloatArray, offset_px: float, extra: int) -> FloatArray:
         """Ground points, (h + extra, w + extra, 2), of map pixels shifted by `offset_px`."""

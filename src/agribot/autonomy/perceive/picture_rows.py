@@ -114,14 +114,14 @@ def find_rows(
     return rows, np.array([float(_weigh(score, by_chance).max()) for score in without])
 
 
-def measure_contrast(cover: FloatArray) -> FloatArray:
-    """Measure how a cover (H, W) with plants differs from that beside it, in (CELLS, CELLS).
+def measure_contrast(cover: FloatArray, count: int = CELLS) -> FloatArray:
+    """Measure how a cover (H, W) with plants differs from that beside it, in (count, count) cells.
 
     Every line of the picture counts alike, however large its plants look.
     """
-    down, across = (_make_means(size, CELLS) for size in cover.shape)
+    down, across = (_make_means(size, count) for size in cover.shape)
     cells = down @ cover @ across.T
-    contrast = cells - cells @ _make_windows()
+    contrast = cells - cells @ _make_windows(count)
     contrast -= contrast.mean(axis=1, keepdims=True)
     measured: FloatArray = contrast / (contrast.std(axis=1, keepdims=True) + FLAT_CONTRAST)
     return measured
@@ -136,10 +136,10 @@ def _make_means(size: int, cells: int) -> FloatArray:
     return means
 
 
-def _make_windows() -> FloatArray:
+def _make_windows(count: int) -> FloatArray:
     """Make the matrix that averages each cell of a line with those beside it."""
-    cells = np.arange(CELLS)
-    is_near = np.abs(cells[:, None] - cells) <= WINDOW_RATIO * CELLS / 2.0
+    cells = np.arange(count)
+    is_near = np.abs(cells[:, None] - cells) <= WINDOW_RATIO * count / 2.0
     windows: FloatArray = is_near / is_near.sum(axis=0)
     return windows
 

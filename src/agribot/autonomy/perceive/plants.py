@@ -95,7 +95,7 @@ def observe(
         plants=tuple(ground_plants(class_map, ground, config, pieces, stems)),
         view_body_m=ground.view_body_m,
         class_ratio=(float(ratio[0]), float(ratio[1]), float(ratio[2])),
-        row_line=find_row_line(class_map, ground, frame.t_s),
+        row_line=find_row_line(class_map, ground, frame.t_s, frame.image_rgb),
         crop_cover=ground.cover_grid.cover(
             pieces.labels > pieces.weeds,
             leaves,

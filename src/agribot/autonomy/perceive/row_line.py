@@ -1,8 +1,9 @@
-"""The line of the crop row before the robot, from the crop pixels of a class map.
+"""The line of the crop row before the robot, from a class map.
 
-Crop on the ground votes for lines of every offset and heading; the slots along the best line are
-then fitted robustly. Pixels serve where plants do not: dense crop closes to one piece that the
-picture's edge cuts.
+A camera that sees rows run away from it tells it by all rows in view (`far_row_line.py`). One that
+looks down, or sees no rows far away, tells it by the crop near the robot: crop on the ground votes
+for lines of every offset and heading; the slots along the best line are then fitted robustly.
+Pixels serve where plants do not: dense crop closes to one piece that the picture's edge cuts.
 """
 
 from __future__ import annotations
@@ -10,12 +11,15 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
 from agribot.autonomy.perceive.class_map import ClassMap
+from agribot.autonomy.perceive.far_row_line import FarLine, find_far_line, measure_far_contrast
+from agribot.autonomy.perceive.far_view import FOLIAGE_M
 from agribot.autonomy.perceive.ground import GroundLookup
-from agribot.core.messages import FloatArray, PlantClass, RowLine
+from agribot.core.messages import ByteArray, FloatArray, PlantClass, RowLine
 from agribot.core.pose import Pose2
 
 FAR_M = 2.1  # from the camera; beyond it the network misses small crop
@@ -25,8 +29,7 @@ PIVOT_AHEAD_M = 1.1
 MAX_HEADING_RAD, HEADING_STEP_RAD = math.radians(25.0), math.radians(1.25)
 MAX_OFFSET_M = 0.6
 VOTE_CELLS = np.hanning(15)  # as wide as a plant
-# Foliage is seen from above: what stands h high seems to lie h / H of its way farther off.
-FOLIAGE_M, FOLIAGE_STD_RATIO = 0.08, 0.045
+FOLIAGE_STD_RATIO = 0.045  # 1 sigma of where foliage seems to lie aside, for its height
 # The fit looks this far to both sides of the line, as far as big leaves reach.
 WINDOW_M, PASSES = 0.3, 3
 SLOT_M = 0.0625
@@ -105,8 +108,49 @@ class Fit(NamedTuple):
         return inside
 
 
-def find_row_line(class_map: ClassMap, ground: GroundLookup, t_s: float) -> RowLine | None:
-    """Find the row line of a picture taken at `t_s`; None where there is too little to trust."""
+class SeenRowLine(NamedTuple):
+    """A row line, and by how much the camera was taken to look further down than described."""
+
+    line: RowLine
+    tilt_rad: float = 0.0
+
+
+def find_row_line(
+    class_map: ClassMap, ground: GroundLookup, t_s: float, image_rgb: ByteArray | None = None
+) -> RowLine | None:
+    """Find the row line of a picture taken at `t_s`; None where there is too little to trust.
+
+    `image_rgb` is the picture, whose green shows rows far away where the network sees no plants.
+    """
+    seen = see_row_line(class_map, ground, t_s, image_rgb)
+    return None if seen is None else seen.line
+
+
+def see_row_line(
+    class_map: ClassMap, ground: GroundLookup, t_s: float, image_rgb: ByteArray | None = None
+) -> SeenRowLine | None:
+    """Find a row line as `find_row_line` does, with the tilt of the camera for which it holds."""
+    near = _find_near(class_map, ground, t_s)
+    view = ground.far_view
+    far = view and find_far_line(measure_far_contrast(class_map, image_rgb), view)
+    if not far:
+        return None if near is None else SeenRowLine(near)
+    line = _tell(_fit_far(far), t_s)
+    if near is not None:  # ends of rows are seen near the robot alone
+        line = msgspec.structs.replace(
+            line, start_ahead_m=near.start_ahead_m, end_ahead_m=near.end_ahead_m
+        )
+    return SeenRowLine(line, far.tilt_rad)
+
+
+def _fit_far(far: FarLine) -> Fit:
+    """Make the fit of a far line; how high its leaves stand is not known there either."""
+    across_std_m = math.hypot(far.across_std_m, FOLIAGE_STD_RATIO * far.y_m)
+    return Fit(far.x_m, far.y_m, far.yaw_rad, across_std_m, far.yaw_std_rad)
+
+
+def _find_near(class_map: ClassMap, ground: GroundLookup, t_s: float) -> RowLine | None:
+    """Find the row line by the crop within FAR_M."""
     crop = _growth(class_map, ground, class_map.class_id == PlantClass.CROP)
     if len(crop.x_m) < MIN_SLOTS:
         return None
@@ -117,7 +161,12 @@ def find_row_line(class_map: ClassMap, ground: GroundLookup, t_s: float) -> RowL
     if fit is None or abs(fit.yaw_rad) > MAX_HEADING_RAD or not _is_row(crop, fit, view):
         return None
     plants = _growth(class_map, ground, class_map.class_id != PlantClass.SOIL)
-    start_m, end_m = _ends(crop, plants, fit, view)
+    return _tell(fit, t_s, *_ends(crop, plants, fit, view))
+
+
+def _tell(
+    fit: Fit, t_s: float, start_m: float | None = None, end_m: float | None = None
+) -> RowLine:
     return RowLine(
         t_s=t_s,
         offset_m=-fit.y_m / math.cos(fit.yaw_rad),

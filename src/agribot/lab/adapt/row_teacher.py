@@ -21,10 +21,11 @@ from agribot.autonomy.perceive.picture_rows import (
     find_rows,
     measure_contrast,
 )
-from agribot.autonomy.perceive.pictures import Classifier, PictureClasses, classify
+from agribot.autonomy.perceive.pictures import Classifier, classify
+from agribot.autonomy.perceive.plant_cover import excess_green, measure_cover
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, FloatArray, PlantClass
-from agribot.lab.dataset.classes import UNLABELLED, excess_green
+from agribot.lab.dataset.classes import UNLABELLED
 from agribot.lab.dataset.pictures import PictureError, read_picture
 from agribot.lab.dataset.taught_set import TaughtSet
 
@@ -33,8 +34,6 @@ Progress = Callable[[int], None]
 MOST_WIDTH_PX = 1024  # of a picture to learn from; a larger one is reduced
 SMOOTH_PX = 1.0  # standard deviation of the blur before greenness is measured
 SOIL_GREEN, PLANT_GREEN = 0.06, 0.1  # excess of green below and above which pixels are named
-COVER_GREEN = (0.06, 0.14)  # excess of green of no cover and of full cover with plants
-NETWORK_SHARE = 0.6  # of cover, from the network's word on crop
 ON_ROW, BETWEEN_ROWS = 0.2, 0.36  # distances from a row's line in spacings
 # Quantiles of the evidence of pictures without rows: above the first a picture shows rows by
 # itself, above the second one of a set that shows them; the share of a set that has to; its size.
@@ -68,21 +67,6 @@ def measure_green(image_rgb: ByteArray) -> FloatArray:
     return excess_green(smooth)
 
 
-def measure_cover(green: FloatArray, classes: PictureClasses) -> FloatArray:
-    """Measure how likely pixels (H, W) are plants, 0 to 1, and most of all crop.
-
-    Greenness finds a crop that the network does not know, the network a crop in bad light.
-    """
-    sure = classes.confidence / 255.0
-    low, high = COVER_GREEN
-    is_plant = classes.class_id != PlantClass.SOIL
-    is_crop = classes.class_id == PlantClass.CROP
-    plant = np.maximum(((green - low) / (high - low)).clip(0.0, 1.0), np.where(is_plant, sure, 0.0))
-    crop = np.where(is_crop, sure, np.where(is_plant, 1.0 - sure, 0.0))
-    cover: FloatArray = (1.0 - NETWORK_SHARE) * plant + NETWORK_SHARE * crop
-    return cover
-
-
 def label_by_rows(green: FloatArray, rows: PictureRows) -> ByteArray:
     """Label pixels (H, W) by their greenness and row: a PlantClass, or UNLABELLED."""
     off = rows.measure_off(*green.shape)
@@ -102,7 +86,8 @@ def see_rows(paths: list[Path], network: Classifier, progress: Progress) -> Seen
     contrasts: dict[Path, FloatArray] = {}
     problems: list[str] = []
     for path, image_rgb in _read(paths, problems, progress):
-        cover = measure_cover(measure_green(image_rgb), classify(network, image_rgb))
+        classes = classify(network, image_rgb)
+        cover = measure_cover(measure_green(image_rgb), classes.class_id, classes.confidence)
         contrasts[path] = measure_contrast(cover)
     if len(contrasts) < LEAST_PICTURES:
         raise ConfigError(

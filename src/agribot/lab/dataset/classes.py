@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from agribot.autonomy.perceive.plant_cover import excess_green
 from agribot.core.errors import ConfigError
-from agribot.core.messages import ByteArray, FloatArray, PlantClass
+from agribot.core.messages import ByteArray, PlantClass
 from agribot.lab.dataset.pictures import DEEP_MODES
 
 # Stored value, or COLOUR and 0xRRGGBB, to class; 255 is a pixel that counts for nothing.
@@ -230,10 +231,3 @@ class ClassTally:
         return (
             f"what is called soil is greener ({soil:.2f}) than what is called plant ({plant:.2f})"
         )
-
-
-def excess_green(image_rgb: ByteArray | FloatArray) -> npt.NDArray[np.float64]:
-    """Compute (2 G - R - B) / (R + G + B), -1 to 2, of (H, W, 3) (Woebbecke et al. 1995)."""
-    red, green, blue = np.moveaxis(image_rgb.astype(np.float64), -1, 0)
-    greenness: npt.NDArray[np.float64] = (2.0 * green - red - blue) / (red + green + blue + 1.0)
-    return greenness

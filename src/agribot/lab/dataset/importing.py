@@ -17,9 +17,10 @@ import msgspec
 import numpy as np
 from PIL import Image, ImageDraw
 
+from agribot.autonomy.perceive.plant_cover import excess_green
 from agribot.core.errors import ConfigError, RecordingError
 from agribot.core.messages import ByteArray, PlantClass
-from agribot.lab.dataset.classes import GREENER, NAMES, excess_green
+from agribot.lab.dataset.classes import GREENER, NAMES
 from agribot.lab.dataset.foreign.coco import is_coco, read_coco
 from agribot.lab.dataset.foreign.cvat import read_cvat
 from agribot.lab.dataset.foreign.label_studio import is_label_studio, read_label_studio

@@ -9,6 +9,7 @@ from agribot.autonomy.perceive.pictures import PictureClasses
 from agribot.core.messages import ByteArray
 from agribot.lab.rows.labelled import Regions, RowPhoto, find_regions
 from agribot.lab.rows.lines import (
+    FoundLine,
     LineFinder,
     LineScores,
     PhotoCamera,
@@ -30,7 +31,7 @@ class JudgedPicture(NamedTuple):
     scores: NameScores
     labelled: Sequence[PictureLine]
     camera: PhotoCamera | None
-    line: PictureLine | None
+    line: FoundLine | None
 
 
 class PictureJudge:
@@ -47,7 +48,7 @@ class PictureJudge:
         scores.add(regions, classes.class_id)
         labelled = trace_lines(picture.lines)
         camera = self._cameras.find(labelled)
-        line = self._finder.find(classes, camera) if camera else None
+        line = self._finder.find(classes, camera, picture.image_rgb) if camera else None
         return JudgedPicture(
             name, condition, picture, regions, classes.class_id, scores, labelled, camera, line
         )
@@ -105,7 +106,16 @@ def describe_line(line: dict[str, float | None]) -> str:
         f"{format_value(line['angle_deg_median'], '.1f')} deg in the median, "
         f"{format_value(line['angle_deg_p95'], '.1f')} at 95 %; beside the row by "
         f"{format_value(line['offset_ratio_median'], '.3f')} of the row spacing"
+        + _describe_sigma(line)
     )
+
+
+def _describe_sigma(line: dict[str, float | None]) -> str:
+    """Write how honest lines are; nothing where figures are older than the question."""
+    angle, offset = line.get("angle_within_2_sigma"), line.get("offset_within_2_sigma")
+    if angle is None or offset is None:
+        return ""
+    return f"; within 2 sigma: {angle:.0%} of the angles, {offset:.0%} of the places"
 
 
 def _format_shares(name: str, shares: dict[str, float | None], pixels: int) -> str:

@@ -15,8 +15,8 @@ import numpy.typing as npt
 from PIL import Image, ImageFilter
 
 from agribot.autonomy.perceive.pictures import PictureClasses
+from agribot.autonomy.perceive.plant_cover import excess_green
 from agribot.core.messages import ByteArray
-from agribot.lab.dataset.classes import excess_green
 from agribot.lab.dataset.pictures import PictureError, read_picture, resize_nearest
 
 Mask = npt.NDArray[np.bool_]

@@ -10,10 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from agribot.autonomy.perceive.class_map import ClassMap
+from agribot.autonomy.perceive.far_view import FOLIAGE_M
 from agribot.autonomy.perceive.ground import GroundLookup, ground_to_pixels
 from agribot.autonomy.perceive.pictures import PictureClasses
-from agribot.autonomy.perceive.row_line import find_row_line
-from agribot.core.messages import FloatArray, RowLine
+from agribot.autonomy.perceive.row_line import SeenRowLine, see_row_line
+from agribot.core.geo import rotation_from_rpy
+from agribot.core.messages import ByteArray, FloatArray
 from agribot.core.pose import Pose2
 from agribot.core.robot import CameraSpec
 from agribot.lab.rows.labelled import SIDE_PX, TOP_PX, Mask, find_crossings
@@ -24,6 +26,7 @@ LEAST_ROWS = 24  # picture rows that a line crosses
 FOLLOW_PX = 14.0  # farthest step of a line from one picture row to the next
 # A photograph says neither the size nor the angle of what it shows: rows are supposed to be so far
 # apart, and lenses to be so wide. Other values move the camera nearer or farther, not the line.
+# The finder is told the spacing, as a robot knows that of its field.
 ROW_SPACING_M, LENS_RAD = 0.5, math.radians(60.0)
 HIGHEST_HORIZON_PX = -40.0 * SIDE_PX  # of a camera that looks straight down
 LOWEST_HORIZON_PX = MIDDLE_PX - 1.0
@@ -43,6 +46,14 @@ class PictureLine(NamedTuple):
     def angle_rad(self) -> float:
         """Angle from upright, positive where the line runs to the right on its way down."""
         return math.atan(self.slope)
+
+
+class FoundLine(NamedTuple):
+    """A line that was found, with 1 sigma of its angle and of its place at JUDGED_AT_PX."""
+
+    line: PictureLine
+    angle_std_rad: float
+    at_std_px: float
 
 
 class PhotoCamera(NamedTuple):
@@ -122,14 +133,16 @@ class LineFinder:
     def __init__(self) -> None:
         self._views: dict[PhotoCamera, PhotoGround] = {}
 
-    def find(self, classes: PictureClasses, camera: PhotoCamera) -> PictureLine | None:
-        """Find the line in the classes (SIDE_PX, SIDE_PX) of a picture."""
+    def find(
+        self, classes: PictureClasses, camera: PhotoCamera, image_rgb: ByteArray | None = None
+    ) -> FoundLine | None:
+        """Find the line in a picture (SIDE_PX, SIDE_PX, 3) and its classes (SIDE_PX, SIDE_PX)."""
         rounded = camera._replace(spacing_px=SPACING_STEP ** round(
             math.log(camera.spacing_px) / math.log(SPACING_STEP)
         ))  # fmt: skip
         if rounded not in self._views:
             self._views[rounded] = PhotoGround(rounded)
-        return self._views[rounded].find(classes)
+        return self._views[rounded].find(classes, image_rgb)
 
 
 class PhotoGround:
@@ -142,23 +155,45 @@ class PhotoGround:
         )  # fmt: skip
         self._k_px = spec.matrix()
         self._body_from_camera = _mount(camera, spec.focal_px)
+        height_m = float(self._body_from_camera[2, 3])
+        self._farther = height_m / (height_m - FOLIAGE_M)  # than it is, foliage seems to be
         shape = (SIDE_PX, SIDE_PX)
-        self._ground = GroundLookup(spec, self._body_from_camera, shape, MOST_RANGE_M)
+        self._ground = GroundLookup(
+            spec, self._body_from_camera, shape, MOST_RANGE_M, ROW_SPACING_M / self._farther
+        )
 
-    def find(self, classes: PictureClasses) -> PictureLine | None:
-        """Find the line in the classes (SIDE_PX, SIDE_PX) of a picture."""
+    def find(self, classes: PictureClasses, image_rgb: ByteArray | None) -> FoundLine | None:
+        """Find the line in a picture (SIDE_PX, SIDE_PX, 3) and its classes (SIDE_PX, SIDE_PX)."""
         class_map = ClassMap(
             class_id=classes.class_id, confidence=classes.confidence, scale_px=(1.0, 1.0)
         )
-        row = find_row_line(class_map, self._ground, 0.0)
-        return None if row is None else self._project(row)
-
-    def _project(self, row: RowLine) -> PictureLine | None:
-        if row.offset_m is None or row.heading_rad is None:
+        seen = see_row_line(class_map, self._ground, 0.0, image_rgb)
+        if seen is None or seen.line.offset_m is None or seen.line.heading_rad is None:
             return None
-        seen_from = Pose2(row.at_ahead_m, 0.0, -row.heading_rad)
-        ground_m = np.column_stack(seen_from.transform(ALONG_M, np.full(2, -row.offset_m)))
-        u_px, v_px = ground_to_pixels(ground_m, self._k_px, self._body_from_camera).T
+        return self._measure(seen, seen.line.offset_m, seen.line.heading_rad)
+
+    def _measure(self, seen: SeenRowLine, offset_m: float, heading_rad: float) -> FoundLine:
+        """Project the line, and the two lines that are off it by one sigma."""
+        line = self._project(seen, offset_m, heading_rad)
+        moved = self._project(seen, offset_m + seen.line.offset_std_m, heading_rad)
+        turned = self._project(seen, offset_m, heading_rad + seen.line.heading_std_rad)
+        return FoundLine(
+            line,
+            math.hypot(moved.angle_rad - line.angle_rad, turned.angle_rad - line.angle_rad),
+            math.hypot(moved.at_px - line.at_px, turned.at_px - line.at_px),
+        )
+
+    def _project(self, seen: SeenRowLine, offset_m: float, heading_rad: float) -> PictureLine:
+        """Project the leaves on a line into the picture of a camera that is tilted."""
+        seen_from = Pose2(seen.line.at_ahead_m, 0.0, -heading_rad)
+        leaves_m = np.column_stack(seen_from.transform(ALONG_M, np.full(2, -offset_m)))
+        camera_m = self._body_from_camera[:2, 3]
+        ground_m = camera_m + self._farther * (leaves_m - camera_m)
+        body_from_camera = self._body_from_camera.copy()
+        body_from_camera[:3, :3] = (
+            rotation_from_rpy(0.0, seen.tilt_rad, 0.0) @ body_from_camera[:3, :3]
+        )
+        u_px, v_px = ground_to_pixels(ground_m, self._k_px, body_from_camera).T
         slope = float((u_px[1] - u_px[0]) / (v_px[1] - v_px[0]))
         return PictureLine(float(u_px[0] + slope * (JUDGED_AT_PX - v_px[0])), slope)
 
@@ -183,26 +218,38 @@ class LineScores:
         self._pictures = 0
         self._angles_rad: list[float] = []
         self._offset_ratios: list[float] = []
+        self._is_within: list[tuple[bool, bool]] = []
 
     def add(
-        self, labelled: Sequence[PictureLine], camera: PhotoCamera, found: PictureLine | None
+        self, labelled: Sequence[PictureLine], camera: PhotoCamera, found: FoundLine | None
     ) -> None:
         """Compare a found line with the labelled row that is nearest to it."""
         if not labelled:
             return
         self._pictures += 1
         if found is not None:
-            nearest = min(labelled, key=lambda line: abs(line.at_px - found.at_px))
-            self._angles_rad.append(abs(found.angle_rad - nearest.angle_rad))
-            self._offset_ratios.append(abs(found.at_px - nearest.at_px) / camera.spacing_px)
+            line = found.line
+            nearest = min(labelled, key=lambda one: abs(one.at_px - line.at_px))
+            turned_rad, off_px = line.angle_rad - nearest.angle_rad, line.at_px - nearest.at_px
+            self._angles_rad.append(abs(turned_rad))
+            self._offset_ratios.append(abs(off_px) / camera.spacing_px)
+            self._is_within.append(
+                (abs(turned_rad) <= 2.0 * found.angle_std_rad, abs(off_px) <= 2.0 * found.at_std_px)
+            )
 
     def summarise(self) -> dict[str, float | None]:
-        """Return the share of pictures with a found line, and the errors of these lines."""
+        """Return the share of pictures with a found line, and the errors of these lines.
+
+        `..._within_2_sigma` are the shares of lines that are off by at most twice what they state.
+        """
         found = len(self._angles_rad) / self._pictures if self._pictures else None
         angles_deg = np.degrees(self._angles_rad)
+        within = np.mean(self._is_within, axis=0).tolist() if found else (None, None)
         return {
             "found": found,
             "angle_deg_median": float(np.median(angles_deg)) if found else None,
             "angle_deg_p95": float(np.percentile(angles_deg, 95)) if found else None,
             "offset_ratio_median": float(np.median(self._offset_ratios)) if found else None,
+            "angle_within_2_sigma": within[0],
+            "offset_within_2_sigma": within[1],
         }

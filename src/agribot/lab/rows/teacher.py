@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from agribot.autonomy.perceive.plant_cover import excess_green
 from agribot.core.messages import ByteArray, PlantClass
-from agribot.lab.dataset.classes import UNLABELLED, excess_green
+from agribot.lab.dataset.classes import UNLABELLED
 from agribot.lab.dataset.pictures import resize_nearest
 from agribot.lab.rows.labelled import SIDE_PX, Mask, find_gaps, fit_picture
 

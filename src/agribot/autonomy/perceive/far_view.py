@@ -1,0 +1,162 @@
+"""The ground that a front camera sees as far as rows are told apart, and how they lie on it.
+
+Rows are parallel and equally far apart: on the ground they are a comb of lines, told by direction,
+place and spacing. The ground is that of a camera at any of some tilts, as a robot on rough ground
+has them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from agribot.core.messages import FloatArray
+
+Comparison = npt.NDArray[np.float32]
+Index = npt.NDArray[np.intp]
+
+# Foliage is seen from above: what stands h high seems to lie h / H of its way farther off.
+FOLIAGE_M = 0.08
+CELLS = 64  # rows and columns in which a picture is looked at
+# A camera that sees level ground farther than this at its upper edge sees rows run away from it.
+LEAST_FAR_M = 3.0
+LEAST_SINK_RATIO = 0.14  # of a ray per metre ahead; farther off rows are too fine
+SIDE_M, BINS = 4.0, 320  # reach to both sides, and places across the rows in which cover is counted
+HARMONICS, HEIGHTS = np.arange(1, 4), np.array([1.0, 0.7, 0.4])  # of the teeth of a comb
+PHASES = np.linspace(0.0, 1.0, 32, endpoint=False)  # of a comb, in spacings
+TURNS = 2.0 * np.pi * HARMONICS[:, None] * PHASES
+TEETH = np.concatenate([np.cos(TURNS), np.sin(TURNS)]) * np.tile(HEIGHTS, 2)[:, None]
+
+
+class RowGrid(NamedTuple):
+    """Combs to compare with: tilts of the camera, directions of rows, and their spacings."""
+
+    tilts_rad: FloatArray
+    yaws_rad: FloatArray
+    spacings_m: FloatArray
+
+
+COARSE_TILTS_RAD = np.radians(np.linspace(-6.0, 6.0, 7))
+COARSE_YAWS_RAD = np.radians(np.linspace(-30.0, 30.0, 31))
+ANY_SPACING_M = np.geomspace(0.25, 1.0, 26)
+KNOWN_SPACING_RATIO = np.geomspace(0.78, 1.28, 9)  # over the spacing of the field's rows
+
+
+class Compared(NamedTuple):
+    """Correlations (tilts, yaws, spacings) with combs at their best phase, and where they lie.
+
+    `left_m` is how far left of the body's origin a line of the comb passes.
+    """
+
+    score: Comparison
+    left_m: Comparison
+
+
+class FarGround(NamedTuple):
+    """Places (N,) of the body frame that cells show at one tilt, and how much each counts."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    weight: FloatArray
+    cell: Index
+
+
+class FarView:
+    """What one camera sees, made once: the ground of its cells at each tilt."""
+
+    def __init__(
+        self, x_m: FloatArray, y_m: FloatArray, camera_m: FloatArray, spacing_m: float | None
+    ) -> None:
+        """Take the ground (CELLS, CELLS) that cells see at no tilt, NaN above the horizon."""
+        self.camera_m, self.spacing_m = camera_m, spacing_m
+        spacings_m = ANY_SPACING_M if spacing_m is None else spacing_m * KNOWN_SPACING_RATIO
+        self.coarse = RowGrid(COARSE_TILTS_RAD, COARSE_YAWS_RAD, spacings_m)
+        self._ahead_m, self._left_m = x_m - camera_m[0], y_m - camera_m[1]
+        self._grounds = [self.find_ground(float(tilt_rad)) for tilt_rad in COARSE_TILTS_RAD]
+        self._bins = [_find_bins(ground, COARSE_YAWS_RAD) for ground in self._grounds]
+
+    @classmethod
+    def open(
+        cls,
+        x_m: npt.NDArray[np.floating],
+        y_m: npt.NDArray[np.floating],
+        range_m: npt.NDArray[np.floating],
+        camera_m: FloatArray,
+        spacing_m: float | None = None,
+    ) -> Self | None:
+        """Open the view of a camera whose pixels (h, w) see these places; None if it looks down.
+
+        `spacing_m` is that of the field's rows, None where it is not known.
+        """
+        farthest_m = np.nan_to_num(range_m[0], nan=math.inf)
+        if min(x_m.shape) < CELLS or float(np.median(farthest_m)) < LEAST_FAR_M:
+            return None
+        rows, columns = (
+            ((np.arange(CELLS) + 0.5) * size / CELLS).astype(np.intp) for size in x_m.shape
+        )
+        at = np.ix_(rows, columns)
+        return cls(x_m[at].astype(np.float64), y_m[at].astype(np.float64), camera_m, spacing_m)
+
+    def find_ground(self, tilt_rad: float) -> FarGround:
+        """Find the ground of the cells where the camera looks further down by a tilt."""
+        cos, sin, height_m = math.cos(tilt_rad), math.sin(tilt_rad), float(self.camera_m[2])
+        ahead = cos * self._ahead_m - sin * height_m
+        sink = sin * self._ahead_m + cos * height_m
+        is_seen = sink > LEAST_SINK_RATIO * np.hypot(ahead, self._left_m)
+        reach = (height_m - FOLIAGE_M) / sink[is_seen]
+        x_m, y_m = ahead[is_seen] * reach, self._left_m[is_seen] * reach
+        # Far rows of plants are as many as near ones, in fewer lines of the picture.
+        weight = np.hypot(x_m, y_m)
+        place_m = x_m + self.camera_m[0], y_m + self.camera_m[1]
+        return FarGround(*place_m, weight, np.flatnonzero(is_seen))
+
+    def compare(self, contrast: FloatArray) -> Compared:
+        """Correlate a contrast (CELLS, CELLS) with the combs of `coarse`."""
+        pairs = zip(self._grounds, self._bins, strict=True)
+        sums = [_sum_across(contrast, ground, bins) for ground, bins in pairs]
+        return _correlate(np.stack(sums), self.coarse.spacings_m)
+
+    def compare_fine(
+        self, contrast: FloatArray, grid: RowGrid, bend_per_m: float = 0.0
+    ) -> Compared:
+        """Correlate with combs of a grid; rows bend left by `bend_per_m` radians a metre."""
+        sums = []
+        for tilt_rad in grid.tilts_rad:
+            ground = self.find_ground(float(tilt_rad))
+            bins = _find_bins(ground, grid.yaws_rad, bend_per_m)
+            sums.append(_sum_across(contrast, ground, bins))
+        return _correlate(np.stack(sums), grid.spacings_m)
+
+
+def _find_bins(ground: FarGround, yaws_rad: FloatArray, bend_per_m: float = 0.0) -> Index:
+    """Find the bin (yaws, N) of each place across rows of each direction."""
+    cos, sin = np.cos(yaws_rad)[:, None], np.sin(yaws_rad)[:, None]
+    left_m = cos * ground.y_m - sin * ground.x_m - bend_per_m * ground.x_m**2 / 2.0
+    bins = ((left_m / SIDE_M + 1.0) * (BINS / 2)).clip(0, BINS - 1).astype(np.intp)
+    own: Index = bins + BINS * np.arange(len(yaws_rad))[:, None]
+    return own
+
+
+def _sum_across(contrast: FloatArray, ground: FarGround, bins: Index) -> FloatArray:
+    """Sum contrast by its place across rows, (yaws, BINS), so that a comb in full sums to 1."""
+    value = contrast.ravel()[ground.cell]
+    power = float((value**2 * ground.weight).sum() * ground.weight.sum())
+    share = value * ground.weight / math.sqrt(power + 1e-12)
+    sums = np.bincount(bins.ravel(), np.broadcast_to(share, bins.shape).ravel(), len(bins) * BINS)
+    table: FloatArray = sums.reshape(-1, BINS)
+    table[:, [0, -1]] = 0.0  # and all that is farther aside
+    return table
+
+
+def _correlate(sums: FloatArray, spacings_m: FloatArray) -> Compared:
+    """Correlate sums (tilts, yaws, BINS) with the teeth of each spacing at the best phase."""
+    places_m = ((np.arange(BINS) + 0.5) / BINS * 2.0 - 1.0) * SIDE_M
+    turns = 2.0 * np.pi * places_m[:, None, None] * HARMONICS / spacings_m[:, None]
+    waves = np.concatenate([np.cos(turns), np.sin(turns)], axis=2).reshape(BINS, -1)
+    parts = (sums @ waves).reshape(*sums.shape[:2], len(spacings_m), -1)
+    teeth = parts @ TEETH
+    left_m = PHASES[teeth.argmax(axis=3)] * spacings_m
+    return Compared(teeth.max(axis=3).astype(np.float32), left_m.astype(np.float32))
