@@ -13,7 +13,7 @@ import msgspec
 
 from agribot.app.calibration.figure import FIGURE
 from agribot.app.calibration.wheels import WheelsResult, assess_wheels, format_wheels
-from agribot.cli import calibration_motors
+from agribot.cli import calibration_motors, calibration_rows
 from agribot.cli.calibration_camera import format_toml, observe_drive
 from agribot.cli.ranges import seed
 from agribot.core import config as settings
@@ -24,10 +24,14 @@ from agribot.sim.random_streams import make_stream
 if TYPE_CHECKING:
     from agribot.app.calibration.camera import CameraDrive, CameraResult, RowViewResult
     from agribot.app.calibration.figure import DriveSamples, FigureMotion
+    from agribot.app.calibration.row_mount import RowMountResult
     from agribot.app.calibration.sensors import AntennaResult, MagResult
     from agribot.cli.calibration_motors import MotorsResult
 
-    Result = WheelsResult | MagResult | AntennaResult | CameraResult | RowViewResult | MotorsResult
+    Result = (
+        WheelsResult | MagResult | AntennaResult | CameraResult | RowMountResult | RowViewResult
+        | MotorsResult
+    )  # fmt: skip
     Outcome = tuple[Result, str]
 
 # name -> (one line of help, an example)
@@ -61,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             help="whose mission is driven for a while (default: %(default)s)",
         )  # fmt: skip
     calibration_motors.add_arguments(subjects.choices["motors"])
+    calibration_rows.add_arguments(subjects.choices["camera"])
     for name in ("magnetometer", "camera", "row-view"):
         subjects.choices[name].add_argument(
             "--recording", metavar="FILE", help="of a mission that turned, instead of a drive"
@@ -162,6 +167,9 @@ def _calibrate_antenna(
 def _calibrate_camera(options: argparse.Namespace, robot: RobotSpec, machine: RobotSpec) -> Outcome:
     from agribot.app.calibration.camera import calibrate_camera, format_camera
 
+    calibration_rows.check_options(options)
+    if options.rows:
+        return calibration_rows.calibrate_by_rows(options)
     result = calibrate_camera(_observe(options, robot, machine))
     return result, format_camera(result)
 

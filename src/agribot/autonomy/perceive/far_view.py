@@ -68,14 +68,22 @@ class FarView:
     """What one camera sees, made once: the ground of its cells at each tilt."""
 
     def __init__(
-        self, x_m: FloatArray, y_m: FloatArray, camera_m: FloatArray, spacing_m: float | None
+        self,
+        rays_body: FloatArray,
+        camera_m: FloatArray,
+        spacing_m: float | None = None,
+        tilts_rad: FloatArray = COARSE_TILTS_RAD,
     ) -> None:
-        """Take the ground (CELLS, CELLS) that cells see at no tilt, NaN above the horizon."""
+        """Take the directions (CELLS, CELLS, 3) into which cells look at no tilt; NaN looks none.
+
+        Rows of the field are `spacing_m` apart, None where that is not known.
+        """
         self.camera_m, self.spacing_m = camera_m, spacing_m
         spacings_m = ANY_SPACING_M if spacing_m is None else spacing_m * KNOWN_SPACING_RATIO
-        self.coarse = RowGrid(COARSE_TILTS_RAD, COARSE_YAWS_RAD, spacings_m)
-        self._ahead_m, self._left_m = x_m - camera_m[0], y_m - camera_m[1]
-        self._grounds = [self.find_ground(float(tilt_rad)) for tilt_rad in COARSE_TILTS_RAD]
+        self.coarse = RowGrid(tilts_rad, COARSE_YAWS_RAD, spacings_m)
+        self._ahead, self._left, up = np.moveaxis(rays_body, -1, 0)
+        self._down = -up
+        self._grounds = [self.find_ground(float(tilt_rad)) for tilt_rad in tilts_rad]
         self._bins = [_find_bins(ground, COARSE_YAWS_RAD) for ground in self._grounds]
 
     @classmethod
@@ -87,10 +95,7 @@ class FarView:
         camera_m: FloatArray,
         spacing_m: float | None = None,
     ) -> Self | None:
-        """Open the view of a camera whose pixels (h, w) see these places; None if it looks down.
-
-        `spacing_m` is that of the field's rows, None where it is not known.
-        """
+        """Open the view of a camera whose pixels (h, w) see these places; None if it looks down."""
         farthest_m = np.nan_to_num(range_m[0], nan=math.inf)
         if min(x_m.shape) < CELLS or float(np.median(farthest_m)) < LEAST_FAR_M:
             return None
@@ -98,16 +103,17 @@ class FarView:
             ((np.arange(CELLS) + 0.5) * size / CELLS).astype(np.intp) for size in x_m.shape
         )
         at = np.ix_(rows, columns)
-        return cls(x_m[at].astype(np.float64), y_m[at].astype(np.float64), camera_m, spacing_m)
+        places_m = [x_m[at], y_m[at], np.zeros((CELLS, CELLS))]
+        return cls(np.stack(places_m, axis=-1).astype(np.float64) - camera_m, camera_m, spacing_m)
 
     def find_ground(self, tilt_rad: float) -> FarGround:
         """Find the ground of the cells where the camera looks further down by a tilt."""
-        cos, sin, height_m = math.cos(tilt_rad), math.sin(tilt_rad), float(self.camera_m[2])
-        ahead = cos * self._ahead_m - sin * height_m
-        sink = sin * self._ahead_m + cos * height_m
-        is_seen = sink > LEAST_SINK_RATIO * np.hypot(ahead, self._left_m)
-        reach = (height_m - FOLIAGE_M) / sink[is_seen]
-        x_m, y_m = ahead[is_seen] * reach, self._left_m[is_seen] * reach
+        cos, sin = math.cos(tilt_rad), math.sin(tilt_rad)
+        ahead = cos * self._ahead - sin * self._down
+        sink = sin * self._ahead + cos * self._down
+        is_seen = sink > LEAST_SINK_RATIO * np.hypot(ahead, self._left)
+        reach = (float(self.camera_m[2]) - FOLIAGE_M) / sink[is_seen]
+        x_m, y_m = ahead[is_seen] * reach, self._left[is_seen] * reach
         # Far rows of plants are as many as near ones, in fewer lines of the picture.
         weight = np.hypot(x_m, y_m)
         place_m = x_m + self.camera_m[0], y_m + self.camera_m[1]

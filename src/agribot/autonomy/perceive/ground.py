@@ -95,6 +95,29 @@ def _straighten(pixels_px: FloatArray, camera: CameraSpec) -> FloatArray:
     return straight
 
 
+def find_rays(camera: CameraSpec, shape: tuple[int, int]) -> FloatArray:
+    """Find the directions (h, w, 3) in the optical frame into which cells (h, w) of a picture look.
+
+    Raises: PerceptionError: the lens distortion cannot be undone.
+    """
+    pixels_px = _place_cells(camera, shape, 0.0, 0)
+    straight = _straighten(pixels_px, camera)
+    rays_px = np.column_stack([straight, np.ones(len(straight))])
+    rays: FloatArray = (rays_px @ np.linalg.inv(camera.matrix()).T).reshape(*shape, 3)
+    return rays
+
+
+def _place_cells(
+    camera: CameraSpec, shape: tuple[int, int], offset_px: float, extra: int
+) -> FloatArray:
+    """Place (h + extra, w + extra) cells of a picture, shifted by `offset_px` cells: (N, 2) px."""
+    height, width = shape
+    u_px = (np.arange(width + extra) + offset_px + 0.5) * (camera.width_px / width) - 0.5
+    v_px = (np.arange(height + extra) + offset_px + 0.5) * (camera.height_px / height) - 0.5
+    places: FloatArray = np.stack(np.meshgrid(u_px, v_px), axis=-1).reshape(-1, 2)
+    return places
+
+
 class GroundLookup:
     """Ground position and ground area of every pixel of a class map, computed once.
 
@@ -159,11 +182,7 @@ class GroundLookup:
     def _grid(self, body_from_camera: FloatArray, offset_px: float, extra: int) -> FloatArray:
         """Ground points, (h + extra, w + extra, 2), of map pixels shifted by `offset_px`."""
         height, width = self.map_shape
-        to_u = self.camera.width_px / width
-        to_v = self.camera.height_px / height
-        u_px = (np.arange(width + extra) + offset_px + 0.5) * to_u - 0.5
-        v_px = (np.arange(height + extra) + offset_px + 0.5) * to_v - 0.5
-        grid = np.stack(np.meshgrid(u_px, v_px), axis=-1).reshape(-1, 2)
+        grid = _place_cells(self.camera, self.map_shape, offset_px, extra)
         points = _intersect(_straighten(grid, self.camera), self.camera.matrix(), body_from_camera)
         return points.reshape(height + extra, width + extra, 2)
 
