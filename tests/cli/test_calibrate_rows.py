@@ -12,6 +12,7 @@ from PIL import Image
 from agribot.app.calibration import row_mount
 from agribot.cli.main import main
 from tests.autonomy.perceive.drawn_rows import draw_cover, draw_photograph, make_rows
+from tests.lab.dataset.test_label_by_rows import record
 
 SEEN = make_rows(across=0.5, down=-0.15, foot=0.5, spacing=0.6)
 
@@ -86,6 +87,18 @@ def test_pictures_without_a_row_spacing_are_refused(
 def test_pictures_need_the_option_that_reads_them(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["calibrate", "camera", "--pictures", "photographs"]) == 2
     assert "--pictures goes with --rows" in capsys.readouterr().err
+
+
+def test_a_recording_says_how_far_apart_rows_are_and_what_its_camera_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_pictures(tmp_path / "rows", 2)
+    images_rgb = [np.asarray(Image.open(path)) for path in sorted(folder.iterdir())]
+    record(tmp_path / "run.mcap", images_rgb)
+    assert calibrate("--recording", str(tmp_path / "run.mcap"), "--json") == 1
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["fit"]["pictures"] == 2
+    assert "2 pictures, at least 8 are needed" in printed.err
 
 
 def test_many_pictures_are_looked_at_evenly() -> None:
