@@ -62,10 +62,15 @@ def test_pictures_of_rows_have_more_evidence_than_they_would_without_rows(found:
     assert min(one.evidence for one in rows) > without.max()
 
 
+def test_lines_of_rows_are_surer_than_those_of_weeds(found: Found) -> None:
+    assert min(one.sure for one in found[1]) > 0.9
+
+
 def test_weeds_without_rows_have_no_more_evidence_than_by_chance() -> None:
     rng = np.random.default_rng(4)
     contrasts = [measure_contrast(draw_cover(None, rng, weeds=150)) for _ in range(PICTURES)]
     rows, without = find_rows(contrasts, rng)
+    assert np.median([one.sure for one in rows]) < 0.6
     is_seen = np.array([one.evidence for one in rows]) > np.quantile(without, 0.9)
     assert is_seen.mean() < 0.5
 

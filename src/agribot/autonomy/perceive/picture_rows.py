@@ -40,12 +40,17 @@ PLANTS, ROUNDS, SHARED_STEPS, UNLIKE_RATIO = 400.0, 6, (1.5, 2.5), 0.1
 HORIZON_STD_RATIO, LEAST_DOUBT = 0.04, -4.0
 
 
+# Errors within which a line is right, at a share of the picture's height.
+SURE_RAD, SURE_RATIO, JUDGED_AT_RATIO = np.radians(5.0), 0.2, 2.0 / 3.0
+
+
 class PictureRows(NamedTuple):
     """Rows whose lines meet at (`across_ratio`, `down_ratio`) of a picture's width and height.
 
     They cross its lower edge at `foot_ratio` of its width and every `spacing_ratio` from there.
     `score` is the correlation of plants with the lines, 0 to 1; `evidence` weighs it with what all
-    pictures show, in natural logarithms.
+    pictures show, in natural logarithms. `sure` is how likely the line nearest to the middle of the
+    lower edge lies within SURE_RAD and SURE_RATIO of a spacing of the true one.
     """
 
     across_ratio: float
@@ -54,6 +59,7 @@ class PictureRows(NamedTuple):
     spacing_ratio: float
     score: float
     evidence: float
+    sure: float = 1.0
 
     def find_feet(self) -> FloatArray:
         """Find where lines cross the lower edge and its continuation, from left to right."""
@@ -239,9 +245,9 @@ def _refine(contrast: FloatArray, compared: _Compared, prior: FloatArray) -> Pic
     best = np.unravel_index(int(weighed.argmax()), weighed.shape)
     fine = Grid(*(_split(axis, int(k)) for axis, k in zip(COARSE, best, strict=True)))
     around = _compare(contrast, fine)
-    k = np.unravel_index(int(around.score.argmax()), fine.shape)
+    k = np.unravel_index(int(_weigh(around.score, _interpolate(prior, fine)).argmax()), fine.shape)
     depth, across, spacing = (float(axis[i]) for axis, i in zip(fine, k, strict=True))
-    return PictureRows(
+    rows = PictureRows(
         across_ratio=across,
         down_ratio=1.0 - depth,
         foot_ratio=across + float(around.phase[k]) * spacing,
@@ -249,6 +255,36 @@ def _refine(contrast: FloatArray, compared: _Compared, prior: FloatArray) -> Pic
         score=float(around.score[k]),
         evidence=float(weighed[best]),
     )
+    return rows._replace(sure=_find_sure_share(rows, compared.phase, _find_likely(weighed)))
+
+
+def _interpolate(prior: FloatArray, fine: Grid) -> FloatArray:
+    """Interpolate a prior of the coarse grid at the steps of a fine one."""
+    depths, acrosses, spacings = (
+        np.array([np.interp(steps, axis, unit) for unit in np.eye(len(axis))])
+        for steps, axis in zip(fine, COARSE, strict=True)
+    )
+    between: FloatArray = np.einsum(
+        "ia,jb,kc,ijk->abc", depths, acrosses, spacings, prior, optimize=True
+    )
+    return between * (prior.size / between.size)
+
+
+def _find_sure_share(rows: PictureRows, phase: Comparison, share: FloatArray) -> float:
+    """Find the share of all combs with a line where the one nearest to the middle of a comb is."""
+    feet = rows.find_feet()
+    foot = float(feet[np.abs(feet - 0.5).argmin()])
+    slope = (foot - rows.across_ratio) / (1.0 - rows.down_ratio)
+    at = foot + slope * (JUDGED_AT_RATIO - 1.0)
+    depth, across, spacing = np.meshgrid(*COARSE, indexing="ij")
+    nearer = (JUDGED_AT_RATIO - 1.0 + depth) / depth
+    first = across + phase * spacing * nearer
+    others = first + np.round((at - first) / (spacing * nearer)) * spacing * nearer
+    slopes = (others - across) / (JUDGED_AT_RATIO - 1.0 + depth)
+    apart = rows.spacing_ratio * (JUDGED_AT_RATIO - rows.down_ratio) / (1.0 - rows.down_ratio)
+    is_right = np.abs(np.arctan(slopes) - np.arctan(slope)) < SURE_RAD
+    is_right &= np.abs(others - at) < SURE_RATIO * apart
+    return float(share[is_right].sum())
 
 
 def _split(axis: FloatArray, k: int) -> FloatArray:

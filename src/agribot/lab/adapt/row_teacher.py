@@ -35,9 +35,9 @@ MOST_WIDTH_PX = 1024  # of a picture to learn from; a larger one is reduced
 SMOOTH_PX = 1.0  # standard deviation of the blur before greenness is measured
 SOIL_GREEN, PLANT_GREEN = 0.06, 0.1  # excess of green below and above which pixels are named
 ON_ROW, BETWEEN_ROWS = 0.2, 0.36  # distances from a row's line in spacings
-# Quantiles of the evidence of pictures without rows: above the first a picture shows rows by
-# itself, above the second one of a set that shows them; the share of a set that has to; its size.
-SURE_QUANTILE, LIKELY_QUANTILE, LEAST_SHARE, LEAST_PICTURES = 0.9, 0.5, 0.5, 8
+# Quantile of the evidence of pictures without rows, above which a picture shows rows by itself; the
+# share of a set that has to; its size; how sure the place of rows in a picture has to be.
+SURE_QUANTILE, LEAST_SHARE, LEAST_PICTURES, LEAST_SURE = 0.9, 0.5, 8, 0.5
 PASSES = 2
 
 
@@ -95,8 +95,7 @@ def see_rows(paths: list[Path], network: Classifier, progress: Progress) -> Seen
             "give more pictures of the same camera in the same field"
         )
     rows, without = find_rows(list(contrasts.values()), np.random.default_rng(0))
-    sure, likely = np.quantile(without, (SURE_QUANTILE, LIKELY_QUANTILE))
-    count = sum(one.evidence > sure for one in rows)
+    count = sum(one.evidence > np.quantile(without, SURE_QUANTILE) for one in rows)
     if count < LEAST_SHARE * len(rows):
         raise ConfigError(
             f"no rows to be seen: in {count} of {len(rows)} pictures plants stand along lines more "
@@ -104,7 +103,7 @@ def see_rows(paths: list[Path], network: Classifier, progress: Progress) -> Seen
             "along several rows, or label some by hand (agribot label)"
         )
     pairs = zip(contrasts, rows, strict=True)
-    return SeenRows({path: one for path, one in pairs if one.evidence > likely}, tuple(problems))
+    return SeenRows({path: one for path, one in pairs if one.sure >= LEAST_SURE}, tuple(problems))
 
 
 def teach(seen: SeenRows, out: Path, progress: Progress) -> TaughtSet:
