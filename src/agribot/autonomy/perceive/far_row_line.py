@@ -67,7 +67,8 @@ def find_far_line(contrast: FloatArray, view: FarView) -> FarLine | None:
     grid, compared = view.coarse, view.compare(contrast)
     weighed = _weigh(compared, grid, view)
     best = np.unravel_index(int(weighed.argmax()), weighed.shape)
-    comb = _refine(contrast, view, RowGrid(*map(_split, grid, best)))
+    around = (_split(axis, int(k)) for axis, k in zip(grid, best, strict=True))
+    comb = _refine(contrast, view, RowGrid(*around))
     line = _spread(comb, grid, compared, weighed)
     is_sure = line.across_std_m <= MOST_ACROSS_RATIO * line.spacing_m
     return line if is_sure and line.yaw_std_rad <= MOST_YAW_STD_RAD else None
@@ -148,12 +149,12 @@ def _spread(comb: _Comb, grid: RowGrid, compared: Compared, weighed: FloatArray)
     """Take the line of a comb nearest to the robot's way, and how far those of others lie off."""
     yaw_rad = comb.yaw_rad + math.atan(comb.bend_per_m * PLACE_M)
     left_m = comb.left_m + comb.bend_per_m * PLACE_M**2 / 2.0
-    y_m = _find_line(PLACE_M, 0.0, comb.yaw_rad, left_m, comb.spacing_m)
+    y_m = float(_find_line(0.0, np.array(comb.yaw_rad), np.array(left_m), np.array(comb.spacing_m)))
     share = np.exp(weighed - weighed.max())
     share /= share.sum()
     yaws_rad = np.broadcast_to(grid.yaws_rad[:, None], share.shape)
     turned_rad = yaws_rad - comb.yaw_rad
-    aside_m = _find_line(PLACE_M, y_m, yaws_rad, compared.left_m, grid.spacings_m) - y_m
+    aside_m = _find_line(y_m, yaws_rad, compared.left_m.astype(np.float64), grid.spacings_m) - y_m
     turned2 = float((share * turned_rad**2).sum())
     both = float((share * turned_rad * aside_m).sum())
     on_m = min(max(-both / max(turned2, 1e-9), NEAREST_M - PLACE_M), FARTHEST_M - PLACE_M)
@@ -170,10 +171,10 @@ def _spread(comb: _Comb, grid: RowGrid, compared: Compared, weighed: FloatArray)
 
 
 def _find_line(
-    x_m: float, y_m: float, yaw_rad: FloatArray | float, left_m: FloatArray | float,
-    spacing_m: FloatArray | float,
-) -> FloatArray | float:  # fmt: skip
-    """Find where, at `x_m` ahead, the line of a comb nearest to `y_m` lies to the left."""
-    off_m = np.cos(yaw_rad) * y_m - np.sin(yaw_rad) * x_m - left_m
-    off_m = off_m - spacing_m * np.round(off_m / spacing_m)
-    return y_m - off_m / np.cos(yaw_rad)
+    y_m: float, yaws_rad: FloatArray, left_m: FloatArray, spacings_m: FloatArray
+) -> FloatArray:
+    """Find where, at PLACE_M ahead, the lines of combs nearest to `y_m` lie to the left."""
+    off_m = np.cos(yaws_rad) * y_m - np.sin(yaws_rad) * PLACE_M - left_m
+    off_m = off_m - spacings_m * np.round(off_m / spacings_m)
+    found: FloatArray = y_m - off_m / np.cos(yaws_rad)
+    return found

@@ -141,7 +141,7 @@ def _find_bins(ground: FarGround, yaws_rad: FloatArray, bend_per_m: float = 0.0)
     """Find the bin (yaws, N) of each place across rows of each direction."""
     cos, sin = np.cos(yaws_rad)[:, None], np.sin(yaws_rad)[:, None]
     left_m = cos * ground.y_m - sin * ground.x_m - bend_per_m * ground.x_m**2 / 2.0
-    bins = ((left_m / SIDE_M + 1.0) * (BINS / 2)).clip(0, BINS - 1).astype(np.intp)
+    bins: Index = ((left_m / SIDE_M + 1.0) * (BINS / 2)).clip(0, BINS - 1).astype(np.intp)
     own: Index = bins + BINS * np.arange(len(yaws_rad))[:, None]
     return own
 
@@ -151,8 +151,9 @@ def _sum_across(contrast: FloatArray, ground: FarGround, bins: Index) -> FloatAr
     value = contrast.ravel()[ground.cell]
     power = float((value**2 * ground.weight).sum() * ground.weight.sum())
     share = value * ground.weight / math.sqrt(power + 1e-12)
-    sums = np.bincount(bins.ravel(), np.broadcast_to(share, bins.shape).ravel(), len(bins) * BINS)
-    table: FloatArray = sums.reshape(-1, BINS)
+    shares: FloatArray = np.broadcast_to(share, bins.shape).ravel()
+    table: FloatArray = np.zeros((len(bins), BINS))
+    table += np.bincount(bins.ravel(), shares, table.size).reshape(table.shape)
     table[:, [0, -1]] = 0.0  # and all that is farther aside
     return table
 

@@ -94,9 +94,10 @@ def fit_row_mount(
     contrasts: Sequence[FloatArray], camera: CameraSpec, spacing_m: float, rng: np.random.Generator
 ) -> RowMountFit:
     """Fit the mount to contrasts (CELLS, CELLS) of pictures of rows `spacing_m` apart."""
-    coarse = _Axes(PITCHES_RAD, np.geomspace(*(
+    nearest, farthest = (
         (UNIT_M - FOLIAGE_M) * spacing_m / (height_m - FOLIAGE_M) for height_m in HEIGHTS_M[::-1]
-    ), SPACINGS))  # fmt: skip
+    )
+    coarse = _Axes(PITCHES_RAD, np.geomspace(nearest, farthest, SPACINGS))
     level = _open_view(camera, 0.0)
     table = np.stack([_weigh(one, coarse, level, YAWS_RAD) for one in contrasts])
     best = _find_coarse(table[None])
