@@ -46,10 +46,10 @@ def calibrate_by_rows(options: argparse.Namespace) -> tuple[RowMountResult, str]
         format_row_mount,
         list_pictures,
         open_recording,
-        read_pictures,
     )
     from agribot.autonomy.perceive.segmenter import Segmenter
     from agribot.description.loader import load_robot
+    from agribot.record.picture_files import read_pictures
 
     if (options.pictures is None) == (options.recording is None):
         raise ConfigError("--rows needs pictures: give either --pictures DIR or --recording FILE")

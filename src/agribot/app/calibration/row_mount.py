@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
 import msgspec
 import numpy as np
-from PIL import Image, UnidentifiedImageError
 
 from agribot.app.calibration.advice import format_advice
 from agribot.app.calibration.recorded_robot import read_measured_robot
@@ -26,6 +25,7 @@ from agribot.core.geo import rpy_from_rotation
 from agribot.core.messages import ByteArray
 from agribot.core.robot import CameraSpec, RobotSpec
 from agribot.record.mcap_file import read_messages
+from agribot.record.picture_files import read_pictures
 from agribot.record.replay import read_config
 from agribot.ros.messages.rosmsg import read_compressed_image
 
@@ -65,19 +65,6 @@ def choose_evenly(items: Sequence[Item]) -> list[Item]:
     """Choose at most MOST_PICTURES of items, evenly."""
     count = min(len(items), MOST_PICTURES)
     return [items[k * len(items) // count] for k in range(count)]
-
-
-def read_pictures(paths: Iterable[Path | io.BytesIO]) -> Iterator[ByteArray]:
-    """Read pictures (H, W, 3).
-
-    Raises: ConfigError: one cannot be read.
-    """
-    for path in paths:
-        try:
-            with Image.open(path) as image:
-                yield np.asarray(image.convert("RGB"))
-        except (OSError, UnidentifiedImageError) as error:
-            raise ConfigError(f"a picture cannot be read ({error}); leave it out") from error
 
 
 def open_recording(path: Path) -> tuple[RobotSpec, RunConfig, list[ByteArray]]:
