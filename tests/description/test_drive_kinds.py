@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from agribot.cli.main import main
 from agribot.core.errors import DescriptionError
 from agribot.description.loader import check_robot, load_robot
 from agribot.description.package import ROOT
+from agribot.description.turning import compute_yaw_multiplier
 
 BASE = """<link name="base_link"><inertial><mass value="30"/>
   <inertia ixx="0.6" ixy="0" ixz="0" iyy="1.7" iyz="0" izz="2.0"/></inertial></link>"""
@@ -27,7 +29,7 @@ ROLLER = """<link name="{name}"/><joint name="{name}_joint" type="continuous">
 PLUGIN = '<gazebo><plugin name="drive" filename="{file}">{inside}</plugin></gazebo>'
 CORNERS = {"rear_right": (-0.25, -0.28), "rear_left": (-0.25, 0.28),
            "front_right": (0.25, -0.28), "front_left": (0.25, 0.28)}  # fmt: skip
-ONLY = "only skid steer on four driven wheels is simulated and controlled"
+ONLY = "only skid steer on four, six or eight driven wheels is simulated and controlled"
 
 
 def wheel(name: str, x: float, y: float, parent: str = "base_link") -> str:
@@ -90,9 +92,28 @@ KINDS = {
         "along y of base_link; turning links: rear_right_wheel, rear_left_wheel; castors: "
         "caster_ball",
     ),
-    "six wheels": (
-        FOUR + MIDDLE,
-        "wheels: 'middle_right_wheel', 'middle_left_wheel' stand beside the four at the corners",
+    "five wheels": (FOUR + wheel("nose_wheel", 0.4, 0.0), "wheels: it stands on 5 wheels ('rear"),
+    "six wheels of which two stand in line": (
+        FOUR + wheel("rear_wheel", -0.4, 0.0) + wheel("nose_wheel", 0.4, 0.0),
+        "wheels: 'rear_right_wheel', 'rear_wheel' are no pair, right and left",
+    ),
+    "ten wheels": (
+        FOUR + "".join(wheel(f"w{k}_wheel", k / 90.0, (-1) ** k * 0.28) for k in range(6)),
+        "wheels: it stands on 10 wheels",
+    ),
+    "two driven wheels between four that roll": (
+        FOUR + MIDDLE + PLUGIN.format(
+            file="gz-sim-diff-drive-system",
+            inside="<left_joint>middle_left_wheel_joint</left_joint>"
+            "<right_joint>middle_right_wheel_joint</right_joint>",
+        ),
+        "does not drive 'rear_right_wheel', 'rear_left_wheel', 'front_right_wheel', "
+        "'front_left_wheel', which would roll along",
+    ),
+    "a small wheel between large ones": (
+        FOUR + MIDDLE.replace('radius="0.16"', 'radius="0.12"'),
+        "link 'middle_right_wheel': a wheel of 0.12 m radius between wheels of 0.16 m; all wheels "
+        "of a skid steer",
     ),
     "mecanum by name": (
         wheels(*ALL, name="{}_mecanum_wheel"),
@@ -120,14 +141,13 @@ KINDS = {
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_no_skid_steer_on_four_wheels_is_refused_by_its_parts(
-    tmp_path: Path, kind: str
-) -> None:
+def test_what_is_no_skid_steer_is_refused_by_its_parts(tmp_path: Path, kind: str) -> None:
     inside, words = KINDS[kind]
     with pytest.raises(DescriptionError) as refused:
         load_robot(file_of(tmp_path, inside))
     assert words in str(refused.value)
-    assert ONLY in str(refused.value) or "four wheel joints at the corners" in words
+    said = (ONLY, "four wheel joints at the corners", "give them one radius")
+    assert any(word in str(refused.value) for word in said)
 
 
 def test_a_check_lists_it_as_a_fault_and_a_run_does_not_begin(
@@ -142,14 +162,51 @@ def test_a_check_lists_it_as_a_fault_and_a_run_does_not_begin(
     assert not out.exists()
 
 
-def test_a_middle_pair_in_our_own_description_is_refused(tmp_path: Path) -> None:
+def test_wheels_between_the_corners_are_named_by_their_place_and_drive(tmp_path: Path) -> None:
+    robot = load_robot(file_of(tmp_path, MIDDLE + FOUR))
+    assert robot.middle_wheels == ("right_wheel_M", "left_wheel_M")
+    places = [*CORNERS.values(), (0.0, -0.28), (0.0, 0.28)]
+    assert robot.wheel_xy_body_m().tolist() == pytest.approx(np.array(places))
+    four = load_robot(file_of(tmp_path, FOUR))
+    assert four.middle_wheels == ()
+    assert four.drive.yaw_multiplier == pytest.approx(1.0 + 0.25**2 / 0.28**2)
+    assert 1.0 < robot.drive.yaw_multiplier < four.drive.yaw_multiplier
+
+
+def test_the_multiplier_of_four_wheels_is_the_known_one_and_middle_wheels_lower_it() -> None:
+    four = compute_yaw_multiplier([0.25, 0.25, -0.25, -0.25], 0.39)
+    assert four == pytest.approx(1.0 + 0.25**2 / 0.39**2)
+    six = compute_yaw_multiplier([0.25, 0.25, -0.25, -0.25, 0.0, 0.0], 0.39)
+    assert 1.0 < six < four
+    assert compute_yaw_multiplier([0.1, 0.1, -0.1, -0.1, 0.0, 0.0], 0.39) == pytest.approx(
+        1.0, abs=1e-5
+    )
+
+
+def test_eight_wheels_are_two_pairs_between_the_corners(tmp_path: Path) -> None:
+    pairs = [(x, y) for x in (0.1, -0.1) for y in (0.28, -0.28)]
+    parts = "".join(wheel(f"w{k}_wheel", *place) for k, place in enumerate(pairs))
+    robot = load_robot(file_of(tmp_path, FOUR + parts))
+    at = {name: tuple(robot.base_from_link(name)[:2, 3]) for name in robot.middle_wheels}
+    assert at == {
+        "right_wheel_MR": (-0.1, -0.28), "left_wheel_MR": (-0.1, 0.28),
+        "right_wheel_MF": (0.1, -0.28), "left_wheel_MF": (0.1, 0.28),
+    }  # fmt: skip
+
+
+def test_a_middle_pair_in_our_own_description_drives_though_its_plugin_names_four(
+    tmp_path: Path,
+) -> None:
     """Under the names that the packaged robot gives its wheels, as its xacro's macro makes them."""
     text = (ROOT / "urdf" / "agribot.urdf").read_text()
     middle = wheel("right_wheel_M", 0.0, -0.39) + wheel("left_wheel_M", 0.0, 0.39)
     file = tmp_path / "six.urdf"
-    file.write_text(text.replace("</robot>", f"{middle}</robot>"))
-    with pytest.raises(DescriptionError, match=r"'right_wheel_M', 'left_wheel_M' stand beside"):
-        load_robot(str(file))
+    file.write_text(text.replace("</robot>", f"{middle}</robot>").replace("0.16", "0.09"))
+    robot = load_robot(str(file))
+    assert robot.middle_wheels == ("right_wheel_M", "left_wheel_M")
+    said = " ".join(robot.warnings)
+    assert "does not drive 'right_wheel_M', 'left_wheel_M'; here all six wheels drive" in said
+    assert "<yaw_multiplier> is 1.415; from the places of all wheels it is 1.09;" in said
 
 
 def test_suspensions_and_reels_are_no_steering_and_no_wheels(tmp_path: Path) -> None:

@@ -210,6 +210,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
     mag: SensorMount | None = None  # many robots have none: motors disturb it
     camera: CameraSpec | None = None
     implement: ImplementSpec | None = None
+    middle_wheels: tuple[str, ...] = ()  # driven ones between the corners: right, left, rear first
     warnings: tuple[str, ...] = ()  # what the description left out and what is used instead
 
     def link(self, name: str) -> Link:
@@ -232,7 +233,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
         """
         turning_kgm2 = sum(
             max(self.link(name).inertia_kgm2[:3]) + self.drive.rotor_inertia_kgm2
-            for name in WHEEL_NAMES
+            for name in self.wheel_names
         )
         weight_n = GRAVITY_MPS2 * self.mass_kg
         rolling_kg = self.mass_kg + turning_kgm2 / self.drive.wheel_radius_m**2
@@ -240,6 +241,11 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
         if rolling_mps2 <= 0.0:
             return math.inf
         return abs(v_mps) * REACTION_S + v_mps**2 / (2.0 * rolling_mps2)
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        """All wheels: those at the corners as in WHEEL_NAMES, then those between them."""
+        return (*WHEEL_NAMES, *self.middle_wheels)
 
     @property
     def tool_x_m(self) -> float:
@@ -283,8 +289,8 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
         return self.body_from_link(self.camera.link) @ LINK_FROM_OPTICAL
 
     def wheel_xy_body_m(self) -> FloatArray:
-        """List the ground contacts of the four wheels in the order of WHEEL_NAMES, (4, 2)."""
-        return np.array([self.base_from_link(name)[:2, 3] for name in WHEEL_NAMES])
+        """List the ground contacts of the wheels in the order of `wheel_names`, (n, 2)."""
+        return np.array([self.base_from_link(name)[:2, 3] for name in self.wheel_names])
 
     @property
     def mass_kg(self) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.robot import GRAVITY_MPS2, Joint, Link
+from agribot.description.adopt_wheels import list_middle_wheels
 from agribot.description.devices import (
     find_wheel_size,
     is_in_plugin,
@@ -21,14 +22,17 @@ from agribot.description.tags import (
     GNSS_PLUGINS,
     IMU_PLUGINS,
     MAG_PLUGINS,
+    TagBlock,
     find_extra,
     find_plugin,
     find_sensor,
 )
+from agribot.description.turning import compute_yaw_multiplier
 
 # The packaged robot, whose drive and tyres others are scaled from.
 MASS_KG, RADIUS_M = 5.1122, 0.09
 TINY = 1e-9  # a robot without mass is refused later
+SAME_MULTIPLIER = 0.05
 MIN_TORQUE_RATIO = 0.5  # of weight times wheel radius, for each wheel
 CAMERA_HEIGHT_M, CAMERA_PITCH_RAD = 0.9, math.radians(50.0)
 
@@ -64,7 +68,7 @@ def adopt_devices(
     efforts = [j.effort_nm for j in joints if j.child in WHEEL_NAMES and j.effort_nm > 0.0]
     torque_nm = min([MIN_TORQUE_RATIO * mass_kg * GRAVITY_MPS2 * radius_m, *efforts])
     drive = {
-        "yaw_multiplier": (half_base_m**2 + half_track_m**2) / half_track_m**2,
+        "yaw_multiplier": _find_multiplier(joints, half_base_m, half_track_m),
         "rotor_inertia_kgm2": 1.42e-3 * inertia, "servo_gain_nmspr": 1.0 * inertia,
         "pid_p_nmspr": 0.3 * inertia, "pid_i_nmprad": 3.0 * inertia,
         "pid_d_nms2prad": 5e-4 * inertia,
@@ -75,6 +79,8 @@ def adopt_devices(
         "winding_ohm": 0.299 / max(scale, TINY), "no_load_a": 0.137 * scale,
     }  # fmt: skip
     told = find_extra(root, "drive", source)
+    if told is not None and list_middle_wheels(joints):
+        _check_multiplier(told, drive["yaw_multiplier"], source)
     if told is None or "motor_torque_nm" not in told.tags:
         drive["gear_efficiency_ratio"] = 0.83
     tyre = {
@@ -94,6 +100,30 @@ def adopt_devices(
             _move_to_base(root, kind, links, source)
     if foreign and find_sensor(root, ("camera",)) is None:
         _add_camera(root, half_base_m, at_m["left_wheel_F"][2] - radius_m, source)
+
+
+def _find_multiplier(joints: Sequence[Joint], half_base_m: float, half_track_m: float) -> float:
+    middle = list_middle_wheels(joints)
+    if not middle:
+        return (half_base_m**2 + half_track_m**2) / half_track_m**2
+    at_m = {joint.child: joint.origin.xyz_m[0] for joint in joints}
+    centre_m = (at_m["left_wheel_F"] + at_m["left_wheel_R"]) / 2.0
+    arms_m = [half_base_m, half_base_m, -half_base_m, -half_base_m]
+    arms_m += [at_m[name] - centre_m for name in middle]
+    return compute_yaw_multiplier(arms_m, half_track_m)
+
+
+def _check_multiplier(told: TagBlock, fitting: float, source: SourceFile) -> None:
+    """Warn of a multiplier that does not fit the places of more than four wheels."""
+    if "yaw_multiplier" not in told.tags:
+        return
+    written = told.read_positive("yaw_multiplier")
+    if abs(written - fitting) > SAME_MULTIPLIER * fitting:
+        source.warn(
+            f"{told.what}: <yaw_multiplier> is {written:.4g}; from the places of all wheels it is "
+            f"{fitting:.4g}; write that, unless it was measured",
+            told.element,
+        )
 
 
 def _add_drive_plugin(

@@ -1,4 +1,4 @@
-"""Other people's robots: their base and their four wheels under the names used here.
+"""Other people's robots: their base and their wheels under the names used here.
 
 The tree is changed in place, so that export, recording and physics all see the same robot.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from agribot.core.geo import inverse
-from agribot.core.messages import WHEEL_NAMES, FloatArray
+from agribot.core.messages import MIDDLE_WHEEL_NAMES, WHEEL_NAMES, FloatArray
 from agribot.core.robot import Joint, Link
 from agribot.description.adopt_masses import (
     BASE,
@@ -27,6 +27,7 @@ from agribot.description.drive_kind import (
     find_wheels,
     leave_driven,
     list_fixed_castors,
+    pair_wheels,
 )
 from agribot.description.elements import SourceFile
 from agribot.description.markup import PlacedElement
@@ -37,6 +38,7 @@ from agribot.description.poses import to_origin
 BASE_WORDS = ("base", "chassis", "body", "base_footprint")
 DEFAULT_RADIUS_M = 0.1
 WIDTH_PER_RADIUS = 0.5
+SAME_RADIUS_RATIO = 0.02
 
 
 def make_names_unique(root: ET.Element, source: SourceFile) -> None:
@@ -83,31 +85,38 @@ def adopt_wheels(
     source: SourceFile,
     folder: Path,
 ) -> None:
-    """Name four wheels by their place, put them on base_link and give them size and mass.
+    """Name the wheels by their place, put them on base_link and give them size and mass.
 
-    Raises: DescriptionError: there are no four wheels whose axles lie across the robot, or it
-        drives otherwise.
+    Raises: DescriptionError: there are no four wheels or more whose axles lie across the robot, or
+        it drives otherwise.
     """
     poses = _compute_poses(links, joints)
     driven = leave_driven(root, find_wheels(joints, poses), joints, poses, source)
     wheels = _choose_wheels(root, driven, joints, source)
-    for name, wheel in zip(WHEEL_NAMES, wheels, strict=True):
+    named, radii_m = list(zip(_list_names(wheels), wheels, strict=True)), list[float]()
+    for name, wheel in named:
         if wheel.joint.child != name:
             source.warn(f"link '{wheel.joint.child}' is taken for {name}, from its place")
         _mount(root, wheel, poses, source)
-    renamed = {
-        wheel.joint.child: f"{name}/new" for name, wheel in zip(WHEEL_NAMES, wheels, strict=True)
-    }
-    for old, new in renamed.items():
-        _rename(root, old, new)
-    for name, wheel in zip(WHEEL_NAMES, wheels, strict=True):
+    for name, wheel in named:
+        _rename(root, wheel.joint.child, f"{name}/new")
+    for name, wheel in named:
         _rename(root, name, f"{name}_other")
         _rename(root, f"{name}/new", name)
         element = _find_named(root, "link", name)
         size = _give_cylinder(element, wheel, source, folder)
         if element.find("inertial") is None:
             give_wheel_mass(element, wheel.joint.axis, size, source)
+        radii_m.append(size[0])
+    _check_radii(wheels, radii_m, source)
     mend_inertias(root, source)
+
+
+def list_middle_wheels(joints: Sequence[Joint]) -> tuple[str, ...]:
+    """List the wheels between the corners of an adopted robot: right and left, rear first."""
+    turning = {joint.child for joint in joints if joint.kind == "continuous"}
+    groups = [names for names in MIDDLE_WHEEL_NAMES.values() if names and turning.issuperset(names)]
+    return groups[0] if groups else ()
 
 
 def _compute_poses(links: Sequence[Link], joints: Sequence[Joint]) -> dict[str, FloatArray]:
@@ -129,18 +138,15 @@ def _compute_poses(links: Sequence[Link], joints: Sequence[Joint]) -> dict[str, 
 def _choose_wheels(
     root: ET.Element, wheels: list[Wheel], joints: Sequence[Joint], source: SourceFile
 ) -> list[Wheel]:
-    """Choose four wheels, in the order of WHEEL_NAMES: rear and front, right and left."""
+    """Choose the wheels: the corners in the order of WHEEL_NAMES, then those between them."""
     own = {wheel.joint.child: wheel for wheel in wheels if wheel.joint.child in WHEEL_NAMES}
-    if len(own) == len(WHEEL_NAMES):
+    if len(own) == len(wheels) == len(WHEEL_NAMES):
         return [own[name] for name in WHEEL_NAMES]
-    ordered = sorted(wheels, key=lambda wheel: float(wheel.centre_m[0]))
-    pairs = [
-        sorted(pair, key=lambda w: float(w.centre_m[1])) for pair in (ordered[:2], ordered[-2:])
-    ]
+    pairs = pair_wheels(wheels)
     apart = len(wheels) >= len(WHEEL_NAMES) and all(
-        pair[1].centre_m[1] - pair[0].centre_m[1] > 0.01 for pair in pairs
+        left.centre_m[1] - right.centre_m[1] > 0.01 for right, left in pairs
     )
-    if not apart or pairs[1][0].centre_m[0] - pairs[0][0].centre_m[0] < 0.01:
+    if not apart or pairs[-1][0].centre_m[0] - pairs[0][0].centre_m[0] < 0.01:
         turning = [j.child for j in joints if j.kind not in {"fixed", "floating"}]
         castors = list_fixed_castors(root)
         raise source.fail(
@@ -149,7 +155,23 @@ def _choose_wheels(
             f"along y of {BASE}; turning links: {', '.join(turning) or 'none'}"
             + (f"; castors: {', '.join(castors)}" if castors else ""),
         )
-    return [wheel for pair in pairs for wheel in pair]
+    return [wheel for pair in (pairs[0], pairs[-1], *pairs[1:-1]) for wheel in pair]
+
+
+def _check_radii(wheels: Sequence[Wheel], radii_m: Sequence[float], source: SourceFile) -> None:
+    """Refuse wheels between the corners that are not as large as those at the corners."""
+    for wheel, radius_m in list(zip(wheels, radii_m, strict=True))[len(WHEEL_NAMES) :]:
+        if abs(radius_m - radii_m[0]) > SAME_RADIUS_RATIO * radii_m[0]:
+            raise source.fail(
+                f"link '{wheel.joint.child}'",
+                f"a wheel of {radius_m:g} m radius between wheels of {radii_m[0]:g} m; all wheels "
+                "of a skid steer on more than four turn at the speed of their side; give them one "
+                "radius",
+            )
+
+
+def _list_names(wheels: Sequence[Wheel]) -> tuple[str, ...]:
+    return (*WHEEL_NAMES, *MIDDLE_WHEEL_NAMES[len(wheels) - len(WHEEL_NAMES)])
 
 
 def _mount(

@@ -1,4 +1,4 @@
-"""What a robot drives with: skid steer on four wheels, or what is refused by its name."""
+"""What a robot drives with: skid steer on four to eight wheels, or a refusal by its name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.core.messages import WHEEL_NAMES, FloatArray
+from agribot.core.messages import MIDDLE_WHEEL_NAMES, WHEEL_NAMES, FloatArray
 from agribot.core.robot import Joint
 from agribot.description.elements import SourceFile
 from agribot.description.tags import (
@@ -33,7 +33,7 @@ OTHER_DRIVES = {
     "drives sideways": ("mecanum", "planar_move", "omni_drive", "omnidrive"),
     "drives tracks": ("tracked", "track_controller", "track-controller", "trackcontroller"),
 }
-ONLY = "only skid steer on four driven wheels is simulated and controlled"
+ONLY = "only skid steer on four, six or eight driven wheels is simulated and controlled"
 TO_TRY = (
     "to try it as one, make the joints of the others fixed and leave four wheels at the corners"
 )
@@ -93,10 +93,10 @@ def leave_driven(
     poses: Mapping[str, FloatArray],
     source: SourceFile,
 ) -> list[Wheel]:
-    """Return the four wheels that drive, or fewer where there are none; castors are named.
+    """Return the wheels that drive, or fewer where there are none; castors are named.
 
     Raises: DescriptionError: the robot steers wheels, drives sideways, on tracks, on two wheels and
-        castors, or on more than four wheels.
+        castors, or on wheels that are no pairs, or more than eight.
     """
     wheels = _leave_named(wheels, source)
     _check_plugins(root, source)
@@ -108,13 +108,14 @@ def leave_driven(
         names = _quote(turned[wheel.joint.child] for wheel in steered)
         raise source.fail("wheels", f"{_name(steered)} are steered, by {names}; {ONLY}; {TO_TRY}")
     driven = [wheel for wheel in wheels if wheel not in castors]
-    if castors and len(driven) != len(WHEEL_NAMES):
+    if castors and len(driven) < len(WHEEL_NAMES):
         raise source.fail(
             "wheels",
             f"it drives on {_name(driven)} and rolls on castors ({_name(castors)}); {ONLY}",
         )
     for castor in castors:
-        source.warn(f"castor '{castor.joint.child}' is not simulated; four wheels carry the robot")
+        rest = f"{_count(driven)} wheels carry the robot"
+        source.warn(f"castor '{castor.joint.child}' is not simulated; {rest}")
     _check_number(driven, source)
     _tell_undriven(root, driven, source)
     return driven
@@ -185,17 +186,30 @@ def _is_castor(wheel: Wheel, steering: str) -> bool:
     return any(word in f"{wheel.names} {steering.lower()}" for word in CASTOR_WORDS)
 
 
+def pair_wheels(wheels: Sequence[Wheel]) -> list[tuple[Wheel, Wheel]]:
+    """Pair the wheels from the rear to the front, each pair right and left."""
+    ordered = sorted(wheels, key=lambda wheel: float(wheel.centre_m[0]))
+    pairs = [sorted(ordered[k : k + 2], key=_find_left_m) for k in range(0, len(ordered) - 1, 2)]
+    return [(pair[0], pair[1]) for pair in pairs]
+
+
 def _check_number(driven: Sequence[Wheel], source: SourceFile) -> None:
-    """Refuse wheels between those at the corners, which nothing would drive or carry."""
-    if len(driven) <= len(WHEEL_NAMES):
+    """Refuse wheels that are more than four and no pairs, each with one on either side."""
+    more = len(driven) - len(WHEEL_NAMES)
+    if more <= 0:
         return
-    own = [wheel for wheel in driven if wheel.joint.child in WHEEL_NAMES]
-    ordered = sorted(driven, key=lambda wheel: float(wheel.centre_m[0]))
-    corners = own if len(own) == len(WHEEL_NAMES) else [*ordered[:2], *ordered[-2:]]
-    others = [wheel for wheel in driven if wheel not in corners]
-    raise source.fail(
-        "wheels", f"{_name(others)} stand beside the four at the corners; {ONLY}; {TO_TRY}"
-    )
+    if more not in MIDDLE_WHEEL_NAMES:
+        names = f"{len(driven)} wheels ({_name(driven)})"
+        raise source.fail("wheels", f"it stands on {names}; {ONLY}; {TO_TRY}")
+    middle_m = sum(map(_find_left_m, driven)) / len(driven)
+    for right, left in pair_wheels(driven):
+        if not _find_left_m(right) < middle_m < _find_left_m(left):
+            names = _name((right, left))
+            raise source.fail("wheels", f"{names} are no pair, right and left; {ONLY}; {TO_TRY}")
+
+
+def _find_left_m(wheel: Wheel) -> float:
+    return float(wheel.centre_m[1])
 
 
 def _tell_undriven(root: ET.Element, driven: Sequence[Wheel], source: SourceFile) -> None:
@@ -206,8 +220,16 @@ def _tell_undriven(root: ET.Element, driven: Sequence[Wheel], source: SourceFile
     )
     named = {read_tag_value(element) for element in joints}
     rolling = [wheel for wheel in driven if wheel.joint.name not in named]
-    if plugin is not None and 0 < len(rolling) < len(driven):
-        source.warn(f"{plugin.what} does not drive {_name(rolling)}; here all four wheels drive")
+    if plugin is None or not 0 < len(rolling) < len(driven):
+        return
+    told = f"{plugin.what} does not drive {_name(rolling)}"
+    if len(driven) > len(WHEEL_NAMES) > len(driven) - len(rolling):
+        raise source.fail("wheels", f"{told}, which would roll along; {ONLY}; {TO_TRY}")
+    source.warn(f"{told}; here all {_count(driven)} wheels drive")
+
+
+def _count(wheels: Sequence[Wheel]) -> str:
+    return {4: "four", 6: "six", 8: "eight"}.get(len(wheels), str(len(wheels)))
 
 
 def _name(wheels: Sequence[Wheel]) -> str:

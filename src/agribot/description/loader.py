@@ -16,6 +16,7 @@ from agribot.description.adopt_devices import adopt_devices
 from agribot.description.adopt_wheels import (
     adopt_base,
     adopt_wheels,
+    list_middle_wheels,
     make_names_unique,
     tell_loose_links,
 )
@@ -108,7 +109,7 @@ def _read_robot(root: ET.Element, source: SourceFile, path: Path) -> RobotSpec:
     _adopt(root, source, path.parent)
     links = read_links(root, source)
     joints = read_joints(root, source)
-    _check_masses(links, source)
+    _check_masses(links, list_middle_wheels(joints), source)
     drive = devices.read_drive(root, links, joints, source)
     _check_weight(links, drive, source)
     imu, gnss, mag = devices.read_mounts(root, links, source)
@@ -123,14 +124,16 @@ def _read_robot(root: ET.Element, source: SourceFile, path: Path) -> RobotSpec:
         mag=mag,
         camera=devices.read_camera(root, links, source),
         implement=read_implement(root, source),
+        middle_wheels=list_middle_wheels(joints),
     )
     tell_turned(robot, source)
     return msgspec.structs.replace(robot, warnings=source.list_warnings())
 
 
-def _check_masses(links: Sequence[Link], source: SourceFile) -> None:
+def _check_masses(links: Sequence[Link], middle_wheels: Sequence[str], source: SourceFile) -> None:
     """Check that every wheel and the rest of the robot have a mass, and none is negative."""
-    wheels = {link.name: link.mass_kg for link in links if link.name in WHEEL_NAMES}
+    wheel_names = (*WHEEL_NAMES, *middle_wheels)
+    wheels = {link.name: link.mass_kg for link in links if link.name in wheel_names}
     bodies = {**wheels, "base_link": sum(link.mass_kg for link in links if link.name not in wheels)}
     for name, mass_kg in {**{link.name: link.mass_kg for link in links}, **bodies}.items():
         if mass_kg < 0.0 or (name in bodies and mass_kg == 0.0):

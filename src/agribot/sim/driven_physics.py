@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from agribot.core.messages import FloatArray, Four
+from agribot.core.errors import PlatformError
+from agribot.core.messages import WHEEL_NAMES, FloatArray, Four
 from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.sim import kernel
 from agribot.sim.physics import Physics
 from agribot.sim.state import WHEEL_SPEED
+
+HELD_BY_DRIVER = slice(kernel.BOARD_INTEGRAL, kernel.BOARD_INTEGRAL + len(WHEEL_NAMES))
 
 
 class WheelDriver(Protocol):
@@ -30,6 +33,11 @@ class DrivenPhysics(Physics):
     def __init__(
         self, robot: RobotSpec, world: WorldSpec, physics_step_ns: int, driver: WheelDriver
     ) -> None:
+        if robot.middle_wheels:
+            raise PlatformError(
+                f"robot '{robot.name}' has {len(robot.wheel_names)} wheels; the firmware's board "
+                "drives four motors; take the simulator's own board (--platform sim)"
+            )
         self._driver: WheelDriver | None = None  # the robot settles on its own board
         super().__init__(robot, world, physics_step_ns, is_effort=True)
         self._board = self._board._replace(p_nmspr=0.0, i_nmprad=0.0, d_nms2prad=0.0)
@@ -43,5 +51,5 @@ class DrivenPhysics(Physics):
         if self._driver is not None:
             a, b, c, d = history[0, WHEEL_SPEED].tolist()
             torque_nm = self._driver.drive(self._dt_s * steps, (a, b, c, d))
-            self._board_state[kernel.BOARD_HOLD] = torque_nm
+            self._board_state[HELD_BY_DRIVER] = torque_nm
         super()._run(history, steps)

@@ -76,9 +76,10 @@ class PlantDamage:
         stems_m = np.array([p.stem_radius_m for p in plants], dtype=float)
         self._grid = build_plant_grid(list_places_m(plants), stems_m)
         self._hit_s = np.full(len(plants), np.nan)
-        self._active = np.ones(4, dtype=bool)
+        self._active = np.ones(len(robot.wheel_names), dtype=bool)
         drive = robot.drive
-        sunk_m = robot.mass_kg * world.gravity_mps2 / 4.0 / robot.tyre.normal_stiffness_npm
+        load_n = robot.mass_kg * world.gravity_mps2 / len(robot.wheel_names)
+        sunk_m = load_n / robot.tyre.normal_stiffness_npm
         self._feet = Footprints(
             robot.wheel_xy_body_m(),
             math.sqrt(2.0 * drive.wheel_radius_m * sunk_m),

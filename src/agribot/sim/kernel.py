@@ -16,7 +16,7 @@ from agribot.core.messages import FloatArray, Vec3
 from agribot.sim.jit import compile_exact
 from agribot.sim.mujoco_library import Library, call
 from agribot.sim.soil import SoilLaw
-from agribot.sim.state import Board, Inertial, Motor, StateViews
+from agribot.sim.state import HISTORY_COLUMNS, MOST_WHEELS, Board, Inertial, Motor, StateViews
 from agribot.sim.tyre import Terrain, TyreLaw
 
 # Below this spin the rolling resistance fades out, so that a parked wheel is not driven by it.
@@ -42,10 +42,10 @@ SOIL_STATES = 3
 
 # Entries of the motor board's state.
 BOARD_V, BOARD_YAW_RATE, BOARD_TARGET_V, BOARD_TARGET_YAW_RATE, BOARD_TIME_LEFT = range(5)
-# Then four of each, in the order of the wheels.
-BOARD_TARGET, BOARD_INTEGRAL, BOARD_SPEED, BOARD_FAULT_TIME = 5, 9, 13, 17
-BOARD_SIZE = 21
-BOARD_HOLD = slice(BOARD_INTEGRAL, BOARD_INTEGRAL + 4)
+# Then MOST_WHEELS of each, in the order of the wheels.
+BOARD_TARGET, BOARD_INTEGRAL, BOARD_SPEED, BOARD_FAULT_TIME = 5, 13, 21, 29
+BOARD_SIZE = 37
+BOARD_HOLD = slice(BOARD_INTEGRAL, BOARD_INTEGRAL + MOST_WHEELS)
 
 # A wheel is at fault that for so long hardly turns or gets hardly any torque when it should.
 FAULT_AFTER_S = 0.5
@@ -191,7 +191,7 @@ def apply_tyre_forces(
 
     `centre`, `com`, `rotation` (xpos, xipos, xmat) and `velocity` (cvel: angular, linear at
     the point `velocity_at`) are MuJoCo's, row = body; the axle is the wheel body's y axis.
-    `bristle_m` (4, 2) keeps the deflection along and across each wheel.
+    `bristle_m` (wheels, 2) keeps the deflection along and across each wheel.
     """
     for k in range(wheel_body.shape[0]):
         b = wheel_body[k]
@@ -387,8 +387,8 @@ def apply_soil_forces(
 ) -> None:
     """Write what soil that gives way does to the wheels, as `apply_tyre_forces` for hard ground.
 
-    `sheared_m` (4, 2) is how far each wheel has sheared the soil, `state` (4, SOIL_STATES)
-    its sinkage and the way since it last pressed a rut.
+    `sheared_m` (wheels, 2) is how far each wheel has sheared the soil, `state` (wheels,
+    SOIL_STATES) its sinkage and the way since it last pressed a rut.
     """
     for k in range(wheel_body.shape[0]):
         b = wheel_body[k]
@@ -508,7 +508,7 @@ def _move_toward(value: float, target: float, limit: float) -> float:
 def run_board(state: FloatArray, board: Board, views: StateViews, dt_s: float) -> None:
     """Run one step of the motor board, `state` (BOARD_SIZE,): timeout, ramps, wheel control.
 
-    The order of the wheels is right, left, rear first.
+    The order of the wheels is right, left, rear first; each takes the speed of its side.
     """
     state[BOARD_TIME_LEFT] -= dt_s
     alive = 1.0 if state[BOARD_TIME_LEFT] > 0.0 else 0.0
@@ -521,8 +521,8 @@ def run_board(state: FloatArray, board: Board, views: StateViews, dt_s: float) -
     state[BOARD_V], state[BOARD_YAW_RATE] = v, yaw_rate
     side = yaw_rate * board.half_separation_m
     right, left = (v + side) / board.wheel_radius_m, (v - side) / board.wheel_radius_m
-    ctrl, speed = views.ctrl, views.qvel[6:10]
-    for k in range(4):
+    ctrl, speed = views.ctrl, views.qvel[6:]
+    for k in range(ctrl.shape[0]):
         state[BOARD_TARGET + k] = left if k % 2 else right
         ctrl[k] = _run_pid(k, state, board, speed[k], dt_s)
         if not board.is_effort:
@@ -549,7 +549,7 @@ def _run_pid(k: int, state: FloatArray, board: Board, speed_radps: float, dt_s: 
 def watch_wheels(state: FloatArray, board: Board, views: StateViews, dt_s: float) -> None:
     """Count in `state` (BOARD_SIZE,) how long each wheel has been stuck or without torque, s."""
     limit = board.torque_nm
-    for k in range(4):
+    for k in range(views.ctrl.shape[0]):
         target, speed = state[BOARD_TARGET + k], views.qvel[6 + k]
         wanted = views.ctrl[k]
         if not board.is_effort:
@@ -582,6 +582,27 @@ def compute_battery_power(motor: Motor, torque_nm: float, speed_radps: float) ->
     if power_w < 0.0:
         return power_w * motor.regeneration_ratio
     return power_w / motor.controller_efficiency_ratio
+
+
+@compile_exact
+def _record_middle(
+    row: FloatArray, views: StateViews, board_state: FloatArray, motor: Motor
+) -> tuple[float, float]:
+    """Write the wheels between the corners into `row`; return their work and what they draw, W."""
+    qpos, qvel, force = views.qpos, views.qvel, views.actuator_force
+    middle, work, drawn = force.shape[0] - 4, 0.0, 0.0
+    for j in range(middle):
+        k, at = 4 + j, HISTORY_COLUMNS + j
+        row[at] = qpos[7 + k]
+        row[at + middle] = qvel[6 + k]
+        row[at + 2 * middle] = force[k]
+        row[at + 3 * middle] = board_state[BOARD_TARGET + k]
+        fault_s = board_state[BOARD_FAULT_TIME + k]
+        row[at + 4 * middle] = 1.0 if fault_s > FAULT_AFTER_S else 0.0
+        row[27] += math.fabs(force[k])
+        work += math.fabs(force[k] * qvel[6 + k])
+        drawn += compute_battery_power(motor, force[k], qvel[6 + k])
+    return work, drawn
 
 
 @compile_exact
@@ -627,6 +648,9 @@ def record(
         row[36 + k] = 1.0 if board_state[BOARD_FAULT_TIME + k] > FAULT_AFTER_S else 0.0
         work += math.fabs(force[k] * qvel[6 + k])
         drawn += compute_battery_power(motor, force[k], qvel[6 + k])
+    if force.shape[0] > 4:
+        more_work, more_drawn = _record_middle(row, views, board_state, motor)
+        work, drawn = work + more_work, drawn + more_drawn
     row[40] = last[40] + work * dt_s
     row[41] = last[41] + drawn * dt_s
 

@@ -10,7 +10,7 @@ import numpy as np
 from agribot.core.errors import PlatformError
 from agribot.core.geo import rotation_from_rpy
 from agribot.core.implement.kind import Pull
-from agribot.core.messages import WHEEL_NAMES, DriveCommand, FloatArray
+from agribot.core.messages import DriveCommand, FloatArray
 from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.core.world import Obstacle, WorldSpec
 from agribot.sim import kernel
@@ -22,12 +22,12 @@ from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 from agribot.sim.soil import SoilLaw, make_soil_law
 from agribot.sim.state import (
     ANGULAR,
-    HISTORY_COLUMNS,
     POSITION,
     VELOCITY,
     Board,
     Inertial,
     Motor,
+    count_columns,
 )
 from agribot.sim.tyre import POINT_CONTACT, make_envelope, make_tyre_law
 from agribot.sim.walkers import place_walkers
@@ -40,13 +40,12 @@ FINE_SETTLINGS = 3
 SERVO_RESET_S = 0.1
 WALKER_STEP_S = 0.004  # a walker near the robot is put in its place so often
 OVERTURNED_COS = 0.17  # 80 degrees of tilt
-WHEEL_BODIES = np.arange(2, 6, dtype=np.int64)
 
 
 class Physics:
     """The simulated rigid body, advanced in whole steps.
 
-    `history` (steps + 1, HISTORY_COLUMNS) holds the states of the last advance. `board` is the
+    `history` (steps + 1, `count_columns`) holds the states of the last advance. `board` is the
     drive that the motor board assumes, by default the true one. Its wheel speeds go to ideal
     servos, or with `is_effort` through a PID per wheel to torques. `ground` is that of the world,
     for whoever looks at it as well. `is_held` while hands have it in the air.
@@ -63,6 +62,9 @@ class Physics:
         ground: GroundSurface | None = None,
     ) -> None:
         self.step = 0
+        self._names = robot.wheel_names
+        wheels = len(self._names)
+        self._wheel_bodies = np.arange(2, 2 + wheels, dtype=np.int64)
         self.ground = build_ground_surface(world) if ground is None else ground
         self._dt_s = physics_step_ns / NS_PER_S
         self._robot = robot
@@ -76,21 +78,22 @@ class Physics:
             self._engine.wheel_mass_kg,
             build_friction_grid(world),
             make_envelope(radius_m, width_m) if self.ground.is_fine else POINT_CONTACT,
+            wheels,
         )
         self._terrain = self.ground.make_grid()
         self._world, self._dry_friction = world, self._tyre.ground_friction.values.copy()
         self._soil = self._make_soil_law(1.0)
         self._is_pulled = self.is_held = False
-        self._limits_nm = [robot.drive.wheel_torque_nm] * len(WHEEL_NAMES)
+        self._limits_nm = [robot.drive.wheel_torque_nm] * wheels
         self._has_power = True
-        self._bristle_m = np.zeros((4, 2))
-        self._soil_state = np.zeros((4, kernel.SOIL_STATES))
+        self._bristle_m = np.zeros((wheels, 2))
+        self._soil_state = np.zeros((wheels, kernel.SOIL_STATES))
         self._motor = _make_motor(robot.drive)
         self._board = _make_board(board or robot.drive, is_effort)
         self._board_state = np.zeros(kernel.BOARD_SIZE)
         x_m, y_m, z_m = robot.base_from_link(robot.imu.link)[:3, 3].tolist()
         self._inertial = Inertial(x_m, y_m, z_m, world.gravity_mps2)
-        self.history = np.zeros((2, HISTORY_COLUMNS))
+        self.history = np.zeros((2, count_columns(len(self._names))))
         self._spawn(world.spawn_xy_map_m, world.spawn_yaw_map_rad)
 
     def command(self, drive: DriveCommand) -> None:
@@ -117,9 +120,9 @@ class Physics:
 
         Raises: PlatformError: no wheel has this name.
         """
-        if wheel not in WHEEL_NAMES:
-            raise PlatformError(f"no wheel '{wheel}'; there are: {', '.join(WHEEL_NAMES)}")
-        self._limits_nm[WHEEL_NAMES.index(wheel)] = torque_nm
+        if wheel not in self._names:
+            raise PlatformError(f"no wheel '{wheel}'; there are: {', '.join(self._names)}")
+        self._limits_nm[self._names.index(wheel)] = torque_nm
         self._apply_limits()
 
     def switch_power(self, *, is_on: bool) -> None:
@@ -212,7 +215,7 @@ class Physics:
         Raises: PlatformError: the state is not finite any more, or the robot has overturned.
         """
         if len(self.history) != steps + 1:
-            grown = np.zeros((steps + 1, HISTORY_COLUMNS))
+            grown = np.zeros((steps + 1, self.history.shape[1]))
             grown[0] = self.history[-1]
             self.history = grown
         else:
@@ -245,7 +248,7 @@ class Physics:
     def _run(self, history: FloatArray, steps: int) -> None:
         engine = self._engine
         kernel.advance(
-            steps, engine.library, engine.views, WHEEL_BODIES, self._tyre, self._soil,
+            steps, engine.library, engine.views, self._wheel_bodies, self._tyre, self._soil,
             self._terrain, self._bristle_m, self._soil_state, self._board, self._board_state,
             self._motor, self._inertial, self._dt_s, history,
         )  # fmt: skip
@@ -271,14 +274,14 @@ class Physics:
             self.advance(round(SETTLE_S / self._dt_s))
             if left or not self.ground.is_fine:
                 self._move_to(xy_map_m, yaw_rad)
-        qpos[7:11] = 0.0
+        qpos[7:] = 0.0
         qvel[:] = 0.0
         # What the wheels need to hold the robot on its slope stays.
         held_nm = self._board_state[kernel.BOARD_HOLD].copy()
         self._board_state[:] = 0.0
         self._board_state[kernel.BOARD_HOLD] = held_nm
         self.step = 0
-        self.history = np.zeros((2, HISTORY_COLUMNS))
+        self.history = np.zeros((2, count_columns(len(self._names))))
         self.history[-1, :7] = qpos[:7]
 
     def _move_to(self, xy_map_m: tuple[float, float], yaw_rad: float) -> None:
@@ -314,7 +317,7 @@ class Physics:
             kernel.sample_envelope(self._terrain, envelope, x, y, cos, sin)[0]
             for x, y in wheels.tolist()
         ]
-        columns = np.column_stack((self._robot.wheel_xy_body_m(), np.ones(4)))
+        columns = np.column_stack((self._robot.wheel_xy_body_m(), np.ones(len(wheels))))
         plane: FloatArray = np.linalg.lstsq(columns, np.array(heights), rcond=None)[0]
         return plane
 

@@ -1,4 +1,4 @@
-"""The robot, the fixed obstacles and the walkers as a MuJoCo model: four bodies on a free base.
+"""The robot, the fixed obstacles and the walkers as a MuJoCo model: its wheels on a free base.
 
 Walkers are bodies that are put in their place. Wheels and chassis collide with these and with
 obstacles only; the ground acts through the tyre kernel.
@@ -13,7 +13,7 @@ import numpy as np
 
 from agribot.core.errors import DescriptionError
 from agribot.core.geo import inverse, transform
-from agribot.core.messages import WHEEL_NAMES, FloatArray
+from agribot.core.messages import FloatArray
 from agribot.core.robot import Link, RobotSpec, Shape
 from agribot.core.world import Obstacle, WorldSpec
 
@@ -34,7 +34,7 @@ _LOG = logging.getLogger(__name__)
 def build_model(
     robot: RobotSpec, world: WorldSpec, step_s: float, *, is_effort: bool = False
 ) -> mujoco.MjModel:
-    """Compile the model; body 1 is the base, then the wheels in the order of WHEEL_NAMES.
+    """Compile the model; body 1 is the base, then the wheels in the order of `wheel_names`.
 
     The motors take wheel speeds, or torques with `is_effort`.
     """
@@ -48,7 +48,7 @@ def build_model(
     base = spec.worldbody.add_body(name=BASE)
     base.add_freejoint()
     _add_base(base, robot)
-    for name in WHEEL_NAMES:
+    for name in robot.wheel_names:
         _add_wheel(spec, base, robot, name, is_effort)
     for obstacle in world.obstacles:
         if obstacle.collides:
@@ -143,9 +143,10 @@ def _add_wheel(
 def find_carrier(robot: RobotSpec, name: str) -> str:
     """Return the moving body that a link is part of: the wheel above it, else the base."""
     parents = {joint.child: joint.parent for joint in robot.joints}
-    while name not in WHEEL_NAMES and name in parents:
+    wheels = robot.wheel_names
+    while name not in wheels and name in parents:
         name = parents[name]
-    return name if name in WHEEL_NAMES else BASE
+    return name if name in wheels else BASE
 
 
 def _make_axle_frame(centre_m: FloatArray, axle: FloatArray) -> FloatArray:

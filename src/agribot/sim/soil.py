@@ -121,7 +121,7 @@ def make_soil_law(
     Raises: DescriptionError: a moisture that does not exist.
     """
     kind, softened = _weaken(world.strength, world.soil, mud_ratio)
-    drive, load_n = robot.drive, robot.mass_kg * world.gravity_mps2 / 4.0
+    drive, load_n = robot.drive, robot.mass_kg * world.gravity_mps2 / len(robot.wheel_names)
     width_m, diameter_m = drive.wheel_width_m, 2.0 * drive.wheel_radius_m
     modulus = kind.k_c_npm / width_m + kind.k_phi_npm2
     shape = width_m * (3.0 - kind.exponent) * modulus * math.sqrt(diameter_m)

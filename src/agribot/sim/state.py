@@ -21,7 +21,16 @@ TARGET = slice(32, 36)  # wheel speeds that the board wants
 FAULT = slice(36, 40)  # 1 where a wheel does not follow the command to its motor
 WORK = slice(40, 41)  # sum of |torque * speed| of the motors since the start, J
 DRAWN = slice(41, 42)  # from the battery by the motors since the start, J
-HISTORY_COLUMNS = 42
+HISTORY_COLUMNS = 42  # of a robot with four wheels
+# Behind them angle, speed, effort, target and fault of the wheels between the corners, each for
+# all of these wheels.
+MIDDLE_COLUMNS = 5
+MOST_WHEELS = 8
+
+
+def count_columns(wheels: int) -> int:
+    """Count the columns of the history of a robot with so many wheels."""
+    return HISTORY_COLUMNS + MIDDLE_COLUMNS * (wheels - 4)
 
 
 class StateViews(NamedTuple):

@@ -73,9 +73,10 @@ def make_tyre_law(
     wheel_mass_kg: float,
     ground_friction: Terrain,
     envelope: FloatArray = POINT_CONTACT,
+    wheels: int = 4,
 ) -> TyreLaw:
     """Derive the force law; of tyre and ground the kernel takes the smaller friction."""
-    load_kg = mass_kg / 4.0
+    load_kg = mass_kg / wheels
     return TyreLaw(
         radius_m=radius_m,
         normal_stiffness_npm=tyre.normal_stiffness_npm,

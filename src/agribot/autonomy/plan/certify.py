@@ -9,7 +9,7 @@ import numpy as np
 
 from agribot.autonomy.plan.curves import MIN_RADIUS_M
 from agribot.core.errors import MissionError
-from agribot.core.messages import WHEEL_NAMES, FloatArray, Path, Row
+from agribot.core.messages import FloatArray, Path, Row
 from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import row_points_map_m
 
@@ -83,13 +83,14 @@ def find_closest_to_crop(
         at, crop = np.unravel_index(np.argmin(distance_m), distance_m.shape)
         clearance_m = float(distance_m[at, crop]) - robot.drive.wheel_width_m / 2.0
         if clearance_m < min(best.clearance_m, REACH_M):
-            point, wheel = divmod(int(at), len(WHEEL_NAMES))
-            best = Closest(clearance_m, WHEEL_NAMES[wheel], first + point, int(owner[crops[crop]]))
+            point, wheel = divmod(int(at), len(robot.wheel_names))
+            name = robot.wheel_names[wheel]
+            best = Closest(clearance_m, name, first + point, int(owner[crops[crop]]))
     return best
 
 
 def trace_wheels_map_m(path: Path, robot: RobotSpec) -> FloatArray:
-    """Trace the ground contact of each wheel at each point of the path, (N, 4, 2) in the map."""
+    """Trace the ground contacts of the wheels along the path, (N, wheels, 2) in the map."""
     cos, sin = np.cos(path.yaw_map_rad)[:, None], np.sin(path.yaw_map_rad)[:, None]
     x_body_m, y_body_m = robot.wheel_xy_body_m().T
     offsets = np.stack([cos * x_body_m - sin * y_body_m, sin * x_body_m + cos * y_body_m], axis=-1)

@@ -47,6 +47,7 @@ from agribot.core.messages.seen import (
     WeedScores,
 )
 from agribot.core.messages.sensors import (
+    MIDDLE_WHEEL_NAMES,
     WHEEL_NAMES,
     BaseFix,
     BatterySample,
@@ -60,6 +61,7 @@ from agribot.core.messages.sensors import (
     GnssStatus,
     ImuSample,
     MagSample,
+    MiddleWheel,
     OtherSample,
     SafetyInput,
     Satellite,
@@ -70,13 +72,15 @@ from agribot.core.messages.sensors import (
 from agribot.core.messages.tick import TickRecord, Tracking
 
 __all__ = [
-    "ALL_FINE", "FINE", "INBOX_LIMIT", "LIVE_SETTINGS", "SENSOR_WATCH", "STOP", "WHEEL_NAMES",
+    "ALL_FINE", "FINE", "INBOX_LIMIT", "LIVE_SETTINGS", "MIDDLE_WHEEL_NAMES", "SENSOR_WATCH",
+    "STOP", "WHEEL_NAMES",
     "BaseFix", "BatterySample", "BoardSample", "BumperSample", "ByteArray", "CameraFrame", "Check",
     "ComplexArray", "ContactorSample", "CropCover", "DriveCommand", "Estimate",
     "FloatArray", "Four", "GateState", "GateStatus",
     "GnssFix", "GnssHeading", "GnssQuality", "GnssStatus", "Goal", "GroundPlant", "HandDrive",
     "ImplementCommand", "ImuSample", "Inbox", "MagSample", "MapPoint", "MappedPlant",
-    "MissionState", "MissionStatus", "OperatorAction", "OperatorEvent", "OtherSample", "Path",
+    "MiddleWheel", "MissionState", "MissionStatus", "OperatorAction", "OperatorEvent",
+    "OtherSample", "Path",
     "PlantClass", "RequestAnswer", "RobotCommand", "Row", "RowLine", "SafetyInput", "Satellite",
     "Scene", "SensorBatch", "SensorState", "SensorVerdict", "SensorVerdicts", "TickRecord",
     "Tracking", "Unmeasured", "Vec3", "WeedScores", "WheelSample", "make_sensor_note",

@@ -17,6 +17,12 @@ from agribot.core.messages.operator import HandDrive, OperatorEvent
 
 # The order of every four-wheel tuple: rear right, rear left, front right, front left.
 WHEEL_NAMES = ("right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F")
+# Wheels between them by their number: right and left, the rear pair first.
+MIDDLE_WHEEL_NAMES = {
+    0: (),
+    2: ("right_wheel_M", "left_wheel_M"),
+    4: ("right_wheel_MR", "left_wheel_MR", "right_wheel_MF", "left_wheel_MF"),
+}
 
 
 class GnssQuality(IntEnum):
@@ -32,10 +38,20 @@ class GnssQuality(IntEnum):
 Unmeasured = Literal["dead reckoning", "held"]
 
 
+class MiddleWheel(msgspec.Struct, frozen=True, kw_only=True):
+    """Encoder reading of one wheel between those at the corners; it turns with its side."""
+
+    angle_rad: float
+    speed_radps: float
+    effort_nm: float | None = None
+
+
 class WheelSample(msgspec.Struct, frozen=True, kw_only=True):
-    """Encoder reading of the four wheels, in the order of WHEEL_NAMES.
+    """Encoder reading of the four wheels at the corners, in the order of WHEEL_NAMES.
 
     A board may also send the torque at the wheels, the commanded speeds, and faulty wheels.
+    `middle` holds the wheels between them, in the order of `RobotSpec.middle_wheels`; it is empty
+    of a robot with four and of a board that does not send them.
     """
 
     t_s: float
@@ -44,6 +60,7 @@ class WheelSample(msgspec.Struct, frozen=True, kw_only=True):
     effort_nm: Four | None = None
     target_radps: Four | None = None
     faults: tuple[str, ...] = ()
+    middle: tuple[MiddleWheel, ...] = ()
 
 
 class ImuSample(msgspec.Struct, frozen=True, kw_only=True):

@@ -56,17 +56,20 @@ class ImuCdr:
 
 
 class JointStateCdr:
-    """Four wheels; the lengths of the arrays lie between the numbers."""
+    """Four wheels; the lengths of the arrays lie between the numbers. Others are encoded anew."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
         zero = (0.0, 0.0, 0.0, 0.0)
+        self._names, corners = names, names[:4]
         still = WheelSample(t_s=0.0, angle_rad=zero, speed_radps=zero)
-        self._template = CdrTemplate(rosmsg.make_joint_state(still, names), "4dI4x4d4x")
+        self._template = CdrTemplate(rosmsg.make_joint_state(still, corners), "4dI4x4d4x")
         still = WheelSample(t_s=0.0, angle_rad=zero, speed_radps=zero, effort_nm=zero)
-        self._with_effort = CdrTemplate(rosmsg.make_joint_state(still, names), "4dI4x4dI4x4d")
+        self._with_effort = CdrTemplate(rosmsg.make_joint_state(still, corners), "4dI4x4dI4x4d")
 
     def __call__(self, t_ns: int, sample: WheelSample) -> bytes:
         angles, speeds, efforts = sample.angle_rad, sample.speed_radps, sample.effort_nm
+        if sample.middle:
+            return rosmsg.to_cdr(rosmsg.make_joint_state(sample, self._names))
         if efforts is None:
             return self._template.fill_stamped(t_ns, *angles, 4, *speeds)
         return self._with_effort.fill_stamped(t_ns, *angles, 4, *speeds, 4, *efforts)

@@ -23,6 +23,7 @@ from agribot.core.messages import (
     GnssStatus,
     ImuSample,
     MagSample,
+    MiddleWheel,
     MissionStatus,
     Path,
     Vec3,
@@ -188,14 +189,19 @@ def make_fix_velocity(t_s: float, velocity_mps: Vec3) -> Any:
 
 
 def make_joint_state(sample: WheelSample, names: Sequence[str]) -> Any:
+    middle, efforts_nm = sample.middle, sample.effort_nm
     return make_message(
         "sensor_msgs/msg/JointState",
         make_header(sample.t_s, ""),
-        list(names),
-        np.array(sample.angle_rad),
-        np.array(sample.speed_radps),
-        np.array(sample.effort_nm or ()),
+        list(names[: len(sample.angle_rad) + len(middle)]),
+        np.array([*sample.angle_rad, *(wheel.angle_rad for wheel in middle)]),
+        np.array([*sample.speed_radps, *(wheel.speed_radps for wheel in middle)]),
+        np.array([*efforts_nm, *_list_efforts_nm(middle)] if efforts_nm else ()),
     )
+
+
+def _list_efforts_nm(middle: Sequence[MiddleWheel]) -> list[float]:
+    return [math.nan if wheel.effort_nm is None else wheel.effort_nm for wheel in middle]
 
 
 def make_twist(v_mps: float, yaw_rate_radps: float) -> Any:

@@ -6,7 +6,7 @@ import math
 from typing import Any, Protocol
 
 from agribot.core import topics
-from agribot.core.messages import WHEEL_NAMES, CameraFrame, GnssStatus, SensorBatch, WheelSample
+from agribot.core.messages import CameraFrame, GnssStatus, SensorBatch, WheelSample
 from agribot.core.robot import RobotSpec
 from agribot.core.topics import Topic
 from agribot.ros.messages import cdr, rosmsg
@@ -28,9 +28,10 @@ class SensorTopicWriter:
 
     def __init__(self, write: MessageSink, robot: RobotSpec, camera: CameraLog) -> None:
         self._send, self._robot, self._camera = write, robot, camera
-        joints = find_wheel_joints(robot, WHEEL_NAMES)
+        names = robot.wheel_names
+        joints = find_wheel_joints(robot, names)
         self._imu = cdr.ImuCdr(robot.imu.link)
-        self._joints = cdr.JointStateCdr(tuple(joint.name for joint in joints) or WHEEL_NAMES)
+        self._joints = cdr.JointStateCdr(tuple(joint.name for joint in joints) or names)
         self._number = cdr.Float64Cdr()
         self._gnss_status: GnssStatus | None = None  # no simulated receiver tells one
         self._wheel_tf = WheelTransforms(joints) if joints else None

@@ -59,7 +59,7 @@ class BodyTransforms:
 
 
 class WheelTransforms:
-    """The four turning wheels, for displays that run no robot_state_publisher."""
+    """The turning wheels, for displays that run no robot_state_publisher."""
 
     def __init__(self, joints: tuple[Joint, ...]) -> None:
         self._cdr = TransformsCdr(tuple((joint.parent, joint.child) for joint in joints))
@@ -78,10 +78,15 @@ class WheelTransforms:
             tuple(
                 (*xyz_m, *_multiply(fixed, _make_rotation(axis, angle_rad)))
                 for (xyz_m, fixed, axis), angle_rad in zip(
-                    self._mounts, sample.angle_rad, strict=True
+                    self._mounts, self._list_angles_rad(sample), strict=True
                 )
             ),
         )
+
+    def _list_angles_rad(self, sample: WheelSample) -> list[float]:
+        """List the angles of all wheels; without a reading that of the rear one of its side."""
+        told = [*sample.angle_rad, *(wheel.angle_rad for wheel in sample.middle)]
+        return told + [told[k % 2] for k in range(len(told), len(self._mounts))]
 
 
 def find_wheel_joints(robot: RobotSpec, wheel_names: tuple[str, ...]) -> tuple[Joint, ...]:

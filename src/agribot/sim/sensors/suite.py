@@ -131,7 +131,7 @@ class SensorSuite:
         self._tunings = {
             name: Tuning(make_stream(seed, f"tuning {name}")) for name in ("accel", "gyro", "mag")
         }
-        wheels = WheelEncoders(preset.wheels, robot.drive)
+        wheels = WheelEncoders(preset.wheels, robot.drive, robot.middle_wheels)
         self.wheels: SampledSensor[WheelSample] = SampledSensor(
             wheels, preset.wheels.rate_hz, physics_step_ns
         )
