@@ -78,7 +78,7 @@ def test_the_top_of_the_picture_is_north_and_dark_is_occupied(tmp_path: Path, ne
         ("resolution: 0.1", "resolution: 0", "resolution 0"),
         ("resolution: 0.1\n", "", "'resolution' is missing"),
         ("image: farm.png", "image: none.png", "none.png"),
-        ("[-10.0, -10.0, 0.0]", "[-10.0, -10.0, 0.5]", "not turned"),
+        ("[-10.0, -10.0, 0.0]", "[-10.0, -10.0]", "East, North and yaw"),
         ("free_thresh: 0.196", "free_thresh: some", "free_thresh"),
     ],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from agribot.app.keep_out import settle_keep_out
 from agribot.autonomy.plan.coverage.area import PlanRequest, measure_footprint
 from agribot.autonomy.plan.coverage.drive import FieldWork
 from agribot.autonomy.plan.coverage.planner import plan_field
@@ -15,6 +16,7 @@ from agribot.core.errors import MissionError
 from agribot.core.robot import RobotSpec
 from agribot.core.table_text import read_text_file
 from agribot.gis.field_file import read_field
+from agribot.gis.keep_out_ground import cut_keep_out
 from agribot.gis.plan_file import SavedPlan, parse_plan
 
 
@@ -46,6 +48,7 @@ def read_work(text: str, name: str, config: RunConfig, robot: RobotSpec) -> Fiel
     except (ValueError, RecursionError) as error:  # also a number of thousands of digits
         raise MissionError(f"{name} is not valid JSON: {error}") from error
     saved = parse_plan(root, name, config.field.datum)
+    saved = saved._replace(area=cut_keep_out(saved.area, config.field.keep_out_map_m))
     shape = measure_footprint(robot, saved.request.implement_width_m, saved.request.tool_x_m)
     certificate = certify_plan(saved.plan, saved.area, shape, saved.request)
     if not certificate.ok:
@@ -83,6 +86,7 @@ def plan_field_file(
     """
     width_m = choose_width_m(width_m, robot)
     area, datum = read_field(field, config.field.datum)
+    area = cut_keep_out(area, settle_keep_out(config).field.keep_out_map_m)
     request = PlanRequest(
         implement_width_m=width_m,
         tool_x_m=robot.tool_x_m,

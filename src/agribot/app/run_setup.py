@@ -10,6 +10,7 @@ import msgspec
 from agribot.app import whole_job
 from agribot.app.calibration.measured_robot import apply_calibration
 from agribot.app.field_work import read_field_work, read_plan_text
+from agribot.app.keep_out import settle_keep_out
 from agribot.app.known_plants import read_plant_file, read_plants
 from agribot.app.prescribed_zones import read_prescription_file, read_zones
 from agribot.app.robot_stack import build_stack
@@ -80,7 +81,7 @@ def prepare_run(
     """
     if plan_text:
         config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
-    config = settle_origin(take_world_rows(_settle_inputs(config)))
+    config = settle_keep_out(settle_origin(take_world_rows(_settle_inputs(config))))
     described = load_robot(config.robot)
     read_faults(config, has_camera=described.camera is not None, began_s=earlier.sim_s)
     robot = apply_calibration(described, config.calibration)

@@ -8,6 +8,7 @@ import msgspec
 
 from agribot.autonomy.control.follower import Follower
 from agribot.autonomy.control.hand_drive import HandControl
+from agribot.autonomy.control.keep_out_fence import KeepOutFence
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.mapped_rows import MappedRows
@@ -23,7 +24,9 @@ from agribot.autonomy.perception_host import (
     PerceptionHost,
     ThreadedPerception,
 )
+from agribot.autonomy.plan.coverage.area import measure_footprint
 from agribot.autonomy.plan.coverage.drive import FieldWork
+from agribot.autonomy.plan.keep_out import KeepOut
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.speed import find_most_mps
@@ -31,6 +34,7 @@ from agribot.autonomy.plan.task import NewTasks, Task
 from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
+from agribot.core.keep_out import BodyBox
 from agribot.core.latch import Latch
 from agribot.core.messages import (
     ByteArray,
@@ -177,11 +181,22 @@ def build(
         follower=Follower(config.control, robot),
         hand=HandControl(config.safety),
         treatment=Treatment(config.treatment, robot.implement, zones),
-        supervisor=Supervisor(config.safety, robot, latch),
+        supervisor=Supervisor(config.safety, robot, latch, _fence_out(config, robot)),
         planning=planning,
         mask_taps=mask_taps,
         plant_spacing_m=config.field.plant_spacing_m,
     )
+
+
+def _fence_out(config: RunConfig, robot: RobotSpec) -> KeepOutFence | None:
+    """Build the fence around the areas of the settings; None without any."""
+    rings = config.field.keep_out_map_m
+    if not rings:
+        return None
+    shape, drive = measure_footprint(robot, 0.0), robot.drive
+    body = BodyBox(shape.front_m, shape.rear_m, shape.half_width_m)
+    clearance_m = config.mission.obstacle_clearance_m
+    return KeepOutFence(KeepOut(rings), body, config.safety, clearance_m, drive.max_accel_mps2)
 
 
 def _localize(config: RunConfig, robot: RobotSpec, task: Task, plants: StemMap | None) -> Localizer:

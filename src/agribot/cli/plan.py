@@ -58,6 +58,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--margin", type=float, metavar="M",
                         help="from the footprint to every edge (default: as the file "
                              "says, else 0.05)")  # fmt: skip
+    parser.add_argument("--keep-out", metavar="MAP.yaml",
+                        help="a map of map_server: its occupied cells are cut out of the "
+                             "field")  # fmt: skip
+    parser.add_argument("--keep-out-unknown", action="store_true",
+                        help="with --keep-out: its unknown cells as well")  # fmt: skip
     parser.add_argument("--min-coverage", type=float, default=0.99, metavar="RATIO",
                         help="of the reachable ground (default: 0.99)")  # fmt: skip
     parser.add_argument("--robot", default="agribot", metavar="NAME|FILE")
@@ -186,17 +191,24 @@ def _teach(options: argparse.Namespace) -> int:
 
 
 def _make_plan(options: argparse.Namespace) -> tuple[SavedPlan, Certificate]:
+    from agribot.app.keep_out import read_keep_out
     from agribot.autonomy.plan.coverage.area import measure_footprint
     from agribot.autonomy.plan.coverage.planner import plan_field
     from agribot.autonomy.plan.plan_certificate import certify_plan
     from agribot.autonomy.plan.tool_gaps import warn_of_gaps
     from agribot.description.loader import load_robot
     from agribot.gis.field_file import read_field
+    from agribot.gis.keep_out_ground import cut_keep_out
     from agribot.gis.plan_file import SavedPlan
 
     if options.field is None:
         raise MissionError("give --field FILE, or 'verify PLAN'; see agribot plan --help")
     area, datum = read_field(Path(options.field), uses_ab_line=not options.ab_line)
+    if options.keep_out:
+        rings = read_keep_out(Path(options.keep_out), datum, with_unknown=options.keep_out_unknown)
+        whole, area = area, cut_keep_out(area, rings)
+        if area is whole:
+            sys.stderr.write(f"note: {options.keep_out}: no area to keep out of in the field\n")
     frame = MapFrame(datum)
     if options.ab_line:
         a_lon, a_lat, b_lon, b_lat = _parse_numbers("--ab-line", options.ab_line, 4)

@@ -75,12 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="drive the rows of the field (default), or find them by camera and "
                              "draw them as field.geojson")  # fmt: skip
     parser.add_argument("--plan", metavar="FILE", help="work a field plan (agribot plan --out)")
-    parser.add_argument("--field", metavar="FILE", help=FIELD_HELP)
-    parser.add_argument("--implement-width", type=finite, metavar="M",
-                        help="for --field (default: that of the robot)")  # fmt: skip
-    parser.add_argument("--margin", type=finite, metavar="M",
-                        help="for --field: from the robot to every edge (default: as the file "
-                             "says, else 0.05); 4 for a receiver without corrections")  # fmt: skip
+    _add_field_arguments(parser)
     parser.add_argument("--resume", metavar="RUNDIR", help="go on with a run that was cut off")
     parser.add_argument(
         "--clear-stop",
@@ -103,6 +98,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_page_arguments(parser)
     sensor_sources.add_arguments(parser)
     bridging.add_arguments(parser)
+
+
+def _add_field_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--field", metavar="FILE", help=FIELD_HELP)
+    parser.add_argument("--keep-out", metavar="MAP.yaml",
+                        help="a map of map_server: no part of the robot enters its occupied "
+                             "cells")  # fmt: skip
+    parser.add_argument("--implement-width", type=finite, metavar="M",
+                        help="for --field (default: that of the robot)")  # fmt: skip
+    parser.add_argument("--margin", type=finite, metavar="M",
+                        help="for --field: from the robot to every edge (default: as the file "
+                             "says, else 0.05); 4 for a receiver without corrections")  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> int:

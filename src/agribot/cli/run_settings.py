@@ -26,6 +26,7 @@ _SHORT_FOR = {
     "robot": "robot",
     "waypoints": "waypoints",
     "plan": "plan",
+    "keep_out": "field.keep_out",
     "task": "task",
     "seed": "seed",
     "platform": "platform",

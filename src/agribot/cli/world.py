@@ -74,15 +74,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_map(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     occupancy = actions.add_parser(
         "map",
-        help="an occupancy map of a world for ROS's map_server",
+        help="an occupancy map of a world or of a field for ROS's map_server",
         epilog="example: agribot world map Farm -o farm.yaml",
     )
-    occupancy.add_argument("world", metavar="NAME|FILE")
+    occupancy.add_argument(
+        "world", metavar="NAME|FILE",
+        help="a world, or a field in a format of agribot plan --field: free inside, occupied "
+        "outside and in its obstacles",
+    )  # fmt: skip
     occupancy.add_argument(
         "-o", "--out", required=True, metavar="X.yaml", help="the picture is written beside it"
     )
     occupancy.add_argument(
-        "--size", type=positive, default=20.0, metavar="M", help="side of the square (20)"
+        "--size",
+        type=positive,
+        default=20.0,
+        metavar="M",
+        help="side of the square of a world (20)",
     )
     occupancy.add_argument(
         "--resolution", type=positive, default=0.1, metavar="M", help="side of a cell (0.1)"
@@ -206,16 +214,31 @@ def _check_map(options: argparse.Namespace) -> int:
 
 
 def _write_map(options: argparse.Namespace) -> int:
-    from agribot.description.ros_map import make_world_map, save_ros_map
-    from agribot.description.worlds_sdf import load_world
+    from agribot.description.ros_map import save_ros_map
 
     out = Path(options.out)
     if out.suffix not in MAP_SUFFIXES:
         raise DescriptionError(f"-o {out}: name a file that ends in .yaml or .yml")
-    ros_map = make_world_map(load_world(options.world), options.size, options.resolution)
+    ros_map = _make_map(options)
     save_ros_map(ros_map, out)
     _print_map(str(out), ros_map, options.json)
     return 0
+
+
+def _make_map(options: argparse.Namespace) -> RosMap:
+    """Make the map of a field where the name ends as one, else that of a world."""
+    from agribot.description.ros_map import make_world_map
+    from agribot.description.worlds_sdf import load_world
+    from agribot.gis.field_choice import split_choice
+    from agribot.gis.field_file import read_field
+    from agribot.gis.field_map import make_field_map
+    from agribot.gis.formats.table import READERS, find_ending
+
+    file, _names = split_choice(Path(options.world))
+    if find_ending(file.name) in READERS:
+        area, datum = read_field(Path(options.world))
+        return make_field_map(area, datum, options.resolution)
+    return make_world_map(load_world(options.world), options.size, options.resolution)
 
 
 def _print_map(name: str, ros_map: RosMap, as_json: bool) -> None:

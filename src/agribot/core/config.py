@@ -61,6 +61,11 @@ class FieldConfig(Config, frozen=True):
     plant_map: str = ""
     # East, North and radius of what stands in the way: the pole of a base station, a well.
     obstacles_map_m: tuple[tuple[float, float, NonNegative], ...] = ()
+    # A map of map_server (YAML with PNG or PGM): its occupied cells are kept out of.
+    keep_out: str = ""
+    keep_out_unknown: bool = False  # its unknown cells are kept out of, too
+    # Corners of areas, East and North, that no part of the robot may enter.
+    keep_out_map_m: tuple[tuple[tuple[float, float], ...], ...] = ()
     # The mark on which the robot is put down before a run, and how well; None: anywhere.
     start_map_m: tuple[float, float] | None = None
     # Heading of the robot on the mark.
@@ -76,7 +81,7 @@ class MissionConfig(Config, frozen=True):
     turn_speed_mps: Annotated[float, msgspec.Meta(gt=0, le=2.0)] = 0.3  # in turns
     headland_m: Positive = 1.0  # straight run past the last plant before turning
     plant_clearance_m: NonNegative = 0.15  # wheel edge to plant stem, in plan
-    obstacle_clearance_m: NonNegative = 0.3  # from the robot's body to field.obstacles_map_m
+    obstacle_clearance_m: NonNegative = 0.3  # from the robot's body to obstacles and keep-out areas
     waypoint_radius_m: Positive = 0.15  # so near, a waypoint counts as reached
     # A waypoint farther from the origin is refused, and so is what is farther from the robot.
     max_waypoint_distance_m: Positive = 1000.0

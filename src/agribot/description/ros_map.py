@@ -27,11 +27,16 @@ MAX_CELLS = 10_000  # along one side
 Cells = npt.NDArray[np.int8]
 
 
+LIST_LINES = re.compile(r":[ \t]*\n((?:[ \t]*-[ \t]+\S+[ \t]*(?:\n|$))+)")
+LIST_ITEM = re.compile(r"-[ \t]+(\S+)")
+
+
 class RosMap(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """An occupancy map.
 
     `cells` (height, width) are OCCUPIED, FREE or UNKNOWN, rows from South to North. The lower
-    left corner of the first cell lies at `x_min_m`, `y_min_m` in the map.
+    left corner of the first cell lies at `x_min_m`, `y_min_m` in the map, about which the picture
+    is turned by `yaw_rad`, counter-clockwise.
     """
 
     cells: Cells
@@ -41,11 +46,14 @@ class RosMap(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     occupied_ratio: float = 0.65
     free_ratio: float = 0.196
     datum: Datum | None = None
+    yaw_rad: float = 0.0
 
     def read_cell(self, x_map_m: float, y_map_m: float) -> int:
         """Return the cell at a place; UNKNOWN outside the map."""
-        row = math.floor((y_map_m - self.y_min_m) / self.resolution_m)
-        column = math.floor((x_map_m - self.x_min_m) / self.resolution_m)
+        cos, sin = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        east_m, north_m = x_map_m - self.x_min_m, y_map_m - self.y_min_m
+        row = math.floor((cos * north_m - sin * east_m) / self.resolution_m)
+        column = math.floor((cos * east_m + sin * north_m) / self.resolution_m)
         rows, columns = self.cells.shape
         inside = 0 <= row < rows and 0 <= column < columns
         return int(self.cells[row, column]) if inside else UNKNOWN
@@ -64,10 +72,10 @@ def load_ros_map(path: Path) -> RosMap:
     keys = _read_keys(path)
     origin = _parse_numbers(keys, "origin", path)
     (resolution_m,) = _parse_numbers(keys, "resolution", path)
-    if len(origin) != 3 or origin[2] != 0.0 or resolution_m <= 0.0:
+    if len(origin) != 3 or resolution_m <= 0.0:
         raise DescriptionError(
-            f"{path.name}: origin {origin} and resolution {resolution_m:g}: only maps that are not "
-            "turned, with three numbers and cells larger than 0, are read"
+            f"{path.name}: origin {origin} and resolution {resolution_m:g}: the origin is East, "
+            "North and yaw, and cells are larger than 0"
         )
     picture = path.parent / keys.get("image", "")
     if not picture.is_file():
@@ -86,6 +94,7 @@ def load_ros_map(path: Path) -> RosMap:
         occupied_ratio=occupied,
         free_ratio=free,
         datum=Datum(lat_deg=place[0], lon_deg=place[1]) if len(place) >= 2 else None,
+        yaw_rad=origin[2],
     )
 
 
@@ -102,7 +111,7 @@ def save_ros_map(ros_map: RosMap, path: Path) -> None:
     lines = [
         f"image: {path.stem}.png",
         f"resolution: {ros_map.resolution_m!r}",
-        f"origin: [{ros_map.x_min_m!r}, {ros_map.y_min_m!r}, 0.0]",
+        f"origin: [{ros_map.x_min_m!r}, {ros_map.y_min_m!r}, {ros_map.yaw_rad!r}]",
         "negate: 0",
         f"occupied_thresh: {ros_map.occupied_ratio!r}",
         f"free_thresh: {ros_map.free_ratio!r}",
@@ -166,6 +175,7 @@ def _read_keys(path: Path) -> dict[str, str]:
         text = read_text_file(path)
     except (OSError, ValueError) as error:
         raise DescriptionError(f"cannot read map {path}: {error}; check the path") from error
+    text = LIST_LINES.sub(lambda found: f": [{','.join(LIST_ITEM.findall(found[1]))}]\n", text)
     pairs = re.findall(r"^(\w+)\s*:\s*(.*?)\s*(?:#.*)?$", text, flags=re.MULTILINE)
     return {key: value.strip("'\"") for key, value in pairs}
 

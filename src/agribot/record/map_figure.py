@@ -7,7 +7,7 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Polygon
 
 from agribot.core.messages import FloatArray, PlantClass
 from agribot.core.row_shape import row_points_map_m, start_yaw_rad
@@ -95,6 +95,11 @@ def _draw_field(axes: Axes, data: RunData) -> None:
         label = None if number else "obstacle"
         axes.add_patch(
             Circle((x_m, y_m), radius_m, facecolor=INK, edgecolor=INK, label=label, zorder=6)
+        )
+    for number, ring in enumerate(data.config.field.keep_out_map_m):
+        label = None if number else "keep-out"
+        axes.add_patch(
+            Polygon(ring, facecolor=GREY, edgecolor=INK, alpha=0.4, label=label, zorder=2)
         )
     if data.world is not None:
         _draw_truth(axes, data)

@@ -38,6 +38,7 @@ def field_of(
     """
     datum = config.field.datum
     obstacles = [*(area.holes if area else ()), *map(_round, config.field.obstacles_map_m)]
+    obstacles += config.field.keep_out_map_m
     lines = [row_points_map_m(row).tolist() for row in rows]
     return wire.Field(
         name=config.world,

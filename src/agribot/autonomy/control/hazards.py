@@ -15,6 +15,7 @@ from agribot.autonomy.control.battery_watch import BatteryWatch
 from agribot.autonomy.control.bumper import Bumper
 from agribot.autonomy.control.fence import Fence, FieldFence
 from agribot.autonomy.control.input_watch import InputWatch
+from agribot.autonomy.control.keep_out_fence import KeepOutFence
 from agribot.autonomy.control.power_cut import PowerCut
 from agribot.autonomy.control.sensor_watch import SensorWatch
 from agribot.autonomy.control.wheel_watch import Found, name_motors
@@ -85,7 +86,7 @@ def _still_touches(now: Situation) -> str:
 def _crossing(now: Situation) -> str:
     if _pose_missing(now) or _pose_stale(now) or _pose_unsure(now):
         return ""
-    fences = (fence for fence in now.fences if isinstance(fence, FieldFence))
+    fences = (fence for fence in now.fences if isinstance(fence, FieldFence | KeepOutFence))
     return next((f.crossing(now.estimate, now.command.drive) for f in fences), "")
 
 

@@ -51,8 +51,18 @@ class Supervisor:
     it stops anew.
     """
 
-    def __init__(self, config: SafetyConfig, robot: RobotSpec, latch: Latch | None = None) -> None:
-        """`latch` is shared with the mission, which pauses while it holds."""
+    def __init__(
+        self,
+        config: SafetyConfig,
+        robot: RobotSpec,
+        latch: Latch | None = None,
+        keep_out: Fence | None = None,
+    ) -> None:
+        """`latch` is shared with the mission, which pauses while it holds.
+
+        `keep_out` is a fence that stands on every way.
+        """
+        self._always: tuple[Fence, ...] = () if keep_out is None else (keep_out,)
         self._config = config
         self._latch = Latch() if latch is None else latch
         self._fenced: tuple[Path | None, FieldBounds | None] = None, None
@@ -221,7 +231,7 @@ class Supervisor:
             stuck=self.stuck,
             bumper=self._bumper, touch=self._bumper.feel(batch),
             battery=self._battery, camera_fault=self._camera.fault,
-            has_camera=self._camera.is_used, fences=self._fences,
+            has_camera=self._camera.is_used, fences=(*self._fences, *self._always),
             works_backwards=self._works_backwards,
             is_tool_working=is_early and self._is_tool_working,
         )  # fmt: skip

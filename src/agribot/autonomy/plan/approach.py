@@ -58,7 +58,8 @@ def plan_approach(
         closest = find_closest_to_crop(path, robot, rows)
         if closest.clearance_m >= mission.plant_clearance_m and obstacles.are_clear_of(path):
             return index, route
-    beside = f" and {obstacles.clearance_m:.2f} m off obstacles" if obstacles.circles else ""
+    beside = f" and {obstacles.clearance_m:.2f} m off obstacles"
+    beside = "" if obstacles.are_none else beside
     raise MissionError(
         f"no way from East {start.x_m:.2f} m, North {start.y_m:.2f} m to the field keeps "
         f"{mission.plant_clearance_m:.2f} m off the crop{beside}; put the robot on the headland"

@@ -22,7 +22,9 @@ class Surroundings:
         self._mission = config.mission
         self._margin_m = config.safety.geofence_margin_m
         clearance_m = config.mission.obstacle_clearance_m
-        self.obstacles = make_obstacles(config.field.obstacles_map_m, clearance_m, robot)
+        self.obstacles = make_obstacles(
+            config.field.obstacles_map_m, clearance_m, robot, config.field.keep_out_map_m
+        )
 
     def check(self, path: Path) -> Path:
         """Give back a path that is clear. Raises: MissionError: what it comes too close to."""
