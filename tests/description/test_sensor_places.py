@@ -82,7 +82,7 @@ def test_a_pose_in_another_frame_is_refused(tmp_path: Path) -> None:
 
 PLUGIN = '<gazebo><plugin name="x" filename="{file}">{inside}</plugin></gazebo>'
 UNREAD = {
-    "sensor 'scan' of type 'gpu_ray' is not simulated": sensor("gpu_ray", name="scan"),
+    "sensor 'scan' of type 'sonar' is not simulated": sensor("sonar", name="scan"),
     "camera 'rear' is not simulated; 'front' is the robot's": sensor(
         "camera", name="front", inside=CAMERA.format(inside="")
     ) + sensor("camera", name="rear", inside=CAMERA.format(inside="")),

@@ -13,6 +13,7 @@ from agribot.app.field_work import read_field_work, read_plan_text
 from agribot.app.keep_out import settle_keep_out
 from agribot.app.known_plants import read_plant_file, read_plants
 from agribot.app.prescribed_zones import read_prescription_file, read_zones
+from agribot.app.robot_of_run import load_robot_of_run
 from agribot.app.robot_stack import build_stack
 from agribot.app.run_world import settle_origin
 from agribot.app.tasks import read_goals
@@ -25,7 +26,6 @@ from agribot.core.config import RunConfig
 from agribot.core.messages import MapPoint
 from agribot.core.platforms import list_must_report
 from agribot.core.robot import RobotSpec
-from agribot.description.loader import load_robot
 from agribot.sim.faults.schedule import read_faults
 
 PLAN_FILE = "plan.geojson"
@@ -82,7 +82,7 @@ def prepare_run(
     if plan_text:
         config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
     config = settle_keep_out(settle_origin(take_world_rows(_settle_inputs(config))))
-    described = load_robot(config.robot)
+    described = load_robot_of_run(config)
     read_faults(config, has_camera=described.camera is not None, began_s=earlier.sim_s)
     robot = apply_calibration(described, config.calibration)
     text = plan_text or read_plan_text(config)

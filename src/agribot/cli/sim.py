@@ -83,16 +83,16 @@ class _World:
     """The simulated world and its counts; `report` may be called at any time."""
 
     def __init__(self, options: argparse.Namespace) -> None:
+        from agribot.app.robot_of_run import load_robot_of_run
         from agribot.app.run_clock import Clock
         from agribot.app.run_world import make_run_world
-        from agribot.description.loader import load_robot
         from agribot.sim.platform import SimPlatform
 
         self._started_s = time.monotonic()
         camera = f"perception.enabled={str(options.camera).lower()}"
         self.config = read_settings(options, before=[camera])
         refuse_faults_of(STACK_PARTS, read_faults(self.config), "agribot sim runs no stack")
-        self.robot = load_robot(self.config.robot)
+        self.robot = load_robot_of_run(self.config)
         made = make_run_world(self.config)
         self.world: WorldSpec = made.world
         self.platform = SimPlatform(self.config, made.alter_robot(self.robot), self.world)

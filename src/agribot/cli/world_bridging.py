@@ -33,7 +33,7 @@ _OUT = {
     for topic in (
         topics.FIX, topics.FIX_VELOCITY, topics.IMU, topics.MAGNETIC, topics.POLE_FIX,
         topics.BUMPER, topics.BATTERY, topics.JOINT_STATES, topics.CMD_VEL, topics.IMAGE,
-        topics.IMAGE_RAW, topics.CAMERA_INFO, topics.TF, topics.TF_STATIC,
+        topics.SCAN, topics.IMAGE_RAW, topics.CAMERA_INFO, topics.TF, topics.TF_STATIC,
         topics.ROBOT_DESCRIPTION, topics.CLOCK, topics.GROUND_TRUTH,
     )
 }  # fmt: skip

@@ -277,6 +277,8 @@ class SimConfig(Config, frozen=True):
     actuation: Literal["servo", "effort"] = "servo"
     # A second receiver at the world's pole, with errors of its own or sharing the slow ones.
     base_station: Literal["off", "independent", "common"] = "off"
+    # A robot whose description has none gets a lidar at its front; it only publishes scans.
+    lidar: bool = False
     # In the motors' supply, in series; gate and red button open all of them.
     contactors: Annotated[int, msgspec.Meta(ge=0, le=2)] = 2
     imu: str = ""  # another IMU than the sensor preset's: ideal, hector, mpu9265

@@ -197,6 +197,24 @@ class SensorMount(msgspec.Struct, frozen=True, kw_only=True):
     tags: dict[str, str] = {}
 
 
+class LidarSpec(msgspec.Struct, frozen=True, kw_only=True):
+    """A lidar that scans a plane, about z of its link from the first angle to the last."""
+
+    link: str
+    rate_hz: float = 10.0
+    samples: int = 720
+    min_angle_rad: float = -math.pi
+    max_angle_rad: float = math.pi
+    range_min_m: float = 0.15
+    range_max_m: float = 12.0
+    noise_std_m: float = 0.0
+
+    @property
+    def step_rad(self) -> float:
+        """From ray to ray; 0 of a single one."""
+        return (self.max_angle_rad - self.min_angle_rad) / max(self.samples - 1, 1)
+
+
 class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
     """A robot as its description gives it: bodies, drive, sensors and implement."""
 
@@ -210,6 +228,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
     mag: SensorMount | None = None  # many robots have none: motors disturb it
     camera: CameraSpec | None = None
     implement: ImplementSpec | None = None
+    lidar: LidarSpec | None = None
     middle_wheels: tuple[str, ...] = ()  # driven ones between the corners: right, left, rear first
     warnings: tuple[str, ...] = ()  # what the description left out and what is used instead
 

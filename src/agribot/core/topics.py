@@ -19,6 +19,7 @@ from agribot.core.messages import (
     GnssFix,
     GnssStatus,
     ImuSample,
+    LaserScan,
     MagSample,
     MappedPlant,
     MissionStatus,
@@ -119,6 +120,13 @@ POLE_FIX = Topic(
     seed_alias="/Pole/fix",
     seed_ros_type="sensor_msgs/msg/NavSatFix",
     about="GNSS position of the base station on the pole, errors and all",
+)
+SCAN = Topic(
+    name="/agribot/scan",
+    ros_type="sensor_msgs/msg/LaserScan",
+    struct=LaserScan,
+    rate_hz=10.0,
+    about="simulated lidar, where the robot has one; nothing drives by it",
 )
 BUMPER = Topic(
     name="/agribot/bumper",
@@ -322,7 +330,7 @@ TICK = Topic(
 )
 
 TOPICS: tuple[Topic, ...] = (
-    FIX, FIX_VELOCITY, EXTENDED_FIX, IMU, MAGNETIC, POLE_FIX, BUMPER, BATTERY, JOINT_STATES,
+    FIX, FIX_VELOCITY, EXTENDED_FIX, IMU, MAGNETIC, POLE_FIX, SCAN, BUMPER, BATTERY, JOINT_STATES,
     ODOMETRY, POSE, CMD_VEL, IMAGE, IMAGE_RAW, CAMERA_INFO, OVERLAY, PATH, GOALS, GOAL_FIX, WEEDS,
     STATUS, DISTANCE, BEARING, ANGLE, HEADING_RAW, HEADING_FILTERED, TF, TF_STATIC,
     ROBOT_DESCRIPTION, CLOCK, GROUND_TRUTH, TICK,

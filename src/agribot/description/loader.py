@@ -24,6 +24,7 @@ from agribot.description.elements import FileFinding, SourceFile
 from agribot.description.expansion import expand
 from agribot.description.implements import read_implement
 from agribot.description.kinematics import read_joints, read_links
+from agribot.description.lidar import read_lidar
 from agribot.description.markup import parse_xml
 from agribot.description.package import (
     find_packaged_or_file,
@@ -124,6 +125,7 @@ def _read_robot(root: ET.Element, source: SourceFile, path: Path) -> RobotSpec:
         mag=mag,
         camera=devices.read_camera(root, links, source),
         implement=read_implement(root, source),
+        lidar=read_lidar(root, links, source),
         middle_wheels=list_middle_wheels(joints),
     )
     tell_turned(robot, source)

@@ -22,12 +22,14 @@ from agribot.description.tags import (
 # Types of sensors that are read, and how many of each a robot has.
 READ = {
     "camera": "camera", "imu": "IMU", "gps": "GNSS receiver", "navsat": "GNSS receiver",
-    "magnetometer": "magnetometer",
+    "magnetometer": "magnetometer", "ray": "lidar", "gpu_ray": "lidar", "lidar": "lidar",
+    "gpu_lidar": "lidar",
 }  # fmt: skip
 OFFSET_TAGS = ("xyzoffset", "rpyoffset")
 # Of plugins whose work is done here otherwise.
 READ_PLUGINS = (
     *DRIVE_PLUGINS, *IMU_PLUGINS, *GNSS_PLUGINS, *MAG_PLUGINS, "camera", "control",
+    "laser", "ray_sensor",
     "joint_state", "joint-state", "pose-publisher", "odometry-publisher", "p3d", "ground_truth",
 )  # fmt: skip
 TURNED_RAD = 0.01  # more than a mount is described to

@@ -1,4 +1,4 @@
-"""TickRecord as MessagePack: lossless but for the pixels of camera frames."""
+"""TickRecord as MessagePack: lossless but for pixels of camera frames and scans of a lidar."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _DECODER = msgspec.msgpack.Decoder(TickRecord, dec_hook=_decode_array)
 
 
 def strip_pixels(record: TickRecord) -> TickRecord:
-    """Return the same record with an empty image in every frame."""
-    if not record.batch.frames:
+    """Return the same record with an empty image in every frame, and without scans."""
+    if not (record.batch.frames or record.batch.scans):
         return record
     frames = tuple(
         CameraFrame(t_s=frame.t_s, index=frame.index, image_rgb=NO_PIXELS)
         for frame in record.batch.frames
     )
-    batch = msgspec.structs.replace(record.batch, frames=frames)
+    batch = msgspec.structs.replace(record.batch, frames=frames, scans=())
     return msgspec.structs.replace(record, batch=batch)
 
 

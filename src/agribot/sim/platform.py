@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from agribot.core.messages import (
     FloatArray,
     ImplementCommand,
     Inbox,
+    LaserScan,
     OperatorEvent,
     RobotCommand,
     SensorBatch,
@@ -45,6 +47,9 @@ from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 from agribot.sim.truth import Truth
 from agribot.sim.underside import Part
 from agribot.sim.walkers import PersonWatch
+
+if TYPE_CHECKING:
+    from agribot.sim.ray_scene import RayScene
 
 TREATED_EVERY_S = 0.5  # plants that a tool has worked are looked up this often
 
@@ -84,6 +89,9 @@ class SimPlatform:
         self._plants = PlantStates(len(world.plants))
         self._physics = _make_physics(config, robot, world, self._step_ns, board, driver)
         self._feed, self._frames = _make_camera(
+            config, robot, world, self._step_ns, self._plants, self._physics.ground
+        )
+        self._rays, self._lidar = _make_lidar(
             config, robot, world, self._step_ns, self._plants, self._physics.ground
         )
         self._damage = PlantDamage(robot, world, self._plants, self._physics.ground)
@@ -134,6 +142,7 @@ class SimPlatform:
             bumper=self._read_bumper(t_s),
             battery=sensors.battery.take_samples(first, last, history),
             contactor=() if self._contactors is None else (self._contactors.read(t_s),),
+            scans=self._lidar.take_samples(first, last, history) if self._lidar else (),
         )
         return batch if self.faults is None else self.faults.alter(batch)
 
@@ -307,6 +316,8 @@ class SimPlatform:
         appeared = faults.act(t_s, self._physics)
         if appeared is not None and self._feed is not None:
             self._feed.add_obstacle(appeared)
+        if appeared is not None and self._rays is not None:
+            self._rays.add_obstacle(appeared)
         if self._feed is not None:
             self._feed.shift_mount(faults.find_mount_shift_m(t_s))
 
@@ -364,6 +375,24 @@ def _make_physics(
         return DrivenPhysics(robot, world, physics_step_ns, driver)
     is_effort = config.sim.actuation == "effort"
     return Physics(robot, world, physics_step_ns, board=board, is_effort=is_effort)
+
+
+def _make_lidar(
+    config: RunConfig,
+    robot: RobotSpec,
+    world: WorldSpec,
+    physics_step_ns: int,
+    plants: PlantStates,
+    ground: GroundSurface,
+) -> tuple[RayScene | None, SampledSensor[LaserScan] | None]:
+    if robot.lidar is None:
+        return None, None
+    from agribot.sim.ray_scene import RayScene
+    from agribot.sim.sensors.lidar import Lidar
+
+    scene = RayScene(world, ground, plants)
+    lidar = Lidar(robot, scene, make_stream(config.seed, "lidar"))
+    return scene, SampledSensor(lidar, robot.lidar.rate_hz, physics_step_ns)
 
 
 def _make_camera(

@@ -12,7 +12,7 @@ from typing import Literal
 
 import msgspec
 
-from agribot.core.messages.arrays import ByteArray, Four, Vec3
+from agribot.core.messages.arrays import ByteArray, FloatArray, Four, Vec3
 from agribot.core.messages.operator import HandDrive, OperatorEvent
 
 # The order of every four-wheel tuple: rear right, rear left, front right, front left.
@@ -180,6 +180,22 @@ class CameraFrame(msgspec.Struct, frozen=True, kw_only=True):
     image_rgb: ByteArray
 
 
+class LaserScan(msgspec.Struct, frozen=True, kw_only=True):
+    """A scan of a lidar in its plane, counter-clockwise from the first angle.
+
+    `ranges_m` (N,) is infinite where nothing came back, and minus infinite where something is
+    nearer than the lidar can measure (REP-117).
+    """
+
+    t_s: float
+    min_angle_rad: float
+    step_rad: float
+    range_min_m: float
+    range_max_m: float
+    period_s: float
+    ranges_m: FloatArray
+
+
 class BumperSample(msgspec.Struct, frozen=True, kw_only=True):
     """The robot touches something, here in the body frame; one sample per tick of contact."""
 
@@ -262,6 +278,7 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     board: tuple[BoardSample, ...] = ()
     gnss_status: tuple[GnssStatus, ...] = ()
     contactor: tuple[ContactorSample, ...] = ()
+    scans: tuple[LaserScan, ...] = ()
 
 
 def join_batches(batches: Sequence[SensorBatch]) -> SensorBatch:

@@ -1,4 +1,4 @@
-"""Readings of base station, bumper and battery as ROS 2 messages."""
+"""Readings of base station, lidar, bumper and battery as ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from agribot.core.messages import BaseFix, BatterySample, BumperSample
+from agribot.core.messages import BaseFix, BatterySample, BumperSample, LaserScan
 from agribot.ros.messages.rosmsg import BODY_FRAME, make_header, make_message, make_point
 
 POLE_FRAME = "gps_pole_link"
@@ -27,6 +27,23 @@ def make_pole_fix(fix: BaseFix) -> Any:
         fix.alt_m,
         np.diag([variance_m2, variance_m2, 4.0 * variance_m2]).ravel(),
         1,
+    )
+
+
+def make_laser_scan(scan: LaserScan, frame: str) -> Any:
+    """Make a LaserScan; all rays are of one moment, and it measures no intensities."""
+    return make_message(
+        "sensor_msgs/msg/LaserScan",
+        make_header(scan.t_s, frame),
+        scan.min_angle_rad,
+        scan.min_angle_rad + scan.step_rad * (len(scan.ranges_m) - 1),
+        scan.step_rad,
+        0.0,
+        scan.period_s,
+        scan.range_min_m,
+        scan.range_max_m,
+        scan.ranges_m.astype(np.float32),
+        np.empty(0, dtype=np.float32),
     )
 
 

@@ -11,7 +11,12 @@ from agribot.core.robot import RobotSpec
 from agribot.core.topics import Topic
 from agribot.ros.messages import cdr, rosmsg
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.messages.device_rosmsg import make_battery_state, make_contact_point, make_pole_fix
+from agribot.ros.messages.device_rosmsg import (
+    make_battery_state,
+    make_contact_point,
+    make_laser_scan,
+    make_pole_fix,
+)
 from agribot.ros.messages.transforms import WheelTransforms, find_wheel_joints
 
 SLOW_NS = 100_000_000  # values for people and for the original's tools
@@ -51,6 +56,9 @@ class SensorTopicWriter:
             heading = math.degrees(math.atan2(mag.field_t[1], mag.field_t[0])) % 360.0
             self._send(topics.HEADING_RAW, now_ns, self._number(heading), now_ns)
         self._write_positions(now_ns, batch)
+        for scan in batch.scans:
+            frame = "" if self._robot.lidar is None else self._robot.lidar.link
+            self._write(topics.SCAN, now_ns, make_laser_scan(scan, frame), scan.t_s)
         for touch in batch.bumper:
             self._write(topics.BUMPER, now_ns, make_contact_point(touch), touch.t_s)
         for battery in batch.battery:
