@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
 
 from agribot.core.config import RunConfig
+from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum, MapFrame
 from agribot.description.ros_map import OCCUPIED, UNKNOWN, load_ros_map
 from agribot.gis.map_outlines import Ring, outline_cells
@@ -15,9 +17,12 @@ from agribot.gis.map_outlines import Ring, outline_cells
 def settle_keep_out(config: RunConfig) -> RunConfig:
     """Return the settings with the areas of `field.keep_out` in place of its file.
 
-    Raises: DescriptionError: the file is no map, or has more areas than can be planned with.
+    Raises:
+        ConfigError: an area of the settings has fewer than three corners.
+        DescriptionError: the file is no map, or has more areas than can be planned with.
     """
     field = config.field
+    _check_corners(field.keep_out_map_m)
     if not field.keep_out:
         return config
     rings = read_keep_out(Path(field.keep_out), field.datum, with_unknown=field.keep_out_unknown)
@@ -25,6 +30,15 @@ def settle_keep_out(config: RunConfig) -> RunConfig:
         field, keep_out="", keep_out_map_m=(*field.keep_out_map_m, *rings)
     )
     return msgspec.structs.replace(config, field=settled)
+
+
+def _check_corners(areas: Sequence[Ring]) -> None:
+    for number, ring in enumerate(areas, 1):
+        if len(ring) < 3:
+            raise ConfigError(
+                f"field.keep_out_map_m: area {number} of {len(areas)} has {len(ring)} corners; "
+                "give at least 3"
+            )
 
 
 def read_keep_out(path: Path, datum: Datum, *, with_unknown: bool = False) -> tuple[Ring, ...]:

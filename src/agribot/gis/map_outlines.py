@@ -55,7 +55,8 @@ def _find_runs(is_taken: npt.NDArray[np.bool_], ros_map: RosMap) -> FloatArray:
             f"the map has {len(row)} stretches of occupied cells > {MOST_RUNS}; remove specks or "
             "choose larger cells"
         )
-    boxes: FloatArray = ros_map.resolution_m * np.stack([start, row, end, row + 1], axis=1)
+    cells = np.stack([start, row, end, row + 1], axis=1).astype(np.float64)
+    boxes: FloatArray = cells * ros_map.resolution_m
     return boxes
 
 

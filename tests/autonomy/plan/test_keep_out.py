@@ -23,7 +23,7 @@ from agribot.autonomy.plan.rows import lay_rows
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.config import RunConfig, SafetyConfig
-from agribot.core.errors import DescriptionError, MissionError
+from agribot.core.errors import ConfigError, DescriptionError, MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.keep_out import BodyBox
 from agribot.core.messages import STOP, DriveCommand, GnssQuality
@@ -154,6 +154,12 @@ def test_a_map_as_ros_2_saves_it_as_pgm_with_its_origin_as_a_list(tmp_path: Path
     assert load_ros_map(tmp_path / "again.yaml").yaw_rad == 0.5
 
 
+def test_an_area_of_two_corners_is_refused_with_its_number() -> None:
+    field = msgspec.structs.replace(FARM, keep_out_map_m=(BLOCK, ((0.0, 0.0), (1.0, 1.0))))
+    with pytest.raises(ConfigError, match="area 2 of 2 has 2 corners; give at least 3"):
+        settle_keep_out(RunConfig(field=field))
+
+
 def test_more_specks_than_can_be_planned_with_are_refused() -> None:
     noise = np.random.default_rng(3).choice([FREE, OCCUPIED], (520, 520), p=[0.7, 0.3])
     speckled = RosMap(cells=noise.astype(np.int8), resolution_m=1.0, x_min_m=0.0, y_min_m=0.0)
@@ -210,6 +216,7 @@ def test_the_map_of_a_field_keeps_a_robot_inside_of_it_and_off_its_obstacles(
     field = "examples/field.geojson"
     assert main(["world", "map", field, "-o", str(tmp_path / "map.yaml")]) == 0
     drawn, (area, datum) = load_ros_map(tmp_path / "map.yaml"), read_field(Path(field))
+    assert drawn.datum is not None
     assert (drawn.datum.lat_deg, drawn.datum.lon_deg) == (datum.lat_deg, datum.lon_deg)
     ground = shapely.Polygon(area.boundary, area.holes)
     keep_out = shapely.union_all(

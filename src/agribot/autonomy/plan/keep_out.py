@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from agribot.core.keep_out import AreaTouch, BodyBox
 from agribot.core.messages import FloatArray
-
-if TYPE_CHECKING:
-    import shapely
 
 Ring = Sequence[tuple[float, float]]
 MOST_GROUPS = 16  # of areas that a way leads around; of more the largest
@@ -36,7 +33,7 @@ class KeepOut:
         near, areas = self._tree.query(boxes, predicate="dwithin", distance=within_m)
         if not len(near):
             return None
-        away_m = shapely.distance(boxes[near], self._areas[areas])
+        away_m = np.asarray(shapely.distance(boxes[near], self._areas[areas]))
         first = int(np.argmin(away_m))
         place = self._areas[areas[first]].representative_point()
         return AreaTouch(int(near[first]), float(away_m[first]), (place.x, place.y))
@@ -58,7 +55,7 @@ class KeepOut:
         return rings
 
 
-def _draw_boxes(poses: FloatArray, body: BodyBox) -> shapely.Polygon:
+def _draw_boxes(poses: FloatArray, body: BodyBox) -> npt.NDArray[np.object_]:
     """Draw the rectangle of the body at each pose, (N,)."""
     import shapely
 
@@ -66,4 +63,4 @@ def _draw_boxes(poses: FloatArray, body: BodyBox) -> shapely.Polygon:
     left = np.array([1.0, 1.0, -1.0, -1.0]) * body.half_width_m
     cos, sin = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
     x_m, y_m = poses[:, :1] + cos * ahead - sin * left, poses[:, 1:2] + sin * ahead + cos * left
-    return shapely.polygons(np.stack([x_m, y_m], axis=-1))
+    return np.asarray(shapely.polygons(np.stack([x_m, y_m], axis=-1)))

@@ -57,8 +57,8 @@ class SensorTopicWriter:
             self._send(topics.HEADING_RAW, now_ns, self._number(heading), now_ns)
         self._write_positions(now_ns, batch)
         for scan in batch.scans:
-            frame = "" if self._robot.lidar is None else self._robot.lidar.link
-            self._write(topics.SCAN, now_ns, make_laser_scan(scan, frame), scan.t_s)
+            link = "" if self._robot.lidar is None else self._robot.lidar.link
+            self._write(topics.SCAN, now_ns, make_laser_scan(scan, link), scan.t_s)
         for touch in batch.bumper:
             self._write(topics.BUMPER, now_ns, make_contact_point(touch), touch.t_s)
         for battery in batch.battery:
