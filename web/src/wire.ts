@@ -902,6 +902,49 @@ export interface PanelInfo {
   draw_order?: number
   visible?: boolean
   what?: 'point' | 'polygon' | 'route'
+  topic?: string
+}
+
+/** A topic that displays can show, and the displays that can. */
+export interface TopicInfo {
+  name: string
+  type: string
+  displays: string[]
+  publishers: string[]
+}
+
+/** One network or recording and its topics; `problem` says why there are none. */
+export interface TopicNetworkInfo {
+  source: string
+  title: string
+  topics: TopicInfo[]
+  problem: string
+}
+
+/** A topic that a display looks at; `after` is the number of the message that it has. */
+export interface TopicWish {
+  source: string
+  name: string
+  after: number
+}
+
+export interface TopicWishes {
+  topics: TopicWish[]
+}
+
+/**
+ * What a topic has said; `message` is left out where it is not newer, or has no room.
+ *
+ * `note` says what is wrong with it, or was left out; `is_stale` that it has stopped.
+ */
+export interface TopicNews {
+  seq: number
+  type: string
+  age_s: number | null
+  rate_hz: number | null
+  is_stale: boolean
+  note: string
+  message: unknown
 }
 
 /** What a button or form says to a press; `at_s` is the clock of the day. */

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from agribot.cli.bridging import read_domain, read_master, read_router
 from agribot.cli.ranges import port
 from agribot.cli.stopping import stop_on_signal
 from agribot.core.errors import PlatformError
+from agribot.ui.about import RosPlaces
 from agribot.ui.address import SELF_SIGNED, Address
 from agribot.ui.panels import shared
 from agribot.ui.robot_side.token_file import read_or_make_tokens
@@ -93,9 +95,22 @@ def open_page(options: argparse.Namespace, session: Run) -> Iterator[OperatorPag
     """
     from agribot.ui.robot_side.operator_page import OperatorPage
 
-    with OperatorPage(session, choose_address(options), shared) as page:
+    with OperatorPage(session, choose_address(options), shared, find_ros_places(options)) as page:
         announce(page.url, page.address.viewer_url(page.server.port), options)
         yield page
+
+
+def find_ros_places(options: argparse.Namespace) -> RosPlaces:
+    """Find where the page looks for topics of ROS.
+
+    Raises: ConfigError: an option or a variable of the environment is out of range.
+    """
+    return RosPlaces(
+        master=read_master(options),
+        router=read_router(options),
+        domain=read_domain(options),
+        takes_layers=any(getattr(options, name, False) for name in ("ros1", "ros2")),
+    )
 
 
 def choose_address(options: argparse.Namespace) -> Address:

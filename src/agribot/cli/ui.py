@@ -6,9 +6,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from agribot.cli import run as run_command
+from agribot.cli.bridging import add_ros1_arguments, add_ros2_arguments
 from agribot.cli.origin import HELP
-from agribot.cli.page import add_address_arguments, choose_address, serve_page
+from agribot.cli.page import add_address_arguments, choose_address, find_ros_places, serve_page
 
 if TYPE_CHECKING:
     from agribot.ui.about import About
@@ -22,6 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--origin", metavar="ORIGIN", help=HELP)
     parser.add_argument("--set", action="append", default=[], metavar="A.B=C", help="any setting")
     add_address_arguments(parser)
+    group = parser.add_argument_group("ROS, whose topics the map can show")
+    add_ros1_arguments(group)
+    add_ros2_arguments(group)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -41,6 +47,9 @@ def run(options: argparse.Namespace) -> int:
         "tls_key",
         "token_file",
         "open",
+        "ros_master",
+        "ros_domain",
+        "ros_router",
     ):
         setattr(simulated, name, getattr(options, name))
     return run_command.run(simulated)
@@ -57,9 +66,11 @@ def _replay(options: argparse.Namespace, recording: Path) -> int:
     config, urdf = read_config(recording), read_urdf(recording)
     robot = parse_robot(urdf, recording.name)
     field = read_field(recording)
+    ros = find_ros_places(options)
     path = str(recording.resolve())
 
     def about(port: int) -> About:
-        return about_run(address, port, config, robot, urdf, field, recording.parent, path)
+        told = about_run(address, port, config, robot, urdf, field, recording.parent, path)
+        return msgspec.structs.replace(told, ros=ros)
 
     return serve_page(ServerProcess(address, about), "replay", options)

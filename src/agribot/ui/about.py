@@ -13,6 +13,15 @@ from agribot.ui import wire
 EPOCH_BITS = 32
 
 
+class RosPlaces(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the page looks for topics when somebody asks for them."""
+
+    master: str = "http://127.0.0.1:11311"
+    router: str = "tcp/127.0.0.1:7447"
+    domain: int = 0
+    takes_layers: bool = False  # whether a bridge is open, over which programs may add layers
+
+
 class About(msgspec.Struct, kw_only=True):
     """What the server is told once, when it starts."""
 
@@ -40,6 +49,7 @@ class About(msgspec.Struct, kw_only=True):
     lan_url: str = ""
     tls_cert: str = ""
     tls_key: str = ""
+    ros: RosPlaces = RosPlaces()
     run_id: int = 0  # the same for all server processes of a run
 
 

@@ -1012,6 +1012,70 @@ class PanelInfo(msgspec.Struct, frozen=True, kw_only=True):
     draw_order: int | UnsetType = UNSET
     visible: bool | UnsetType = UNSET
     what: Literal["point", "polygon", "route"] | UnsetType = UNSET  # that a listener hears of
+    topic: str | UnsetType = (
+        UNSET  # that a layer shows, as SOURCE:NAME, in place of data of its own
+    )
+
+
+class TopicInfo(msgspec.Struct, frozen=True, kw_only=True):
+    """A topic that displays can show, and the displays that can."""
+
+    name: str
+    type: str
+    displays: list[str]
+    publishers: list[str] = []
+
+
+class TopicNetworkInfo(msgspec.Struct, frozen=True, kw_only=True):
+    """One network or recording and its topics; `problem` says why there are none."""
+
+    source: str
+    title: str
+    topics: list[TopicInfo] = []
+    problem: str = ""
+
+
+class TopicWish(msgspec.Struct, frozen=True, kw_only=True):
+    """A topic that a display looks at; `after` is the number of the message that it has."""
+
+    source: str
+    name: str
+    after: int = 0
+
+
+class TopicWishes(msgspec.Struct, frozen=True, kw_only=True):
+    topics: list[TopicWish]
+
+
+class TopicNews(msgspec.Struct, frozen=True, kw_only=True):
+    """What a topic has said; `message` is left out where it is not newer, or has no room.
+
+    `note` says what is wrong with it, or was left out; `is_stale` that it has stopped.
+    """
+
+    seq: int = 0
+    type: str = ""
+    age_s: float | None = None
+    rate_hz: float | None = None
+    is_stale: bool = False
+    note: str = ""
+    message: Any = None
+
+
+class Layer(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A layer that a program outside of the robot gives: its data, or the topic that it shows.
+
+    `data` is GeoJSON, or for another `type` of display a ROS message as a dict. `draw_order` 0 is
+    the top. `name` may be left out where the address has it.
+    """
+
+    name: str = ""
+    type: str = "geojson"
+    data: Any = None
+    topic: str = ""
+    style: dict[str, Any] = {}
+    draw_order: int | None = None
+    visible: bool = True
 
 
 class PanelReply(msgspec.Struct, frozen=True, kw_only=True):
@@ -1023,12 +1087,12 @@ class PanelReply(msgspec.Struct, frozen=True, kw_only=True):
 
 # What the page sends over HTTP, and what it reads there.
 SENT_BODIES = (
-    Login, ReplayWish, MarkText, CalibrationStart, GoalPlace, PlanWish, ExportedView,
+    Login, ReplayWish, MarkText, CalibrationStart, GoalPlace, PlanWish, ExportedView, TopicWishes,
 )  # fmt: skip
 READ_BODIES = (
     LoginNeeded, SessionInfo, Problem, Field, Robot, SignalInfo, Recordings, Shown, KeptFrame,
     SettingGroups, SettingsReply, Calibrations, Health, MapSource, GoalPreview, FieldReply,
-    PlanReply, ImportedView, PanelInfo, PanelReply,
+    PlanReply, ImportedView, PanelInfo, PanelReply, TopicNetworkInfo, TopicNews,
 )  # fmt: skip
 
 

@@ -114,6 +114,12 @@ class Node:
         self._on_publishers[name] = update
         update(name, self.ask_master("registerSubscriber", name, to_ros1_name(ros_type), self.uri))
 
+    def unsubscribe(self, name: str) -> None:
+        """Leave a topic; a master that is gone needs no word."""
+        if self._on_publishers.pop(name, None) is not None:
+            with contextlib.suppress(BridgeError):
+                self.ask_master("unregisterSubscriber", name, self.uri)
+
     def set_param(self, name: str, value: Any) -> None:
         self.ask_master("setParam", name, value)
 

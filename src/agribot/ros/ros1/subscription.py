@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import threading
 import xmlrpc.client
@@ -37,10 +38,19 @@ class Subscription:
         self._on_message, self._on_refusal = on_message, on_refusal
         self._stopped = threading.Event()
         self._publishers: set[str] = set()
+        self._sockets: set[socket.socket] = set()
         node.subscribe(name, ros_type, self._update_publishers)
+
+    @property
+    def has_publisher(self) -> bool:
+        """Whether the master knows a publisher of the topic now."""
+        return bool(self._publishers)
 
     def close(self) -> None:
         self._stopped.set()
+        for sock in tuple(self._sockets):
+            with contextlib.suppress(OSError):  # wakes the thread that waits for a message
+                sock.shutdown(socket.SHUT_RDWR)
 
     def _update_publishers(self, _topic: str, uris: list[str]) -> None:
         wanted = {uri for uri in uris if uri != self._node.uri}
@@ -79,8 +89,12 @@ class Subscription:
             ros_type = "/msg/".join(answer.get("type", "").split("/"))
             limit = tcpros.MAX_SENSOR_BYTES if self._ros_type == ANY else tcpros.MAX_MESSAGE_BYTES
             sock.settimeout(None)
-            while uri in self._publishers and not self._stopped.is_set():
-                self._on_message(tcpros.receive_frame(sock, limit), source, ros_type)
+            self._sockets.add(sock)
+            try:
+                while uri in self._publishers and not self._stopped.is_set():
+                    self._on_message(tcpros.receive_frame(sock, limit), source, ros_type)
+            finally:
+                self._sockets.discard(sock)
 
     def _make_request_header(self) -> dict[str, str]:
         return {

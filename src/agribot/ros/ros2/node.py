@@ -79,6 +79,35 @@ class Ros2Node:
         key = f"{self.domain}/{name.strip('/')}/*/*"
         self.keep(self.session.declare_subscriber(key, on_sample))
 
+    def subscribe_found(
+        self, found: wire.FoundPublisher, on_message: Callable[[bytes], None]
+    ) -> Callable[[], None]:
+        """Subscribe to a topic that another node announces; return what ends the subscription."""
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            on_message(sample.payload.to_bytes())
+
+        qos = Qos(reliable=found.is_reliable, latched=found.is_latched)
+        key = wire.make_topic_key(self.domain, found.name, found.ros_type, found.type_hash)
+        subscriber = _subscribe(self.session, key, qos, on_sample)
+        token = self._name.make_endpoint_token(
+            next(self._ids), "MS", found.name, found.ros_type, found.type_hash, qos
+        )
+        announced = self.session.liveliness().declare_token(token)
+
+        def end() -> None:
+            subscriber.undeclare()
+            announced.undeclare()
+
+        return end
+
+    def list_tokens(self, timeout_s: float = 2.0) -> list[str]:
+        """List what the nodes of the domain announce: themselves and their endpoints."""
+        replies = self.session.liveliness().get(
+            f"{wire.ADMIN_SPACE}/{self.domain}/**", timeout=timeout_s
+        )
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+
     def close(self) -> None:
         if not self.session.is_closed():
             self.session.close()  # type: ignore[no-untyped-call]

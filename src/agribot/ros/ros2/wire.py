@@ -61,6 +61,17 @@ class Endpoint(NamedTuple):
     type_name: str
 
 
+class FoundPublisher(NamedTuple):
+    """A publisher of another node, from its liveliness token."""
+
+    node: str
+    name: str
+    ros_type: str
+    type_hash: str
+    is_reliable: bool
+    is_latched: bool
+
+
 def mangle(name: str) -> str:
     return name.replace("/", "%")
 
@@ -118,3 +129,32 @@ def read_endpoint(token: str) -> Endpoint | None:
     if len(parts) < 12 or parts[0] != ADMIN_SPACE:
         return None
     return Endpoint(parts[8], parts[5], parts[9].replace("%", "/"), parts[10])
+
+
+def read_publisher(token: str) -> FoundPublisher | None:
+    """Read the publisher of a token; None if it is no publisher's."""
+    parts = token.split("/")
+    if len(parts) < 13 or parts[0] != ADMIN_SPACE or parts[5] != "MP":
+        return None
+    ros_type = from_dds_name(parts[10])
+    reliability, durability, *_ = [*parts[12].split(":"), "", ""]
+    name = parts[9].replace("%", "/")
+    return FoundPublisher(
+        read_node_name(token), name, ros_type, parts[11], reliability != "2", durability == "1"
+    )
+
+
+def read_node_name(token: str) -> str:
+    """Read the node of a node's or an endpoint's token, with its namespace; "" if it has none."""
+    parts = token.split("/")
+    if len(parts) < 9 or parts[0] != ADMIN_SPACE:
+        return ""
+    return f"{parts[7].replace('%', '/').rstrip('/')}/{parts[8]}"
+
+
+def from_dds_name(name: str) -> str:
+    """Convert `sensor_msgs::msg::dds_::Imu_` to `sensor_msgs/msg/Imu`; "" if it is none."""
+    parts = name.split("::")
+    if len(parts) != 4 or parts[2] != "dds_":
+        return ""
+    return f"{parts[0]}/{parts[1]}/{parts[3].removesuffix('_')}"

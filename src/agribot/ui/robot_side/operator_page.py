@@ -20,7 +20,7 @@ from agribot.core.messages import ByteArray, OperatorEvent, TickRecord
 from agribot.core.messages import Path as PlannedPath
 from agribot.record.events import Event
 from agribot.ui import wire
-from agribot.ui.about import About
+from agribot.ui.about import About, RosPlaces
 from agribot.ui.address import Address
 from agribot.ui.ground import field_of
 from agribot.ui.panels import Panels
@@ -48,13 +48,18 @@ class OperatorPage:
     """
 
     def __init__(
-        self, session: Run, address: Address | None = None, panels: Panels | None = None
+        self,
+        session: Run,
+        address: Address | None = None,
+        panels: Panels | None = None,
+        ros: RosPlaces | None = None,
     ) -> None:
         self._session = session
         self._inbox = session.inbox
         self._timeout_s = session.config.safety.hand_timeout_s
         self._pauses_when_lost = session.config.safety.on_operator_lost == "pause"
         self._panels = panels or Panels()
+        self._ros = ros or RosPlaces()
         self._verdicts = Verdicts(self._inbox)
         self.address = address or Address()
         self.server = ServerProcess(self.address, self._about, self._server_lost)
@@ -269,7 +274,7 @@ class OperatorPage:
         field = field_of(run.config, run.rows, run.goals_map_m, area)
         about = about_run(self.address, port, run.config, run.robot, run.urdf, field, run.out_dir)
         show_changes(about.settings, self._changed)
-        return about
+        return msgspec.structs.replace(about, ros=self._ros)
 
 
 class SessionSource:

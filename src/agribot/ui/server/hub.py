@@ -20,6 +20,7 @@ from agribot.ui.server.replay import Replay
 from agribot.ui.server.replays import MAX_REPLAYS, Replays
 from agribot.ui.server.seat import Seat
 from agribot.ui.server.stops import Stops
+from agribot.ui.server.topic_sources import TopicSources
 
 T = TypeVar("T")
 NoteKind = Literal["operator", "viewer", "refusal"]
@@ -46,6 +47,7 @@ class Hub:
         self.counts: deque[wire.TickCounts] = deque(maxlen=8)
         self.sockets: set[Any] = set()
         self.replays = Replays()
+        self.topics: TopicSources | None = None  # from when somebody asks for them on
         self.choices: dict[str, object] = {}  # the last of each browser that waits for it
         self.refusals = 0
         self.visits = 0

@@ -69,6 +69,7 @@ class Replay(Channel):
         self._plants, self.recorded_events = plants, events
         self._whole_path = path
         self._pictures = pictures
+        self.path = Path()  # of the file, set where it was read from one
         self._index = -1
         self._now_s = moments[0].t_s
         self._wall_s: float | None = None
@@ -101,7 +102,9 @@ class Replay(Channel):
             plants = ()  # a run that was cut off has none
         pictures = Pictures.load(path)
         field = read_field_or_datum(path)
-        return cls(name, moments, view.trace_map_m, plants, events, _path(path), pictures, field)
+        replay = cls(name, moments, view.trace_map_m, plants, events, _path(path), pictures, field)
+        replay.path = path
+        return replay
 
     @property
     def progress(self) -> wire.ReplayProgress:
@@ -112,6 +115,11 @@ class Replay(Channel):
             end_s=self._times[-1],
             speed=self.speed,
         )
+
+    @property
+    def now_s(self) -> float:
+        """The time of the recording that is shown."""
+        return self._now_s
 
     def picture(self) -> tuple[int, EncodedPicture] | None:
         """Find what the camera saw last, and its number; None before its first picture."""

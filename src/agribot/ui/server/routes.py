@@ -18,6 +18,7 @@ from agribot.ui.server import (
     health_routes,
     map_routes,
     run_routes,
+    topic_routes,
 )
 from agribot.ui.server.answers import Unusable, refuse_request
 
@@ -30,6 +31,7 @@ PARTS = (
     map_routes,
     health_routes,
     calibration_routes,
+    topic_routes,
 )
 Endpoint = Callable[[Request], Awaitable[Response]]
 

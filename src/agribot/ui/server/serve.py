@@ -33,6 +33,7 @@ from agribot.ui.server.replays import EVERYBODY
 MAX_FRAME_BYTES = 64 * 1024
 ORDERS_KEPT = 500
 WATCH_S = 0.25
+LEAVE_S = 5.0
 
 
 class QuietServer(uvicorn.Server):
@@ -77,7 +78,7 @@ async def _serve(
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Any) -> AsyncIterator[dict[str, Any]]:
-        tasks = [asyncio.create_task(_watch(hub)), asyncio.create_task(_replay(hub))]
+        tasks = [asyncio.create_task(work(hub)) for work in (_watch, _replay, _leave_topics)]
         loop = asyncio.get_running_loop()
         camera: Camera = app.state.camera
         ended = functools.partial(_end, hub, server)
@@ -176,6 +177,14 @@ async def _watch(hub: Hub) -> None:
             hub.tell_seat()
             if is_silent and hub.seat.holder:
                 hub.order(wire.OperatorLost(by=hub.seat.name))
+
+
+async def _leave_topics(hub: Hub) -> None:
+    """Leave the topics of ROS that nobody looks at any more."""
+    while True:
+        await asyncio.sleep(LEAVE_S)
+        if hub.topics is not None:
+            await run_in_thread(hub.topics.close_idle)
 
 
 async def _replay(hub: Hub) -> None:

@@ -1,0 +1,57 @@
+"""The topics of a ROS 1 master, each heard as long as somebody looks at it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+
+from agribot.ros.graph import Graph
+from agribot.ros.ros1.node import Node
+from agribot.ros.ros1.subscription import ANY, Subscription
+from agribot.ros.ros1.system_state import read_graph
+from agribot.ros.topic_network import OnBytes
+
+
+class Ros1Topics:
+    """A node of ours is at the master from the first topic on.
+
+    `on_refusal` is called with the reason for which a publisher is rejected.
+    """
+
+    is_ros2 = False
+
+    def __init__(
+        self, name: str, master_uri: str, on_refusal: Callable[[str], None] = lambda _text: None
+    ) -> None:
+        self._name, self._master_uri = f"{name}_{os.getpid()}", master_uri
+        self._on_refusal = on_refusal
+        self._node: Node | None = None
+
+    def read_graph(self) -> Graph:
+        return read_graph(self._master_uri)
+
+    def open_topic(self, name: str, on_bytes: OnBytes) -> Ros1Topic:
+        if self._node is None:
+            self._node = Node(self._name, self._master_uri)
+
+        def on_message(data: bytes, _source: str, ros_type: str) -> None:
+            on_bytes(ros_type, data)
+
+        subscription = Subscription(self._node, name, ANY, on_message, self._on_refusal)
+        return Ros1Topic(self._node, name, subscription)
+
+    def close(self) -> None:
+        if self._node is not None:
+            self._node.close()
+            self._node = None
+
+
+class Ros1Topic:
+    """A topic that is heard."""
+
+    def __init__(self, node: Node, name: str, subscription: Subscription) -> None:
+        self._node, self._name, self._subscription = node, name, subscription
+
+    def close(self) -> None:
+        self._node.unsubscribe(self._name)
+        self._subscription.close()

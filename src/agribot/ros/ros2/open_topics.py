@@ -1,0 +1,73 @@
+"""The topics of a ROS 2 domain over zenoh, each heard as long as somebody looks at it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+
+from rosbags.typesys.store import Typestore
+
+from agribot.core.errors import BridgeError
+from agribot.ros.graph import Graph
+from agribot.ros.ros2 import wire
+from agribot.ros.ros2.connection import NO_HASH
+from agribot.ros.ros2.node import Ros2Node
+from agribot.ros.ros2.system_state import read_graph
+from agribot.ros.topic_network import OnBytes
+
+
+class Ros2Topics:
+    """Joins the router at `router` when it is first asked, and never takes its role.
+
+    `types` are those that can be read: a type of another definition is refused.
+    """
+
+    is_ros2 = True
+
+    def __init__(self, name: str, domain: int, router: str, types: Callable[[], Typestore]) -> None:
+        self._name = f"{name}_{os.getpid()}"
+        self._domain, self._router, self._types = domain, router, types
+        self._node: Ros2Node | None = None
+
+    def read_graph(self) -> Graph:
+        return read_graph(self._join())
+
+    def open_topic(self, name: str, on_bytes: OnBytes) -> Ros2Topic | None:
+        node = self._join()
+        announced = (wire.read_publisher(token) for token in node.list_tokens())
+        found = next((one for one in announced if one is not None and one.name == name), None)
+        if found is None:
+            return None
+        self._check_definition(found)
+        end = node.subscribe_found(found, lambda data: on_bytes(found.ros_type, data))
+        return Ros2Topic(end)
+
+    def close(self) -> None:
+        if self._node is not None:
+            self._node.close()
+            self._node = None
+
+    def _join(self) -> Ros2Node:
+        if self._node is None:
+            self._node = Ros2Node(self._name, self._domain, self._router, listen=False)
+        return self._node
+
+    def _check_definition(self, found: wire.FoundPublisher) -> None:
+        types = self._types()
+        if found.ros_type not in types.fielddefs:
+            raise BridgeError(f"{found.name}: the type {found.ros_type} is not known")
+        if found.type_hash not in {types.hash_rihs01(found.ros_type), NO_HASH}:
+            raise BridgeError(
+                f"{found.name}: {found.ros_type} of {found.node} has another definition than in "
+                "ROS 2 Jazzy"
+            )
+
+
+class Ros2Topic:
+    """A topic that is heard."""
+
+    def __init__(self, end: Callable[[], None]) -> None:
+        self._end = end
+
+    def close(self) -> None:
+        self._end()
