@@ -23,6 +23,10 @@ import type {
   SettingGroups,
   SettingsReply,
   SettingValue,
+  TopicNetworkInfo,
+  TopicNews,
+  TopicWish,
+  TopicWishes,
 } from './wire.ts'
 
 /** What a lost network swallows would keep a connection for minutes. */
@@ -129,6 +133,10 @@ export const api = {
     (await request('/api/v1/views/import', { method: 'POST', body: file })).json() as Promise<ImportedView>,
   exportView: async (displays: object[], view: object): Promise<string> =>
     (await write('POST', '/api/v1/views/export', { displays, view: { ...view } } satisfies ExportedView)).text(),
+
+  topics: () => get<TopicNetworkInfo[]>('/api/v1/ros/topics'),
+  readTopics: (topics: TopicWish[]) =>
+    ask<TopicNews[]>('POST', '/api/v1/ros/topics/read', { topics } satisfies TopicWishes),
 
   panels: () => get<PanelInfo[]>('/api/v1/panels'),
   panelData: (id: string) => request(`/api/v1/panels/${name(id)}`),

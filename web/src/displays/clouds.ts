@@ -3,7 +3,7 @@
 import type { Vec2 } from '../wire.ts'
 import type { Drawing } from './drawing.ts'
 import type { LaserScan, PointCloud2, PointField } from './messages.ts'
-import { bytesOf, frameOf, placed } from './messages.ts'
+import { bytesOf, placer } from './messages.ts'
 import type { Option } from './options.ts'
 import { amount, choice, colour, flag, number, words } from './options.ts'
 import type { Setting } from './setting.ts'
@@ -65,7 +65,7 @@ function kept<T>(batches: T[] | undefined, batch: T, setting: Setting): T[] {
 
 export function foldScan(scans: Spot[][] | undefined, scan: LaserScan, setting: Setting): Spot[][] {
   const { options, robot } = setting
-  const frame = frameOf(scan.header, robot)
+  const place = placer(scan.header, robot)
   const by = words(options, 'by')
   const limits: [number, number] = [amount(options, 'low'), amount(options, 'high')]
   const spots = scan.ranges.flatMap((distance, i): Spot[] => {
@@ -75,7 +75,7 @@ export function foldScan(scans: Spot[][] | undefined, scan: LaserScan, setting: 
     const value = { range: distance, x, y, intensity: scan.intensities?.[i] ?? 0 }[by]
     return [
       {
-        p: placed(frame, { x, y }),
+        p: place({ x, y }),
         color: value === undefined ? words(options, 'color') : coloured(value, setting, limits),
       },
     ]
@@ -112,7 +112,7 @@ export function fieldOf(cloud: PointCloud2, name: string): number[] | null {
 
 export function foldCloud(clouds: Spot[][] | undefined, cloud: PointCloud2, setting: Setting): Spot[][] {
   const { options } = setting
-  const [xs, ys] = [fieldOf(cloud, 'x') ?? [], fieldOf(cloud, 'y') ?? []]
+  const [xs, ys, zs] = ['x', 'y', 'z'].map((name) => fieldOf(cloud, name) ?? [])
   const by = words(options, 'by')
   const packed =
     by === 'rgb'
@@ -123,7 +123,7 @@ export function foldCloud(clouds: Spot[][] | undefined, cloud: PointCloud2, sett
   const limits: [number, number] = options.auto
     ? finite.reduce<[number, number]>(([low, high], v) => [Math.min(low, v), Math.max(high, v)], [Infinity, -Infinity])
     : [amount(options, 'low'), amount(options, 'high')]
-  const frame = frameOf(cloud.header, setting.robot)
+  const place = placer(cloud.header, setting.robot)
   const step = Math.ceil(xs.length / MOST_POINTS)
   const spots: Spot[] = []
   for (let i = 0; i < Math.min(xs.length, ys.length); i += step) {
@@ -133,7 +133,7 @@ export function foldCloud(clouds: Spot[][] | undefined, cloud: PointCloud2, sett
       : values
         ? coloured(values[i], setting, limits)
         : words(options, 'color')
-    spots.push({ p: placed(frame, { x: xs[i], y: ys[i] }), color })
+    spots.push({ p: place({ x: xs[i], y: ys[i], z: zs[i] ?? 0 }), color })
   }
   return kept(clouds, spots, setting)
 }

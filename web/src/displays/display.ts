@@ -6,11 +6,12 @@ import type { Features } from '../geojson.ts'
 import type { MapSource } from '../wire.ts'
 import { Drawing } from './drawing.ts'
 import type { DisplayHost, LayerGroup } from './host.ts'
+import { FADED } from './host.ts'
 import type { Surface } from './instruments.ts'
 import type { Options } from './options.ts'
 import { filled } from './options.ts'
 import { lookLayers } from './look-layers.ts'
-import type { Source } from './sources.ts'
+import type { Condition, Source } from './sources.ts'
 import type { Setting } from './setting.ts'
 import type { DisplayType } from './types.ts'
 
@@ -32,6 +33,8 @@ export class Display implements LayerGroup {
   visible = true
   opacity = 1
   options: Options
+  /** What is wrong with its source, in one line, and whether that has stopped. */
+  condition: Condition = { note: '', isStale: false }
   /** Messages heard, for tests. */
   heard = 0
   private state: unknown
@@ -53,7 +56,11 @@ export class Display implements LayerGroup {
     this.title = config.title
     this.options = filled(type.options, config.options)
     this.addLayers(source)
-    this.unsubscribe = source?.listen((message) => void this.hear(message)) ?? this.unsubscribe
+    this.unsubscribe =
+      source?.listen(
+        (message) => void this.hear(message),
+        (condition) => this.tell(condition),
+      ) ?? this.unsubscribe
     if (!source) this.draw()
   }
 
@@ -78,7 +85,7 @@ export class Display implements LayerGroup {
   paint(surface: Surface): void {
     if (this.type.kind !== 'painted' || !this.visible || this.state === undefined) return
     surface.pen.save()
-    surface.pen.globalAlpha = this.opacity
+    surface.pen.globalAlpha = this.opacity * (this.isFaded ? FADED : 1)
     this.type.paint(this.state as never, surface, this.setting)
     surface.pen.restore()
   }
@@ -96,6 +103,18 @@ export class Display implements LayerGroup {
     for (const id of this.layers) if (map.getLayer(id)) map.removeLayer(id)
     if (map.getSource(this.id)) map.removeSource(this.id)
     this.host.overlay.request()
+  }
+
+  get isFaded(): boolean {
+    return this.condition.isStale
+  }
+
+  private tell(condition: Condition): void {
+    const { note, isStale } = this.condition
+    if (condition.note === note && condition.isStale === isStale) return
+    this.condition = condition
+    if (condition.isStale !== isStale) this.host.applyGroup(this)
+    this.host.onConditions()
   }
 
   private get setting(): Setting {

@@ -1,7 +1,7 @@
 /** All displays of the map: those of the robot's maps and programs, and those the operator added. */
 
 import { api } from '../api.ts'
-import type { MapSource, PanelInfo } from '../wire.ts'
+import type { MapSource, PanelInfo, TopicNetworkInfo } from '../wire.ts'
 import { Display } from './display.ts'
 import type { DisplayConfig } from './display.ts'
 import type { DisplayHost } from './host.ts'
@@ -9,6 +9,7 @@ import type { Surface } from './instruments.ts'
 import type { Options, OptionValue } from './options.ts'
 import { panelSource, robotSources, tileSource } from './sources.ts'
 import type { Source } from './sources.ts'
+import { TopicPoller, topicSource, topicSources } from './topics.ts'
 import type { DisplayType } from './types.ts'
 import { typeOf } from './types.ts'
 
@@ -18,6 +19,8 @@ export class Displays {
   readonly all: Display[] = []
   private maps: MapSource[] = []
   private panels: PanelInfo[] = []
+  private networks: TopicNetworkInfo[] = []
+  private readonly topics = new TopicPoller(() => this.isShown)
   private made = 0
   /** True once the robot's own are there; before, nothing may be remembered of them. */
   started = false
@@ -69,7 +72,7 @@ export class Displays {
         id: panel.id,
         type: panel.type ?? 'geojson',
         title: panel.title,
-        source: panel.id,
+        source: panel.topic ?? panel.id,
         options: (panel.style ?? {}) as Options,
       },
       false,
@@ -86,14 +89,23 @@ export class Displays {
     const given = this.panels
       .filter((panel) => panel.kind === 'layer' || panel.kind === 'image')
       .map((panel) => panelSource(panel, () => this.isShown))
-    return [...robotSources(this.host.app), ...given].filter((source) => source.types.includes(type.id))
+    const here = [...robotSources(this.host.app), ...given].filter((source) => source.types.includes(type.id))
+    return [...here, ...topicSources(this.topics, this.networks, type.id)]
+  }
+
+  /** Ask the robot which topics there are; what came of it, by network. */
+  async findTopics(): Promise<TopicNetworkInfo[]> {
+    this.networks = await api.topics().catch((): TopicNetworkInfo[] => [])
+    return this.networks
   }
 
   /** Null where the type is none, or is a tool. */
   add(config: DisplayConfig, removable = true): Display | null {
     const type = typeOf(config.type)
     if (!type || type.kind === 'tool' || this.all.some(({ id }) => id === config.id)) return null
-    const source = this.sources(type).find(({ id }) => id === config.source) ?? null
+    const source =
+      this.sources(type).find(({ id }) => id === config.source) ??
+      topicSource(this.topics, config.source, config.source, [type.id]) // which need not be there yet
     const display = new Display(this.host, type, source, config, removable)
     this.all.push(display)
     this.host.addGroup(display)
@@ -112,6 +124,7 @@ export class Displays {
     this.all.splice(this.all.indexOf(display), 1)
     display.remove()
     this.host.removeGroup(display)
+    this.host.onConditions()
   }
 
   paint(surface: Surface): void {

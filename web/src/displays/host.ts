@@ -6,6 +6,9 @@ import type { App } from '../app.ts'
 /** Some kinds of display are one of the map's tools. */
 export type ToolId = 'pan' | 'measure' | 'coordinates' | 'goal' | 'pose' | 'point' | 'polygon' | 'route'
 
+/** The share of its opacity that a display has whose source has stopped. */
+export const FADED = 0.35
+
 /** An entry of the layer list; `layers` from bottom to top. */
 export interface LayerGroup {
   id: string
@@ -13,6 +16,8 @@ export interface LayerGroup {
   layers: string[]
   visible: boolean
   opacity: number
+  /** Shown paler than its opacity says: what it draws is no longer told. */
+  readonly isFaded?: boolean
 }
 
 export interface DisplayHost {
@@ -26,6 +31,8 @@ export interface DisplayHost {
   removeGroup(group: LayerGroup): void
   moveGroup(group: LayerGroup, to: number): void
   applyGroup(group: LayerGroup): void
+  /** To be called when a display has other trouble than before. */
+  onConditions(): void
   /** To be called when a group has got its layers later than it was added. */
   adopt(group: LayerGroup): void
   /** The layer that a picture of this group has to lie below. */

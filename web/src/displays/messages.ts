@@ -5,6 +5,9 @@ import type { Vec2 } from '../wire.ts'
 export interface Header {
   frame_id?: string
   stamp?: { sec: number; nanosec: number }
+  /** Where the robot found the frame, as a 4 x 4 matrix row by row: in the map, or fixed to the robot. */
+  in_map?: number[]
+  in_body?: number[]
 }
 export interface Point3 {
   x: number
@@ -146,6 +149,9 @@ export interface TexturedMarker {
   alpha?: number
   image: Image | CompressedImage
 }
+export interface TexturedMarkerArray {
+  markers: TexturedMarker[]
+}
 export interface NumberMessage {
   data: number
 }
@@ -187,6 +193,11 @@ const BODY_FRAMES = /(^|\/)(base_link|base_footprint|body|chassis|laser|scan|cam
 export type FramePose = [x: number, y: number, yaw: number]
 
 export function frameOf(header: Header | undefined, robot: FramePose): FramePose {
+  if (header?.in_map) return flat(header.in_map)
+  if (header?.in_body) {
+    const [x, y, yaw] = flat(header.in_body)
+    return [...placed(robot, { x, y }), robot[2] + yaw]
+  }
   return BODY_FRAMES.test(header?.frame_id ?? '') ? robot : [0, 0, 0]
 }
 
@@ -201,4 +212,21 @@ export function within(frame: FramePose, pose: Pose | undefined): FramePose {
   if (!pose) return frame
   const [x, y] = placed(frame, pose.position)
   return [x, y, frame[2] + anglesOf(pose.orientation).yaw]
+}
+
+/** A transform as seen from above: origin and heading. */
+function flat(m: number[]): FramePose {
+  return [m[3], m[7], Math.atan2(m[4], m[0])]
+}
+
+/** Where points of a frame lie in the map, the frame tilted as it may be, such as that of a camera. */
+export function placer(header: Header | undefined, robot: FramePose): (p: Point3) => Vec2 {
+  const m = header?.in_map ?? header?.in_body
+  if (!m) {
+    const frame = frameOf(header, robot)
+    return (p) => placed(frame, p)
+  }
+  const around: FramePose = header?.in_map ? [0, 0, 0] : robot
+  return ({ x, y, z = 0 }) =>
+    placed(around, { x: m[0] * x + m[1] * y + m[2] * z + m[3], y: m[4] * x + m[5] * y + m[6] * z + m[7] })
 }

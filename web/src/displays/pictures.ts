@@ -9,6 +9,7 @@ import type {
   OccupancyGrid,
   OccupancyGridUpdate,
   TexturedMarker,
+  TexturedMarkerArray,
 } from './messages.ts'
 import { bytesOf, frameOf, within } from './messages.ts'
 import type { Option } from './options.ts'
@@ -161,20 +162,65 @@ export function disparityCanvas(image: Image, low: number, high: number): HTMLCa
   })
 }
 
-export async function layTexture(marker: TexturedMarker, { robot }: Setting): Promise<Laid | null> {
+/** One picture as it lies; several together as one, north up. */
+export async function layTexture(
+  message: TexturedMarker | TexturedMarkerArray,
+  { robot }: Setting,
+): Promise<Laid | null> {
+  const markers = 'markers' in message ? message.markers : [message]
+  const tiles = await Promise.all(markers.map((marker) => layOne(marker, robot)))
+  const found = tiles.filter((tile) => tile !== null)
+  return found.length === 1 && (found[0].alpha ?? 1) === 1 ? found[0] : together(found)
+}
+
+interface Tile extends Laid {
+  pose: FramePose
+  resolution: number
+  alpha?: number
+}
+
+async function layOne(marker: TexturedMarker, robot: FramePose): Promise<Tile | null> {
   const image = await decoded(marker.image)
   if (!image) return null
-  const [w, h] = [image.width, image.height].map((size) => (size * marker.resolution) / 2)
-  return {
-    image,
-    corners: corners(
-      [
-        [-w, h],
-        [w, h],
-        [w, -h],
-        [-w, -h],
-      ],
-      within(frameOf(marker.header, robot), marker.pose),
-    ),
+  const { resolution, alpha } = marker
+  const [w, h] = [image.width, image.height].map((size) => (size * resolution) / 2)
+  const pose = within(frameOf(marker.header, robot), marker.pose)
+  const outline: Vec2[] = [
+    [-w, h],
+    [w, h],
+    [w, -h],
+    [-w, -h],
+  ]
+  return { image, corners: corners(outline, pose), pose, resolution, ...(alpha ? { alpha } : {}) }
+}
+
+const MOST_SIDE_PX = 2048
+
+function together(tiles: Tile[]): Laid | null {
+  if (!tiles.length) return null
+  const [xs, ys] = [0, 1].map((axis) => tiles.flatMap((tile) => tile.corners.map((corner) => corner[axis])))
+  const [west, east, south, north] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)]
+  const finest = Math.min(...tiles.map(({ resolution }) => resolution))
+  const mPerPx = Math.max(finest, (east - west) / MOST_SIDE_PX, (north - south) / MOST_SIDE_PX)
+  const canvas = document.createElement('canvas')
+  canvas.width = Math.max(1, Math.round((east - west) / mPerPx))
+  canvas.height = Math.max(1, Math.round((north - south) / mPerPx))
+  const pen = canvas.getContext('2d')
+  if (!pen) return null
+  for (const { image, pose, resolution, alpha } of tiles) {
+    pen.save()
+    pen.globalAlpha = alpha ?? 1
+    pen.translate((pose[0] - west) / mPerPx, (north - pose[1]) / mPerPx)
+    pen.rotate(-pose[2])
+    pen.scale(resolution / mPerPx, resolution / mPerPx)
+    pen.drawImage(image, -image.width / 2, -image.height / 2)
+    pen.restore()
   }
+  const outline: Vec2[] = [
+    [west, north],
+    [east, north],
+    [east, south],
+    [west, south],
+  ]
+  return { image: canvas, corners: corners(outline, [0, 0, 0]) }
 }

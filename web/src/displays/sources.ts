@@ -7,13 +7,21 @@ import type { MapSource, PanelInfo, State } from '../wire.ts'
 import type { Odometry, PoseStamped } from './messages.ts'
 import { ofYaw } from './messages.ts'
 
-type Listener = (message: unknown) => void
+export type Listener = (message: unknown) => void
+/** What is wrong with what a source gives, or was left out of it, in one line; `isStale` says that it has stopped. */
+export interface Condition {
+  note: string
+  isStale: boolean
+}
+export type Tell = (condition: Condition) => void
 /** `types` are the display types that can draw its messages; `listen` gives the function that ends it. */
 export interface Source {
   id: string
   title: string
+  /** The network that it comes from, where it is not the robot itself. */
+  network?: string
   types: string[]
-  listen: (hear: Listener) => () => void
+  listen: (hear: Listener, tell: Tell) => () => void
   /** What a map on the robot is drawn from, which says nothing. */
   tiles?: MapSource
 }

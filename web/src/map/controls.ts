@@ -3,6 +3,7 @@
 import type { MapMouseEvent } from 'maplibre-gl'
 import { api } from '../api.ts'
 import type { App } from '../app.ts'
+import { Display } from '../displays/display.ts'
 import type { LayerGroup, ToolId } from '../displays/host.ts'
 import { download, el, setText } from '../dom.ts'
 import type { IconName } from '../icons.ts'
@@ -36,6 +37,11 @@ export function mapControls(
   const bar = toolBar(view, tools, hint)
   const settings = viewSettings(view)
   const layers = layerPanel(view, bar.choose, settings)
+  const conditions = conditionLines(view)
+  view.onConditions = () => {
+    conditions.refresh()
+    layers.querySelectorAll<HTMLElement>('.layer-row').forEach((row, i) => tellRow(row, view.groups[i]))
+  }
   view.tracking.onTarget = () => {
     follow.setAttribute('aria-pressed', String(view.tracking.target !== 'map'))
     settings.refresh()
@@ -56,6 +62,7 @@ export function mapControls(
       film,
     ),
     bar.node,
+    conditions.node,
     cursor.node,
     hint.node,
     view.tools.proposals.card.node,
@@ -67,6 +74,29 @@ export function mapControls(
     view.tools.choose('pan')
   }
   return { node, done }
+}
+
+const MOST_LINES = 4
+
+/** What is wrong with displays that are shown, a line each. */
+function conditionLines(view: MapView): { node: HTMLElement; refresh: () => void } {
+  const node = el('ul', { class: 'map-conditions', role: 'status', 'aria-label': 'Displays' })
+  const refresh = (): void => {
+    const lines = view.displays.all
+      .filter(({ visible, condition }) => visible && condition.note)
+      .map(({ title, condition }) => ({ text: `${title}: ${condition.note}`, isStale: condition.isStale }))
+    const more = lines.length - MOST_LINES
+    node.replaceChildren(
+      ...lines.slice(0, MOST_LINES).map(({ text, isStale }) => el('li', { class: isStale ? 'stale' : '' }, text)),
+      ...(more > 0 ? [el('li', {}, `${more} more`)] : []),
+    )
+  }
+  return { node, refresh }
+}
+
+function tellRow(row: HTMLElement, group: LayerGroup | undefined): void {
+  const note = row.querySelector<HTMLElement>('.layer-note')
+  if (note) setText(note, group instanceof Display ? group.condition.note : '')
 }
 
 /** Where the mouse is, in the map and on the earth; a finger has the tool for that. */
@@ -206,6 +236,7 @@ function layerRow(view: MapView, group: LayerGroup): HTMLElement {
     onchange: () => {
       group.visible = show.checked
       view.applyGroup(group)
+      view.onConditions()
     },
   })
   const opacity = el('input', {
@@ -237,6 +268,7 @@ function layerRow(view: MapView, group: LayerGroup): HTMLElement {
     el('label', { class: 'check' }, show, el('span', {}, group.title)),
     opacity,
     edit,
+    el('p', { class: 'layer-note' }, group instanceof Display ? group.condition.note : ''),
   )
 }
 

@@ -4,6 +4,8 @@ import { Display } from '../displays/display.ts'
 import type { LayerGroup, ToolId } from '../displays/host.ts'
 import { filled } from '../displays/options.ts'
 import type { Option, Options, OptionValue } from '../displays/options.ts'
+import type { Source } from '../displays/sources.ts'
+import { readTopicId, titleOf } from '../displays/topics.ts'
 import { DISPLAY_TYPES, typeOf } from '../displays/types.ts'
 import type { DisplayType } from '../displays/types.ts'
 import { el, replace } from '../dom.ts'
@@ -27,12 +29,16 @@ export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void)
   const fields = el('div', { class: 'option-grid' })
   const sourceField = el('label', { class: 'field' }, el('span', {}, 'Shows'), source)
   const titleField = el('label', { class: 'field' }, el('span', {}, 'Name'), title)
+  const problems = el('p', { class: 'muted small' }, 'Looking for topics …')
   const fill = (): void => {
     const chosen = typeOf(type.value) as DisplayType
     const sources = view.displays.sources(chosen)
     const isTool = chosen.kind === 'tool'
-    replace(source, ...sources.map(({ id, title: name }) => el('option', { value: id }, name)))
+    const before = source.value
+    replace(source, ...sourceOptions(sources))
+    if (sources.some(({ id }) => id === before)) source.value = before
     sourceField.hidden = isTool || sources.length === 0
+    problems.hidden = isTool || chosen.kind === 'tiles' || (chosen.kind === 'shapes' && chosen.needsNoSource === true)
     titleField.hidden = isTool
     title.value = chosen.title
     about.textContent = describe(chosen, sources.length)
@@ -40,10 +46,18 @@ export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void)
     replace(fields, ...optionFields(chosen.options, options, (name, value) => (options[name] = value)))
   }
   fill()
+  void view.displays.findTopics().then((networks) => {
+    fill()
+    problems.textContent = networks
+      .filter(({ problem }) => problem)
+      .map(({ problem }) => problem)
+      .join(' ')
+  })
   const body = [
     el('label', { class: 'field' }, el('span', {}, 'Display'), type),
     about,
     sourceField,
+    problems,
     titleField,
     fields,
   ]
@@ -54,13 +68,24 @@ export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void)
     view.app.toasts.show('warn', 'This display could not be added.')
 }
 
+/** The robot's own first, then the topics of each network below its name. */
+function sourceOptions(sources: Source[]): HTMLElement[] {
+  const networks = [...new Set(sources.map(({ network }) => network))]
+  const options = (network: string | undefined): HTMLElement[] =>
+    sources.filter((one) => one.network === network).map(({ id, title }) => el('option', { value: id }, title))
+  return networks.flatMap((network) =>
+    network === undefined ? options(network) : el('optgroup', { label: network }, ...options(network)),
+  )
+}
+
 function describe(type: DisplayType, sources: number): string {
   if (type.kind === 'tool') return `A tool of the map: ${type.reads}.`
-  const none =
-    type.kind === 'shapes' && type.needsNoSource
-      ? ''
-      : ' Nothing gives such data now; a program may, with `panels.layer`.'
+  const none = type.kind === 'shapes' && type.needsNoSource ? '' : ' Nothing gives such data now.'
   return `Reads ${type.reads}.${sources ? '' : none}`
+}
+
+function networkOf(source: string): string {
+  return { ros1: 'ROS 1', ros2: 'ROS 2', recording: 'the recording' }[source] ?? source.replace(/^bag:/, '')
 }
 
 type Set = (name: string, value: OptionValue) => void
@@ -143,6 +168,9 @@ export async function editGroup(view: MapView, group: LayerGroup): Promise<void>
         type.title === group.title ? `Reads ${type.reads}.` : `${type.title}: reads ${type.reads}.`,
       ),
     )
+    const topic = readTopicId(group.config.source)
+    if (topic) body.push(el('p', { class: 'small' }, `Shows ${titleOf(topic.name)} of ${networkOf(topic.source)}.`))
+    if (group.condition.note) body.push(el('p', { class: 'layer-note' }, group.condition.note))
     body.push(
       el(
         'div',

@@ -1,6 +1,7 @@
 /** The map's layers from bottom to top: which sources they draw and how, and which the operator may hide. */
 
 import type { AddLayerObject, Map as MapLibre } from 'maplibre-gl'
+import { FADED } from '../displays/host.ts'
 import type { LayerGroup } from '../displays/host.ts'
 import { EMPTY, SOURCE_MAXZOOM } from '../geojson.ts'
 import type { Palette } from '../shell/palette.ts'
@@ -186,7 +187,11 @@ export function applyGroup(map: MapLibre, group: LayerGroup, base: ReadonlyMap<s
     map.setLayoutProperty(id, 'visibility', group.visible ? 'visible' : 'none')
     for (const name of OPACITY[layer.type] ?? []) {
       const own = base.get(`${id}.${name}`) ?? 1
-      map.setPaintProperty(id, name as 'line-opacity', scaled(own, group.opacity) as number)
+      map.setPaintProperty(
+        id,
+        name as 'line-opacity',
+        scaled(own, group.opacity * (group.isFaded ? FADED : 1)) as number,
+      )
     }
   }
 }

@@ -3,6 +3,7 @@
 import { api } from '../api.ts'
 import { typeOf } from '../displays/types.ts'
 import { Display } from '../displays/display.ts'
+import { readTopicId, topicId } from '../displays/topics.ts'
 import { download, el } from '../dom.ts'
 import type { ImportedView } from '../wire.ts'
 import type { MapView } from './view.ts'
@@ -22,6 +23,7 @@ export function mapvizButtons(view: MapView, refresh: () => void): HTMLElement[]
     const found = chosen && (await app.attempt(api.importView(chosen)))
     file.value = ''
     if (!found) return
+    await view.displays.findTopics()
     const leftOut = addAll(view, found)
     view.tracking.take(found.view.target, found.view.turn)
     refresh()
@@ -64,7 +66,8 @@ function add(
   if (kind?.kind === 'tiles' && !chosen) {
     return `the map '${source || title}' is not on this robot; bring it with agribot map import`
   }
-  const display = view.displays.make(type, title, chosen?.id ?? source, options)
+  const isTopic = source.startsWith('/') && kind?.kind !== 'tiles'
+  const display = view.displays.make(type, title, chosen?.id ?? (isTopic ? topicId('ros1', source) : source), options)
   if (!display) return 'it could not be added'
   Object.assign(display, { visible, opacity })
   view.applyGroup(display)
@@ -76,7 +79,11 @@ function shown(view: MapView): object[] {
   return view.groups
     .filter((group): group is Display => group instanceof Display)
     .reverse()
-    .map((display) => ({ ...display.saved(), visible: display.visible, opacity: display.opacity }))
+    .map((display) => {
+      const saved = display.saved()
+      const source = readTopicId(saved.source)?.name.replace(/^frame:/, '') ?? saved.source
+      return { ...saved, source, visible: display.visible, opacity: display.opacity }
+    })
 }
 
 function report(count: number, leftOut: ImportedView['left_out']): (Node | string)[] {

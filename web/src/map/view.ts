@@ -58,6 +58,7 @@ export class MapView implements DisplayHost {
   /** The part of the earth that stays in view until somebody moves the map. */
   fitted: Box | null = null
   onGroups: () => void = () => undefined
+  onConditions: () => void = () => undefined
   private base = new Map<string, unknown>()
   private loaded = false
   private seen = false
