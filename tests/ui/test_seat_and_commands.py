@@ -94,15 +94,15 @@ def test_marks_and_clicked_points_go_into_the_recording(robot: Robot, page: Page
     page.send(wire.MarkMoment(text="a stone"))
     page.send(wire.PointOut(id="1", x_map_m=1.5, y_map_m=-2.0))
     robot.wait_for_event("mark", lambda order: order.text == "a stone")
-    robot.wait_for_event("note", lambda order: "East 1.500 m, North -2.000 m" in order.text)
+    order = robot.wait_for_event("point_out", lambda order: order.numbers == (1.5, -2.0))
+    assert order.text == "point: East 1.500 m, North -2.000 m"
 
 
 def test_a_drawn_polygon_goes_into_the_recording(robot: Robot, page: Page) -> None:
     assert page.ask(wire.DrawShape(shape="polygon", corners_map_m=[(0, 0), (2.5, 0), (2.5, -1)])).ok
-    robot.wait_for_event(
-        "note",
-        lambda order: "polygon (East North, m): 0.00 0.00, 2.50 0.00, 2.50 -1.00" in order.text,
-    )
+    order = robot.wait_for_event("draw_polygon")
+    assert order.text == "polygon (East North, m): 0.00 0.00, 2.50 0.00, 2.50 -1.00"
+    assert order.numbers == (0.0, 0.0, 2.5, 0.0, 2.5, -1.0)
 
 
 def test_an_unknown_order_is_refused_with_a_reason_to_who_gave_it(page: Page) -> None:

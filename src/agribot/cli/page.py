@@ -109,7 +109,7 @@ def find_ros_places(options: argparse.Namespace) -> RosPlaces:
         master=read_master(options),
         router=read_router(options),
         domain=read_domain(options),
-        takes_layers=any(getattr(options, name, False) for name in ("ros1", "ros2")),
+        layers_from=tuple(name for name in ("ros1", "ros2") if getattr(options, name, False)),
     )
 
 

@@ -222,6 +222,32 @@ GOAL_FIX = Topic(
     seed_ros_type="sensor_msgs/msg/NavSatFix",
     about="where the robot is bound for (waypoint, row end, goal), latitude and longitude",
 )
+GOAL_POSE = Topic(
+    name="/agribot/goal_pose",
+    ros_type="geometry_msgs/msg/PoseStamped",
+    qos=LATCHED,
+    about="the place that a person or program sent the robot to; its yaw is 0 where none was asked",
+)
+CLICKED_POINT = Topic(
+    name="/clicked_point",
+    ros_type="geometry_msgs/msg/PointStamped",
+    about="a place that an operator tapped with the page's tool",
+)
+DRAWN_POLYGON = Topic(
+    name="/agribot/polygon",
+    ros_type="geometry_msgs/msg/PolygonStamped",
+    qos=LATCHED,
+    seed_alias="/polygon",
+    seed_ros_type="geometry_msgs/msg/PolygonStamped",
+    about="a polygon that an operator drew on the page",
+)
+DRAWN_ROUTE = Topic(
+    name="/agribot/route",
+    ros_type="nav_msgs/msg/Path",
+    qos=LATCHED,
+    about="a route that an operator drew on the page, from the robot on; in ROS 1 also `/route` as "
+    "marti_nav_msgs/Route",
+)
 WEEDS = Topic(
     name="/agribot/weeds",
     ros_type="visualization_msgs/msg/MarkerArray",
@@ -324,6 +350,7 @@ TICK = Topic(
 TOPICS: tuple[Topic, ...] = (
     FIX, FIX_VELOCITY, EXTENDED_FIX, IMU, MAGNETIC, POLE_FIX, BUMPER, BATTERY, JOINT_STATES,
     ODOMETRY, POSE, CMD_VEL, IMAGE, IMAGE_RAW, CAMERA_INFO, OVERLAY, PATH, GOALS, GOAL_FIX, WEEDS,
+    GOAL_POSE, CLICKED_POINT, DRAWN_POLYGON, DRAWN_ROUTE,
     STATUS, DISTANCE, BEARING, ANGLE, HEADING_RAW, HEADING_FILTERED, TF, TF_STATIC,
     ROBOT_DESCRIPTION, CLOCK, GROUND_TRUTH, TICK,
 )  # fmt: skip

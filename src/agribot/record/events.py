@@ -359,6 +359,8 @@ def read_whole_events(path: Path) -> tuple[Event, ...]:
 
 
 def _describe_press(press: OperatorEvent) -> str:
+    if press.action in ("point_out", "draw_polygon", "draw_route"):
+        return press.text or press.action
     if press.action == "set":
         return f"sets {press.text} = {press.value:g}"
     if press.numbers:

@@ -35,4 +35,11 @@ class TopicNetwork(Protocol):
         """
         ...
 
+    def take_texts(self, name: str, on_bytes: OnBytes) -> OpenTopic:
+        """Hear a topic of std_msgs/String, and announce that we do.
+
+        Raises: BridgeError: the network cannot be reached.
+        """
+        ...
+
     def close(self) -> None: ...

@@ -146,6 +146,9 @@ TABLE: Mapping[OperatorAction, Mapping[Column, Reaction]] = {
     "note": _always(_RECORDED),
     "sensor": _always(_RECORDED),
     "mark": _always(_RECORDED),
+    "point_out": _always(_RECORDED),
+    "draw_polygon": _always(_RECORDED),
+    "draw_route": _always(_RECORDED),
     "start_recording": _always(_RECORDED),
     "stop_recording": _always(_RECORDED),
 }

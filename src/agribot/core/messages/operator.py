@@ -20,11 +20,13 @@ T = TypeVar("T")
 # "visit" makes places its mission, x and y (m, map) of each in `numbers`; `text` is its name.
 # "plan" gives a standing robot the field plan in `text` (GeoJSON) as its new mission.
 # "nudge_left" and "nudge_right" move the line of the row under the robot aside, a step each.
+# "point_out", "draw_polygon" and "draw_route" are for whoever listens to the robot's topics: places
+# that a person showed on the map, x and y (m, map) of each in `numbers`; `text` says it in words.
 # "mark" marks this moment in the recording with `text`; the two of recording begin and end one.
 OperatorAction = Literal[
     "start", "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note",
     "set", "pose_estimate", "goto", "visit", "plan", "mark", "start_recording", "stop_recording",
-    "nudge_left", "nudge_right", "sensor",
+    "nudge_left", "nudge_right", "sensor", "point_out", "draw_polygon", "draw_route",
 ]  # fmt: skip
 LIVE_SETTINGS = ("mission.speed_mps", "treatment.enabled")
 

@@ -36,6 +36,8 @@ SHOWN_TYPES: dict[str, tuple[str, ...]] = {
     "marti_sensor_msgs/msg/Velocity": ("float",),
     **{f"std_msgs/msg/{name}": ("float",) for name in _NUMBERS},
 }
+# Every display that reads messages.
+SHOWN_DISPLAYS = frozenset(display for displays in SHOWN_TYPES.values() for display in displays)
 GRID_UPDATE = "map_msgs/msg/OccupancyGridUpdate"
 GRID_UPDATE_SUFFIX = "_updates"  # of the topic beside the grid's
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")

@@ -12,6 +12,7 @@ from agribot.core.robot import RobotSpec
 from agribot.core.topics import Topic
 from agribot.ros.messages import cdr, rosmsg
 from agribot.ros.messages.camera_log import CameraLog
+from agribot.ros.messages.drawn_topics import list_drawn
 from agribot.ros.messages.markers import make_weed_markers
 from agribot.ros.messages.sensor_topics import SLOW_NS, MessageSink, SensorTopicWriter
 from agribot.ros.messages.transforms import (
@@ -51,6 +52,8 @@ class TopicWriter:
         self._sensors(self._now_ns, record.batch)
         self._write_overlays(record)
         self._write_decisions(record)
+        for topic, message in list_drawn(record.batch.events, record.batch.t_s):
+            self._write_ros(topic, message, record.batch.t_s)
         if self._now_ns >= self._next_slow_ns:
             self._next_slow_ns = self._now_ns + SLOW_NS
             self._write_slow(record)

@@ -40,6 +40,9 @@ class Ros1Topics:
         subscription = Subscription(self._node, name, ANY, on_message, self._on_refusal)
         return Ros1Topic(self._node, name, subscription)
 
+    def take_texts(self, name: str, on_bytes: OnBytes) -> Ros1Topic:
+        return self.open_topic(name, on_bytes)
+
     def close(self) -> None:
         if self._node is not None:
             self._node.close()

@@ -18,6 +18,7 @@ from agribot.ros.messages.gps_types import (
     GPSFIX_ROS1,
     GPSFIX_ROS2,
     IN_ROS1,
+    read_shipped_texts,
     register_gps_types,
     use_ros1_codes,
 )
@@ -33,6 +34,10 @@ _ACCIDENTAL = {
     topics.CAMERA_INFO.name: "/agribot/agribot/camera/camera_info",
     topics.ODOMETRY.name: "/odom",
 }
+
+
+# Names and types of further publications, by the name of their topic.
+_FURTHER = {topics.DRAWN_ROUTE.name: {"/route": "marti_nav_msgs/msg/Route"}}
 
 
 class OutputTopic(NamedTuple):
@@ -51,6 +56,9 @@ def load_ros1_types() -> Typestore:
     text = "geometry_msgs/TransformStamped[] transforms\n"  # tf2_msgs is missing in the library
     store.register(get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
     register_gps_types(store, IN_ROS1)
+    for name, shipped in read_shipped_texts().items():
+        if name.startswith("marti_"):
+            store.register(get_types_from_msg(shipped, name))
     return store
 
 
@@ -72,6 +80,7 @@ def list_outputs(topic: Topic) -> list[OutputTopic]:
     found = {topic.name: ros_type}
     if topic.seed_alias:
         found.setdefault(topic.seed_alias, topic.seed_ros_type)
+    found.update(_FURTHER.get(topic.name, {}))
     if topic.name in _ACCIDENTAL:
         found[_ACCIDENTAL[topic.name]] = topic.ros_type
     one_second = max(topic.qos.depth, round(topic.rate_hz or 0.0))  # a busy machine stalls
@@ -176,8 +185,16 @@ def _to_ros1_markers(message: Any) -> Any:
     )  # fmt: skip
 
 
+def _to_marti_route(message: Any) -> Any:
+    types = load_ros1_types().types
+    make_point = types["marti_nav_msgs/msg/RoutePoint"]
+    points = [make_point(each.pose, str(i), []) for i, each in enumerate(message.poses)]
+    return types["marti_nav_msgs/msg/Route"](_to_ros1_header(message.header), points, [])
+
+
 _CHANGES: dict[tuple[str, str], Callable[[Any], Any]] = {
     (topics.MAGNETIC.ros_type, topics.MAGNETIC.seed_ros_type): _to_vector,
+    (topics.DRAWN_ROUTE.ros_type, "marti_nav_msgs/msg/Route"): _to_marti_route,
     (topics.POSE.ros_type, topics.POSE.seed_ros_type): lambda message: message.pose,
 }
 

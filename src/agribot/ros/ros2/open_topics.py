@@ -8,6 +8,7 @@ from collections.abc import Callable
 from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import BridgeError
+from agribot.core.topics import STREAM, Topic
 from agribot.ros.graph import Graph
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.connection import NO_HASH
@@ -41,6 +42,12 @@ class Ros2Topics:
         self._check_definition(found)
         end = node.subscribe_found(found, lambda data: on_bytes(found.ros_type, data))
         return Ros2Topic(end)
+
+    def take_texts(self, name: str, on_bytes: OnBytes) -> Ros2Topic:
+        topic = Topic(name=name, ros_type="std_msgs/msg/String", qos=STREAM)
+        node = self._join()
+        node.subscribe(topic, lambda data: on_bytes(topic.ros_type, data), topic.qos)
+        return Ros2Topic(lambda: None)  # it ends with the node
 
     def close(self) -> None:
         if self._node is not None:

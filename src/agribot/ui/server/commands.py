@@ -11,7 +11,7 @@ from agribot.autonomy.plan.errand import STANDING_MPS
 from agribot.core.messages import OperatorAction
 from agribot.ui import wire
 from agribot.ui.server.channel import Channel
-from agribot.ui.server.hub import Hub, NoteKind
+from agribot.ui.server.hub import Hub, Places
 
 MAX_NAME = 40
 MAX_TEXT = 500
@@ -20,6 +20,10 @@ FIRST_SCALE = 0.5
 MAX_CORNERS = 500
 ROBOT_GONE = "the robot's program has ended"
 MAX_HAND_AGE_S = 0.5  # of a request to move: a hand that let go meanwhile cannot be heard yet
+DRAWN_ACTIONS: dict[wire.ShapeKind, OperatorAction] = {
+    "polygon": "draw_polygon",
+    "route": "draw_route",
+}
 RECORD_EVENTS: dict[wire.RecordingAction, OperatorAction] = {
     "start": "start_recording",
     "stop": "stop_recording",
@@ -177,23 +181,27 @@ class Commands:
         self._answer(message, await self._hub.request(event))
 
     def _point_out(self, message: wire.PointOut) -> None:
-        """Put a place that somebody clicked into the recording, as RViz's Publish Point."""
+        """Publish and record a place that somebody clicked, as RViz's Publish Point."""
         place = f"East {message.x_map_m:.3f} m, North {message.y_map_m:.3f} m"
-        self._note(f"point: {place}")
+        self._draw("point_out", f"point: {place}", [(message.x_map_m, message.y_map_m)])
         self._answer(message)
 
     def _draw_shape(self, message: wire.DrawShape) -> None:
-        """Put a polygon or route that somebody drew into the recording."""
+        """Publish and record a polygon or route that somebody drew."""
         corners = message.corners_map_m
         if not 0 < len(corners) <= MAX_CORNERS:
             raise Refused(f"{len(corners)} corners of a shape: it has 1 to {MAX_CORNERS}")
         places = ", ".join(f"{x_m:.2f} {y_m:.2f}" for x_m, y_m in corners)
-        self._note(f"{message.shape} (East North, m): {places}")
+        self._draw(DRAWN_ACTIONS[message.shape], f"{message.shape} (East North, m): {places}",
+                   corners)  # fmt: skip
         self._answer(message)
 
-    def _note(self, text: str) -> None:
-        kind: NoteKind = "operator" if self._page.role == "operator" else "viewer"
-        self._hub.note(self._page.name, text, kind)
+    def _draw(self, action: OperatorAction, text: str, places_map_m: Places) -> None:
+        """Publish what an operator draws; what a viewer draws is a note in the recording."""
+        if self._page.role == "operator":
+            self._hub.draw(action, self._page.name, text, places_map_m)
+        else:
+            self._hub.note(self._page.name, text, "viewer")
 
     def _correct_pose(self, message: wire.CorrectPose) -> None:
         """Only a robot at rest believes it."""

@@ -5,24 +5,27 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import defaultdict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import msgspec
 
 from agribot.core.messages import OperatorAction
+from agribot.ros.messages.shown_types import SHOWN_DISPLAYS
 from agribot.ui import wire
 from agribot.ui.about import About
 from agribot.ui.server.access import Access, Role
 from agribot.ui.server.channel import Channel
+from agribot.ui.server.outside_layers import BadLayer, OutsideLayers
 from agribot.ui.server.replay import Replay
 from agribot.ui.server.replays import MAX_REPLAYS, Replays
 from agribot.ui.server.seat import Seat
 from agribot.ui.server.stops import Stops
-from agribot.ui.server.topic_sources import TopicSources
+from agribot.ui.server.topic_sources import TITLES, TopicSources
 
 T = TypeVar("T")
+Places = Sequence[wire.Vec2]
 NoteKind = Literal["operator", "viewer", "refusal"]
 ToRobot = Callable[[wire.RobotOrder], None]
 NOTES_PER_MINUTE = 60  # of each kind
@@ -47,6 +50,7 @@ class Hub:
         self.counts: deque[wire.TickCounts] = deque(maxlen=8)
         self.sockets: set[Any] = set()
         self.replays = Replays()
+        self.layers = OutsideLayers(SHOWN_DISPLAYS.__contains__)
         self.topics: TopicSources | None = None  # from when somebody asks for them on
         self.choices: dict[str, object] = {}  # the last of each browser that waits for it
         self.refusals = 0
@@ -181,17 +185,40 @@ class Hub:
         except LookupError as error:
             return str(error)
 
+    def find_topics(self) -> TopicSources:
+        """Find the sources of topics, which are made when somebody asks first."""
+        if self.topics is None:
+            self.topics = TopicSources(self.about)
+        return self.topics
+
+    def take_layer(self, network: str, text: str) -> None:
+        """Do what a program of ROS asks for; the recording keeps what became of it."""
+        try:
+            self.note(TITLES[network], self.layers.obey(text))
+        except BadLayer as error:
+            self.note(TITLES[network], f"layer refused: {error}", "refusal")
+
     def tell_all(self, message: wire.ServerMessage) -> None:
         for socket in self.sockets:
             socket.tell(message)
 
     def note(self, source: str, text: str, kind: NoteKind = "operator") -> None:
         """Put who did what into the recording; a flood of one kind is cut, and no other kind."""
+        if self._has_room(kind):
+            self.event("note", source, text)
+
+    def draw(self, action: OperatorAction, source: str, text: str, places_map_m: Places) -> None:
+        """Publish what an operator showed on the map; a flood is cut like that of notes."""
+        if self._has_room("operator"):
+            numbers = tuple(number for place in places_map_m for number in place)
+            self.event(action, source, text, numbers=numbers)
+
+    def _has_room(self, kind: NoteKind) -> bool:
         now_s, noted_s = time.monotonic(), self._noted_s[kind]
         if len(noted_s) == NOTES_PER_MINUTE and now_s - noted_s[0] < 60.0:
-            return
+            return False
         noted_s.append(now_s)
-        self.event("note", source, text)
+        return True
 
     def refuse(self, who: str, reason: str) -> None:
         """Somebody was turned away at the door."""

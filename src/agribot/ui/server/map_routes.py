@@ -90,10 +90,15 @@ def _fetch_kept_tile(path: Path, address: MapTile) -> bytes | None:
 
 async def list_panels(request: Request) -> Response:
     hub: Hub = request.app.state.hub
-    return json_answer([] if hub.about.recording else await _list_panels(request))
+    own = await _list_panels(request) if hub.has_robot and not hub.about.recording else []
+    return json_answer([*own, *hub.layers.infos()])
 
 
 async def panel_data(request: Request) -> Response:
+    hub: Hub = request.app.state.hub
+    outside = hub.layers.read(request.path_params["id"])
+    if outside is not None:
+        return json_answer(msgspec.Raw(outside))
     question = wire.ReadPanel(panel=request.path_params["id"])
     value: Any = await _ask_program(request, question, Any)
     if isinstance(value, dict) and set(value) == {"base64"}:

@@ -24,6 +24,7 @@ LIMITS: tuple[tuple[str, int], ...] = (  # first match counts; everything else i
     (r"/api/v1/views/import", 64_000),  # a configuration of mapviz with 200 displays
     (r"/api/v1/views/.*", 500_000),
     (r"/api/v1/panels/.*", 500_000),
+    (r"/api/v1/layers(/.*)?", 2_100_000),
 )
 
 

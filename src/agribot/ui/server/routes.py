@@ -16,6 +16,7 @@ from agribot.ui.server import (
     frame_routes,
     goal_routes,
     health_routes,
+    layer_routes,
     map_routes,
     run_routes,
     topic_routes,
@@ -31,6 +32,7 @@ PARTS = (
     map_routes,
     health_routes,
     calibration_routes,
+    layer_routes,
     topic_routes,
 )
 Endpoint = Callable[[Request], Awaitable[Response]]

@@ -78,7 +78,7 @@ async def _serve(
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Any) -> AsyncIterator[dict[str, Any]]:
-        tasks = [asyncio.create_task(work(hub)) for work in (_watch, _replay, _leave_topics)]
+        tasks = [asyncio.create_task(work(hub)) for work in (_watch, _replay, _keep_topics)]
         loop = asyncio.get_running_loop()
         camera: Camera = app.state.camera
         ended = functools.partial(_end, hub, server)
@@ -179,12 +179,16 @@ async def _watch(hub: Hub) -> None:
                 hub.order(wire.OperatorLost(by=hub.seat.name))
 
 
-async def _leave_topics(hub: Hub) -> None:
-    """Leave the topics of ROS that nobody looks at any more."""
+async def _keep_topics(hub: Hub) -> None:
+    """Take layers from ROS, and leave the topics that nobody looks at any more."""
+    loop = asyncio.get_running_loop()
     while True:
-        await asyncio.sleep(LEAVE_S)
+        for network in hub.about.ros.layers_from:
+            take = functools.partial(loop.call_soon_threadsafe, hub.take_layer, network)
+            await run_in_thread(hub.find_topics().take_layers, network, take)
         if hub.topics is not None:
             await run_in_thread(hub.topics.close_idle)
+        await asyncio.sleep(LEAVE_S)
 
 
 async def _replay(hub: Hub) -> None:

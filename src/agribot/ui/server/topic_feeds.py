@@ -54,6 +54,7 @@ class TopicFeeds:
         self._transforms: deque[tuple[str, bytes]] = deque(maxlen=_TRANSFORMS_KEPT)
         self._transform_topics: dict[str, OpenTopic] = {}
         self._feeds: dict[str, _Feed] = {}
+        self._texts: OpenTopic | None = None
         self._graph = Graph(network="")
         self._listed_s: float | None = None
 
@@ -104,6 +105,23 @@ class TopicFeeds:
             feed.shown.update()
             return self._tell(name, feed, after)
 
+    def take_texts(self, name: str, on_text: Callable[[str], None]) -> None:
+        """Hear texts on a topic from now on; once more is no more than once.
+
+        Raises: BridgeError: the network cannot be reached.
+        """
+
+        def on_bytes(ros_type: str, data: bytes) -> None:
+            try:
+                message: Any = self._decode(ros_type, data)
+                on_text(str(message.data))
+            except (BridgeError, AttributeError):
+                return
+
+        with self._lock:
+            if self._texts is None:
+                self._texts = self._network.take_texts(name, on_bytes)
+
     def close_idle(self) -> None:
         """Leave the topics that nobody looks at; without any, leave the network."""
         with self._lock:
@@ -114,7 +132,7 @@ class TopicFeeds:
                     for topic in feed.opened:
                         topic.close()
             is_listed = self._listed_s is not None and now_s - self._listed_s < IDLE_S
-            if not self._feeds and not is_listed:
+            if not (self._feeds or is_listed or self._texts):
                 self._leave()
 
     def close(self) -> None:

@@ -29,11 +29,8 @@ async def read_topics(request: Request) -> Response:
 
 
 def find_sources(request: Request) -> TopicSources:
-    """Find the sources, which are made when they are asked for first."""
     hub: Hub = request.app.state.hub
-    if hub.topics is None:
-        hub.topics = TopicSources(hub.about)
-    return hub.topics
+    return hub.find_topics()
 
 
 def _find_replay(request: Request) -> Replay | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from agribot.core.robot import RobotSpec
 from agribot.ros.graph import Graph
 from agribot.ui import wire
 from agribot.ui.about import About, RosPlaces
+from agribot.ui.server.outside_layers import TOPIC as LAYERS
 from agribot.ui.server.recorded_topics import RecordedTopics
 from agribot.ui.server.replay import Replay
 from agribot.ui.server.topic_feeds import TopicFeeds
@@ -79,6 +81,11 @@ class TopicSources:
         Raises: BridgeError: it cannot be reached. KeyError: no such network.
         """
         return self.feeds[name].read_graph()
+
+    def take_layers(self, network: str, take: Callable[[str], object]) -> None:
+        """Give `take` what programs say on the topic for layers; a network may come later."""
+        with contextlib.suppress(BridgeError):
+            self.feeds[network].take_texts(LAYERS, take)
 
     def close_idle(self) -> None:
         for feeds in self.feeds.values():

@@ -1,0 +1,62 @@
+"""What people show on the map of the page, as ROS messages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from agribot.core import topics
+from agribot.core.messages import OperatorEvent
+from agribot.core.topics import Topic
+from agribot.ros.messages.rosmsg import MAP_FRAME, make_header, make_message, make_point, make_pose
+
+MapPoints = Sequence[tuple[float, float]]
+
+
+def list_drawn(events: Iterable[OperatorEvent], t_s: float) -> Iterator[tuple[Topic, Any]]:
+    """List the messages of what was pointed at, drawn and asked for as a goal."""
+    for event in events:
+        points = list(zip(event.numbers[::2], event.numbers[1::2], strict=False))
+        if not points or not all(map(math.isfinite, event.numbers)):
+            continue
+        if event.action == "goto":
+            yaw_rad = event.numbers[2] if len(event.numbers) > 2 else 0.0
+            yield topics.GOAL_POSE, make_goal(t_s, points[0], yaw_rad)
+        elif event.action == "point_out":
+            yield topics.CLICKED_POINT, make_clicked_point(t_s, points[0])
+        elif event.action == "draw_polygon":
+            yield topics.DRAWN_POLYGON, make_polygon(t_s, points)
+        elif event.action == "draw_route":
+            yield topics.DRAWN_ROUTE, make_route(t_s, points)
+
+
+def make_goal(t_s: float, at_map_m: tuple[float, float], yaw_rad: float) -> Any:
+    header = make_header(t_s, MAP_FRAME)
+    return make_message("geometry_msgs/msg/PoseStamped", header, make_pose(*at_map_m, yaw_rad))
+
+
+def make_clicked_point(t_s: float, at_map_m: tuple[float, float]) -> Any:
+    header = make_header(t_s, MAP_FRAME)
+    return make_message("geometry_msgs/msg/PointStamped", header, make_point(*at_map_m))
+
+
+def make_polygon(t_s: float, corners_map_m: MapPoints) -> Any:
+    corners = [make_message("geometry_msgs/msg/Point32", x, y, 0.0) for x, y in corners_map_m]
+    polygon = make_message("geometry_msgs/msg/Polygon", corners)
+    header = make_header(t_s, MAP_FRAME)
+    return make_message("geometry_msgs/msg/PolygonStamped", header, polygon)
+
+
+def make_route(t_s: float, places_map_m: MapPoints) -> Any:
+    """Make a Path whose poses look to the next place, the last one as the one before it."""
+    header = make_header(t_s, MAP_FRAME)
+    poses = []
+    yaw_rad = 0.0
+    for i, (x_m, y_m) in enumerate(places_map_m):
+        if i + 1 < len(places_map_m):
+            next_x_m, next_y_m = places_map_m[i + 1]
+            yaw_rad = math.atan2(next_y_m - y_m, next_x_m - x_m)
+        pose = make_pose(x_m, y_m, yaw_rad)
+        poses.append(make_message("geometry_msgs/msg/PoseStamped", header, pose))
+    return make_message("nav_msgs/msg/Path", header, poses)
