@@ -134,6 +134,8 @@ export const api = {
   exportView: async (displays: object[], view: object): Promise<string> =>
     (await write('POST', '/api/v1/views/export', { displays, view: { ...view } } satisfies ExportedView)).text(),
 
+  graphPicture: async (network: string): Promise<string> =>
+    (await request(`/api/v1/graph/${name(network)}/picture.svg`)).text(),
   topics: () => get<TopicNetworkInfo[]>('/api/v1/ros/topics'),
   readTopics: (topics: TopicWish[]) =>
     ask<TopicNews[]>('POST', '/api/v1/ros/topics/read', { topics } satisfies TopicWishes),

@@ -69,6 +69,11 @@ COMMANDS = {
         "run the robot and let Foxglove watch it",
         "agribot foxglove farm",
     ),
+    "graph": (
+        "agribot.cli.graph",
+        "draw who publishes and who listens, in ROS 1, in ROS 2 or inside the robot",
+        "agribot graph ros1 --out nodes.svg",
+    ),
     "view": (
         "agribot.cli.view",
         "show a recording in Rerun, RViz, QGIS or Foxglove",

@@ -7,6 +7,7 @@ import { bytes, duration, fixed, NONE, words } from '../format.ts'
 import { icon } from '../icons.ts'
 import type { Health, HealthCheck, LogEvent } from '../wire.ts'
 import { GnssCard } from './gnss-card.ts'
+import { GraphCard } from './graph-card.ts'
 
 const REFRESH_MS = 2000
 const SLOW = 0.8
@@ -19,6 +20,7 @@ export const health: Screen = {
   async mount(host, app) {
     const checks = el('div', { class: 'checks-grid' })
     const gnss = new GnssCard(app)
+    const graph = new GraphCard()
     const rates = el('div', { class: 'card table-card' })
     const machine = el('p', { class: 'muted' })
     const log = el('div', { class: 'card log', role: 'log', 'aria-label': 'Log', tabindex: 0 })
@@ -40,6 +42,7 @@ export const health: Screen = {
         checks,
         gnss.node,
         el('div', { class: 'halves' }, rates, log),
+        graph.node,
       ),
     )
     const refresh = async (): Promise<void> => {
@@ -59,6 +62,7 @@ export const health: Screen = {
     await refresh()
     return () => {
       clearInterval(timer)
+      graph.close()
       for (const work of undo) work()
     }
   },

@@ -113,7 +113,7 @@ class Feed:
             wall_s=time.time(),
             t_s=record.batch.t_s if record else 0.0,
             cpu_s=time.process_time(),
-            samples=dict(self._view.topics),
+            samples={**self._view.topics, "ticks": self._view.ticks},
         )
 
     def _tell_trace(self) -> None:

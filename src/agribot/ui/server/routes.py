@@ -15,6 +15,7 @@ from agribot.ui.server import (
     field_routes,
     frame_routes,
     goal_routes,
+    graph_routes,
     health_routes,
     layer_routes,
     map_routes,
@@ -32,6 +33,7 @@ PARTS = (
     map_routes,
     health_routes,
     calibration_routes,
+    graph_routes,
     layer_routes,
     topic_routes,
 )
