@@ -935,7 +935,7 @@ export interface TopicWishes {
 /**
  * What a topic has said; `message` is left out where it is not newer, or has no room.
  *
- * `note` says what is wrong with it, or was left out; `is_stale` that it has stopped.
+ * `note` says what is wrong with it, `left_out` what was thinned, `is_stale` that it has stopped.
  */
 export interface TopicNews {
   seq: number
@@ -944,6 +944,7 @@ export interface TopicNews {
   rate_hz: number | null
   is_stale: boolean
   note: string
+  left_out: string
   message: unknown
 }
 

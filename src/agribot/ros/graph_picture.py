@@ -13,8 +13,9 @@ from typing import NamedTuple
 from agribot.ros.graph import Graph, GraphTopic
 from agribot.ros.graph_layout import find_columns, order_columns
 
-_CHAR_PX, _LINE_PX, _PAD_PX = 7.3, 18.0, 12.0
+_CHAR_PX, _BOLD_PX, _LINE_PX, _PAD_PX = 7.3, 8.3, 18.0, 12.0
 _ROW_GAP_PX, _COLUMN_GAP_PX, _MARGIN_PX = 14.0, 56.0, 16.0
+_GAP_PER_HEIGHT, _MOST_GAP_PX = 0.08, 150.0  # room for the arrows of high columns
 _MOST_LINES = 12  # of topics in one box
 _STYLE = """
 .graph text { font: 13px system-ui, sans-serif; fill: var(--ink, #16201b); }
@@ -40,7 +41,8 @@ class _Box(NamedTuple):
         if self.kind == "bend":
             return self.span_px
         longest = max(len(name) + (len(rest) + 2 if rest else 0) for name, rest in self.lines)
-        return longest * _CHAR_PX + 2 * _PAD_PX
+        letter_px = _BOLD_PX if self.kind == "node" else _CHAR_PX
+        return longest * letter_px + 2 * _PAD_PX
 
     @property
     def height_px(self) -> float:
@@ -125,7 +127,7 @@ def _place(boxes: dict[str, _Box], columns: list[list[str]]) -> dict[str, _Place
             y += box.height_px + _ROW_GAP_PX
         for key in (key for key in column if boxes[key].kind == "bend"):
             placed[key] = placed[key]._replace(box=placed[key].box._replace(span_px=width))
-        x += width + _COLUMN_GAP_PX
+        x += width + min(_COLUMN_GAP_PX + _GAP_PER_HEIGHT * max(heights), _MOST_GAP_PX)
     return placed
 
 

@@ -1050,7 +1050,7 @@ class TopicWishes(msgspec.Struct, frozen=True, kw_only=True):
 class TopicNews(msgspec.Struct, frozen=True, kw_only=True):
     """What a topic has said; `message` is left out where it is not newer, or has no room.
 
-    `note` says what is wrong with it, or was left out; `is_stale` that it has stopped.
+    `note` says what is wrong with it, `left_out` what was thinned, `is_stale` that it has stopped.
     """
 
     seq: int = 0
@@ -1059,6 +1059,7 @@ class TopicNews(msgspec.Struct, frozen=True, kw_only=True):
     rate_hz: float | None = None
     is_stale: bool = False
     note: str = ""
+    left_out: str = ""
     message: Any = None
 
 

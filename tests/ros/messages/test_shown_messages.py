@@ -70,7 +70,7 @@ def test_a_scan_of_too_many_beams_is_thinned_over_the_same_angle() -> None:
     shown = show_message(samples.scan([1.0] * count), MAP)
     assert len(shown.value["ranges"]) == MOST_BEAMS
     assert shown.value["angle_increment"] == pytest.approx(1.5)
-    assert shown.note == f"{count:,} beams thinned to {MOST_BEAMS:,}"
+    assert shown.left_out == f"{count:,} beams thinned to {MOST_BEAMS:,}"
 
 
 def test_a_cloud_of_a_million_points_is_thinned_and_says_so() -> None:
@@ -80,7 +80,7 @@ def test_a_cloud_of_a_million_points_is_thinned_and_says_so() -> None:
     shown = show_message(samples.cloud(points), MAP)
     assert shown.value["width"] == MOST_CLOUD_POINTS
     assert len(base64.b64decode(shown.value["data"])) == 16 * MOST_CLOUD_POINTS
-    assert shown.note == "1,000,000 points thinned to 20,000"
+    assert shown.left_out == "1,000,000 points thinned to 20,000"
 
 
 def test_a_cloud_of_other_numbers_and_a_padded_layout_has_the_same_points() -> None:
@@ -147,7 +147,7 @@ def test_markers_add_up_end_and_are_named_where_their_frame_is_unknown() -> None
     assert shown is not None
     assert [m["id"] for m in shown.value["markers"][1:]] == [1, 2]
     assert shown.value["markers"][0]["action"] == 3, "what the page had is forgotten first"
-    assert "1 of 3 markers: frame 'moon'" in shown.note
+    assert "1 of 3 markers: frame 'moon'" in shown.problem
     later = view.show(MAP, 6.0)
     assert later is not None
     assert [m["id"] for m in later.value["markers"][1:]] == [1]
@@ -181,7 +181,7 @@ def test_a_large_grid_is_folded_to_the_most_occupied_cells() -> None:
     assert info["resolution"] == pytest.approx(0.2)
     folded = np.frombuffer(base64.b64decode(shown.value["data"]), dtype=np.int8)
     assert folded.reshape(501, 500)[500, 1] == 77
-    assert shown.note == "1000 x 1001 cells folded to 500 x 501"
+    assert shown.left_out == "1000 x 1001 cells folded to 500 x 501"
 
 
 def test_a_disparity_is_thinned_to_numbers_and_another_encoding_refused() -> None:
@@ -202,7 +202,7 @@ def test_a_large_picture_becomes_a_small_jpeg() -> None:
     red, green, blue = picture.getpixel((5, 5))  # type: ignore[misc]
     assert red > 180
     assert max(green, blue) < 20
-    assert shown.note == "1280 x 960 pixels made smaller"
+    assert shown.left_out == "1280 x 960 pixels made smaller"
 
 
 def test_a_texture_keeps_its_size_on_the_ground_when_it_is_made_smaller() -> None:

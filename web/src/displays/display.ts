@@ -33,8 +33,8 @@ export class Display implements LayerGroup {
   visible = true
   opacity = 1
   options: Options
-  /** What is wrong with its source, in one line, and whether that has stopped. */
-  condition: Condition = { note: '', isStale: false }
+  /** What is wrong with its source, and what was left out. */
+  condition: Condition = { note: '', leftOut: '', isStale: false }
   /** Messages heard, for tests. */
   heard = 0
   private state: unknown
@@ -110,8 +110,8 @@ export class Display implements LayerGroup {
   }
 
   private tell(condition: Condition): void {
-    const { note, isStale } = this.condition
-    if (condition.note === note && condition.isStale === isStale) return
+    const { note, leftOut, isStale } = this.condition
+    if (condition.note === note && condition.leftOut === leftOut && condition.isStale === isStale) return
     this.condition = condition
     if (condition.isStale !== isStale) this.host.applyGroup(this)
     this.host.onConditions()

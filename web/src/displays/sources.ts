@@ -8,9 +8,10 @@ import type { Odometry, PoseStamped } from './messages.ts'
 import { ofYaw } from './messages.ts'
 
 export type Listener = (message: unknown) => void
-/** What is wrong with what a source gives, or was left out of it, in one line; `isStale` says that it has stopped. */
+/** What is wrong with what a source gives and what was left out of it; `isStale` says that it has stopped. */
 export interface Condition {
   note: string
+  leftOut: string
   isStale: boolean
 }
 export type Tell = (condition: Condition) => void

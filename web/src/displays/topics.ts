@@ -56,7 +56,7 @@ export class TopicPoller {
       if (news) watchers.forEach((watcher, i) => this.take(watcher, news[i]))
       else {
         next = AFTER_FAILURE_MS
-        for (const { tell } of watchers) tell({ note: 'the robot does not answer', isStale: true })
+        for (const { tell } of watchers) tell({ note: 'the robot does not answer', leftOut: '', isStale: true })
       }
     }
     this.schedule(next)
@@ -64,7 +64,7 @@ export class TopicPoller {
 
   private take(watcher: Watcher, news: TopicNews | undefined): void {
     if (!news || !this.watchers.has(watcher)) return
-    watcher.tell({ note: news.note, isStale: news.is_stale })
+    watcher.tell({ note: news.note, leftOut: news.left_out, isStale: news.is_stale })
     if (news.message === null) return
     watcher.wish = { ...watcher.wish, after: news.seq }
     watcher.hear(news.message)

@@ -96,7 +96,13 @@ function conditionLines(view: MapView): { node: HTMLElement; refresh: () => void
 
 function tellRow(row: HTMLElement, group: LayerGroup | undefined): void {
   const note = row.querySelector<HTMLElement>('.layer-note')
-  if (note) setText(note, group instanceof Display ? group.condition.note : '')
+  if (!note || !group) return
+  setText(note, noteOf(group))
+  note.classList.toggle('muted', !(group instanceof Display && group.condition.note))
+}
+
+function noteOf(group: LayerGroup): string {
+  return group instanceof Display ? group.condition.note || group.condition.leftOut : ''
 }
 
 /** Where the mouse is, in the map and on the earth; a finger has the tool for that. */
@@ -262,14 +268,16 @@ function layerRow(view: MapView, group: LayerGroup): HTMLElement {
     },
     icon('settings', 20),
   )
-  return el(
+  const row = el(
     'div',
     { class: 'layer-row' },
     el('label', { class: 'check' }, show, el('span', {}, group.title)),
     opacity,
     edit,
-    el('p', { class: 'layer-note' }, group instanceof Display ? group.condition.note : ''),
+    el('p', { class: 'layer-note' }),
   )
+  tellRow(row, group)
+  return row
 }
 
 function viewButtons(view: MapView, refresh: () => void): HTMLElement {

@@ -29,7 +29,7 @@ export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void)
   const fields = el('div', { class: 'option-grid' })
   const sourceField = el('label', { class: 'field' }, el('span', {}, 'Shows'), source)
   const titleField = el('label', { class: 'field' }, el('span', {}, 'Name'), title)
-  const problems = el('p', { class: 'muted small' }, 'Looking for topics …')
+  const problems = el('p', { class: 'muted small topic-problems' }, 'Looking for topics …')
   const fill = (): void => {
     const chosen = typeOf(type.value) as DisplayType
     const sources = view.displays.sources(chosen)
@@ -72,7 +72,9 @@ export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void)
 function sourceOptions(sources: Source[]): HTMLElement[] {
   const networks = [...new Set(sources.map(({ network }) => network))]
   const options = (network: string | undefined): HTMLElement[] =>
-    sources.filter((one) => one.network === network).map(({ id, title }) => el('option', { value: id }, title))
+    sources
+      .filter((one) => one.network === network)
+      .map(({ id, title }) => el('option', { value: id }, network ? `${title} (${network})` : title))
   return networks.flatMap((network) =>
     network === undefined ? options(network) : el('optgroup', { label: network }, ...options(network)),
   )
@@ -170,7 +172,8 @@ export async function editGroup(view: MapView, group: LayerGroup): Promise<void>
     )
     const topic = readTopicId(group.config.source)
     if (topic) body.push(el('p', { class: 'small' }, `Shows ${titleOf(topic.name)} of ${networkOf(topic.source)}.`))
-    if (group.condition.note) body.push(el('p', { class: 'layer-note' }, group.condition.note))
+    for (const line of [group.condition.note, group.condition.leftOut])
+      if (line) body.push(el('p', { class: 'small' }, line))
     body.push(
       el(
         'div',

@@ -38,10 +38,11 @@ class UnknownFrame(Exception):
 
 
 class Shown(NamedTuple):
-    """What goes to the page, and what was left out of it, in words."""
+    """What goes to the page, what was left out of it, and what is wrong with it, in words."""
 
     value: Value
-    note: str = ""
+    left_out: str = ""
+    problem: str = ""
 
 
 def to_plain(value: Any) -> Any:
@@ -96,7 +97,7 @@ def _show_fix(message: Any, _place: Place) -> Shown:
     value = to_plain(message)
     known = {name: each for name, each in value.items() if each is not None and name != "status"}
     if "latitude" not in known or "longitude" not in known:
-        return Shown({}, "a fix without a place")
+        return Shown({}, problem="a fix without a place")
     return Shown(known)
 
 
@@ -174,7 +175,9 @@ def _show_scan(message: Any, place: Place) -> Shown:
 def _show_cloud(message: Any, place: Place) -> Shown:
     """Show a cloud of 32-bit numbers: x, y, z, and the first few other fields."""
     header = show_header(message.header, place)
-    points, names = read_cloud(message)
+    count = int(message.width) * int(message.height)
+    # First roughly, of which the points that are nowhere fall out, then exactly.
+    points, names = read_cloud(message, every=max(1, count // (_SPARE * MOST_CLOUD_POINTS)))
     is_finite = np.isfinite(points[:, 0] + points[:, 1]) if len(points) else np.zeros(0, bool)
     finite = points[is_finite]
     step = max(1, math.ceil(len(finite) / MOST_CLOUD_POINTS))
@@ -187,15 +190,16 @@ def _show_cloud(message: Any, place: Place) -> Shown:
         "header": header, "fields": fields, "is_bigendian": False, "point_step": 4 * len(names),
         "width": len(kept), "height": 1, "data": to_base64(kept),
     }  # fmt: skip
-    note = f"{len(finite):,} points thinned to {len(kept):,}" if step > 1 else ""
+    note = f"{count:,} points thinned to {len(kept):,}" if step > 1 else ""
     return Shown(value, note)
 
 
+_SPARE = 5  # as many times more points are looked at as are shown
 _PACKED = ("rgb", "rgba")
 
 
-def read_cloud(message: Any) -> tuple[FloatArray, tuple[str, ...]]:
-    """Read the points of a PointCloud2 (n, fields) as 32-bit numbers, and the fields' names.
+def read_cloud(message: Any, every: int = 1) -> tuple[FloatArray, tuple[str, ...]]:
+    """Read every so-manieth point (n, fields) of a PointCloud2 as 32-bit numbers, and the names.
 
     Colours keep their bits. A cloud without x and y, or shorter than it says, has no points.
     """
@@ -220,7 +224,8 @@ def read_cloud(message: Any) -> tuple[FloatArray, tuple[str, ...]]:
             "itemsize": step,
         }
     )
-    rows = np.frombuffer(data[: count * step].tobytes(), dtype=layout)
+    whole = np.ascontiguousarray(data[: count * step].reshape(count, step)[::every])
+    rows = whole.reshape(-1).view(layout)
     columns = [
         rows[name].view("<f4") if name in _PACKED else rows[name].astype("<f4") for name in names
     ]

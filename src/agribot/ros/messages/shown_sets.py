@@ -100,10 +100,10 @@ class MarkerView:
             shown.append(_show_marker(marker, header, max(0, room)))
             room -= len(marker.points)
         meshes = sum(marker.type == _MESH for marker in living)
-        notes = [f"{count} of {len(living)} markers: {why}" for why, count in unknown.items()]
-        notes += [f"{cut:,} points of markers left out"] * (cut > 0)
-        notes += [f"{meshes} meshes drawn as boxes"] * (meshes > 0)
-        return Shown({"markers": shown}, "; ".join(notes[:3]))
+        problems = [f"{count} of {len(living)} markers: {why}" for why, count in unknown.items()]
+        left_out = [f"{cut:,} points of markers left out"] * (cut > 0)
+        left_out += [f"{meshes} meshes drawn as boxes"] * (meshes > 0)
+        return Shown({"markers": shown}, "; ".join(left_out), "; ".join(problems[:2]))
 
 
 def _show_marker(marker: Any, header: Value, room: int) -> Value:

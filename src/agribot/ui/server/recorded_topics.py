@@ -193,6 +193,7 @@ class _Player:
             age_s=round(age_s, 1),
             is_stale=is_stale,
             note=note or self._kept.note,
+            left_out=self._shown.left_out,
             message=None if self._seq == after else self._told,
         )
 

@@ -40,7 +40,8 @@ class ShownTopic:
         self.ros_type = ""
         self.seq = 0
         self.json: msgspec.Raw | None = None
-        self.note = ""
+        self.note = ""  # what is wrong
+        self.left_out = ""
         self.count = 0
         self._lost = 0
         self._arrived_s: float | None = None
@@ -118,7 +119,8 @@ class ShownTopic:
     def _keep(self, shown: Shown, now_s: float) -> None:
         text = msgspec.json.encode(shown.value)
         lost = f"{self._lost} messages came too fast" if self._lost else ""
-        self.note = "; ".join(part for part in (shown.note, lost) if part)
+        self.left_out = "; ".join(part for part in (shown.left_out, lost) if part)
+        self.note = shown.problem
         self._next_show_s = now_s + max(LEAST_PERIOD_S, len(text) / BYTES_PER_S)
         if self.json is None or text != bytes(self.json):
             self.json = msgspec.Raw(text)

@@ -195,6 +195,7 @@ class TopicFeeds:
             rate_hz=None if shown.rate_hz is None else round(shown.rate_hz, 2),
             is_stale=is_stale,
             note=note,
+            left_out=shown.left_out,
             message=None if shown.json is None or shown.seq == after else shown.json,
         )
 
