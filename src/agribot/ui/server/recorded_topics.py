@@ -78,9 +78,8 @@ class RecordedTopics:
     def read(self, name: str, after: int, t_s: float) -> wire.TopicNews:
         """Read what a topic had said by `t_s`, on the recording's clock."""
         with self._lock:
-            kept = self._find(name)
-            self._find("/tf")
-        if not kept.is_read:
+            kept, transforms = self._find(name), self._find("/tf")
+        if not (kept.is_read and transforms.is_read):
             return wire.TopicNews(note="the recording is being read")
         if not kept.times_s:
             return wire.TopicNews(note=kept.note or f"the recording has no {name}")

@@ -94,6 +94,7 @@ class ShownTopic:
             shown = self._view.show(self._places, now_s)
         except (UnknownFrame, BridgeError) as error:
             self.note = str(error)
+            self._is_changed = True  # a transform may come soon
             return
         if shown is not None:
             self._keep(shown, now_s)
