@@ -30,7 +30,7 @@ class Ros2Node:
     """
 
     def __init__(self, name: str, domain: int, router: str, *, listen: bool) -> None:
-        self.domain = domain
+        self.domain, self._router = domain, router
         self.session, self.role = _open_session(router, listen=listen)
         self.zid = str(self.session.info.zid())
         self._name = wire.NodeName(domain=domain, zid=self.zid, name=name)
@@ -100,6 +100,20 @@ class Ros2Node:
             announced.undeclare()
 
         return end
+
+    def check_router(self, timeout_s: float = 1.0) -> None:
+        """Wait for a moment for the router.
+
+        Raises: BridgeError: none answers.
+        """
+        end_s = time.monotonic() + timeout_s
+        while not (self.role == "router" or self.session.info.routers_zid()):
+            if time.monotonic() > end_s:
+                raise BridgeError(
+                    f"ROS 2: no zenoh router answers at {self._router}; start rmw_zenohd or a run "
+                    "with --ros2, or set --ros-router"
+                )
+            time.sleep(0.05)
 
     def list_tokens(self, timeout_s: float = 2.0) -> list[str]:
         """List what the nodes of the domain announce: themselves and their endpoints."""

@@ -35,6 +35,7 @@ class Ros2Topics:
 
     def open_topic(self, name: str, on_bytes: OnBytes) -> Ros2Topic | None:
         node = self._join()
+        node.check_router()
         announced = (wire.read_publisher(token) for token in node.list_tokens())
         found = next((one for one in announced if one is not None and one.name == name), None)
         if found is None:

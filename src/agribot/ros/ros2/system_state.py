@@ -12,8 +12,9 @@ from agribot.ros.ros2.node import Ros2Node
 def read_graph(node: Ros2Node) -> Graph:
     """Read who publishes and who listens; `node` is our own and is left out.
 
-    Raises: BridgeError: the network was lost.
+    Raises: BridgeError: no router answers.
     """
+    node.check_router()
     publishers: defaultdict[str, set[str]] = defaultdict(set)
     subscribers: defaultdict[str, set[str]] = defaultdict(set)
     nodes: set[str] = set()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -36,6 +37,11 @@ class _Feed:
         self.next_try_s = 0.0
         self.problem = ""
 
+    def close(self) -> None:
+        for topic in self.opened:
+            topic.close()
+        self.opened.clear()
+
 
 class TopicFeeds:
     """All calls may block for as long as the network does, and are made one at a time."""
@@ -53,6 +59,7 @@ class TopicFeeds:
         self._places = FramePlaces(self._tree.find, body_frames)
         self._transforms: deque[tuple[str, bytes]] = deque(maxlen=_TRANSFORMS_KEPT)
         self._transform_topics: dict[str, OpenTopic] = {}
+        self._next_transforms_s = -math.inf
         self._feeds: dict[str, _Feed] = {}
         self._texts: OpenTopic | None = None
         self._graph = Graph(network="")
@@ -129,8 +136,7 @@ class TopicFeeds:
             for name, feed in list(self._feeds.items()):
                 if now_s - feed.asked_s > IDLE_S:
                     del self._feeds[name]
-                    for topic in feed.opened:
-                        topic.close()
+                    feed.close()
             is_listed = self._listed_s is not None and now_s - self._listed_s < IDLE_S
             if not (self._feeds or is_listed or self._texts):
                 self._leave()
@@ -143,6 +149,7 @@ class TopicFeeds:
         for topic in self._transform_topics.values():
             topic.close()
         self._transform_topics.clear()
+        self._next_transforms_s = -math.inf
         self._feeds.clear()
         self._network.close()
 
@@ -208,6 +215,10 @@ class TopicFeeds:
         return wire.TopicNews(seq=hash(text), message=msgspec.Raw(text))
 
     def _hear_transforms(self) -> None:
+        now_s = self._now_s()
+        if now_s < self._next_transforms_s:
+            return
+        self._next_transforms_s = now_s + LIST_S
         for name in TRANSFORM_TOPICS:
             if name in self._transform_topics:
                 continue

@@ -40,7 +40,7 @@ class TopicSources:
         self._body_frames = list_body_frames(about.robot_spec)
         self._bags_dir = Path(about.home_dir) / "bags"
         self.feeds = {
-            name: TopicFeeds(make(about.ros), _make_decoder(name), self._body_frames)
+            name: TopicFeeds(make(about.ros), make_decoder(name), self._body_frames)
             for name, make in _NETWORKS.items()
         }
         self._lock = threading.Lock()
@@ -177,7 +177,12 @@ def _make_ros2(places: RosPlaces) -> Any:
 _NETWORKS = {"ros1": _make_ros1, "ros2": _make_ros2}
 
 
-def _make_decoder(network: str) -> Callable[[str, bytes], Any]:
+def make_decoder(network: str) -> Callable[[str, bytes], Any]:
+    """Make the function that decodes a message of a network.
+
+    Raises: BridgeError: (the function) the bytes are no message of that type.
+    """
+
     def decode(ros_type: str, data: bytes) -> Any:
         from agribot.record.bag.definitions import deserialize, ros1_store, ros2_store
 

@@ -1,0 +1,133 @@
+"""Topics of real networks as displays of the page get them: rospy at a roscore, and zenoh."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+
+from agribot.core.topics import LATCHED, STREAM, Topic
+from agribot.record.bag.definitions import ros1_store, ros2_store, serialize
+from agribot.ros.ros1.open_topics import Ros1Topics
+from agribot.ros.ros1.system_state import read_graph
+from agribot.ros.ros2.node import Ros2Node
+from agribot.ros.ros2.open_topics import Ros2Topics
+from agribot.ui import wire
+from agribot.ui.server.topic_feeds import TopicFeeds
+from agribot.ui.server.topic_sources import make_decoder
+from tests import machine, nightly
+from tests.ros.live import free_port
+from tests.ros.messages.shown_scene import make_scene, to_ros1
+from tests.ros.ros1_system import Ros1
+from tests.waiting import wait_for
+
+TALKER = Path(__file__).with_name("rospy_talker.py")
+DAY = "tests/ui/test_topic_feeds.py::test_a_topic_comes_once_in_the_map_by_its_frame"
+
+
+@contextmanager
+def saying(messages: list[tuple[Callable[[bytes], None], bytes]]) -> Iterator[None]:
+    """Publish all of them again and again."""
+    is_over = threading.Event()
+
+    def run() -> None:
+        while not is_over.wait(1.0):
+            for publish, data in messages:
+                publish(data)
+
+    talker = threading.Thread(target=run)
+    talker.start()
+    try:
+        yield
+    finally:
+        is_over.set()
+        talker.join()
+
+
+def read_all(feeds: TopicFeeds) -> dict[str, wire.TopicNews]:
+    """The first message of every display, each waited for."""
+
+    def read(name: str) -> wire.TopicNews | None:
+        news = feeds.read(name, 0)
+        return news if news.message is not None else None
+
+    wanted = [said.topic for said in make_scene() if said.display]
+    for topic in wanted:  # all are opened before one is waited for
+        feeds.read(topic, 0)
+    return {topic: wait_for(lambda name=topic: read(name), topic) for topic in wanted}
+
+
+def check_scene(feeds: TopicFeeds) -> None:
+    news = read_all(feeds)
+    assert news["/cloud"].left_out == "1,000,000 points thinned to 20,000"
+    assert "frame 'moon' is not known" in news["/markers"].note
+    scan = json.loads(bytes(news["/scan"].message))
+    assert scan["header"]["in_map"][3] == 2.0
+    listed = {topic.name: topic.displays for topic in feeds.list_topics()}
+    for said in make_scene():
+        if said.display:
+            assert said.display in listed[said.topic]
+
+
+@nightly.by_day(DAY, "test_each_display_gets_its_message_over_zenoh_and_latched_ones_afterwards")
+def test_each_display_gets_its_message_from_a_node_of_rospy(tmp_path: Path) -> None:
+    machine.require("roscore")
+    lines = []
+    for said in make_scene():
+        ros_type = said.message.__msgtype__
+        text, _ = ros1_store().generate_msgdef(ros_type, ros_version=1)
+        data = to_ros1(said.message).hex()
+        name = ros_type.replace("/msg/", "/")
+        lines.append(json.dumps([said.topic, name, text, data, said.rate_hz]))
+    scene = tmp_path / "scene.jsonl"
+    scene.write_text("\n".join(lines), encoding="utf-8")
+    ros = Ros1(tmp_path)
+    try:
+        talker = ros.start("/usr/bin/python3", str(TALKER), str(scene))
+        assert talker.stdout is not None
+        assert talker.stdout.readline() == "ready\n"
+        network = Ros1Topics("page", ros.uri)
+        with closing(TopicFeeds(network, make_decoder("ros1"), {})) as feeds:
+            check_scene(feeds)
+            [scan] = [topic for topic in read_graph(ros.uri).topics if topic.name == "/scan"]
+            assert scan.publishers[0].startswith("/talker")
+            assert scan.subscribers[0].startswith("/page")
+            ros.stop(talker)
+            stale = wait_for(lambda: feeds.read("/scan", 0).is_stale, "the scan to be stale")
+            assert stale
+        assert "/scan" not in ros.subscribers()
+    finally:
+        ros.close()
+
+
+def test_each_display_gets_its_message_over_zenoh_and_latched_ones_afterwards() -> None:
+    pytest.importorskip("zenoh")
+    router = f"tcp/127.0.0.1:{free_port()}"
+    with closing(Ros2Node("talker", 0, router, listen=True)) as node:
+        said_again, kept = [], []
+        for said in make_scene():
+            ros_type = said.message.__msgtype__
+            qos = STREAM if said.rate_hz else LATCHED
+            topic = Topic(name=said.topic, ros_type=ros_type, qos=qos)
+            publish = node.create_publisher(topic, ros2_store())
+            data = serialize(ros2_store(), ros_type, True, said.message)
+            publish(data)
+            said_again.append((publish, data)) if said.rate_hz else kept.append(publish)
+        network = Ros2Topics("page", 0, router, ros2_store)
+        with closing(TopicFeeds(network, make_decoder("ros2"), {})) as feeds:
+            wait_for(lambda: len(feeds.list_topics()) >= 6, "the topics to be announced")
+            with saying(said_again):
+                check_scene(feeds)
+            graph = feeds.read_graph()
+            assert graph.nodes == ("/talker",)
+
+
+def test_a_router_that_is_not_there_is_named() -> None:
+    pytest.importorskip("zenoh")
+    network = Ros2Topics("page", 0, f"tcp/127.0.0.1:{free_port()}", ros2_store)
+    with closing(network), pytest.raises(Exception, match="no zenoh router answers"):
+        network.read_graph()
