@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from agribot.core.topics import LATCHED, STREAM, Topic
-from agribot.record.bag.definitions import ros1_store, ros2_store, serialize
+from agribot.record.bag.definitions import ros2_store, serialize
 from agribot.ros.ros1.open_topics import Ros1Topics
 from agribot.ros.ros1.system_state import read_graph
 from agribot.ros.ros2.node import Ros2Node
@@ -21,12 +21,10 @@ from agribot.ui.server.topic_feeds import TopicFeeds
 from agribot.ui.server.topic_sources import make_decoder
 from tests import machine, nightly
 from tests.ros.live import free_port
-from tests.ros.messages.shown_scene import make_scene, to_ros1
+from tests.ros.messages.shown_scene import make_scene
 from tests.ros.ros1_system import Ros1
+from tests.ros.scene_talker import start_talker
 from tests.waiting import wait_for
-
-TALKER = Path(__file__).with_name("rospy_talker.py")
-DAY = "tests/ui/test_topic_feeds.py::test_a_topic_comes_once_in_the_map_by_its_frame"
 
 
 @contextmanager
@@ -73,23 +71,12 @@ def check_scene(feeds: TopicFeeds) -> None:
             assert said.display in listed[said.topic]
 
 
-@nightly.by_day(DAY, "test_each_display_gets_its_message_over_zenoh_and_latched_ones_afterwards")
+@nightly.by_day("test_each_display_gets_its_message_over_zenoh_and_latched_ones_afterwards")
 def test_each_display_gets_its_message_from_a_node_of_rospy(tmp_path: Path) -> None:
     machine.require("roscore")
-    lines = []
-    for said in make_scene():
-        ros_type = said.message.__msgtype__
-        text, _ = ros1_store().generate_msgdef(ros_type, ros_version=1)
-        data = to_ros1(said.message).hex()
-        name = ros_type.replace("/msg/", "/")
-        lines.append(json.dumps([said.topic, name, text, data, said.rate_hz]))
-    scene = tmp_path / "scene.jsonl"
-    scene.write_text("\n".join(lines), encoding="utf-8")
     ros = Ros1(tmp_path)
     try:
-        talker = ros.start("/usr/bin/python3", str(TALKER), str(scene))
-        assert talker.stdout is not None
-        assert talker.stdout.readline() == "ready\n"
+        talker = start_talker(ros)
         network = Ros1Topics("page", ros.uri)
         with closing(TopicFeeds(network, make_decoder("ros1"), {})) as feeds:
             check_scene(feeds)

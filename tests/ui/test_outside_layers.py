@@ -65,7 +65,7 @@ def test_a_layer_that_cannot_be_drawn_is_refused_with_the_reason(
 ) -> None:
     fields = {"name": "stones", "data": STONE, **change}
     with pytest.raises(BadLayer, match=why):
-        layers.set(wire.Layer(**fields))
+        layers.set(wire.OutsideLayer(**fields))
     assert layers.names() == []
 
 
@@ -73,10 +73,10 @@ def test_there_is_a_limit_of_layers_that_a_change_of_one_does_not_meet(
     layers: OutsideLayers,
 ) -> None:
     for number in range(MOST_LAYERS):
-        layers.set(wire.Layer(name=f"layer {number}", data=STONE))
+        layers.set(wire.OutsideLayer(name=f"layer {number}", data=STONE))
     with pytest.raises(BadLayer, match="delete one"):
-        layers.set(wire.Layer(name="another", data=STONE))
-    layers.set(wire.Layer(name="layer 0", data=STONE))
+        layers.set(wire.OutsideLayer(name="another", data=STONE))
+    layers.set(wire.OutsideLayer(name="layer 0", data=STONE))
 
 
 def test_names_that_look_alike_have_different_ids() -> None:

@@ -906,7 +906,7 @@ export interface PanelInfo {
 }
 
 /** A topic that displays can show, and the displays that can. */
-export interface TopicInfo {
+export interface ListedTopic {
   name: string
   type: string
   displays: string[]
@@ -917,7 +917,7 @@ export interface TopicInfo {
 export interface TopicNetworkInfo {
   source: string
   title: string
-  topics: TopicInfo[]
+  topics: ListedTopic[]
   problem: string
 }
 

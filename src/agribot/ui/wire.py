@@ -1017,7 +1017,7 @@ class PanelInfo(msgspec.Struct, frozen=True, kw_only=True):
     )
 
 
-class TopicInfo(msgspec.Struct, frozen=True, kw_only=True):
+class ListedTopic(msgspec.Struct, frozen=True, kw_only=True):
     """A topic that displays can show, and the displays that can."""
 
     name: str
@@ -1031,7 +1031,7 @@ class TopicNetworkInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     source: str
     title: str
-    topics: list[TopicInfo] = []
+    topics: list[ListedTopic] = []
     problem: str = ""
 
 
@@ -1063,7 +1063,7 @@ class TopicNews(msgspec.Struct, frozen=True, kw_only=True):
     message: Any = None
 
 
-class Layer(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class OutsideLayer(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A layer that a program outside of the robot gives: its data, or the topic that it shows.
 
     `data` is GeoJSON, or for another `type` of display a ROS message as a dict. `draw_order` 0 is

@@ -37,7 +37,7 @@ class UnknownFrame(Exception):
         super().__init__(f"frame '{frame[:60]}' is not known: no transform leads to the map")
 
 
-class Shown(NamedTuple):
+class ShownMessage(NamedTuple):
     """What goes to the page, what was left out of it, and what is wrong with it, in words."""
 
     value: Value
@@ -72,7 +72,7 @@ def show_header(header: Any, place: Place) -> Value:
     return {"frame_id": header.frame_id, "stamp": stamp, **place(header.frame_id)}
 
 
-def show_message(message: Any, place: Place) -> Shown:
+def show_message(message: Any, place: Place) -> ShownMessage:
     """Convert a message that stands for itself; `shown_sets` has those that add up.
 
     Raises: UnknownFrame: its frame is not known. KeyError: no display reads its type.
@@ -80,71 +80,73 @@ def show_message(message: Any, place: Place) -> Shown:
     return _SHOWERS[message.__msgtype__](message, place)
 
 
-def _show_whole(message: Any, place: Place) -> Shown:
+def _show_whole(message: Any, place: Place) -> ShownMessage:
     value = to_plain(message)
     if hasattr(message, "header"):
         value["header"] = show_header(message.header, place)
-    return Shown(value)
+    return ShownMessage(value)
 
 
-def _show_free(message: Any, _place: Place) -> Shown:
+def _show_free(message: Any, _place: Place) -> ShownMessage:
     """Show what lies nowhere, such as a number, or in longitude and latitude."""
-    return Shown(to_plain(message))
+    return ShownMessage(to_plain(message))
 
 
-def _show_fix(message: Any, _place: Place) -> Shown:
+def _show_fix(message: Any, _place: Place) -> ShownMessage:
     """Show a fix with its receiver's state left out; unknown numbers are left out as well."""
     value = to_plain(message)
     known = {name: each for name, each in value.items() if each is not None and name != "status"}
     if "latitude" not in known or "longitude" not in known:
-        return Shown({}, problem="a fix without a place")
-    return Shown(known)
+        return ShownMessage({}, problem="a fix without a place")
+    return ShownMessage(known)
 
 
-def _show_text(message: Any, _place: Place) -> Shown:
+def _show_text(message: Any, _place: Place) -> ShownMessage:
     text = str(message.data if hasattr(message, "data") else message.value)
     note = f"{len(text)} letters cut to {MOST_TEXT}" if len(text) > MOST_TEXT else ""
-    return Shown({"data": text[:MOST_TEXT]}, note)
+    return ShownMessage({"data": text[:MOST_TEXT]}, note)
 
 
-def _show_number(message: Any, _place: Place) -> Shown:
+def _show_number(message: Any, _place: Place) -> ShownMessage:
     for name in ("data", "value", "velocity"):
         if hasattr(message, name):
-            return Shown({"data": to_plain(float(getattr(message, name)))})
-    return Shown({})
+            return ShownMessage({"data": to_plain(float(getattr(message, name)))})
+    return ShownMessage({})
 
 
-def _show_point(message: Any, place: Place) -> Shown:
+def _show_point(message: Any, place: Place) -> ShownMessage:
     pose = {"position": to_plain(message.point)}
-    return Shown({"header": show_header(message.header, place), "pose": pose})
+    return ShownMessage({"header": show_header(message.header, place), "pose": pose})
 
 
-def _show_odometry_pose(message: Any, place: Place) -> Shown:
-    return Shown(
+def _show_odometry_pose(message: Any, place: Place) -> ShownMessage:
+    return ShownMessage(
         {"header": show_header(message.header, place), "pose": to_plain(message.pose)},
     )
 
 
-def _show_path(message: Any, place: Place) -> Shown:
-    poses, note = _thinned(message.poses, "places")
+def _show_path(message: Any, place: Place) -> ShownMessage:
+    poses, note = _thin(message.poses, "places")
     points = [{"pose": {"position": to_plain(each.pose.position)}} for each in poses]
-    return Shown({"header": show_header(message.header, place), "poses": points}, note)
+    return ShownMessage({"header": show_header(message.header, place), "poses": points}, note)
 
 
-def _show_polygon(message: Any, place: Place) -> Shown:
-    corners, note = _thinned(message.polygon.points, "corners")
+def _show_polygon(message: Any, place: Place) -> ShownMessage:
+    corners, note = _thin(message.polygon.points, "corners")
     closed = [*corners, *corners[:1]]
     points = [{"pose": {"position": to_plain(each)}} for each in closed]
-    return Shown({"header": show_header(message.header, place), "poses": points}, note)
+    return ShownMessage({"header": show_header(message.header, place), "poses": points}, note)
 
 
-def _show_route(message: Any, place: Place) -> Shown:
-    kept, note = _thinned(message.route_points, "places")
+def _show_route(message: Any, place: Place) -> ShownMessage:
+    kept, note = _thin(message.route_points, "places")
     points = [{"pose": {"position": to_plain(each.pose.position)}} for each in kept]
-    return Shown({"header": show_header(message.header, place), "route_points": points}, note)
+    return ShownMessage(
+        {"header": show_header(message.header, place), "route_points": points}, note
+    )
 
 
-def _thinned(items: Any, what: str) -> tuple[list[Any], str]:
+def _thin(items: Any, what: str) -> tuple[list[Any], str]:
     """Take every so-manieth item and the last one."""
     step = math.ceil(len(items) / MOST_POINTS)
     if step <= 1:
@@ -153,7 +155,7 @@ def _thinned(items: Any, what: str) -> tuple[list[Any], str]:
     return kept, f"{len(items):,} {what} thinned to {len(kept):,}"
 
 
-def _show_scan(message: Any, place: Place) -> Shown:
+def _show_scan(message: Any, place: Place) -> ShownMessage:
     ranges = np.asarray(message.ranges, dtype=float)
     intensities = np.asarray(message.intensities, dtype=float)
     step = max(1, math.ceil(len(ranges) / MOST_BEAMS))
@@ -169,10 +171,10 @@ def _show_scan(message: Any, place: Place) -> Shown:
     if len(intensities) == len(ranges):
         value["intensities"] = to_plain(np.round(intensities[::step], 3))
     note = f"{len(ranges):,} beams thinned to {len(kept):,}" if step > 1 else ""
-    return Shown(value, note)
+    return ShownMessage(value, note)
 
 
-def _show_cloud(message: Any, place: Place) -> Shown:
+def _show_cloud(message: Any, place: Place) -> ShownMessage:
     """Show a cloud of 32-bit numbers: x, y, z, and the first few other fields."""
     header = show_header(message.header, place)
     count = int(message.width) * int(message.height)
@@ -191,7 +193,7 @@ def _show_cloud(message: Any, place: Place) -> Shown:
         "width": len(kept), "height": 1, "data": to_base64(kept),
     }  # fmt: skip
     note = f"{count:,} points thinned to {len(kept):,}" if step > 1 else ""
-    return Shown(value, note)
+    return ShownMessage(value, note)
 
 
 _SPARE = 5  # as many times more points are looked at as are shown
@@ -267,12 +269,12 @@ class FramePlaces:
         raise UnknownFrame(frame)
 
 
-def _show_picture(make: Callable[[Any], tuple[Value, str]]) -> Callable[[Any, Place], Shown]:
+def _show_picture(make: Callable[[Any], tuple[Value, str]]) -> Callable[[Any, Place], ShownMessage]:
     """Show what is painted beside the map, wherever its camera is."""
-    return lambda message, _place: Shown(*make(message))
+    return lambda message, _place: ShownMessage(*make(message))
 
 
-_SHOWERS: dict[str, Callable[[Any, Place], Shown]] = {
+_SHOWERS: dict[str, Callable[[Any, Place], ShownMessage]] = {
     "gps_common/msg/GPSFix": _show_fix,
     "gps_msgs/msg/GPSFix": _show_fix,
     "sensor_msgs/msg/NavSatFix": _show_fix,

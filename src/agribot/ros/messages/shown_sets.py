@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from agribot.ros.messages.shown_messages import (
     Place,
-    Shown,
+    ShownMessage,
     UnknownFrame,
     Value,
     show_header,
@@ -34,14 +34,14 @@ _GRID = "nav_msgs/msg/OccupancyGrid"
 _UNKNOWN = -1
 
 
-class View(Protocol):
+class TopicView(Protocol):
     """What the messages of one topic have come to."""
 
     def take(self, message: Any, t_s: float) -> None:
         """Take a message that arrived at `t_s`."""
         ...
 
-    def show(self, place: Place, t_s: float) -> Shown | None:
+    def show(self, place: Place, t_s: float) -> ShownMessage | None:
         """Show what there is at `t_s`; None before the first message.
 
         Raises: UnknownFrame: a frame is not known. BridgeError: a picture cannot be read.
@@ -58,7 +58,7 @@ class NewestView:
     def take(self, message: Any, _t_s: float) -> None:
         self._message = message
 
-    def show(self, place: Place, _t_s: float) -> Shown | None:
+    def show(self, place: Place, _t_s: float) -> ShownMessage | None:
         return None if self._message is None else show_message(self._message, place)
 
 
@@ -83,7 +83,7 @@ class MarkerView:
                 if len(self._markers) > MOST_MARKERS:
                     self._markers.popitem(last=False)
 
-    def show(self, place: Place, t_s: float) -> Shown | None:
+    def show(self, place: Place, t_s: float) -> ShownMessage | None:
         if not self._heard:
             return None
         living = [marker for marker, end_s in self._markers.values() if t_s < end_s]
@@ -103,7 +103,7 @@ class MarkerView:
         problems = [f"{count} of {len(living)} markers: {why}" for why, count in unknown.items()]
         left_out = [f"{cut:,} points of markers left out"] * (cut > 0)
         left_out += [f"{meshes} meshes drawn as boxes"] * (meshes > 0)
-        return Shown({"markers": shown}, "; ".join(left_out), "; ".join(problems[:2]))
+        return ShownMessage({"markers": shown}, "; ".join(left_out), "; ".join(problems[:2]))
 
 
 def _show_marker(marker: Any, header: Value, room: int) -> Value:
@@ -152,7 +152,7 @@ class GridView:
         if is_inside and cells.size == width * height:
             self._cells[y : y + height, x : x + width] = cells.reshape(height, width)
 
-    def show(self, place: Place, _t_s: float) -> Shown | None:
+    def show(self, place: Place, _t_s: float) -> ShownMessage | None:
         if self._grid is None:
             return None
         info = self._grid.info
@@ -171,7 +171,7 @@ class GridView:
         }
         rows, columns = self._cells.shape
         note = f"{columns} x {rows} cells folded to {width} x {height}" if every > 1 else ""
-        return Shown(value, note)
+        return ShownMessage(value, note)
 
 
 def _fold_cells(cells: Cells, every: int) -> Cells:
@@ -200,7 +200,7 @@ class TextureView:
             if marker.action != _DELETE:
                 self._markers[key] = (marker, _end_of_life_s(marker, t_s))
 
-    def show(self, place: Place, t_s: float) -> Shown | None:
+    def show(self, place: Place, t_s: float) -> ShownMessage | None:
         if not self._heard:
             return None
         living = [marker for marker, end_s in self._markers.values() if t_s < end_s]
@@ -213,7 +213,7 @@ class TextureView:
             value, note = _show_texture(marker, place)
             shown.append(value)
             notes += [note] * bool(note)
-        return Shown({"markers": shown}, "; ".join(notes[:3]))
+        return ShownMessage({"markers": shown}, "; ".join(notes[:3]))
 
 
 def _show_texture(marker: Any, place: Place) -> tuple[Value, str]:
@@ -230,7 +230,7 @@ def _show_texture(marker: Any, place: Place) -> tuple[Value, str]:
     return value, note
 
 
-def make_view(ros_type: str) -> View:
+def make_view(ros_type: str) -> TopicView:
     """Make the view of a topic of this type."""
     if ros_type.startswith("visualization_msgs/msg/Marker"):
         return MarkerView()

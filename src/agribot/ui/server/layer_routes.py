@@ -18,11 +18,11 @@ async def list_layers(request: Request) -> Response:
 
 
 async def post_layer(request: Request) -> Response:
-    return await _set(request, await read_body(request, wire.Layer))
+    return await _set(request, await read_body(request, wire.OutsideLayer))
 
 
 async def put_layer(request: Request) -> Response:
-    layer = await read_body(request, wire.Layer)
+    layer = await read_body(request, wire.OutsideLayer)
     return await _set(request, msgspec.structs.replace(layer, name=request.path_params["name"]))
 
 
@@ -36,7 +36,7 @@ async def delete_layer(request: Request) -> Response:
     return Response(status_code=204)
 
 
-async def _set(request: Request, layer: wire.Layer) -> Response:
+async def _set(request: Request, layer: wire.OutsideLayer) -> Response:
     need_operator(request)
     hub: Hub = request.app.state.hub
     is_new = layer.name.strip() not in hub.layers.names()

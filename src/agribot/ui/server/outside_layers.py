@@ -21,7 +21,7 @@ class BadLayer(Exception):
     """A layer that cannot be taken, and why, in one sentence."""
 
 
-class LayerOrder(wire.Layer, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class LayerOrder(wire.OutsideLayer, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What a message of ROS asks for: a layer, or (`action`) its end."""
 
     action: str = "set"
@@ -35,9 +35,9 @@ class OutsideLayers:
 
     def __init__(self, is_known: Callable[[str], bool]) -> None:
         self._is_known = is_known
-        self._layers: dict[str, tuple[wire.Layer, bytes]] = {}
+        self._layers: dict[str, tuple[wire.OutsideLayer, bytes]] = {}
 
-    def set(self, layer: wire.Layer) -> str:
+    def set(self, layer: wire.OutsideLayer) -> str:
         """Add a layer, or replace the one of its name; return its id.
 
         Raises: BadLayer: no name, an unknown type, too large, or one too many.
@@ -78,8 +78,8 @@ class OutsideLayers:
             )
         if order.action != "set":
             raise BadLayer(f"action '{order.action[:20]}' is neither set nor delete")
-        fields = {name: getattr(order, name) for name in wire.Layer.__struct_fields__}
-        self.set(wire.Layer(**fields))
+        fields = {name: getattr(order, name) for name in wire.OutsideLayer.__struct_fields__}
+        self.set(wire.OutsideLayer(**fields))
         return f"layer '{order.name}' set"
 
     def names(self) -> list[str]:

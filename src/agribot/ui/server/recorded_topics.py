@@ -64,9 +64,9 @@ class RecordedTopics:
         self._players: dict[str, _Player] = {}
         self._transforms_to_s = self.start_s
 
-    def list_topics(self) -> list[wire.TopicInfo]:
+    def list_topics(self) -> list[wire.ListedTopic]:
         return [
-            wire.TopicInfo(
+            wire.ListedTopic(
                 name=topic.name,
                 type=topic.ros_type,
                 displays=list(SHOWN_TYPES[topic.ros_type]),

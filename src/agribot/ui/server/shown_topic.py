@@ -11,8 +11,8 @@ import msgspec
 
 from agribot.core.errors import BridgeError
 from agribot.ros.messages.frame_tree import clean_name
-from agribot.ros.messages.shown_messages import FramePlaces, Shown, UnknownFrame
-from agribot.ros.messages.shown_sets import View, adds_up, make_view
+from agribot.ros.messages.shown_messages import FramePlaces, ShownMessage, UnknownFrame
+from agribot.ros.messages.shown_sets import TopicView, adds_up, make_view
 
 Decode = Callable[[str, bytes], Any]
 
@@ -36,7 +36,7 @@ class ShownTopic:
     ) -> None:
         self._decode, self._places, self._now_s = decode, places, now_s
         self._waiting: deque[tuple[str, bytes]] = deque(maxlen=MOST_WAITING)
-        self._view: View | None = None
+        self._view: TopicView | None = None
         self.ros_type = ""
         self.seq = 0
         self.json: msgspec.Raw | None = None
@@ -117,7 +117,7 @@ class ShownTopic:
     def _fits(self, ros_type: str) -> bool:
         return type(make_view(ros_type)) is type(self._view)
 
-    def _keep(self, shown: Shown, now_s: float) -> None:
+    def _keep(self, shown: ShownMessage, now_s: float) -> None:
         text = msgspec.json.encode(shown.value)
         lost = f"{self._lost} messages came too fast" if self._lost else ""
         self.left_out = "; ".join(part for part in (shown.left_out, lost) if part)

@@ -65,7 +65,7 @@ class TopicFeeds:
         self._graph = Graph(network="")
         self._listed_s: float | None = None
 
-    def list_topics(self) -> list[wire.TopicInfo]:
+    def list_topics(self) -> list[wire.ListedTopic]:
         """List what displays can show, with the displays that can.
 
         Raises: BridgeError: the network cannot be reached.
@@ -74,7 +74,7 @@ class TopicFeeds:
             graph = self._look()
             self._hear_transforms()
         topics = [
-            wire.TopicInfo(
+            wire.ListedTopic(
                 name=topic.name,
                 type=topic.ros_type,
                 displays=list(SHOWN_TYPES[topic.ros_type]),
@@ -85,7 +85,7 @@ class TopicFeeds:
         ]
         self._take_transforms()
         frames = [
-            wire.TopicInfo(name=f"{FRAME}{frame}", type="frame", displays=["tf_frame"])
+            wire.ListedTopic(name=f"{FRAME}{frame}", type="frame", displays=["tf_frame"])
             for frame in self._tree.frames
         ]
         return topics + frames

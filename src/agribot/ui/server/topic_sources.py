@@ -153,7 +153,7 @@ def list_body_frames(robot: RobotSpec) -> dict[str, FloatArray]:
 
 
 def _list_one(
-    source: str, title: str, list_topics: Callable[[], list[wire.TopicInfo]]
+    source: str, title: str, list_topics: Callable[[], list[wire.ListedTopic]]
 ) -> wire.TopicNetworkInfo:
     try:
         return wire.TopicNetworkInfo(source=source, title=title, topics=list_topics())
