@@ -25,7 +25,7 @@ def make_scene() -> list[Said]:
     return [
         Said("/tf_static", "", make_transforms(), 0.0),
         Said("/scan", "laserscan", make_scan(), 10.0),
-        Said("/cloud", "pointcloud2", make_cloud(), 5.0),
+        Said("/cloud", "pointcloud2", make_cloud(), 1.0),
         Said("/map", "occupancy_grid", make_grid(), 0.0),
         Said("/markers", "marker", make_markers(), 2.0),
         Said("/picture", "textured_marker", make_texture(), 0.0),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -52,18 +53,30 @@ def robot(ros: Ros1, tmp_path: Path) -> Iterator[Robot]:
     found.master = ros.uri
     found.answers[wire.ListPanels] = []
     found.start()
-    found.say(messages.make_state(1))
+    is_over = threading.Event()
+    ticking = threading.Thread(target=say_states, args=(found, is_over))
+    ticking.start()
     yield found
+    is_over.set()
+    ticking.join()
     found.server.close()
+
+
+def say_states(robot: Robot, is_over: threading.Event) -> None:
+    """Keep the page's state fresh, for it turns grey otherwise."""
+    number = 0
+    while not is_over.wait(0.2):
+        number += 1
+        robot.say(messages.make_state(number))
 
 
 def add(page: Page, display: str, topic: str) -> None:
     page.get_by_role("button", name="Add display").click()
     dialog = page.get_by_role("dialog")
-    dialog.get_by_label("Display", exact=True).select_option(display)
+    dialog.locator("select").first.select_option(display)
     option = dialog.locator(f'optgroup[label="ROS 1"] option[value="ros1:{topic}"]')
     option.wait_for(state="attached")
-    dialog.get_by_label("Shows").select_option(f"ros1:{topic}")
+    dialog.locator("select").nth(1).select_option(f"ros1:{topic}")
     dialog.get_by_role("button", name="Add", exact=True).click()
 
 
