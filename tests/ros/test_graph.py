@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from agribot.cli.main import main
-from agribot.core.topics import TOPICS
+from agribot.core.topics import TOPICS, Qos
 from agribot.ros.graph import Graph, format_dot, format_graph, make_graph, select_topics
 from agribot.ros.graph_layout import find_columns, order_columns
 from agribot.ros.graph_picture import draw_graph
@@ -93,7 +93,7 @@ def test_a_master_that_is_not_there_is_named_with_the_remedy(
 
 def test_a_token_tells_of_its_publisher_what_a_subscriber_has_to_know() -> None:
     name = wire.NodeName(domain=0, zid="ab12", name="lidar", namespace="/front")
-    qos = wire.Qos(reliable=False, latched=True, depth=1)
+    qos = Qos(reliable=False, latched=True, depth=1)
     token = name.make_endpoint_token(3, "MP", "/scan", "sensor_msgs/msg/LaserScan", "RIHS01_x", qos)
     assert wire.read_publisher(token) == wire.FoundPublisher(
         "/front/lidar", "/scan", "sensor_msgs/msg/LaserScan", "RIHS01_x", False, True

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -28,7 +29,7 @@ from tests.waiting import wait_for
 
 
 @contextmanager
-def saying(messages: list[tuple[Callable[[bytes], None], bytes]]) -> Iterator[None]:
+def saying(messages: Sequence[tuple[Callable[[bytes], None], bytes]]) -> Iterator[None]:
     """Publish all of them again and again."""
     is_over = threading.Event()
 
@@ -56,7 +57,7 @@ def read_all(feeds: TopicFeeds) -> dict[str, wire.TopicNews]:
     wanted = [said.topic for said in make_scene() if said.display]
     for topic in wanted:  # all are opened before one is waited for
         feeds.read(topic, 0)
-    return {topic: wait_for(lambda name=topic: read(name), topic) for topic in wanted}
+    return {topic: wait_for(partial(read, topic), topic) for topic in wanted}
 
 
 def check_scene(feeds: TopicFeeds) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -236,15 +237,16 @@ def read_when_loaded(topics: RecordedTopics, name: str, t_s: float) -> wire.Topi
     return wait_for(read, f"{name} of the recording")
 
 
+def has_beam(topics: RecordedTopics, t_s: float, metres: float) -> bool:
+    return bool(body(topics.read("/scan", 0, t_s))["ranges"] == [metres])
+
+
 def test_a_recording_shows_what_was_said_last_forwards_and_backwards(recording: Path) -> None:
     topics = RecordedTopics(recording, {})
     assert {"/scan", "/cloud", "/map"} <= {topic.name for topic in topics.list_topics()}
     read_when_loaded(topics, "/scan", 3.5)
     for t_s, metres in ((3.5, 3.0), (7.2, 7.0), (2.0, 2.0)):
-        wait_for(
-            lambda t_s=t_s, metres=metres: body(topics.read("/scan", 0, t_s))["ranges"] == [metres],
-            f"the beam of {metres} m at {t_s} s",
-        )
+        wait_for(partial(has_beam, topics, t_s, metres), f"the beam of {metres} m at {t_s} s")
         shown = body(topics.read("/scan", 0, t_s))
         assert "in_map" in shown["header"], "by the transforms of the recording"
     assert "not come to its first message" in topics.read("/scan", 0, 0.5).note

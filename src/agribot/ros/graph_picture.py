@@ -158,7 +158,7 @@ def _draw_box(placed: _Placed) -> str:
 
 def _draw_way(way: list[_Placed]) -> str:
     """Draw an edge: curves from column to column, straight through the gaps of those between."""
-    parts = []
+    parts: list[str] = []
     for before, after in itertools.pairwise(way):
         x0, y0 = before.x + before.box.width_px, before.y + before.box.height_px / 2.0
         x1, y1 = after.x, after.y + after.box.height_px / 2.0

@@ -108,7 +108,8 @@ def texture(pixels: Any, resolution: float, frame: str = "map") -> Any:
 def make_default(store: Typestore, ros_type: str) -> Any:
     """A message of zeros, with a pixel in its pictures."""
     if ros_type == "sensor_msgs/msg/Image":
-        values = dict(height=1, width=1, encoding="mono8", is_bigendian=0, step=1)
+        values: dict[str, Any] = {"height": 1, "width": 1, "encoding": "mono8", "is_bigendian": 0,
+                                  "step": 1}  # fmt: skip
         head = make_default(store, "std_msgs/msg/Header")
         return store.types[ros_type](header=head, **values, data=np.zeros(1, np.uint8))
     if ros_type == "sensor_msgs/msg/CompressedImage":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import threading
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -108,10 +109,7 @@ def test_displays_take_topics_of_ros_are_drawn_and_grow_pale_when_they_stop(
     page.evaluate(f"{MAP}.jumpTo({{center: {centre}, zoom: 20}})")
     for display, part in (("laserscan", "point"), ("pointcloud2", "point"), ("marker", "fill")):
         number = numbers[display]
-        wait_for(
-            lambda number=number, part=part: count_shapes(page, number, part),
-            f"shapes of {display}",
-        )
+        wait_for(partial(count_shapes, page, number, part), f"shapes of {display}")
     for display in ("occupancy_grid", "textured_marker"):
         until(page, f"Boolean({MAP}.getSource('display-{numbers[display]}'))")
     wait_for(lambda: is_disparity_shown(page), "the colours of the disparity")
@@ -120,7 +118,7 @@ def test_displays_take_topics_of_ros_are_drawn_and_grow_pale_when_they_stop(
     expect(page.locator(".map-conditions .stale").first).to_contain_text("no message for")
     page.reload()
     until(page, f"window.__agribot?.ready && {MAP}?.isStyleLoaded()")
-    expect(page.locator(".map-conditions")).to_contain_text("/scan")
+    expect(page.locator(".map-conditions")).to_contain_text("Laser scan: no message")
     context.close()
 
 

@@ -52,7 +52,7 @@ class FrameTree:
         common = next((frame for frame in from_source if frame in from_target), None)
         if common is None:
             return None
-        inverse: FloatArray = np.linalg.inv(from_target[common])
+        inverse: FloatArray = np.linalg.inv(from_target[common]).astype(np.float64)
         return inverse @ from_source[common]
 
     def _chain(self, frame: str) -> dict[str, FloatArray]:

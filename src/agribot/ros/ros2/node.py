@@ -97,7 +97,7 @@ class Ros2Node:
 
         def end() -> None:
             subscriber.undeclare()
-            announced.undeclare()
+            announced.undeclare()  # type: ignore[no-untyped-call]
 
         return end
 

@@ -69,7 +69,7 @@ class Replay(Channel):
         self._plants, self.recorded_events = plants, events
         self._whole_path = path
         self._pictures = pictures
-        self.path = Path()  # of the file, set where it was read from one
+        self.file = Path()  # set where it was read from one
         self._index = -1
         self._now_s = moments[0].t_s
         self._wall_s: float | None = None
@@ -103,7 +103,7 @@ class Replay(Channel):
         pictures = Pictures.load(path)
         field = read_field_or_datum(path)
         replay = cls(name, moments, view.trace_map_m, plants, events, _path(path), pictures, field)
-        replay.path = path
+        replay.file = path
         return replay
 
     @property

@@ -184,11 +184,21 @@ async def _keep_topics(hub: Hub) -> None:
     loop = asyncio.get_running_loop()
     while True:
         for network in hub.about.ros.layers_from:
-            take = functools.partial(loop.call_soon_threadsafe, hub.take_layer, network)
+            take = _make_taker(hub, loop, network)
             await run_in_thread(hub.find_topics().take_layers, network, take)
         if hub.topics is not None:
             await run_in_thread(hub.topics.close_idle)
         await asyncio.sleep(LEAVE_S)
+
+
+def _make_taker(hub: Hub, loop: asyncio.AbstractEventLoop, network: str) -> Callable[[str], None]:
+    """Make what a thread of a network calls with each text for the loop."""
+
+    def take(text: str) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            loop.call_soon_threadsafe(hub.take_layer, network, text)
+
+    return take
 
 
 async def _replay(hub: Hub) -> None:

@@ -6,6 +6,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -57,9 +58,7 @@ class TopicSources:
             found.append(_list_one(RECORDING, f"Recording {replay.name}", recorded.list_topics))
         for path in self._list_bags():
             source = BAG + path.name
-            found.append(
-                _list_one(source, path.name, lambda at=path: self._open_bag(at.name).list_topics())
-            )
+            found.append(_list_one(source, path.name, partial(self._list_bag, path.name)))
         return found
 
     def read(self, wishes: list[wire.TopicWish], replay: Replay | None) -> list[wire.TopicNews]:
@@ -82,7 +81,7 @@ class TopicSources:
         """
         return self.feeds[name].read_graph()
 
-    def take_layers(self, network: str, take: Callable[[str], object]) -> None:
+    def take_layers(self, network: str, take: Callable[[str], None]) -> None:
         """Give `take` what programs say on the topic for layers; a network may come later."""
         with contextlib.suppress(BridgeError):
             self.feeds[network].take_texts(LAYERS, take)
@@ -108,7 +107,7 @@ class TopicSources:
     def _find_recorded(self, replay: Replay) -> RecordedTopics:
         with self._lock:
             if replay not in self._replays:
-                self._replays[replay] = RecordedTopics(replay.path, self._body_frames)
+                self._replays[replay] = RecordedTopics(replay.file, self._body_frames)
             return self._replays[replay]
 
     def _list_bags(self) -> list[Path]:
@@ -119,6 +118,9 @@ class TopicSources:
             for path in self._bags_dir.iterdir()
             if path.name.endswith(BAG_ENDINGS) or (path / "metadata.yaml").is_file()
         )
+
+    def _list_bag(self, name: str) -> list[wire.ListedTopic]:
+        return self._open_bag(name).list_topics()
 
     def _open_bag(self, name: str) -> RecordedTopics:
         path = next((path for path in self._list_bags() if path.name == name), None)
