@@ -205,6 +205,20 @@ def test_a_topic_that_nobody_looks_at_is_closed_and_the_network_left(
     assert network.listeners == {}
 
 
+def test_a_topic_that_no_display_reads_is_named_and_spoils_no_other(
+    feeds: TopicFeeds, network: Network
+) -> None:
+    feeds.read("/cmd_vel", 0)
+    twist = samples.make(
+        "geometry_msgs/msg/Twist", samples.vector(1.0, 0.0), samples.vector(0.0, 0.0)
+    )
+    network.say("/cmd_vel", twist)
+    assert feeds.read("/cmd_vel", 0).note == "no display reads geometry_msgs/msg/Twist"
+    feeds.read("/scan", 0)
+    network.say("/scan", samples.scan([1.0]))
+    assert body(feeds.read("/scan", 0))["ranges"] == [1.0]
+
+
 def test_there_is_a_limit_of_topics(feeds: TopicFeeds) -> None:
     for number in range(MOST_TOPICS):
         feeds.read(f"/topic{number}", 0)

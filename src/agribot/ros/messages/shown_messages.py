@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from agribot.core.errors import BridgeError
 from agribot.core.messages import FloatArray
 from agribot.ros.messages.frame_tree import clean_name
 from agribot.ros.messages.shown_pictures import show_compressed, show_disparity, show_image
@@ -75,9 +76,12 @@ def show_header(header: Any, place: Place) -> Value:
 def show_message(message: Any, place: Place) -> ShownMessage:
     """Convert a message that stands for itself; `shown_sets` has those that add up.
 
-    Raises: UnknownFrame: its frame is not known. KeyError: no display reads its type.
+    Raises: UnknownFrame: its frame is not known. BridgeError: no display reads its type.
     """
-    return _SHOWERS[message.__msgtype__](message, place)
+    ros_type = message.__msgtype__
+    if ros_type not in _SHOWERS:
+        raise BridgeError(f"no display reads {ros_type}")
+    return _SHOWERS[ros_type](message, place)
 
 
 def _show_whole(message: Any, place: Place) -> ShownMessage:

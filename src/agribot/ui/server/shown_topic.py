@@ -96,6 +96,9 @@ class ShownTopic:
             self.note = str(error)
             self._is_changed = True  # a transform may come soon
             return
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            self.note = f"a message that contradicts itself: {error}"
+            return
         if shown is not None:
             self._keep(shown, now_s)
 
