@@ -10,7 +10,8 @@ HEAD = """# Topics
 
 Written by `make pages` from [`topics.py`](../src/agribot/core/topics.py).
 Rates are nominal; "-" is "when it changes". Latched topics reach those who come late. The
-original's name and type are what the ROS 1 bridge adds.
+original's name and type are what the ROS 1 bridge adds. A topic with two names is published under
+both by every bridge, and stands in a recording under the first.
 
 | topic | type | Hz | QoS | the original's | what |
 |---|---|---|---|---|---|
@@ -27,7 +28,8 @@ def _row(topic: Topic) -> str:
     qos += f", depth {topic.qos.depth}" + (", latched" if topic.qos.latched else "")
     seed = f"`{topic.seed_alias}` `{topic.seed_ros_type}`" if topic.seed_alias else ""
     ros_type = f"`{topic.ros_type}`" if topic.ros_type else "only AGRIBOT reads it"
-    return f"| `{topic.name}` | {ros_type} | {rate} | {qos} | {seed} | {topic.about} |\n"
+    names = ", ".join(f"`{name}`" for name in topic.names)
+    return f"| {names} | {ros_type} | {rate} | {qos} | {seed} | {topic.about} |\n"
 
 
 if __name__ == "__main__":

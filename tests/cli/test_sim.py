@@ -62,6 +62,7 @@ def test_the_recording_holds_sensors_commands_and_truth(
     assert seen[topics.BATTERY.name] == 2
     for latched in (topics.ROBOT_DESCRIPTION, topics.TF_STATIC):
         assert seen[latched.name] == 1
+    assert seen[topics.ODOM.name] == 100
     assert topics.ODOMETRY.name not in seen  # nobody estimates anything
 
 

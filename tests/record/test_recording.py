@@ -133,7 +133,8 @@ def test_odom_frame_never_jumps_though_the_estimate_does(run: Path) -> None:
     chains = [m.transforms for m in _decoded(run, topics.TF.name) if len(m.transforms) == 2]
     odom = np.array([(b.transform.translation.x, b.transform.translation.y) for _, b in chains])
     steps_m = np.hypot(*np.diff(odom, axis=0).T)
-    assert steps_m == pytest.approx(samples.SPEED_MPS * 0.02, rel=1e-6)
+    # The made-up encoders scatter by a centiradian, a millimetre at the rim.
+    assert steps_m == pytest.approx(samples.SPEED_MPS * 0.02, abs=0.002)
 
 
 def test_every_frame_has_exactly_one_parent(run: Path) -> None:

@@ -119,14 +119,17 @@ def open_bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
         yield
         return
     requests = Requests(session.inbox, allow_drive=options.allow_drive, report=print_line)
-    taken = {place.path for place in read_sources(session.config.sources).values()}
+    sources = read_sources(session.config.sources)
+    taken = {place.path for place in sources.values()}
+    if "wheels" in sources and sources["wheels"].scheme in {"ros1", "ros2"}:
+        taken.add(topics.ODOM.name)  # that of the body, which is elsewhere
     has_camera = session.robot.camera is not None
     out = [
         topic  # what others publish for this robot, it does not say again
         for topic in list_out_topics(
             options, has_camera=has_camera, allow_drive=options.allow_drive
         )
-        if not taken & {topic.name, topic.seed_alias}
+        if not taken & {*topic.names, topic.seed_alias}
     ]
     gateways = open_gateways(
         options, out, export_urdf(session.config.robot), requests, flatten_settings(session.config)
@@ -210,8 +213,9 @@ def _make_outlet(
         truth=session.truth,
     )
     return TickPublisher(
-        gateways, session.robot, config.field.datum, export_urdf(config.robot), camera, sources
-    )
+        gateways, session.robot, config.field.datum, export_urdf(config.robot), camera, sources,
+        config.estimate,
+    )  # fmt: skip
 
 
 def list_out_topics(

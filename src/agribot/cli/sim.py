@@ -77,6 +77,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<UTC time>-sim")
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
     bridging.add_arguments(parser, has_stack=False)
+    parser.add_argument(
+        "--perfect-map",
+        action="store_true",
+        help="publish map -> odom as well, from the truth, as a localizer without errors would",
+    )
 
 
 class _World:

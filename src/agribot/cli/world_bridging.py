@@ -32,8 +32,8 @@ _OUT = {
     topic.name
     for topic in (
         topics.FIX, topics.FIX_VELOCITY, topics.IMU, topics.MAGNETIC, topics.POLE_FIX,
-        topics.BUMPER, topics.BATTERY, topics.JOINT_STATES, topics.CMD_VEL, topics.IMAGE,
-        topics.IMAGE_RAW, topics.CAMERA_INFO, topics.TF, topics.TF_STATIC,
+        topics.BUMPER, topics.BATTERY, topics.JOINT_STATES, topics.ODOM, topics.CMD_VEL,
+        topics.IMAGE, topics.IMAGE_RAW, topics.CAMERA_INFO, topics.TF, topics.TF_STATIC,
         topics.ROBOT_DESCRIPTION, topics.CLOCK, topics.GROUND_TRUTH,
     )
 }  # fmt: skip
@@ -80,7 +80,9 @@ def open_world_bridges(
     camera = CameraLog(
         robot, options.image_rate, config.record.jpeg_quality, keeps_raw=options.raw_images
     )
-    outlet = WorldPublisher(gateways, robot, urdf, camera)
+    outlet = WorldPublisher(
+        gateways, robot, urdf, camera, config.estimate, has_map=options.perfect_map
+    )
     try:
         yield [outlet]
     finally:

@@ -53,6 +53,7 @@ class Topic(msgspec.Struct, frozen=True, kw_only=True):
     value inside the robot, None where the content is not a struct (TF, the URDF text).
     `ros_type` is empty for a channel that only AGRIBOT reads. `seed_alias` and `seed_ros_type`
     are what the original AGRIBOT called it, for its own tools; empty where it had none.
+    `other_names` are further names under which every network has it; a recording has it once.
     """
 
     name: str
@@ -63,7 +64,17 @@ class Topic(msgspec.Struct, frozen=True, kw_only=True):
     direction: Direction = "out"
     seed_alias: str = ""
     seed_ros_type: str = ""
+    other_names: tuple[str, ...] = ()
     about: str = ""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All names under which every network has it, its own first."""
+        return (self.name, *self.other_names)
+
+    def list_named(self) -> list[Topic]:
+        """List the topic under each of its names, for a network that knows one name for each."""
+        return [msgspec.structs.replace(self, name=name, other_names=()) for name in self.names]
 
 
 FIX = Topic(
@@ -140,15 +151,24 @@ JOINT_STATES = Topic(
     rate_hz=50.0,
     seed_alias="/agribot/joint_states",
     seed_ros_type="sensor_msgs/msg/JointState",
+    other_names=("/joint_states",),
     about="wheel encoders, the newest sample of each tick",
+)
+ODOM = Topic(
+    name="/odom",
+    ros_type="nav_msgs/msg/Odometry",
+    rate_hz=50.0,
+    seed_alias="/agribot/odom",
+    seed_ros_type="nav_msgs/msg/Odometry",
+    other_names=("/agribot/odom",),
+    about="what the wheel encoders alone make of the way, in odom, from where the robot began; "
+    "its covariance grows (the original published the truth here)",
 )
 ODOMETRY = Topic(
     name="/agribot/odometry/estimate",
     ros_type="nav_msgs/msg/Odometry",
     struct=Estimate,
     rate_hz=50.0,
-    seed_alias="/agribot/odom",
-    seed_ros_type="nav_msgs/msg/Odometry",
     about="estimated pose in the map with its covariance, twist in the body frame",
 )
 POSE = Topic(
@@ -288,7 +308,7 @@ TF = Topic(
     rate_hz=50.0,
     seed_alias="/tf",
     seed_ros_type="tf2_msgs/msg/TFMessage",
-    about="map -> odom -> base_footprint, and the wheels at 10 Hz",
+    about="map -> odom -> base_footprint, and the wheels at 10 Hz; a world alone has no map",
 )
 TF_STATIC = Topic(
     name="/tf_static",
@@ -323,13 +343,13 @@ TICK = Topic(
 
 TOPICS: tuple[Topic, ...] = (
     FIX, FIX_VELOCITY, EXTENDED_FIX, IMU, MAGNETIC, POLE_FIX, BUMPER, BATTERY, JOINT_STATES,
-    ODOMETRY, POSE, CMD_VEL, IMAGE, IMAGE_RAW, CAMERA_INFO, OVERLAY, PATH, GOALS, GOAL_FIX, WEEDS,
-    STATUS, DISTANCE, BEARING, ANGLE, HEADING_RAW, HEADING_FILTERED, TF, TF_STATIC,
+    ODOM, ODOMETRY, POSE, CMD_VEL, IMAGE, IMAGE_RAW, CAMERA_INFO, OVERLAY, PATH, GOALS, GOAL_FIX,
+    WEEDS, STATUS, DISTANCE, BEARING, ANGLE, HEADING_RAW, HEADING_FILTERED, TF, TF_STATIC,
     ROBOT_DESCRIPTION, CLOCK, GROUND_TRUTH, TICK,
 )  # fmt: skip
 
 
 def find_topic(name: str) -> Topic | None:
-    """Find the topic of this name or, failing that, of this original name."""
-    named = (topic for topic in TOPICS if topic.name == name)
+    """Find the topic of this name or, failing that, of this other or original name."""
+    named = (topic for topic in TOPICS if name in topic.names)
     return next(named, next((topic for topic in TOPICS if topic.seed_alias == name), None))

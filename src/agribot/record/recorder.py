@@ -50,7 +50,9 @@ class RunRecorder:
         self._now_s = 0.0
         self._next_second_ns = self._next_flush_ns = 0
         camera = CameraLog(robot, config.record.image_rate_hz, config.record.jpeg_quality)
-        self._feed = TopicWriter(self._file.write, robot, config.field.datum, urdf, camera)
+        self._feed = TopicWriter(
+            self._file.write, robot, config.field.datum, urdf, camera, config.estimate
+        )
         self._feed.set_plan(0.0, plan, goals_map_m)
         self._attach_settings()
 

@@ -24,7 +24,9 @@ class WorldRecorder:
         self.path = path
         self._file = RecordingParts(path, config.record)
         camera = CameraLog(robot, config.record.image_rate_hz, config.record.jpeg_quality)
-        self._feed = WorldTopicWriter(self._file.write, robot, urdf, camera)
+        self._feed = WorldTopicWriter(
+            self._file.write, robot, urdf, camera, config.estimate, has_map=True
+        )
         self._next_flush_ns = 0
         words = {"version": __version__, "profile": config.profile, "seed": str(config.seed)}
         self._file.describe("agribot", {**words, "robot": robot.name, "world": config.world})

@@ -32,7 +32,8 @@ class FoxgloveGateway:
         self._lock = threading.Lock()
         self._latched: dict[str, tuple[bytes, int]] = {}
         self._channels: dict[str, Any] = {}
-        for topic in out:
+        self._names = {topic.name: topic.names for topic in out}
+        for topic in [named for each in out for named in each.list_named()]:
             text, _ = load_types().generate_msgdef(topic.ros_type, ros_version=2)
             schema = foxglove.Schema(name=topic.ros_type, encoding="ros2msg", data=text.encode())
             self._channels[topic.name] = foxglove.Channel(
@@ -56,13 +57,13 @@ class FoxgloveGateway:
         self._open = True
 
     def publish(self, topic: Topic, data: bytes, t_ns: int) -> None:
-        channel = self._channels.get(topic.name)
-        if channel is None or not self._open:
+        if not self._open:
             return
-        if topic.qos.latched:
-            with self._lock:
-                self._latched[topic.name] = (data, t_ns)
-        channel.log(data, log_time=t_ns)
+        for name in self._names.get(topic.name, ()):
+            if topic.qos.latched:
+                with self._lock:
+                    self._latched[name] = (data, t_ns)
+            self._channels[name].log(data, log_time=t_ns)
 
     def step(self, _record: TickRecord) -> None:
         """Do nothing: all is in the topics."""

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from agribot.core import topics
+from agribot.core.config import EstimateConfig
 from agribot.core.errors import BridgeError
 from agribot.core.geo import Datum
 from agribot.core.messages import MappedPlant, MapPoint, Path, TickRecord
@@ -127,10 +128,12 @@ class TickPublisher(QueuedGateways[_QueuedTick]):
         urdf: str,
         camera: CameraLog,
         sources: RunSources,
+        wheels: EstimateConfig | None = None,
     ) -> None:
+        """Publish to all `gateways`; `wheels` is how well the robot's wheels are believed."""
         super().__init__(gateways)
         self._sources = sources
-        self._feed = TopicWriter(self._gateways.send, robot, datum, urdf, camera)
+        self._feed = TopicWriter(self._gateways.send, robot, datum, urdf, camera, wheels)
         self._weeds: deque[tuple[float, Sequence[MappedPlant]]] = deque(maxlen=1)
         self._plans: deque[tuple[float, Path, tuple[MapPoint, ...]]] = deque(maxlen=1)
         self._plan: Path | None = None

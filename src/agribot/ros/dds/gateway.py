@@ -27,14 +27,16 @@ class DdsGateway:
     def __init__(self, requests: Requests, out: Sequence[Topic], *, domain: int = 0) -> None:
         self._requests = requests
         self._node = DdsNode(NODE, domain)
-        self._writers = {topic.name: self._node.create_publisher(topic) for topic in out}
+        self._writers = {
+            topic.name: [self._node.create_publisher(named) for named in topic.list_named()]
+            for topic in out
+        }
         if requests.allow_drive:
             self._node.subscribe(topics.CMD_VEL, self._on_twist)
         self._node.announce()
 
     def publish(self, topic: Topic, data: bytes, _t_ns: int) -> None:
-        writer = self._writers.get(topic.name)
-        if writer is not None:
+        for writer in self._writers.get(topic.name, ()):
             writer(data)
 
     def step(self, _record: TickRecord) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from agribot.core import topics
+from agribot.core.config import EstimateConfig
 from agribot.core.geo import Datum, MapFrame, compass_deg_from_yaw, wrap_rad
 from agribot.core.messages import Estimate, MappedPlant, MissionStatus, Path, TickRecord
 from agribot.core.robot import RobotSpec
@@ -14,10 +15,8 @@ from agribot.ros.messages import cdr, rosmsg
 from agribot.ros.messages.camera_log import CameraLog
 from agribot.ros.messages.markers import make_weed_markers
 from agribot.ros.messages.sensor_topics import SLOW_NS, MessageSink, SensorTopicWriter
-from agribot.ros.messages.transforms import (
-    BodyTransforms,
-    make_static_transforms,
-)
+from agribot.ros.messages.transforms import make_static_transforms
+from agribot.ros.messages.wheel_odometry import FrameChain, WheelOdometryWriter
 
 _SECOND_NS = 1_000_000_000
 
@@ -29,7 +28,13 @@ class TopicWriter:
     """
 
     def __init__(
-        self, write: MessageSink, robot: RobotSpec, datum: Datum, urdf: str, camera: CameraLog
+        self,
+        write: MessageSink,
+        robot: RobotSpec,
+        datum: Datum,
+        urdf: str,
+        camera: CameraLog,
+        wheels: EstimateConfig | None = None,
     ) -> None:
         self._write, self._robot, self._urdf, self._camera = write, robot, urdf, camera
         self._map_frame = MapFrame(datum)
@@ -42,13 +47,15 @@ class TopicWriter:
         self._sensors = SensorTopicWriter(write, robot, camera)
         self._odometry, self._truth = cdr.OdometryCdr(), cdr.OdometryCdr()
         self._twist, self._number = cdr.TwistCdr(), cdr.Float64Cdr()
-        self._body_tf = BodyTransforms()
+        self._wheel_odometry = WheelOdometryWriter(write, robot, wheels)
+        self._frames = FrameChain()
 
     def __call__(self, record: TickRecord) -> None:
         self._now_ns = rosmsg.to_nanoseconds(record.batch.t_s)
         if not self._started:
             self._start(record.batch.t_s)
         self._sensors(self._now_ns, record.batch)
+        self._wheel_odometry(self._now_ns, record.batch)
         self._write_overlays(record)
         self._write_decisions(record)
         if self._now_ns >= self._next_slow_ns:
@@ -103,7 +110,8 @@ class TopicWriter:
     def _write_decisions(self, record: TickRecord) -> None:
         now_ns, estimate, drive = self._now_ns, record.estimate, record.command.drive
         self._write(topics.ODOMETRY, now_ns, self._odometry(now_ns, estimate), now_ns)
-        self._write(topics.TF, now_ns, self._body_tf(now_ns, estimate), now_ns)
+        frames = self._frames(now_ns, estimate, self._wheel_odometry.pose)
+        self._write(topics.TF, now_ns, frames, now_ns)
         twist = self._twist(drive.v_mps, drive.yaw_rate_radps)
         self._write(topics.CMD_VEL, now_ns, twist, now_ns)
 

@@ -5,15 +5,18 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from agribot.core import topics
+from agribot.core.config import EstimateConfig
 from agribot.core.messages import DriveCommand, SensorBatch
 from agribot.core.robot import RobotSpec
 from agribot.ros.messages import cdr, rosmsg
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.messages.rosmsg import BODY_FRAME, MAP_FRAME, ODOM_FRAME, quaternion_from_yaw
 from agribot.ros.messages.sensor_topics import SLOW_NS, MessageSink, SensorTopicWriter
 from agribot.ros.messages.transforms import make_static_transforms
-
-_NOWHERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+from agribot.ros.messages.wheel_odometry import (
+    MapTransform,
+    OdomTransform,
+    WheelOdometryWriter,
+)
 
 
 class WorldTick(NamedTuple):
@@ -28,14 +31,26 @@ class WorldTick(NamedTuple):
 class WorldTopicWriter:
     """Call it once per tick; all messages go to `write`, in a fixed order.
 
-    The frame tree follows the truth, with odom equal to map: there is no estimate here.
+    The frame tree is that of the wheel odometry, odom -> base_footprint: nobody localizes here.
+    With `has_map` it has map -> odom, too, as a localizer without errors would give it. `wheels`
+    is how well the wheels are believed.
     """
 
-    def __init__(self, write: MessageSink, robot: RobotSpec, urdf: str, camera: CameraLog) -> None:
+    def __init__(
+        self,
+        write: MessageSink,
+        robot: RobotSpec,
+        urdf: str,
+        camera: CameraLog,
+        wheels: EstimateConfig | None = None,
+        *,
+        has_map: bool = False,
+    ) -> None:
         self._write, self._robot, self._urdf = write, robot, urdf
         self._sensors = SensorTopicWriter(write, robot, camera)
         self._truth, self._twist = cdr.OdometryCdr(), cdr.TwistCdr()
-        self._tf = cdr.TransformsCdr(((MAP_FRAME, ODOM_FRAME), (ODOM_FRAME, BODY_FRAME)))
+        self._wheel_odometry = WheelOdometryWriter(write, robot, wheels)
+        self._odom_tf, self._map_tf = OdomTransform(), MapTransform() if has_map else None
         self._next_slow_ns = 0
         self._started = False
 
@@ -44,17 +59,22 @@ class WorldTopicWriter:
         if not self._started:
             self._start(now_ns)
         self._sensors(now_ns, tick.batch)
+        self._wheel_odometry(now_ns, tick.batch)
         if tick.command is not None:
             data = self._twist(tick.command.v_mps, tick.command.yaw_rate_radps)
             self._write(topics.CMD_VEL, now_ns, data, now_ns)
         truth = self._truth.pack(now_ns, tick.pose, (0.0,) * 9, tick.twist)
         self._write(topics.GROUND_TRUTH, now_ns, truth, now_ns)
-        x_m, y_m, yaw_rad = tick.pose
-        body = (x_m, y_m, 0.0, *quaternion_from_yaw(yaw_rad))
-        self._write(topics.TF, now_ns, self._tf(now_ns, (_NOWHERE, body)), now_ns)
+        self._write_frames(now_ns, tick)
         if now_ns >= self._next_slow_ns and tick.batch.wheels:
             self._next_slow_ns = now_ns + SLOW_NS
             self._sensors.write_wheel_transforms(now_ns, tick.batch.wheels[-1])
+
+    def _write_frames(self, now_ns: int, tick: WorldTick) -> None:
+        odom_from_body = self._wheel_odometry.pose
+        self._write(topics.TF, now_ns, self._odom_tf(now_ns, odom_from_body), now_ns)
+        if self._map_tf is not None:
+            self._write(topics.TF, now_ns, self._map_tf(now_ns, tick.pose, odom_from_body), now_ns)
 
     def _start(self, now_ns: int) -> None:
         self._started = True

@@ -31,7 +31,6 @@ Convert = Callable[[bytes], bytes]
 _ACCIDENTAL = {
     topics.IMAGE_RAW.name: "/agribot/agribot/camera/image_raw",
     topics.CAMERA_INFO.name: "/agribot/agribot/camera/camera_info",
-    topics.ODOMETRY.name: "/odom",
 }
 
 
@@ -65,11 +64,11 @@ def generate_definition(ros_type: str) -> tuple[str, str]:
 
 
 def list_outputs(topic: Topic) -> list[OutputTopic]:
-    """List the ROS 1 topics of a topic: our name and type, then those of the original."""
+    """List the ROS 1 topics of a topic: our names and type, then those of the original."""
     ros_type = topic.ros_type
     if ros_type == GPSFIX_ROS2:  # its package has another name in ROS 1
         ros_type = GPSFIX_ROS1
-    found = {topic.name: ros_type}
+    found = dict.fromkeys(topic.names, ros_type)
     if topic.seed_alias:
         found.setdefault(topic.seed_alias, topic.seed_ros_type)
     if topic.name in _ACCIDENTAL:

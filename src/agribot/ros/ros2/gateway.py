@@ -51,15 +51,17 @@ class Ros2Gateway:
         self._requests = requests
         self._node = Ros2Node(NODE, domain, router, listen=listen)
         self.role = self._node.role
-        self._writers = {topic.name: self._node.create_publisher(topic) for topic in out}
+        self._writers = {
+            topic.name: [self._node.create_publisher(named) for named in topic.list_named()]
+            for topic in out
+        }
         self._watch_publishers()
         if requests.allow_drive:
             self._subscribe_to_twists()
         self._goals = self._serve(settings or {}) if serves else None
 
     def publish(self, topic: Topic, data: bytes, _t_ns: int) -> None:
-        writer = self._writers.get(topic.name)
-        if writer is not None:
+        for writer in self._writers.get(topic.name, ()):
             writer(data)
 
     def step(self, record: TickRecord) -> None:
