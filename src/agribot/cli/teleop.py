@@ -8,9 +8,10 @@ import select
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
+from agribot.cli import teleop_ros
 from agribot.cli.ranges import finite
 from agribot.cli.robot_address import add_robot_arguments, find_robot
 from agribot.cli.stopping import stop_on_signal
@@ -47,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     rates = HandRates()
     parser.add_argument("device", choices=("keyboard", "mouse", "joystick"))
     add_robot_arguments(parser)
+    teleop_ros.add_ros_arguments(parser)
     parser.add_argument("--take-over", action="store_true", help="take the seat from its holder")
     parser.add_argument("--rate", dest="rate_hz", type=finite, default=20.0, metavar="HZ")
     parser.add_argument("--scale", type=finite, default=1.0, help="of all speeds, 0 to 1")
@@ -69,12 +71,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    extras.require("ui", "agribot teleop")
     rates = _read_rates(options)
     hand = _choose_hand(options, rates) if options.device == "joystick" else None
+    if teleop_ros.is_wanted(options):
+        return teleop_ros.run(
+            options, lambda: _open_hand(options, rates, hand), HELP[options.device]
+        )
+    extras.require("ui", "agribot teleop")
     door = find_robot(options)
     with (
-        _open_joystick(options, hand) if hand else _open_terminal(options, rates) as read,
+        _open_hand(options, rates, hand) as read,
         Remote(door, f"teleop {options.device}") as robot,
         stop_on_signal() as stop,
     ):
@@ -83,6 +89,12 @@ def run(options: argparse.Namespace) -> int:
         _drive(robot, read, options.rate_hz, stop)
     sys.stderr.write("\n")
     return 0
+
+
+def _open_hand(
+    options: argparse.Namespace, rates: HandRates, hand: StickHand | TableHand | None
+) -> AbstractContextManager[Read]:
+    return _open_joystick(options, hand) if hand else _open_terminal(options, rates)
 
 
 def _drive(robot: Remote, read: Read, rate_hz: float, stop: list[int]) -> None:
