@@ -15,7 +15,7 @@ SEED_NAMES = (
     "/agribot/fix", "/agribot/fix_velocity", "/agribot/cmd_vel", "/agribot/imu", "/agribot/odom",
     "/agribot/camera/image_raw", "/agribot/joint_states", "/magnetic", "/distance", "/angle",
     "/angleOG", "/Rawheading", "/Filteredheading", "/currentPose", "/goal_GPS",
-    "/Pole/fix", "/odom", "/joint_states",
+    "/Pole/fix", "/odom", "/joint_states", "/Pole/fix_velocity", "/calibrated", "/agribot/imu/bias",
 )  # fmt: skip
 
 

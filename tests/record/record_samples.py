@@ -203,6 +203,7 @@ def base_fix(t_s: float) -> BaseFix:
     return BaseFix(
         t_s=t_s, lat_deg=21.1613, lon_deg=72.78703, alt_m=9.5, pos_std_m=1.5,
         known_lat_deg=21.161289, known_lon_deg=72.787022, known_alt_m=10.0,
+        velocity_mps=(0.01, -0.02, 0.0),
     )  # fmt: skip
 
 

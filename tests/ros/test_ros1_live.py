@@ -104,7 +104,7 @@ def test_rosbag_records_every_topic_with_the_values_sent(ros1: Ros1, robot: Robo
         found = {c.topic: c.msgtype for c in reader.connections}
         missing = {name for name in names if name not in found}
         # Without a simulator there is no truth to record.
-        assert missing == {topics.GROUND_TRUTH.name}
+        assert missing == {topics.GROUND_TRUTH.name, topics.IMU_BIAS.name}
         assert found["/magnetic"] == "geometry_msgs/msg/Vector3Stamped"
         assert found["/currentPose"] == "geometry_msgs/msg/Pose"
         assert found["/agribot/agribot/camera/image_raw"] == "sensor_msgs/msg/Image"

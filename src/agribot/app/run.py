@@ -38,6 +38,7 @@ from agribot.core.messages import (
     OperatorEvent,
     Row,
     TickRecord,
+    Vec3,
 )
 from agribot.core.messages import Path as PlannedPath
 from agribot.core.platform import MixedPlatform, Platform, SensorSource, TrueState
@@ -146,6 +147,11 @@ class Run:
     def inbox(self) -> Inbox:
         """What people and programs ask of the robot; anybody may post, from any thread."""
         return self.platform.inbox
+
+    @property
+    def imu_bias(self) -> Callable[[], tuple[Vec3, Vec3]] | None:
+        """True biases of accelerometer and gyro, for those who show them; None: unknown."""
+        return None
 
     @property
     def truth(self) -> Callable[[], TrueState] | None:

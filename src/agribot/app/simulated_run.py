@@ -24,7 +24,7 @@ from agribot.autonomy.plan.task import Task
 from agribot.autonomy.stack import Stack
 from agribot.core.config import RunConfig
 from agribot.core.field_bounds import FieldBounds
-from agribot.core.messages import PlantClass, Row, TickRecord
+from agribot.core.messages import PlantClass, Row, TickRecord, Vec3
 from agribot.core.platform import Platform, TrueState
 from agribot.core.robot import RobotSpec
 from agribot.core.world import WorldSpec
@@ -78,6 +78,11 @@ class SimulatedRun(Run):
         truth_log = TruthLog(self.simulator, self.world, self._log)
         taps = (self._show_truth, self.referee, truth_log)
         super().__init__(setup, platform, stack, taps, self.referee)
+
+    @property
+    def imu_bias(self) -> Callable[[], tuple[Vec3, Vec3]] | None:
+        is_elsewhere = bool(self.config.sources.imu)
+        return None if is_elsewhere else lambda: self.simulator.imu_bias
 
     @property
     def truth(self) -> Callable[[], TrueState]:

@@ -211,6 +211,7 @@ def _make_outlet(
         goals_map_m=lambda: session.shown_goals_map_m,
         weed_map=session.weed_map.plants,
         truth=session.truth,
+        imu_bias=session.imu_bias,
     )
     return TickPublisher(
         gateways, session.robot, config.field.datum, export_urdf(config.robot), camera, sources,

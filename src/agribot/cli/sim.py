@@ -128,7 +128,8 @@ class _World:
         for field in batch.__struct_fields__[1:]:
             self.samples[field] += len(getattr(batch, field))
         pose = (truth.x_map_m, truth.y_map_m, truth.yaw_map_rad)
-        tick = WorldTick(batch, command, pose, (truth.v_mps, truth.yaw_rate_radps))
+        twist = (truth.v_mps, truth.yaw_rate_radps)
+        tick = WorldTick(batch, command, pose, twist, self.platform.imu_bias)
         for tap in self.taps:
             tap(tick)
         return batch

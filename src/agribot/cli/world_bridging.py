@@ -31,10 +31,11 @@ if TYPE_CHECKING:
 _OUT = {
     topic.name
     for topic in (
-        topics.FIX, topics.FIX_VELOCITY, topics.IMU, topics.MAGNETIC, topics.POLE_FIX,
-        topics.BUMPER, topics.BATTERY, topics.JOINT_STATES, topics.ODOM, topics.CMD_VEL,
-        topics.IMAGE, topics.IMAGE_RAW, topics.CAMERA_INFO, topics.TF, topics.TF_STATIC,
-        topics.ROBOT_DESCRIPTION, topics.CLOCK, topics.GROUND_TRUTH,
+        topics.FIX, topics.FIX_VELOCITY, topics.IMU, topics.IMU_BIAS, topics.MAGNETIC,
+        topics.POLE_FIX, topics.POLE_FIX_VELOCITY, topics.CALIBRATED, topics.BUMPER, topics.BATTERY,
+        topics.JOINT_STATES, topics.ODOM, topics.CMD_VEL, topics.IMAGE, topics.IMAGE_RAW,
+        topics.CAMERA_INFO, topics.TF, topics.TF_STATIC, topics.ROBOT_DESCRIPTION, topics.CLOCK,
+        topics.GROUND_TRUTH,
     )
 }  # fmt: skip
 

@@ -113,11 +113,20 @@ IMU = Topic(
     seed_ros_type="sensor_msgs/msg/Imu",
     about="gyro and specific force (REP-145); it measures no orientation",
 )
+IMU_BIAS = Topic(
+    name="/agribot/imu/bias",
+    ros_type="sensor_msgs/msg/Imu",
+    rate_hz=50.0,
+    seed_alias="/agribot/imu/bias",
+    seed_ros_type="sensor_msgs/msg/Imu",
+    about="true bias of gyro and accelerometer, of a run with a stack at 10 Hz; exists in "
+    "simulation only and never reaches the robot",
+)
 MAGNETIC = Topic(
     name="/agribot/magnetic",
     ros_type="sensor_msgs/msg/MagneticField",
     struct=MagSample,
-    rate_hz=20.0,
+    rate_hz=5.0,
     seed_alias="/magnetic",
     seed_ros_type="geometry_msgs/msg/Vector3Stamped",
     about="magnetic field in body axes, tesla",
@@ -130,6 +139,15 @@ POLE_FIX = Topic(
     seed_alias="/Pole/fix",
     seed_ros_type="sensor_msgs/msg/NavSatFix",
     about="GNSS position of the base station on the pole, errors and all",
+)
+POLE_FIX_VELOCITY = Topic(
+    name="/pole/fix_velocity",
+    ros_type="geometry_msgs/msg/Vector3Stamped",
+    struct=BaseFix,
+    rate_hz=5.0,
+    seed_alias="/Pole/fix_velocity",
+    seed_ros_type="geometry_msgs/msg/Vector3Stamped",
+    about="velocity of the base station's receiver, which stands: East North Up, m/s",
 )
 BUMPER = Topic(
     name="/agribot/bumper",
@@ -257,6 +275,14 @@ STATUS = Topic(
     rate_hz=1.0,
     about="MissionStatus as JSON, at once when its state changes",
 )
+CALIBRATED = Topic(
+    name="/calibrated",
+    ros_type="std_msgs/msg/Bool",
+    qos=LATCHED,
+    seed_alias="/calibrated",
+    seed_ros_type="std_msgs/msg/Bool",
+    about="true once position and heading have been found; of a world alone, at once",
+)
 DISTANCE = Topic(
     name="/agribot/distance",
     ros_type="std_msgs/msg/Float64",
@@ -288,7 +314,7 @@ HEADING_RAW = Topic(
     name="/agribot/heading/raw",
     ros_type="std_msgs/msg/Float64",
     struct=MagSample,
-    rate_hz=20.0,
+    rate_hz=5.0,
     seed_alias="/Rawheading",
     seed_ros_type="std_msgs/msg/Float64",
     about="heading of the level magnetometer, degrees clockwise from magnetic North",
@@ -342,9 +368,10 @@ TICK = Topic(
 )
 
 TOPICS: tuple[Topic, ...] = (
-    FIX, FIX_VELOCITY, EXTENDED_FIX, IMU, MAGNETIC, POLE_FIX, BUMPER, BATTERY, JOINT_STATES,
-    ODOM, ODOMETRY, POSE, CMD_VEL, IMAGE, IMAGE_RAW, CAMERA_INFO, OVERLAY, PATH, GOALS, GOAL_FIX,
-    WEEDS, STATUS, DISTANCE, BEARING, ANGLE, HEADING_RAW, HEADING_FILTERED, TF, TF_STATIC,
+    FIX, FIX_VELOCITY, EXTENDED_FIX, IMU, IMU_BIAS, MAGNETIC, POLE_FIX, POLE_FIX_VELOCITY, BUMPER,
+    BATTERY, JOINT_STATES, ODOM, ODOMETRY, POSE, CMD_VEL, IMAGE, IMAGE_RAW, CAMERA_INFO, OVERLAY,
+    PATH, GOALS, GOAL_FIX, WEEDS, STATUS, CALIBRATED, DISTANCE, BEARING, ANGLE, HEADING_RAW,
+    HEADING_FILTERED, TF, TF_STATIC,
     ROBOT_DESCRIPTION, CLOCK, GROUND_TRUTH, TICK,
 )  # fmt: skip
 

@@ -14,7 +14,7 @@ from agribot.core import topics
 from agribot.core.config import EstimateConfig
 from agribot.core.errors import BridgeError
 from agribot.core.geo import Datum
-from agribot.core.messages import MappedPlant, MapPoint, Path, TickRecord
+from agribot.core.messages import MappedPlant, MapPoint, Path, TickRecord, Vec3
 from agribot.core.platform import TrueState
 from agribot.core.robot import RobotSpec
 from agribot.core.topics import Topic
@@ -107,11 +107,13 @@ class RunSources(NamedTuple):
     goals_map_m: Callable[[], Sequence[MapPoint]] = tuple
     weed_map: Callable[[], Sequence[MappedPlant]] | None = None
     truth: Callable[[], TrueState] | None = None
+    imu_bias: Callable[[], tuple[Vec3, Vec3]] | None = None
 
 
 class _QueuedTick(NamedTuple):
     record: TickRecord
     truth: TrueState | None
+    imu_bias: tuple[Vec3, Vec3] | None = None
 
 
 class TickPublisher(QueuedGateways[_QueuedTick]):
@@ -148,11 +150,12 @@ class TickPublisher(QueuedGateways[_QueuedTick]):
         if self._sources.weed_map is not None and t_s >= self._next_weeds_s:
             self._next_weeds_s = t_s + _SLOW_PERIOD_S
             self._weeds.append((t_s, tuple(self._sources.weed_map())))
-        truth = None
+        truth = imu_bias = None
         if self._sources.truth is not None and t_s >= self._next_truth_s:
             self._next_truth_s = t_s + _TRUTH_PERIOD_S
             truth = self._sources.truth()
-        self._queue.put(_QueuedTick(record, truth))
+            imu_bias = self._sources.imu_bias and self._sources.imu_bias()
+        self._queue.put(_QueuedTick(record, truth, imu_bias))
 
     def _step(self, item: _QueuedTick) -> None:
         t_s = item.record.batch.t_s
@@ -165,5 +168,7 @@ class TickPublisher(QueuedGateways[_QueuedTick]):
             true = item.truth
             pose = (true.x_map_m, true.y_map_m, true.yaw_map_rad)
             self._feed.write_truth(t_s, pose, (true.v_mps, true.yaw_rate_radps))
+        if item.imu_bias is not None:
+            self._feed.write_imu_bias(t_s, item.imu_bias)
         self._gateways.publish_time(t_s)
         self._gateways.step(item.record)

@@ -22,6 +22,7 @@ from agribot.core.messages import (
     OperatorEvent,
     RobotCommand,
     SensorBatch,
+    Vec3,
 )
 from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.core.world import WorldSpec
@@ -194,6 +195,11 @@ class SimPlatform:
         if self._truth is None or self._truth.t_s != self._now_s:
             self._truth = self._measure_truth()
         return self._truth
+
+    @property
+    def imu_bias(self) -> tuple[Vec3, Vec3]:
+        """The true biases of accelerometer, m/s^2, and gyro, rad/s, at the last sample."""
+        return self._sensors.find_imu_bias()
 
     @property
     def gnss_latency_s(self) -> float:

@@ -135,7 +135,10 @@ class GnssStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BaseFix(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a receiver at a known place believes to be: what is off there is off nearby, too."""
+    """Where a receiver at a known place believes to be: what is off there is off nearby, too.
+
+    `velocity_mps` is East, North, Up, of one that stands its error; None where it gives none.
+    """
 
     t_s: float
     lat_deg: float
@@ -145,6 +148,7 @@ class BaseFix(msgspec.Struct, frozen=True, kw_only=True):
     known_lat_deg: float
     known_lon_deg: float
     known_alt_m: float
+    velocity_mps: Vec3 | None = None
 
     def error(self) -> tuple[float, float, float]:
         """Latitude, longitude (degrees) and altitude (m) to subtract from a fix near by."""

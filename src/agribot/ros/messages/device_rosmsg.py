@@ -7,8 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from agribot.core.messages import BaseFix, BatterySample, BumperSample
-from agribot.ros.messages.rosmsg import BODY_FRAME, make_header, make_message, make_point
+from agribot.core.messages import BaseFix, BatterySample, BumperSample, ImuSample, Vec3
+from agribot.ros.messages.rosmsg import (
+    BODY_FRAME,
+    make_header,
+    make_imu,
+    make_message,
+    make_point,
+    make_vector3,
+)
 
 POLE_FRAME = "gps_pole_link"
 # Constants of sensor_msgs/BatteryState.
@@ -28,6 +35,18 @@ def make_pole_fix(fix: BaseFix) -> Any:
         np.diag([variance_m2, variance_m2, 4.0 * variance_m2]).ravel(),
         1,
     )
+
+
+def make_pole_velocity(fix: BaseFix, velocity_mps: Vec3) -> Any:
+    """Make a Vector3Stamped of what the pole's receiver takes for its velocity."""
+    head = make_header(fix.t_s, POLE_FRAME)
+    return make_message("geometry_msgs/msg/Vector3Stamped", head, make_vector3(*velocity_mps))
+
+
+def make_imu_bias(t_s: float, frame: str, bias: tuple[Vec3, Vec3]) -> Any:
+    """Make an Imu of the biases of accelerometer (m/s^2) and gyro (rad/s), without orientation."""
+    accel_mps2, gyro_radps = bias
+    return make_imu(ImuSample(t_s=t_s, gyro_radps=gyro_radps, accel_mps2=accel_mps2), frame)
 
 
 def make_contact_point(sample: BumperSample) -> Any:

@@ -6,12 +6,25 @@ import math
 from typing import Any, Protocol
 
 from agribot.core import topics
-from agribot.core.messages import WHEEL_NAMES, CameraFrame, GnssStatus, SensorBatch, WheelSample
+from agribot.core.messages import (
+    WHEEL_NAMES,
+    CameraFrame,
+    GnssStatus,
+    SensorBatch,
+    Vec3,
+    WheelSample,
+)
 from agribot.core.robot import RobotSpec
 from agribot.core.topics import Topic
 from agribot.ros.messages import cdr, rosmsg
 from agribot.ros.messages.camera_log import CameraLog
-from agribot.ros.messages.device_rosmsg import make_battery_state, make_contact_point, make_pole_fix
+from agribot.ros.messages.device_rosmsg import (
+    make_battery_state,
+    make_contact_point,
+    make_imu_bias,
+    make_pole_fix,
+    make_pole_velocity,
+)
 from agribot.ros.messages.transforms import WheelTransforms, find_wheel_joints
 
 SLOW_NS = 100_000_000  # values for people and for the original's tools
@@ -62,6 +75,15 @@ class SensorTopicWriter:
         if self._wheel_tf is not None:
             self._send(topics.TF, now_ns, self._wheel_tf(now_ns, wheels), now_ns)
 
+    def write_imu_bias(self, now_ns: int, t_s: float, bias: tuple[Vec3, Vec3]) -> None:
+        """Write the true biases of accelerometer and gyro, as a simulator knows them."""
+        message = make_imu_bias(t_s, self._robot.imu.link, bias)
+        self._write(topics.IMU_BIAS, now_ns, message, t_s)
+
+    def write_calibrated(self, now_ns: int, *, is_calibrated: bool) -> None:
+        message = rosmsg.make_message("std_msgs/msg/Bool", is_calibrated)
+        self._send(topics.CALIBRATED, now_ns, rosmsg.to_cdr(message), now_ns)
+
     def _write_positions(self, now_ns: int, batch: SensorBatch) -> None:
         self._gnss_status = batch.gnss_status[-1] if batch.gnss_status else self._gnss_status
         for fix in batch.gnss:
@@ -75,6 +97,9 @@ class SensorTopicWriter:
                 self._write(topics.EXTENDED_FIX, now_ns, extended, fix.t_s)
         for base in batch.base:
             self._write(topics.POLE_FIX, now_ns, make_pole_fix(base), base.t_s)
+            if base.velocity_mps is not None:
+                velocity = make_pole_velocity(base, base.velocity_mps)
+                self._write(topics.POLE_FIX_VELOCITY, now_ns, velocity, base.t_s)
 
     def _write_image(self, now_ns: int, frame: CameraFrame) -> None:
         jpeg = self._camera.encode_image(frame)

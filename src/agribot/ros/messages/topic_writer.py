@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from agribot.core import topics
 from agribot.core.config import EstimateConfig
 from agribot.core.geo import Datum, MapFrame, compass_deg_from_yaw, wrap_rad
-from agribot.core.messages import Estimate, MappedPlant, MissionStatus, Path, TickRecord
+from agribot.core.messages import Estimate, MappedPlant, MissionStatus, Path, TickRecord, Vec3
 from agribot.core.robot import RobotSpec
 from agribot.core.topics import Topic
 from agribot.ros.messages import cdr, rosmsg
@@ -43,6 +43,7 @@ class TopicWriter:
         self._weeds: tuple[MappedPlant, ...] = ()
         self._status: MissionStatus | None = None
         self._started = False
+        self._is_calibrated: bool | None = None
         self._now_ns = self._next_second_ns = self._next_slow_ns = 0
         self._sensors = SensorTopicWriter(write, robot, camera)
         self._odometry, self._truth = cdr.OdometryCdr(), cdr.OdometryCdr()
@@ -62,6 +63,7 @@ class TopicWriter:
             self._next_slow_ns = self._now_ns + SLOW_NS
             self._write_slow(record)
         self._write_mission(record.status)
+        self._write_calibrated(is_calibrated=record.estimate.ok)
         if self._now_ns >= self._next_second_ns:
             self._next_second_ns = self._now_ns + _SECOND_NS
 
@@ -72,6 +74,10 @@ class TopicWriter:
         t_ns = rosmsg.to_nanoseconds(t_s)
         data = self._truth.pack(t_ns, pose, (0.0,) * 9, twist)
         self._write(topics.GROUND_TRUTH, t_ns, data, t_ns)
+
+    def write_imu_bias(self, t_s: float, bias: tuple[Vec3, Vec3]) -> None:
+        """Write the true biases of accelerometer and gyro of a simulator."""
+        self._sensors.write_imu_bias(rosmsg.to_nanoseconds(t_s), t_s, bias)
 
     def set_plan(
         self, t_s: float, plan: Path | None, goals_map_m: Sequence[tuple[float, float]]
@@ -144,6 +150,12 @@ class TopicWriter:
             fix = rosmsg.make_goal_fix(now_s, goal_map_m, self._map_frame)
             self._write_ros(topics.GOAL_FIX, fix, now_s)
         self._status = status
+
+    def _write_calibrated(self, *, is_calibrated: bool) -> None:
+        """Write false at the start, and true once for all when the robot knows where it is."""
+        if self._is_calibrated is None or (is_calibrated and not self._is_calibrated):
+            self._is_calibrated = is_calibrated
+            self._sensors.write_calibrated(self._now_ns, is_calibrated=is_calibrated)
 
     def _write_number(self, topic: Topic, value: float) -> None:
         self._write(topic, self._now_ns, self._number(value), self._now_ns)

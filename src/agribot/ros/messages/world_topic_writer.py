@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from agribot.core import topics
 from agribot.core.config import EstimateConfig
-from agribot.core.messages import DriveCommand, SensorBatch
+from agribot.core.messages import DriveCommand, SensorBatch, Vec3
 from agribot.core.robot import RobotSpec
 from agribot.ros.messages import cdr, rosmsg
 from agribot.ros.messages.camera_log import CameraLog
@@ -26,6 +26,7 @@ class WorldTick(NamedTuple):
     command: DriveCommand | None
     pose: tuple[float, float, float]  # x_map_m, y_map_m, yaw_map_rad
     twist: tuple[float, float]  # v_mps, yaw_rate_radps
+    imu_bias: tuple[Vec3, Vec3] | None = None  # of accelerometer, m/s^2, and gyro, rad/s
 
 
 class WorldTopicWriter:
@@ -66,6 +67,8 @@ class WorldTopicWriter:
         truth = self._truth.pack(now_ns, tick.pose, (0.0,) * 9, tick.twist)
         self._write(topics.GROUND_TRUTH, now_ns, truth, now_ns)
         self._write_frames(now_ns, tick)
+        if tick.imu_bias is not None:
+            self._sensors.write_imu_bias(now_ns, tick.batch.t_s, tick.imu_bias)
         if now_ns >= self._next_slow_ns and tick.batch.wheels:
             self._next_slow_ns = now_ns + SLOW_NS
             self._sensors.write_wheel_transforms(now_ns, tick.batch.wheels[-1])
@@ -82,3 +85,4 @@ class WorldTopicWriter:
         self._write(topics.ROBOT_DESCRIPTION, now_ns, urdf, now_ns)
         fixed = rosmsg.to_cdr(make_static_transforms(self._robot))
         self._write(topics.TF_STATIC, now_ns, fixed, now_ns)
+        self._sensors.write_calibrated(now_ns, is_calibrated=True)

@@ -15,7 +15,8 @@ from agribot.sim.sensors.presets import HectorGnss, PhysicalGnss
 
 BASE_RATE_HZ = 5.0
 ANTENNA_HEIGHT_M = 0.25
-POLE = "Pole"
+# Names of the pole in a world: that of the farm, and the gate at its entry with a receiver on it.
+POLES = ("Pole", "entry_gate")
 
 ErrorStep = Callable[[float], Vec3]
 
@@ -46,6 +47,7 @@ class BaseStation:
         else:
             self._std_m = errors.reported_std_m
             self._step = _make_physical_step(errors, seed, is_common)
+        self._velocity = _make_velocity(errors, seed)
         self._t_s = 0.0
 
     def sample(self, t_s: float, row: FloatArray) -> BaseFix:
@@ -68,14 +70,26 @@ class BaseStation:
             known_lat_deg=known_lat_deg,
             known_lon_deg=known_lon_deg,
             known_alt_m=known_alt_m,
+            velocity_mps=self._velocity(dt_s) if self._velocity is not None else None,
         )
 
 
 def _find_place(world: WorldSpec) -> Vec3:
     for obstacle in world.obstacles:
-        if obstacle.name == POLE:
+        if obstacle.name in POLES:
             return obstacle.x_map_m, obstacle.y_map_m, obstacle.z_map_m + ANTENNA_HEIGHT_M
     return 0.0, 0.0, ANTENNA_HEIGHT_M
+
+
+def _make_velocity(errors: HectorGnss | PhysicalGnss, seed: int) -> ErrorStep | None:
+    """Make the velocity that a standing receiver tells, None for one that tells none."""
+    if isinstance(errors, HectorGnss):
+        std_mps = errors.velocity_gaussian_mps
+    elif errors.has_velocity:
+        std_mps = errors.velocity_std_mps
+    else:
+        return None
+    return HectorNoise(make_stream(seed, "base station velocity"), 0.0, 0.0, std_mps).step
 
 
 def _make_hector_step(errors: HectorGnss, seed: int, is_common: bool) -> ErrorStep:

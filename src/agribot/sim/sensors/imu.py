@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from agribot.core.messages import FloatArray, ImuSample
+from agribot.core.messages import FloatArray, ImuSample, Vec3
 from agribot.sim.random_streams import BLOCK_ROWS
 from agribot.sim.sensors.presets import ImuErrors
 from agribot.sim.sensors.tuning import Tuning
@@ -32,13 +32,24 @@ class Imu:
         self._scale: list[float] = (1.0 + scale * rng.standard_normal(6)).tolist()
         self._errors = _generate_errors(errors, rate_hz, rng)
         self._gains = [0.0] * 6
+        self._bias = [0.0] * 6
         self._t_s = 0.0
+
+    @property
+    def bias(self) -> tuple[Vec3, Vec3]:
+        """What the last sample of a standing robot had too much, but for its noise."""
+        a, b, c, d, e, f = self._bias
+        accel, gyro = (a, b, c), (d, e, f)
+        if self._tuning is not None:
+            accel, gyro = self._tuning[0].shift(accel), self._tuning[1].shift(gyro)
+        return accel, gyro
 
     def sample(self, t_s: float, row: FloatArray) -> ImuSample:
         """Return the reading for one row of the physics history."""
         rate = 1.0 / (t_s - self._t_s)
         now, last, scale = row[GAINS].tolist(), self._gains, self._scale
         error = next(self._errors)
+        self._bias = error[6:]
         self._gains, self._t_s = now, t_s
         accel = (
             (now[0] - last[0]) * rate * scale[0] + error[0],
@@ -58,9 +69,9 @@ class Imu:
 def _generate_errors(
     errors: ImuErrors, rate_hz: float, rng: np.random.Generator
 ) -> Iterator[list[float]]:
-    """Yield the sum of bias, its random walk and white noise of each sample.
+    """Yield the sum of bias, its random walk and white noise of each sample, then bias and walk.
 
-    Six numbers: acceleration, m/s^2, then angular rate, rad/s.
+    Six numbers of each: acceleration, m/s^2, then angular rate, rad/s.
     """
     bias = np.repeat([errors.accel_bias_std_mps2, errors.gyro_bias_std_radps], 3)
     bias = bias * rng.standard_normal(6)
@@ -73,4 +84,4 @@ def _generate_errors(
         normal = rng.standard_normal((BLOCK_ROWS, 12))
         biases = bias + np.cumsum(walk * normal[:, :6], axis=0)
         bias = biases[-1]
-        yield from (biases + white * normal[:, 6:]).tolist()
+        yield from np.hstack([biases + white * normal[:, 6:], biases]).tolist()

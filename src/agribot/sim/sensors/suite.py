@@ -16,6 +16,7 @@ from agribot.core.messages import (
     GnssHeading,
     ImuSample,
     MagSample,
+    Vec3,
     WheelSample,
 )
 from agribot.core.robot import RobotSpec, SensorMount
@@ -138,6 +139,7 @@ class SensorSuite:
         imu_hz = _choose_rate_hz(imu_errors.rate_hz, robot.imu, DEFAULT_IMU_HZ)
         tunings = self._tunings["accel"], self._tunings["gyro"]
         imu = Imu(imu_errors, imu_hz, make_stream(seed, "imu"), tunings)
+        self._imu = imu
         self.imu: SampledSensor[ImuSample] = SampledSensor(imu, imu_hz, physics_step_ns)
         self.mag = _make_magnetometer(
             preset, config, robot, world, self._tunings["mag"], physics_step_ns
@@ -153,6 +155,10 @@ class SensorSuite:
         self.battery: SampledSensor[BatterySample] = SampledSensor(
             Battery(), BATTERY_RATE_HZ, physics_step_ns
         )
+
+    def find_imu_bias(self) -> tuple[Vec3, Vec3]:
+        """Find the biases of accelerometer, m/s^2, and gyro, rad/s, at the last sample."""
+        return self._imu.bias
 
     def tune(self, sensor: str, parameter: str, value: float) -> None:
         """Set an error for the samples from now on; `check_tuning` has checked the names."""

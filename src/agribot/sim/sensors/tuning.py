@@ -46,6 +46,13 @@ class Tuning:
             self._rng, values["drift"], values["drift_frequency"], values["gaussian_noise"]
         )
 
+    def shift(self, bias: Vec3) -> Vec3:
+        """Return a bias with the offset and the drift that were added to it."""
+        if not self._is_active:
+            return bias
+        offset, drift = self._values["offset"], self._noise.drift
+        return bias[0] + offset + drift[0], bias[1] + offset + drift[1], bias[2] + offset + drift[2]
+
     def apply(self, t_s: float, value: Vec3) -> Vec3:
         if not self._is_active:
             return value
