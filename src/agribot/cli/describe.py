@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from agribot.cli.page import add_address_arguments, choose_address, serve_page
 from agribot.cli.world import print_findings
+
+if TYPE_CHECKING:
+    from agribot.description.fixture import FixtureSpec
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,13 +47,36 @@ def _show(options: argparse.Namespace) -> int:
     return serve_page(server, options.robot, options)
 
 
+def _describe_fixture(fixture: FixtureSpec, options: argparse.Namespace) -> int:
+    from agribot.description.export import format_tree
+    from agribot.description.fixture import refuse_form
+    from agribot.description.loader import export_urdf
+
+    sys.stderr.writelines(f"warning: {warning}\n" for warning in fixture.warnings)
+    for form in ("ui", "sdf"):
+        if getattr(options, form):
+            raise refuse_form(fixture, f"--{form}")
+    if options.urdf:
+        sys.stdout.write(export_urdf(options.robot))
+    elif options.tree:
+        sys.stdout.write(format_tree(fixture) + "\n")
+    elif not options.json:
+        sys.stdout.write(fixture.describe())
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(fixture).decode() + "\n")
+    return 0
+
+
 def run(options: argparse.Namespace) -> int:
     from agribot.description.export import format_tree
-    from agribot.description.loader import check_robot, export_urdf, load_robot
+    from agribot.description.loader import check_robot, export_urdf, load_fixture, load_robot
     from agribot.description.robot_sdf import export_sdf
 
     if options.check:
         return print_findings(check_robot(options.robot), options.json)
+    fixture = load_fixture(options.robot)
+    if fixture is not None:
+        return _describe_fixture(fixture, options)
     robot = load_robot(options.robot)
     sys.stderr.writelines(f"warning: {warning}\n" for warning in robot.warnings)
     if options.ui:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from agribot.core.robot import Joint, RobotSpec
+from agribot.description.fixture import FixtureSpec
 from agribot.description.loader import export_urdf
 from agribot.description.package import ROOT
 
 ARTEFACT = ROOT / "urdf" / "agribot.urdf"
 
 
-def format_tree(robot: RobotSpec) -> str:
+def format_tree(robot: RobotSpec | FixtureSpec) -> str:
     """Format links and joints as an indented tree, with the pose of each link in its parent."""
     children = {joint.child for joint in robot.joints}
     lines = [robot.name]
@@ -22,7 +23,7 @@ def format_tree(robot: RobotSpec) -> str:
     return "\n".join(lines)
 
 
-def _format_branches(robot: RobotSpec, parent: str, indent: str) -> list[str]:
+def _format_branches(robot: RobotSpec | FixtureSpec, parent: str, indent: str) -> list[str]:
     below = [joint for joint in robot.joints if joint.parent == parent]
     lines = []
     for joint in below:
@@ -32,7 +33,7 @@ def _format_branches(robot: RobotSpec, parent: str, indent: str) -> list[str]:
     return lines
 
 
-def _format_branch(robot: RobotSpec, joint: Joint) -> str:
+def _format_branch(robot: RobotSpec | FixtureSpec, joint: Joint) -> str:
     xyz = " ".join(f"{value:.4g}" for value in joint.origin.xyz_m)
     rpy = " ".join(f"{value:.4g}" for value in joint.origin.rpy_rad)
     mass_kg = robot.link(joint.child).mass_kg

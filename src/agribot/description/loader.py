@@ -21,6 +21,12 @@ from agribot.description.adopt_wheels import (
 )
 from agribot.description.elements import FileFinding, SourceFile
 from agribot.description.expansion import expand
+from agribot.description.fixture import (
+    FixtureSpec,
+    is_fixture,
+    read_fixture,
+    refuse_fixture,
+)
 from agribot.description.implements import read_implement
 from agribot.description.kinematics import read_joints, read_links
 from agribot.description.markup import parse_xml
@@ -69,16 +75,30 @@ def check_robot(name_or_path: str = "agribot") -> tuple[FileFinding, ...]:
         raise DescriptionError(f"robot file {path} does not exist; check the path")
     source = SourceFile(path.name, collecting=True)
     try:
-        _read_robot(expand(path, mappings, source), source, path)
+        root = expand(path, mappings, source)
+        if is_fixture(root, source):
+            read_fixture(root, source)
+        else:
+            _read_robot(root, source, path)
     except DescriptionError as error:
         source.note(error)
     return tuple(sorted(dict.fromkeys(source.findings), key=lambda f: (f.file, f.line)))
 
 
+def load_fixture(name_or_path: str) -> FixtureSpec | None:
+    """Read what stands, such as a pole with a receiver; None for a robot.
+
+    Raises: DescriptionError: unknown name or broken file.
+    """
+    root, source, _ = _open_source(name_or_path, {})
+    return read_fixture(root, source) if is_fixture(root, source) else None
+
+
 def export_urdf(name_or_path: str = "agribot", mappings: Mapping[str, str] | None = None) -> str:
     """Expand a description to URDF text; the same bytes on every machine."""
     root, source, path = _open_source(name_or_path, mappings or {})
-    _adopt(root, source, path.parent)
+    if not is_fixture(root, source):
+        _adopt(root, source, path.parent)
     ET.indent(root)
     return f'<?xml version="1.0"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
@@ -104,6 +124,7 @@ def _adopt(root: ET.Element, source: SourceFile, folder: Path) -> None:
 
 
 def _read_robot(root: ET.Element, source: SourceFile, path: Path) -> RobotSpec:
+    refuse_fixture(root, source)
     tell_large_angles(root, source)
     _adopt(root, source, path.parent)
     links = read_links(root, source)
