@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import msgspec
 
+from agribot.cli.noise_bridging import open_noise_servers
 from agribot.cli.ranges import finite, port
 from agribot.core import extras, topics
 from agribot.core.config import RunConfig
@@ -135,6 +136,7 @@ def open_bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
         options, out, export_urdf(session.config.robot), requests, flatten_settings(session.config)
     )
     try:
+        gateways += _open_noise_servers(options, session)
         outlet = _make_outlet(options, session, gateways)
     except BaseException:
         for gateway in gateways:
@@ -146,6 +148,30 @@ def open_bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
     finally:
         outlet.close()
         report_losses(outlet.dropped, outlet.fault)
+
+
+def _open_noise_servers(options: argparse.Namespace, session: Run) -> list[Gateway]:
+    from agribot.app.simulated_run import SimulatedRun
+
+    if not isinstance(session, SimulatedRun):
+        return []
+    return open_noise(options, session.simulator.tune, is_open=options.allow_drive)
+
+
+def open_noise(
+    options: argparse.Namespace, tune: Callable[[str, str, float], None], *, is_open: bool
+) -> list[Gateway]:
+    """Open the noise of simulated sensors to the networks of the options that have parameters.
+
+    Raises: BridgeError: a peer that must be there is not.
+    """
+    return open_noise_servers(
+        tune,
+        print_line,
+        is_open=is_open,
+        ros1_master=read_master(options) if options.ros1 else None,
+        ros2=(read_domain(options), read_router(options)) if options.ros2 else None,
+    )
 
 
 def open_gateways(

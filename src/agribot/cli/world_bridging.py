@@ -12,6 +12,7 @@ from agribot.cli.bridging import (
     is_wanted,
     list_out_topics,
     open_gateways,
+    open_noise,
     print_line,
     report_losses,
 )
@@ -78,6 +79,7 @@ def open_world_bridges(
     ]
     urdf = export_urdf(config.robot)
     gateways = open_gateways(options, out, urdf, requests, None)
+    gateways += open_noise(options, platform.tune, is_open=True)
     camera = CameraLog(
         robot, options.image_rate, config.record.jpeg_quality, keeps_raw=options.raw_images
     )

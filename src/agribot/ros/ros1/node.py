@@ -12,6 +12,8 @@ from socketserver import ThreadingMixIn
 from typing import Any
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
+from rosbags.typesys.store import Typestore
+
 from agribot.core.errors import BridgeError
 from agribot.ros.ros1 import tcpros
 from agribot.ros.ros1.types import generate_definition, to_ros1_name
@@ -23,9 +25,17 @@ _CONNECT_S = 5.0
 class Publication:
     """A published topic and its subscribers."""
 
-    def __init__(self, name: str, ros_type: str, *, latched: bool, depth: int) -> None:
+    def __init__(
+        self,
+        name: str,
+        ros_type: str,
+        *,
+        latched: bool,
+        depth: int,
+        types: Typestore | None = None,
+    ) -> None:
         self.name, self.ros_type, self.latched, self.depth = name, ros_type, latched, depth
-        self.text, self.md5 = generate_definition(ros_type)
+        self.text, self.md5 = generate_definition(ros_type, types)
         self._lock = threading.Lock()
         self._subscribers: list[tcpros.Subscriber] = []
         self._last: bytes | None = None
@@ -79,6 +89,7 @@ class Node:
         self._lock = threading.Lock()
         self._publications: dict[str, Publication] = {}
         self._on_publishers: dict[str, Callable[[str, list[str]], None]] = {}
+        self._on_params: dict[str, Callable[[Any], None]] = {}
         self._closed = False
         self._listener = socket.create_server((host, 0))
         self._slave = _Server((host, 0), requestHandler=_Handler, logRequests=False)
@@ -93,18 +104,27 @@ class Node:
             self._request_topic,
             self._publisher_update,
             self._get_publications,
+            self._param_update,
         ]
         for method in methods:
             self._slave.register_function(method, _to_camel_case(method.__name__))
         self._slave.register_function(lambda _caller: (_OK, "", os.getpid()), "getPid")
         self._slave.register_function(lambda _caller: (_OK, "", []), "getBusInfo")
         self._slave.register_function(lambda _caller: (_OK, "", master_uri), "getMasterUri")
-        self._slave.register_function(lambda *_: (_OK, "", 0), "paramUpdate")
         for work in (self._slave.serve_forever, self._accept):
             threading.Thread(target=work, name="ros1", daemon=True).start()
 
-    def advertise(self, name: str, ros_type: str, *, latched: bool, depth: int) -> Publication:
-        publication = Publication(name, ros_type, latched=latched, depth=depth)
+    def advertise(
+        self,
+        name: str,
+        ros_type: str,
+        *,
+        latched: bool,
+        depth: int,
+        types: Typestore | None = None,
+    ) -> Publication:
+        """Publish a topic; `types` has its type where the default types have not."""
+        publication = Publication(name, ros_type, latched=latched, depth=depth, types=types)
         self._publications[name] = publication
         self.ask_master("registerPublisher", name, to_ros1_name(ros_type), self.uri)
         return publication
@@ -116,6 +136,11 @@ class Node:
 
     def set_param(self, name: str, value: Any) -> None:
         self.ask_master("setParam", name, value)
+
+    def subscribe_param(self, name: str, on_update: Callable[[Any], None]) -> None:
+        """Call `on_update` with the new value at each change of a parameter, in another thread."""
+        self._on_params[name] = on_update
+        self.ask_master("subscribeParam", self.uri, name)
 
     def ask_master(self, method: str, *arguments: Any) -> Any:
         try:
@@ -139,6 +164,8 @@ class Node:
                 self.ask_master("unregisterPublisher", name, self.uri)
             for name in self._on_publishers:
                 self.ask_master("unregisterSubscriber", name, self.uri)
+            for name in self._on_params:
+                self.ask_master("unsubscribeParam", self.uri, name)
         self._master("close")()
         self._slave.shutdown()
         self._slave.server_close()
@@ -158,6 +185,13 @@ class Node:
     def _publisher_update(self, _caller: str, topic: str, uris: list[str]) -> Any:
         if topic in self._on_publishers:
             self._on_publishers[topic](topic, uris)
+        return _OK, "", 0
+
+    def _param_update(self, _caller: str, name: str, value: Any) -> Any:
+        """Pass a parameter on; the master waits for the answer, so another thread works on it."""
+        on_update = self._on_params.get(name.rstrip("/"))
+        if on_update is not None:
+            threading.Thread(target=on_update, args=(value,), daemon=True).start()
         return _OK, "", 0
 
     def _get_publications(self, _caller: str) -> Any:

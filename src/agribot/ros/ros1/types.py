@@ -57,9 +57,9 @@ def to_ros1_name(ros_type: str) -> str:
     return ros_type.replace("/msg/", "/")
 
 
-def generate_definition(ros_type: str) -> tuple[str, str]:
+def generate_definition(ros_type: str, types: Typestore | None = None) -> tuple[str, str]:
     """Generate message definition and md5 sum."""
-    text, md5 = load_ros1_types().generate_msgdef(ros_type, ros_version=1)
+    text, md5 = (types or load_ros1_types()).generate_msgdef(ros_type, ros_version=1)
     return text, md5
 
 

@@ -30,7 +30,12 @@ class ParameterServer:
         values: Mapping[str, Value],
         changeable: frozenset[str],
         change: Change,
+        *,
+        about: Mapping[str, str] | None = None,
+        ranges: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
+        """Serve `values`; `about` describes them, `ranges` are limits for sliders."""
+        self._about, self._ranges = dict(about or {}), dict(ranges or {})
         self._values, self._changeable, self._change = dict(values), changeable, change
         self._types = load_service_types()
         for name, answer in {
@@ -43,6 +48,10 @@ class ParameterServer:
         }.items():
             topic = "".join(f"_{c.lower()}" if c.isupper() else c for c in name).strip("_")
             server.serve(self._types, f"/{node}/{topic}", f"rcl_interfaces/srv/{name}", answer)
+
+    def update(self, name: str, value: Value) -> None:
+        """Note that a value was changed from elsewhere."""
+        self._values[name] = value
 
     def _on_list(self, request: Any, reply: Reply) -> None:
         wanted = tuple(f"{prefix}." for prefix in request.prefixes)
@@ -58,14 +67,20 @@ class ParameterServer:
         reply(np.array(kinds, dtype=np.uint8))
 
     def _on_describe(self, request: Any, reply: Reply) -> None:
-        make = self._types.types["rcl_interfaces/msg/ParameterDescriptor"]
-        reply(
-            [
-                make(
-                    name, self._find_kind(name), "", "", name not in self._changeable, False, [], []
-                )
-                for name in request.names
-            ]
+        reply([self._describe(name) for name in request.names])
+
+    def _describe(self, name: str) -> Any:
+        make = self._types.types
+        limits = [self._ranges[name]] if name in self._ranges else []
+        return make["rcl_interfaces/msg/ParameterDescriptor"](
+            name,
+            self._find_kind(name),
+            self._about.get(name, ""),
+            "",
+            name not in self._changeable,
+            False,
+            [make["rcl_interfaces/msg/FloatingPointRange"](*limit, 0.0) for limit in limits],
+            [],
         )
 
     def _on_set(self, request: Any, reply: Reply) -> None:

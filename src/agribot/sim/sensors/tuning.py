@@ -26,6 +26,21 @@ SENSORS = {
     "mag": "T",
 }
 
+# Largest noise, offset and drift of a sensor, in its unit: beyond it no receiver or chip is in use.
+LARGEST = {"gnss": 100.0, "gnss_velocity": 10.0, "accel": 50.0, "gyro": 10.0, "mag": 1.0}
+FASTEST_DRIFT_HZ = 100.0
+LARGEST_SCALE = 10.0  # of a scale error, to both sides
+
+
+def find_range(sensor: str, parameter: str) -> tuple[float, float]:
+    """Find the smallest and the largest value of a parameter; both are allowed."""
+    largest = LARGEST[sensor]
+    return {
+        "offset": (-largest, largest),
+        "scale_error": (-LARGEST_SCALE, LARGEST_SCALE),
+        "drift_frequency": (0.0, FASTEST_DRIFT_HZ),
+    }.get(parameter, (0.0, largest))
+
 
 class Tuning:
     """The same error on three axes: `value * scale_error + offset + drift + noise`."""
@@ -80,5 +95,12 @@ def check_tuning(sensor: str, parameter: str, value: float) -> None:
             raise ConfigError(f"tuning: unknown {what} '{name}'{hint}; known: {', '.join(known)}")
     if not np.isfinite(value):
         raise ConfigError(f"tuning {sensor} {parameter} = {value}: write a finite number")
-    if value < 0.0 and parameter not in {"offset", "scale_error"}:
+    smallest, largest = find_range(sensor, parameter)
+    if value < 0.0 == smallest:
         raise ConfigError(f"tuning {sensor} {parameter} = {value}: it must not be negative")
+    if not smallest <= value <= largest:
+        unit = {"drift_frequency": "Hz", "scale_error": "times"}.get(parameter, SENSORS[sensor])
+        raise ConfigError(
+            f"tuning {sensor} {parameter} = {value:g}: must be within {smallest:g} and "
+            f"{largest:g} {unit}"
+        )

@@ -1,0 +1,45 @@
+"""The noise of a simulator's sensors for peers, who change it while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from agribot.ros.tick_publisher import Gateway
+
+
+def open_noise_servers(
+    tune: Callable[[str, str, float], None],
+    report: Callable[[str], None],
+    *,
+    is_open: bool,
+    ros1_master: str | None,
+    ros2: tuple[int, str] | None,
+) -> list[Gateway]:
+    """Open a server at a ROS 1 master, and one in the domain and at the router of ROS 2.
+
+    Only where `is_open` may peers change anything. Raises: BridgeError: a peer is missing.
+    """
+    from agribot.ros.sensor_noise import NODE, SensorNoise
+
+    servers: list[Gateway] = []
+    if ros1_master is None and ros2 is None:
+        return servers
+    noise = SensorNoise(tune, is_open=is_open, report=report)
+    try:
+        if ros2 is not None:
+            from agribot.ros.ros2.noise_server import Ros2NoiseServer
+
+            domain, router = ros2
+            servers.append(Ros2NoiseServer(noise, report, domain=domain, router=router))
+        if ros1_master is not None:
+            from agribot.ros.ros1.noise_server import Ros1NoiseServer
+
+            servers.append(Ros1NoiseServer(noise, ros1_master))
+    except BaseException:
+        for server in servers:
+            server.close()
+        raise
+    report(f"node /{NODE}: the noise of the simulated sensors as parameters")
+    return servers
