@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -64,6 +65,12 @@ def add_ros1_arguments(group: argparse._ActionsContainer) -> None:
     group.add_argument(
         "--ros-master", metavar="URI", help="default: ROS_MASTER_URI or http://127.0.0.1:11311"
     )
+    group.add_argument(
+        "--ros-namespace",
+        default="",
+        metavar="NAME",
+        help="put all ROS 1 names under /NAME, for several robots at one master",
+    )
 
 
 def add_ros2_arguments(group: argparse._ActionsContainer) -> None:
@@ -92,6 +99,7 @@ def check_bridges(
         read_domain(options)
     if options.ros1 or ("ros1", "") in away:
         read_master(options)
+    read_namespace(options)
     for network, at in away:
         if network == "ros1" and at:
             check_master(f"http://{at}")
@@ -169,7 +177,7 @@ def open_noise(
         tune,
         print_line,
         is_open=is_open,
-        ros1_master=read_master(options) if options.ros1 else None,
+        ros1=(read_master(options), read_namespace(options)) if options.ros1 else None,
         ros2=(read_domain(options), read_router(options)) if options.ros2 else None,
     )
 
@@ -331,14 +339,33 @@ def read_master(options: argparse.Namespace) -> str:
     return check_master(str(options.ros_master or os.environ.get("ROS_MASTER_URI") or MASTER))
 
 
+def read_namespace(options: argparse.Namespace) -> str:
+    """Read the namespace of ROS 1, without slashes at its ends; none is empty.
+
+    Raises: ConfigError: no name of ROS, or there is no ROS 1 to have it.
+    """
+    text = str(options.ros_namespace)
+    space = text.strip("/")
+    if not text:
+        return ""
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*", space):
+        raise ConfigError(
+            f"--ros-namespace {text}: write a name of letters, digits and _, such as robot1"
+        )
+    if not options.ros1:
+        raise ConfigError("--ros-namespace is for --ros1; give robots of ROS 2 a --ros-domain each")
+    return space
+
+
 def _open_ros1(
     options: argparse.Namespace, out: Sequence[Topic], urdf: str, requests: Requests, _: object
 ) -> Gateway:
     from agribot.ros.ros1.gateway import Ros1Gateway
 
     master = read_master(options)
-    gateway = Ros1Gateway(requests, out, urdf, master)
-    print_line(f"ROS 1: node /agribot at the master {master}")
+    space = read_namespace(options)
+    gateway = Ros1Gateway(requests, out, urdf, master, space)
+    print_line(f"ROS 1: node {f'/{space}' if space else ''}/agribot at the master {master}")
     return gateway
 
 

@@ -21,6 +21,7 @@ from agribot.cli.bridging import (
     add_ros2_arguments,
     read_domain,
     read_master,
+    read_namespace,
     read_router,
 )
 from agribot.cli.node_runner import NodeRunner
@@ -175,7 +176,7 @@ def _open_link(options: argparse.Namespace, is_over: Callable[[], bool]) -> Topi
 def _open_ros1(options: argparse.Namespace, name: str) -> TopicConnection:
     from agribot.ros.ros1.connection import Ros1Connection
 
-    return Ros1Connection(name, _print_line, read_master(options))
+    return Ros1Connection(name, _print_line, read_master(options), read_namespace(options))
 
 
 def _open_ros2(options: argparse.Namespace, name: str) -> TopicConnection:

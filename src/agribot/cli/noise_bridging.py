@@ -14,17 +14,17 @@ def open_noise_servers(
     report: Callable[[str], None],
     *,
     is_open: bool,
-    ros1_master: str | None,
+    ros1: tuple[str, str] | None,
     ros2: tuple[int, str] | None,
 ) -> list[Gateway]:
-    """Open a server at a ROS 1 master, and one in the domain and at the router of ROS 2.
+    """Open a server at the master and in the namespace of ROS 1, and in domain and router of ROS 2.
 
     Only where `is_open` may peers change anything. Raises: BridgeError: a peer is missing.
     """
     from agribot.ros.sensor_noise import NODE, SensorNoise
 
     servers: list[Gateway] = []
-    if ros1_master is None and ros2 is None:
+    if ros1 is None and ros2 is None:
         return servers
     noise = SensorNoise(tune, is_open=is_open, report=report)
     try:
@@ -33,10 +33,11 @@ def open_noise_servers(
 
             domain, router = ros2
             servers.append(Ros2NoiseServer(noise, report, domain=domain, router=router))
-        if ros1_master is not None:
+        if ros1 is not None:
             from agribot.ros.ros1.noise_server import Ros1NoiseServer
 
-            servers.append(Ros1NoiseServer(noise, ros1_master))
+            master, namespace = ros1
+            servers.append(Ros1NoiseServer(noise, master, namespace))
     except BaseException:
         for server in servers:
             server.close()

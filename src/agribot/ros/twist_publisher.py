@@ -88,7 +88,7 @@ def open_ros1_sink(topic: Topic, master_uri: str) -> TwistSink:
     from agribot.ros.ros1.node import Node
     from agribot.ros.ros1.types import list_outputs
 
-    node = Node(NODE, master_uri, find_own_host(master_uri))
+    node = Node(NODE, master_uri, find_own_host(master_uri), may_rename=True)
     (output,) = list_outputs(topic)
     publication = node.advertise(output.name, output.ros_type, latched=False, depth=1)
 

@@ -21,9 +21,14 @@ class Ros1Connection:
     """
 
     def __init__(
-        self, name: str, on_refusal: Callable[[str], None], master_uri: str = MASTER
+        self,
+        name: str,
+        on_refusal: Callable[[str], None],
+        master_uri: str = MASTER,
+        namespace: str = "",
     ) -> None:
-        self._node, self._on_refusal = Node(name, master_uri), on_refusal
+        self._node = Node(name, master_uri, namespace=namespace, may_rename=True)
+        self._on_refusal = on_refusal
         self._subscriptions: list[Subscription] = []
         self._outputs: dict[str, list[tuple[Publication, Convert]]] = {}
 

@@ -22,11 +22,16 @@ class Ros1Gateway:
     """
 
     def __init__(
-        self, requests: Requests, out: Sequence[Topic], urdf: str, master_uri: str = MASTER
+        self,
+        requests: Requests,
+        out: Sequence[Topic],
+        urdf: str,
+        master_uri: str = MASTER,
+        namespace: str = "",
     ) -> None:
         self._requests = requests
         self._subscription: Subscription | None = None
-        self._node = Node("agribot", master_uri)
+        self._node = Node("agribot", master_uri, namespace=namespace)
         try:
             self._node.set_param("/robot_description", urdf)
             self._node.set_param("/use_sim_time", any(t is topics.CLOCK for t in out))

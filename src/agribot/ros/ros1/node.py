@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import socket
 import threading
@@ -10,6 +11,7 @@ import xmlrpc.client
 from collections.abc import Callable
 from socketserver import ThreadingMixIn
 from typing import Any
+from urllib.parse import urlsplit
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 from rosbags.typesys.store import Typestore
@@ -20,6 +22,7 @@ from agribot.ros.ros1.types import generate_definition, to_ros1_name
 
 _OK = 1
 _CONNECT_S = 5.0
+_ALIVE_S = 2.0  # in which a node of the same name must take a connection
 
 
 class Publication:
@@ -78,13 +81,25 @@ class _Server(ThreadingMixIn, SimpleXMLRPCServer):
 
 
 class Node:
-    """A node registered at a master.
+    """A node registered at a master; in a `namespace` all of its names lie under it.
 
-    Raises: BridgeError: the master does not answer or refuses.
+    A master ends a node when another one takes its name. So a name that is in use is refused, or
+    with `may_rename` gets a number.
+
+    Raises: BridgeError: the master does not answer or refuses, or the name is in use.
     """
 
-    def __init__(self, name: str, master_uri: str, host: str = "127.0.0.1") -> None:
-        self.name, self.master_uri, self._host = f"/{name}", master_uri, host
+    def __init__(
+        self,
+        name: str,
+        master_uri: str,
+        host: str = "127.0.0.1",
+        *,
+        namespace: str = "",
+        may_rename: bool = False,
+    ) -> None:
+        self._namespace = namespace
+        self.name, self.master_uri, self._host = self.resolve(f"/{name}"), master_uri, host
         self._master = xmlrpc.client.ServerProxy(master_uri)
         self._lock = threading.Lock()
         self._publications: dict[str, Publication] = {}
@@ -96,7 +111,9 @@ class Node:
         self.uri = f"http://{host}:{self._slave.server_address[1]}/"
         try:
             self.ask_master("getPid")
+            self.name = self._find_free_name(may_rename=may_rename)
         except BridgeError:
+            self._master("close")()
             self._slave.server_close()
             self._listener.close()
             raise
@@ -124,6 +141,7 @@ class Node:
         types: Typestore | None = None,
     ) -> Publication:
         """Publish a topic; `types` has its type where the default types have not."""
+        name = self.resolve(name)
         publication = Publication(name, ros_type, latched=latched, depth=depth, types=types)
         self._publications[name] = publication
         self.ask_master("registerPublisher", name, to_ros1_name(ros_type), self.uri)
@@ -131,14 +149,46 @@ class Node:
 
     def subscribe(self, name: str, ros_type: str, update: Callable[[str, list[str]], None]) -> None:
         """Call `update` with the topic and its publishers' slave URIs, now and at each change."""
+        name = self.resolve(name)
         self._on_publishers[name] = update
         update(name, self.ask_master("registerSubscriber", name, to_ros1_name(ros_type), self.uri))
 
+    def resolve(self, name: str) -> str:
+        """Return a name as the master knows it: under the namespace, if there is one."""
+        return f"/{self._namespace}{name}" if self._namespace else name
+
+    def _find_free_name(self, *, may_rename: bool) -> str:
+        for number in itertools.count(1):
+            name = self.name if number == 1 else f"{self.name}_{number}"
+            uri = self._find_node(name)
+            if uri is None:
+                return name
+            if not may_rename:
+                raise BridgeError(
+                    f"ROS 1: a node {name} is at the master already ({uri}); give this one a "
+                    "--ros-namespace of its own, or stop the other"
+                )
+        raise AssertionError("there is always a next number")
+
+    def _find_node(self, name: str) -> str | None:
+        """Find the address of a node that answers; None of a name that is free or was left."""
+        with self._lock:
+            code, _, uri = self._master.lookupNode(self.name, name)
+        parts = urlsplit(str(uri))
+        if code != _OK or parts.hostname is None:
+            return None
+        try:
+            socket.create_connection((parts.hostname, parts.port or 80), _ALIVE_S).close()
+        except OSError:
+            return None
+        return str(uri)
+
     def set_param(self, name: str, value: Any) -> None:
-        self.ask_master("setParam", name, value)
+        self.ask_master("setParam", self.resolve(name), value)
 
     def subscribe_param(self, name: str, on_update: Callable[[Any], None]) -> None:
         """Call `on_update` with the new value at each change of a parameter, in another thread."""
+        name = self.resolve(name)
         self._on_params[name] = on_update
         self.ask_master("subscribeParam", self.uri, name)
 

@@ -5,6 +5,7 @@ The names are those of the original's sensor plugins: a group beside the topic o
 
 from __future__ import annotations
 
+import functools
 import threading
 
 from agribot.core.errors import BridgeError
@@ -43,9 +44,9 @@ class Ros1NoiseServer:
     Raises: BridgeError: no master answers.
     """
 
-    def __init__(self, noise: SensorNoise, master_uri: str = MASTER) -> None:
+    def __init__(self, noise: SensorNoise, master_uri: str = MASTER, namespace: str = "") -> None:
         self._noise = noise
-        self._node = Node(NODE, master_uri)
+        self._node = Node(NODE, master_uri, namespace=namespace)
         self._services = Ros1ServiceServer(self._node, lambda _text: None)
         self._lock = threading.Lock()
         self._updates: dict[str, Publication] = {}
@@ -73,7 +74,7 @@ class Ros1NoiseServer:
             self._node.set_param(f"{group}/{name}", values[name])
             self._node.subscribe_param(
                 f"{group}/{name}",
-                lambda value, name=name: self._on_param(sensor, name, value),
+                functools.partial(self._on_param, sensor, name),
             )
         description = make_description(
             {name: describe(sensor, name) for name in PARAMETERS},

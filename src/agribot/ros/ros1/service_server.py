@@ -70,6 +70,7 @@ class Ros1ServiceServer:
         threading.Thread(target=self._accept, name="ros1-services", daemon=True).start()
 
     def serve(self, name: str, service_type: ServiceType, answer: Answer) -> None:
+        name = self._node.resolve(name)
         self._services[name] = _Service(name, service_type, answer)
         self._node.ask_master("registerService", name, self._uri, self._node.uri)
 

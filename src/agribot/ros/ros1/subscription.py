@@ -33,7 +33,7 @@ class Subscription:
     def __init__(
         self, node: Node, name: str, ros_type: str, on_message: OnMessage, on_refusal: OnRefusal
     ):
-        self._node, self._name, self._ros_type = node, name, ros_type
+        self._node, self._name, self._ros_type = node, node.resolve(name), ros_type
         self._on_message, self._on_refusal = on_message, on_refusal
         self._stopped = threading.Event()
         self._publishers: set[str] = set()

@@ -28,20 +28,23 @@ class Ros2NoiseServer:
         router: str = ROUTER,
     ) -> None:
         self._node = Ros2Node(NODE, domain, router, listen=True)
-        names = [f"{sensor}.{parameter}" for sensor in SENSORS for parameter in PARAMETERS]
-        values = {name: noise.read(name.split(".")[0])[name.split(".")[1]] for name in names}
+        self._noise = noise
+        keys = {f"{sensor}.{name}": (sensor, name) for sensor in SENSORS for name in PARAMETERS}
+        self._keys = keys
         self._server = ParameterServer(
             ServiceServer(self._node, refuse),
             NODE,
-            {"use_sim_time": True, **values},
-            frozenset(names),
-            lambda name, value: noise.change(*name.split("."), value, "ROS 2"),
-            about={name: describe(*name.split(".")) for name in names},
-            ranges={name: find_range(*name.split(".")) for name in names},
+            {"use_sim_time": True}
+            | {key: noise.read(sensor)[name] for key, (sensor, name) in keys.items()},
+            frozenset(keys),
+            self._change,
+            about={key: describe(*at) for key, at in keys.items()},
+            ranges={key: find_range(*at) for key, at in keys.items()},
         )
-        noise.listen(
-            lambda sensor, parameter, value: self._server.update(f"{sensor}.{parameter}", value)
-        )
+        noise.listen(lambda sensor, name, value: self._server.update(f"{sensor}.{name}", value))
+
+    def _change(self, key: str, value: float) -> str:
+        return self._noise.change(*self._keys[key], value, "ROS 2")
 
     def publish(self, topic: Topic, data: bytes, t_ns: int) -> None:
         """Publish nothing: sensors are the gateway's."""
