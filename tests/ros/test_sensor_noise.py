@@ -51,7 +51,7 @@ class Sensors:
         )
         self.platform = SimPlatform(config, load_robot(), WORLD)
         self.refused = list[str]()
-        self.noise = SensorNoise(self.platform.tune, is_open=is_open, report=self.refused.append)
+        self.noise = SensorNoise(self.platform, is_open=is_open, report=self.refused.append)
 
     def gyro_std(self, ticks: int = 50) -> float:
         gyro = [s.gyro_radps for _ in range(ticks) for s in self.platform.read().imu]
@@ -150,7 +150,7 @@ def test_parameters_of_ros2_change_the_noise_and_say_their_limits(sensors: Senso
         refused = peer.set(name, 50.0)
         assert not refused.successful
         assert "within 0 and 10 rad/s" in refused.reason
-        sensors.noise.change("gyro", "gaussian_noise", 0.5, "another network")
+        sensors.platform.tune("gyro", "gaussian_noise", 0.5)  # as the page and Python do
         assert peer("GetParameters", [name]).values[0].double_value == 0.5
 
 
@@ -236,8 +236,9 @@ def _latched(ros1: Ros1, topic: str, ros_type: str) -> bytes:
     (node,) = ros1.publishers()[topic]
     uri = ask(ros1.uri, "lookupNode", node)[2]
     with xmlrpc.client.ServerProxy(uri) as proxy:
-        _, _, place = proxy.requestTopic("/test", topic, [["TCPROS"]])  # type: ignore[misc]
+        slave: Any = proxy
+        _, _, place = slave.requestTopic("/test", topic, [["TCPROS"]])
     _, md5 = load_reconfigure_types().generate_msgdef(ros_type, ros_version=1)
     header = {"topic": topic, "type": ros_type.replace("/msg/", "/"), "md5sum": md5}
-    with _talk(str(place[1]), int(place[2]), header) as sock:  # type: ignore[index, call-overload]
+    with _talk(str(place[1]), int(place[2]), header) as sock:
         return tcpros.receive_frame(sock, 100_000)

@@ -175,7 +175,7 @@ class Hand:
 
 
 @contextmanager
-def _world(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
+def _world(folder: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
     command = (
         sys.executable, "-m", "agribot.cli", "sim", "--world", "empty",
         "--set", "record.enabled=false", *words,

@@ -19,7 +19,7 @@ from agribot.ros.ros1.connection import Ros1Connection
 from agribot.ros.ros1.gateway import Ros1Gateway
 from agribot.ros.ros1.node import Node
 from agribot.ros.ros1.noise_server import Ros1NoiseServer
-from agribot.ros.sensor_noise import SensorNoise
+from agribot.ros.sensor_noise import OnChange, SensorNoise
 from tests import machine
 from tests.record import record_samples as samples
 from tests.ros.live import first
@@ -99,18 +99,27 @@ def test_two_robots_have_each_their_own_topics_and_are_driven_apart(ros1: Ros1) 
         ros1.stop(talker)
 
 
+class Body:
+    def __init__(self) -> None:
+        self.tuned = list[tuple[str, str, float]]()
+
+    def tune(self, sensor: str, parameter: str, value: float) -> None:
+        self.tuned.append((sensor, parameter, value))
+
+    def add_tuning_tap(self, tap: OnChange) -> None:
+        pass
+
+
 @machine.needs("roscore")
 def test_the_noise_of_each_robot_is_its_own(ros1: Ros1) -> None:
-    tuned = list[tuple[str, float]]()
-    noises = {
-        space: SensorNoise(lambda _s, _p, value, space=space: tuned.append((space, value)))
-        for space in ("left", "right")
-    }
+    bodies = {space: Body() for space in ("left", "right")}
+    noises = {space: SensorNoise(body) for space, body in bodies.items()}
     servers = [Ros1NoiseServer(noise, ros1.uri, space) for space, noise in noises.items()]
     try:
         ask(ros1.uri, "setParam", "/right/agribot/imu/rate/offset", 0.1)
-        wait_for(lambda: tuned, "the change")
-        assert tuned == [("right", 0.1)]
+        wait_for(lambda: bodies["right"].tuned, "the change")
+        assert bodies["right"].tuned == [("gyro", "offset", 0.1)]
+        assert bodies["left"].tuned == []
         code, _, uri = ask(ros1.uri, "lookupService", "/left/agribot/fix/position/set_parameters")
         assert code == 1 and uri.startswith("rosrpc://")
     finally:

@@ -17,18 +17,18 @@ from agribot.sim.sensors.gnss import Antenna, HectorReceiver
 from agribot.sim.sensors.presets import HectorGnss, load_preset
 
 
-def stand(rover: RobotSpec, world: WorldSpec, **sim: str) -> SimPlatform:
-    config = RunConfig(seed=4, perception=PerceptionConfig(enabled=False), sim=SimConfig(**sim))  # type: ignore[arg-type]
+def stand(rover: RobotSpec, world: WorldSpec, sim: SimConfig) -> SimPlatform:
+    config = RunConfig(seed=4, perception=PerceptionConfig(enabled=False), sim=sim)
     return SimPlatform(config, rover, world)
 
 
 def mean_gyro(platform: SimPlatform, ticks: int) -> FloatArray:
     samples = [sample.gyro_radps for _ in range(ticks) for sample in platform.read().imu]
-    return np.mean(samples, axis=0)
+    return np.asarray(np.mean(samples, axis=0))
 
 
 def test_the_bias_told_is_what_a_standing_gyro_reads(rover: RobotSpec, meadow: WorldSpec) -> None:
-    platform = stand(rover, meadow, sensors="m8n", imu="mpu9265")
+    platform = stand(rover, meadow, SimConfig(sensors="m8n", imu="mpu9265"))
     platform.read()
     _, told = platform.imu_bias
     noise = 0.001
@@ -37,7 +37,7 @@ def test_the_bias_told_is_what_a_standing_gyro_reads(rover: RobotSpec, meadow: W
 
 
 def test_an_offset_that_is_tuned_is_part_of_the_bias(rover: RobotSpec, meadow: WorldSpec) -> None:
-    platform = stand(rover, meadow, sensors="ideal")
+    platform = stand(rover, meadow, SimConfig(sensors="ideal"))
     platform.read()
     assert platform.imu_bias == ((0.0,) * 3, (0.0,) * 3)
     platform.tune("gyro", "offset", 0.02)
@@ -49,7 +49,9 @@ def test_an_offset_that_is_tuned_is_part_of_the_bias(rover: RobotSpec, meadow: W
 def test_the_receiver_on_the_pole_stands_but_for_its_noise(
     rover: RobotSpec, meadow: WorldSpec
 ) -> None:
-    fixes = _pole_fixes(stand(rover, meadow, sensors="m8n", base_station="independent"), 300)
+    fixes = _pole_fixes(
+        stand(rover, meadow, SimConfig(sensors="m8n", base_station="independent")), 300
+    )
     speeds = np.array([fix.velocity_mps for fix in fixes])
     assert len(speeds) > 20
     assert 0.005 < speeds.std() < 0.2

@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,7 @@ from agribot.ros.ros1.master import MASTER, check_master
 
 if TYPE_CHECKING:
     from agribot.app.run import Run
+    from agribot.ros.sensor_noise import TunedSimulator
     from agribot.ros.tick_publisher import Gateway, TickPublisher
 
 Setting = bool | int | float | str | tuple[float, ...]
@@ -163,18 +164,18 @@ def _open_noise_servers(options: argparse.Namespace, session: Run) -> list[Gatew
 
     if not isinstance(session, SimulatedRun):
         return []
-    return open_noise(options, session.simulator.tune, is_open=options.allow_drive)
+    return open_noise(options, session.simulator, is_open=options.allow_drive)
 
 
 def open_noise(
-    options: argparse.Namespace, tune: Callable[[str, str, float], None], *, is_open: bool
+    options: argparse.Namespace, simulator: TunedSimulator, *, is_open: bool
 ) -> list[Gateway]:
     """Open the noise of simulated sensors to the networks of the options that have parameters.
 
     Raises: BridgeError: a peer that must be there is not.
     """
     return open_noise_servers(
-        tune,
+        simulator,
         print_line,
         is_open=is_open,
         ros1=(read_master(options), read_namespace(options)) if options.ros1 else None,

@@ -6,11 +6,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from agribot.ros.sensor_noise import TunedSimulator
     from agribot.ros.tick_publisher import Gateway
 
 
 def open_noise_servers(
-    tune: Callable[[str, str, float], None],
+    simulator: TunedSimulator,
     report: Callable[[str], None],
     *,
     is_open: bool,
@@ -26,7 +27,7 @@ def open_noise_servers(
     servers: list[Gateway] = []
     if ros1 is None and ros2 is None:
         return servers
-    noise = SensorNoise(tune, is_open=is_open, report=report)
+    noise = SensorNoise(simulator, is_open=is_open, report=report)
     try:
         if ros2 is not None:
             from agribot.ros.ros2.noise_server import Ros2NoiseServer

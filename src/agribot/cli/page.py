@@ -93,9 +93,20 @@ def open_page(options: argparse.Namespace, session: Run) -> Iterator[OperatorPag
     """
     from agribot.ui.robot_side.operator_page import OperatorPage
 
+    _add_noise_panel(session)
     with OperatorPage(session, choose_address(options), shared) as page:
         announce(page.url, page.address.viewer_url(page.server.port), options)
         yield page
+
+
+def _add_noise_panel(session: Run) -> None:
+    """Let the errors of simulated sensors be changed on the page."""
+    from agribot.app.simulated_run import SimulatedRun
+    from agribot.sim.sensors.tuning import check_tuning
+    from agribot.ui.noise_panel import add_noise_panel
+
+    if isinstance(session, SimulatedRun):
+        add_noise_panel(shared, check_tuning, session.simulator.tune)
 
 
 def choose_address(options: argparse.Namespace) -> Address:

@@ -79,7 +79,7 @@ def open_world_bridges(
     ]
     urdf = export_urdf(config.robot)
     gateways = open_gateways(options, out, urdf, requests, None)
-    gateways += open_noise(options, platform.tune, is_open=True)
+    gateways += open_noise(options, platform, is_open=True)
     camera = CameraLog(
         robot, options.image_rate, config.record.jpeg_quality, keeps_raw=options.raw_images
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from typing import Protocol
 
 from agribot.core.errors import ConfigError
 from agribot.sim.sensors.tuning import NEUTRAL, SENSORS, check_tuning, find_range
@@ -11,24 +12,40 @@ from agribot.sim.sensors.tuning import NEUTRAL, SENSORS, check_tuning, find_rang
 NODE = "agribot_sensors"
 PARAMETERS = tuple(NEUTRAL)
 
-Tune = Callable[[str, str, float], None]  # sensor, parameter, value
-OnChange = Callable[[str, str, float], None]
+OnChange = Callable[[str, str, float], None]  # sensor, parameter, value
+
+
+class TunedSimulator(Protocol):
+    """A simulator whose sensors' errors can be changed while it runs."""
+
+    def tune(self, sensor: str, parameter: str, value: float) -> None:
+        """Change an error. Raises: ConfigError: a name or a value that cannot be."""
+        ...
+
+    def add_tuning_tap(self, tap: OnChange) -> None:
+        """Call `tap` with every change."""
+        ...
 
 
 class SensorNoise:
     """The values of all sensors, kept together for all networks; any thread may change them.
 
-    `tune` hands a checked value to the simulator, for all samples from the next one on. Where
-    peers may not change anything `is_open` is false. `report` gets each refusal.
+    A change holds for all samples of the simulator from the next one on. Where peers may not
+    change anything `is_open` is false. `report` gets each refusal.
     """
 
     def __init__(
-        self, tune: Tune, *, is_open: bool = True, report: Callable[[str], None] = lambda _: None
+        self,
+        simulator: TunedSimulator,
+        *,
+        is_open: bool = True,
+        report: Callable[[str], None] = lambda _: None,
     ) -> None:
-        self._tune, self._is_open, self._report = tune, is_open, report
+        self._simulator, self._is_open, self._report = simulator, is_open, report
         self._lock = threading.RLock()
         self._values = {sensor: dict(NEUTRAL) for sensor in SENSORS}
         self._listeners: list[OnChange] = []
+        simulator.add_tuning_tap(self._note)
 
     def read(self, sensor: str) -> dict[str, float]:
         """Return the values of a sensor, by parameter."""
@@ -53,10 +70,12 @@ class SensorNoise:
         return ""
 
     def _set(self, sensor: str, parameter: str, value: float) -> None:
+        if self.read(sensor)[parameter] != value:
+            self._simulator.tune(sensor, parameter, value)
+
+    def _note(self, sensor: str, parameter: str, value: float) -> None:
+        """Note a change, whoever made it, and pass it on."""
         with self._lock:
-            if self._values[sensor][parameter] == value:
-                return
-            self._tune(sensor, parameter, value)
             self._values[sensor][parameter] = value
         for listener in self._listeners:
             listener(sensor, parameter, value)

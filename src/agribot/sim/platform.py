@@ -95,6 +95,7 @@ class SimPlatform:
         self._contactors = SimContactors(count) if count else None
         self.inbox = Inbox()
         self._tunings: deque[tuple[str, str, float]] = deque()
+        self._tuning_taps: list[Callable[[str, str, float], None]] = []
         self._base_height_m = robot.base_height_m
         self._truth: Truth | None = None
         self._silent_after_s = 0.0
@@ -185,6 +186,12 @@ class SimPlatform:
         """
         check_tuning(sensor, parameter, value)
         self._tunings.append((sensor, parameter, value))
+        for tap in self._tuning_taps:
+            tap(sensor, parameter, value)
+
+    def add_tuning_tap(self, tap: Callable[[str, str, float], None]) -> None:
+        """Call `tap` with every change of an error, in the thread of whoever makes it."""
+        self._tuning_taps.append(tap)
 
     def post(self, event: OperatorEvent) -> None:
         """Post an operator event from any thread; the next batch carries it."""

@@ -19,9 +19,8 @@ def wheels(t_s: float, v_mps: float, yaw_rate_radps: float) -> WheelSample:
     """What encoders read of a steady twist since t = 0."""
     left, right = DRIVE.wheel_speeds_radps(v_mps, yaw_rate_radps)
     speeds = (right, left, right, left)
-    return WheelSample(
-        t_s=t_s, angle_rad=tuple(speed * t_s for speed in speeds), speed_radps=speeds
-    )  # type: ignore[arg-type]
+    angles = (right * t_s, left * t_s, right * t_s, left * t_s)
+    return WheelSample(t_s=t_s, angle_rad=angles, speed_radps=speeds)
 
 
 def drive(
@@ -111,7 +110,7 @@ def test_an_encoder_that_restarts_from_zero_does_not_throw_the_robot() -> None:
         odometry.update(wheels(k * 0.02, 0.4, 0.0))
     restarted = WheelSample(
         t_s=1.02, angle_rad=(0.0,) * 4, speed_radps=wheels(1.0, 0.4, 0.0).speed_radps
-    )  # type: ignore[arg-type]
+    )
     reading = odometry.update(restarted)
     assert reading is not None
     assert reading.x_m == pytest.approx(0.4 * 1.02)

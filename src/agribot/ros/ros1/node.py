@@ -172,8 +172,9 @@ class Node:
 
     def _find_node(self, name: str) -> str | None:
         """Find the address of a node that answers; None of a name that is free or was left."""
+        master: Any = self._master
         with self._lock:
-            code, _, uri = self._master.lookupNode(self.name, name)
+            code, _, uri = master.lookupNode(self.name, name)
         parts = urlsplit(str(uri))
         if code != _OK or parts.hostname is None:
             return None
