@@ -156,7 +156,7 @@ def test_a_recording_of_ours_as_a_bag_of_another_format_is_read_by_its_topics(
     convert(tmp_path / "run.mcap", tmp_path / "a.bag", ConvertOptions())
     sources = {each.sensor: each.source for each in open_log([tmp_path / "a.bag"], {}).channels}
     assert sources == {
-        "gnss": topics.FIX.name, "imu": topics.IMU.name, "odom": topics.JOINT_STATES.name,
+        "gnss": topics.FIX.name, "imu": topics.IMU.name, "odom": topics.ODOM.name,
         "mag": topics.MAGNETIC.name,
     }  # fmt: skip
 
