@@ -11,6 +11,7 @@ from agribot.core import topics
 from agribot.core.messages import Inbox
 from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
+from agribot.ros.messages.camera_log import CameraLog
 from agribot.ros.messages.topic_writer import TopicWriter
 from agribot.ros.requests import Requests
 from agribot.ros.ros1.types import list_outputs
@@ -19,7 +20,7 @@ from agribot.ros.ros2.gateway import Ros2Gateway
 from agribot.ros.tick_publisher import Gateway
 from tests.record import record_samples as samples
 from tests.ros.live import free_port
-from tests.ros.test_tick_publisher import DATUM, CameraLog
+from tests.ros.test_tick_publisher import DATUM
 from tests.waiting import wait_for
 
 OUT = [topics.ODOM, topics.JOINT_STATES]

@@ -66,6 +66,7 @@ def outlet_to(*gateways: Gateway) -> TickPublisher:
         goals_map_m=lambda: GOALS,
         weed_map=lambda: (samples.plant(1), samples.plant(2, treated_s=4.0)),
         truth=TrueState,
+        imu_bias=lambda: ((0.1, 0.0, 0.0), (0.0, 0.0, 0.01)),
     )
     camera = CameraLog(robot, 10.0, 80, keeps_raw=True)
     return TickPublisher(gateways, robot, DATUM, samples.URDF, camera, sources)
