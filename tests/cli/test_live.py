@@ -38,6 +38,9 @@ class Camera:
         self.given += 1
         return np.full((48, 64, 3), self.given, np.uint8)
 
+    def explain_silence(self) -> str:
+        return "check the camera and its cable"
+
     def stop(self) -> None: ...
 
     def close(self) -> None:

@@ -6,15 +6,23 @@ import argparse
 import json
 import sys
 import time
+import webbrowser
 from collections import deque
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from agribot.cli.live_overlay import draw_notice, draw_overlay
 from agribot.cli.newest_frame import EveryFrame, Frames, FrameSource, NewestFrame
-from agribot.cli.ranges import finite, seed, threads, whole
+from agribot.cli.ranges import finite, port, seed, threads, whole
+from agribot.cli.standard_error import print_line
 from agribot.cli.stopping import stop_on_signal
 from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import ConfigError, PerceptionError
+
+if TYPE_CHECKING:
+    from agribot.ui.server.live_page import LivePage
 
 LINE_EVERY_S = 1.0
 
@@ -23,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source",
         help="sim, number of a webcam, path of a video, address such as rtsp://..., or topic of "
-        "pictures: ros1:/usb_cam/image_raw, ros2://HOST:PORT/image",
+        "pictures: ros1:/usb_cam/image_raw, ros2:/image, ros2://HOST:PORT/image",
     )
     parser.add_argument("--model", default=DEFAULT_MODEL, help="name, or path to an .onnx file")
     parser.add_argument("--size", help="another input size for the network, WxH px")
@@ -39,6 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--threads", type=threads, default=2)
     parser.add_argument("--seed", type=seed, default=0, help="sim: weeds and camera noise")
     parser.add_argument("--out", type=Path, help="folder that gets latest.jpg, once a second")
+    parser.add_argument(
+        "--show", action="store_true", help="serve a page with the network's classes in the picture"
+    )
+    parser.add_argument(
+        "--port", type=port, metavar="P", help="--show: of the page (default: a free one from 8080)"
+    )
+    parser.add_argument("--open", action="store_true", help="--show: open the page in a browser")
     parser.add_argument("--json", action="store_true", help="print a summary as the last line")
 
 
@@ -90,12 +105,14 @@ def run(args: argparse.Namespace) -> int:
     source = open_source(args.source, args.seed)
     frames = choose_frames(source, args)
     meter, fault = Meter(), ""
-    with stop_on_signal() as stop:
+    with stop_on_signal() as stop, _open_page(args) as page:
         try:
-            _watch(frames, segmenter, meter, args.out, stop)
+            _watch(frames, segmenter, meter, (args.out, page), stop)
         except PerceptionError as error:
             fault = str(error)
             sys.stderr.write(f"agribot live: {fault}\n")
+        if page is not None:
+            page.close(draw_notice(fault or "agribot live has ended"))
     summary = {
         "source": args.source,
         "model": args.model,
@@ -134,39 +151,65 @@ def open_source(name: str, seed: int) -> FrameSource:
     return TopicFrames(name) if name.startswith(TOPICS) else Capture(name)
 
 
-def _watch(frames: Frames, segmenter: Any, meter: Meter, out: Path | None, stop: list[int]) -> None:
+@contextmanager
+def _open_page(args: argparse.Namespace) -> Iterator[LivePage | None]:
+    """Serve the page of --show and print its address.
+
+    Raises: ConfigError: the port is taken.
+    """
+    if not (args.show or args.open or args.port is not None):
+        yield None
+        return
+    from agribot.ui.server.live_page import LivePage
+
+    with closing(LivePage(args.port)) as page:
+        page.show(draw_notice(f"waiting for the first picture of {args.source}"))
+        print_line(f"page: {page.url} (Ctrl-C ends)")
+        if args.open:
+            webbrowser.open(page.url)
+        yield page
+
+
+def _watch(
+    frames: Frames,
+    segmenter: Any,
+    meter: Meter,
+    shown_on: tuple[Path | None, LivePage | None],
+    stop: list[int],
+) -> None:
+    out, page = shown_on
     next_line_s = 0.0
     for frame in frames:
         seen = segmenter.segment(frame.image_rgb)
         done_s = time.monotonic()
         meter.note(frame.captured_s, done_s)
-        if done_s >= next_line_s:
+        is_due = done_s >= next_line_s
+        words = _describe(meter, seen, frames.dropped)
+        if is_due:
             next_line_s = done_s + LINE_EVERY_S
-            share = [float((seen.class_id == kind).mean()) for kind in (0, 1)]
-            sys.stderr.write(
-                f"{meter.fps:5.1f} fps  latency {1e3 * meter.latencies_s[-1]:5.1f} ms  dropped "
-                f"{frames.dropped}  weed {share[0]:.1%}  crop {share[1]:.1%}\n"
-            )
-            if out is not None:
-                _show(frame.image_rgb, seen, out, f"{meter.fps:.1f} fps")
+            sys.stderr.write(f"{words}\n")
+        is_followed = page is not None and (is_due or page.viewers > 0)
+        if is_followed or (is_due and out is not None):
+            jpeg = draw_overlay(frame.image_rgb, seen, words)
+            if page is not None:
+                page.show(jpeg)
+            if is_due and out is not None:
+                _keep(jpeg, out)
         if stop:
             return
 
 
-def _show(image_rgb: Any, seen: Any, out: Path, title: str) -> None:
+def _describe(meter: Meter, seen: Any, dropped: int) -> str:
+    weed, crop = (float((seen.class_id == kind).mean()) for kind in (0, 1))
+    return (
+        f"{meter.fps:5.1f} fps  latency {1e3 * meter.latencies_s[-1]:5.1f} ms  dropped "
+        f"{dropped}  weed {weed:.1%}  crop {crop:.1%}"
+    )
+
+
+def _keep(jpeg: bytes, out: Path) -> None:
     """Replace the newest overlay in the folder at once."""
-    import io
-
-    from PIL import Image, ImageDraw
-
-    from agribot.autonomy.perceive.pictures import enlarge
     from agribot.core.whole_file import write_at_once
-    from agribot.lab.train.figures import tint
 
     out.mkdir(parents=True, exist_ok=True)
-    found = enlarge(seen.class_id, seen.confidence, image_rgb.shape[:2])
-    picture = Image.fromarray(tint(image_rgb, found.class_id))
-    ImageDraw.Draw(picture).text((8, 8), title, fill="white")
-    encoded = io.BytesIO()
-    picture.save(encoded, format="JPEG", quality=88)
-    write_at_once(out / "latest.jpg", encoded.getvalue())
+    write_at_once(out / "latest.jpg", jpeg)

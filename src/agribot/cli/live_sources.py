@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
+from agribot.cli.standard_error import print_line
 from agribot.cli.videos import open_capture
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, CameraFrame
@@ -19,6 +20,7 @@ SIM_SPEED_MPS = 0.5
 TOPICS = ("ros1:", "ros2:")
 # Of the networks: as ROS_DOMAIN_ID and ROS_MASTER_URI say, or the address in the URI.
 NETWORK = {"ros_domain": None, "ros_router": None, "ros_master": None}
+PICTURES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 PERIOD_S = 0.01  # of a look for the next picture of a topic
 MOST_DIGITS = 4  # of the number of a webcam
 
@@ -71,6 +73,9 @@ class SimulatedDrive:
         )
         return drawn.image_rgb
 
+    def explain_silence(self) -> str:
+        return "the machine is busy; wait longer with --patience"
+
     def stop(self) -> None:
         pass
 
@@ -86,9 +91,8 @@ class TopicFrames:
     def __init__(self, uri: str) -> None:
         """Subscribe to the topic. Raises: AgribotError: no topic, or no network."""
         from agribot.cli.sensor_sources import source_context
-        from agribot.cli.standard_error import print_line
         from agribot.description.loader import load_robot
-        from agribot.drivers.ros_topics import open_pictures
+        from agribot.drivers.ros_topics import list_topics, open_pictures
         from agribot.drivers.schemes import read_uri, require_extras
 
         if not urlsplit(uri).path.strip("/"):
@@ -101,8 +105,10 @@ class TopicFrames:
         self._start_s = time.monotonic()
         self._waiting: deque[ByteArray] = deque()
         self._is_closed = False
-        self._context = source_context(load_robot(), network, print_line)
+        self._refused = ""
+        self._context = source_context(load_robot(), network, self._refuse)
         self._topic = open_pictures(place, self._context)
+        self._list_topics = lambda: list_topics(place, self._context)
 
     def read(self) -> ByteArray | None:
         """Wait for the next picture, (H, W, 3)."""
@@ -113,12 +119,35 @@ class TopicFrames:
                 time.sleep(PERIOD_S)
         return self._waiting.popleft() if self._waiting else None
 
+    def explain_silence(self) -> str:
+        """Name what is refused, or the topics that have pictures where nobody publishes this one.
+
+        Raises: BridgeError: the network is gone.
+        """
+        if self._refused:
+            return f"what comes cannot be shown: {self._refused}; take another topic"
+        found = self._list_topics()
+        if self._topic.name in found:
+            return (
+                f"{found[self._topic.name]} is published there, but no picture comes; look whether "
+                "its node still runs and its camera delivers"
+            )
+        others = sorted(name for name, kind in found.items() if kind in PICTURES)
+        named = f"topics with pictures: {', '.join(others)}" if others else "nor any other picture"
+        return f"nobody publishes it, {named}; start the camera's node, or name another topic"
+
     def stop(self) -> None:
         """Let a thread that waits in `read` end."""
         self._is_closed = True
 
     def close(self) -> None:
         self._context.__exit__()
+
+    def _refuse(self, reason: str) -> None:
+        """Print each reason once, not with every picture of a camera."""
+        if reason != self._refused:
+            self._refused = reason
+            print_line(f"agribot live: {reason}")
 
 
 class Capture:
@@ -134,6 +163,9 @@ class Capture:
         """Read the next frame, (H, W, 3); None at the end."""
         good, frame_bgr = self._capture.read()
         return np.ascontiguousarray(frame_bgr[..., ::-1]) if good else None
+
+    def explain_silence(self) -> str:
+        return "check the camera and its cable"
 
     def stop(self) -> None:
         pass

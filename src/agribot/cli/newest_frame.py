@@ -26,6 +26,10 @@ class FrameSource(Protocol):
 
     def read(self) -> ByteArray | None: ...
 
+    def explain_silence(self) -> str:
+        """Say why no picture comes, as far as it is known, and what to do."""
+        ...
+
     def stop(self) -> None: ...
 
     def close(self) -> None: ...
@@ -120,7 +124,7 @@ class NewestFrame:
                         return None
                     raise PerceptionError(
                         f"{self._source.name}: no frame for {self._patience_s:.1f} s after "
-                        f"{self.captured} frames; check the camera and its cable"
+                        f"{self.captured} frames; {self._source.explain_silence()}"
                     )
                 self._changed.wait(left_s)
             frame, self._waiting = self._waiting, None
@@ -130,8 +134,8 @@ class NewestFrame:
             raise self._fault
         if not self._source.ends and not self._stopped:
             raise PerceptionError(
-                f"{self._source.name}: stopped after {self.captured} frames; check the camera and "
-                "its cable, then start again"
+                f"{self._source.name}: stopped after {self.captured} frames; "
+                f"{self._source.explain_silence()}, then start again"
             )
         return None
 

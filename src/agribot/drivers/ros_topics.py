@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from agribot.core.platform import Sensor
 from agribot.drivers.schemes import SourceContext, SourceUri
 from agribot.ros.messages.sensor_readers import make_image_readers, make_readers
@@ -9,6 +11,17 @@ from agribot.ros.ros1.master import check_master
 from agribot.ros.topic_source import TopicSource, UntypedConnection
 
 NODE = "agribot_sensors"
+
+
+class ListingConnection(UntypedConnection, Protocol):
+    """A network that knows which topics are published on it."""
+
+    def list_topics(self) -> dict[str, str]:
+        """List the topics that somebody publishes, with their types.
+
+        Raises: BridgeError: the network is gone.
+        """
+        ...
 
 
 def open_ros2_topic(sensor: Sensor, uri: SourceUri, context: SourceContext) -> TopicSource:
@@ -37,7 +50,16 @@ def open_pictures(uri: SourceUri, context: SourceContext) -> TopicSource:
     return TopicSource("frames", uri.path, connect(uri, context), readers, context.refuse)
 
 
-def _connect_ros2(uri: SourceUri, context: SourceContext) -> UntypedConnection:
+def list_topics(uri: SourceUri, context: SourceContext) -> dict[str, str]:
+    """List the topics that somebody publishes on the network of a topic, with their types.
+
+    Raises: BridgeError: the network is gone.
+    """
+    connect = _connect_ros1 if uri.scheme == "ros1" else _connect_ros2
+    return connect(uri, context).list_topics()
+
+
+def _connect_ros2(uri: SourceUri, context: SourceContext) -> ListingConnection:
     from agribot.ros.ros2.connection import Ros2Connection
 
     router = f"tcp/{uri.at}" if uri.at else context.ros.router()
@@ -47,7 +69,7 @@ def _connect_ros2(uri: SourceUri, context: SourceContext) -> UntypedConnection:
     )
 
 
-def _connect_ros1(uri: SourceUri, context: SourceContext) -> UntypedConnection:
+def _connect_ros1(uri: SourceUri, context: SourceContext) -> ListingConnection:
     from agribot.ros.ros1.connection import Ros1Connection
 
     master = check_master(f"http://{uri.at}") if uri.at else context.ros.master()

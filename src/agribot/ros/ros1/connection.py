@@ -54,6 +54,10 @@ class Ros1Connection:
         except Exception as error:  # the generated code of rosbags raises any error
             raise BridgeError(f"{len(data)} bytes are no {to_ros1_name(ros_type)}") from error
 
+    def list_topics(self) -> dict[str, str]:
+        published = self._node.ask_master("getPublishedTopics", "")
+        return {name: "/msg/".join(ros_type.split("/")) for name, ros_type in published}
+
     def advertise(self, topic: Topic) -> None:
         self._outputs[topic.name] = [
             (

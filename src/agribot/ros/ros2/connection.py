@@ -46,6 +46,9 @@ class Ros2Connection:
         except Exception as error:  # the generated code of rosbags raises any error
             raise BridgeError(f"{len(data)} bytes are no {ros_type} of ROS 2 Jazzy") from error
 
+    def list_topics(self) -> dict[str, str]:
+        return self._node.list_topics()
+
     def advertise(self, topic: Topic) -> None:
         self._writers[topic.name] = self._node.create_publisher(topic)
 

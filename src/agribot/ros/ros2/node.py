@@ -79,6 +79,13 @@ class Ros2Node:
         key = f"{self.domain}/{name.strip('/')}/*/*"
         self.keep(self.session.declare_subscriber(key, on_sample))
 
+    def list_topics(self) -> dict[str, str]:
+        """List the topics that nodes of the domain publish, with their types."""
+        tokens = self.session.liveliness().get(f"{wire.ADMIN_SPACE}/{self.domain}/**")
+        found = (wire.read_endpoint(str(one.ok.key_expr)) for one in tokens if one.ok)
+        return {one.name: wire.from_dds_name(one.type_name) for one in found
+                if one and one.kind == "MP"}  # fmt: skip
+
     def close(self) -> None:
         if not self.session.is_closed():
             self.session.close()  # type: ignore[no-untyped-call]

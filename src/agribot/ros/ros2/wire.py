@@ -71,6 +71,11 @@ def to_dds_name(ros_type: str) -> str:
     return f"{package}::{kind}::dds_::{name}_"
 
 
+def from_dds_name(name: str) -> str:
+    """Convert `sensor_msgs::msg::dds_::Imu_` to `sensor_msgs/msg/Imu`."""
+    return "/".join(part for part in name.split("::") if part != "dds_").removesuffix("_")
+
+
 def read_topic_key(key: str) -> tuple[str, str] | None:
     """Read ROS type and type hash of a topic's key; None if it is no topic's."""
     *_, name, type_hash = key.split("/")
