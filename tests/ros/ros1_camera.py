@@ -8,8 +8,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import rospy
-from sensor_msgs.msg import CompressedImage, Image
+import rospy  # type: ignore[import-not-found]
+from sensor_msgs.msg import CompressedImage, Image  # type: ignore[import-not-found]
 
 
 def main() -> None:

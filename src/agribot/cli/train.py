@@ -66,9 +66,19 @@ def _add_photographs(group: argparse._ArgumentGroup) -> None:
     add_misplaced_option(group)
     group.add_argument(
         "--loss",
-        choices=("lovasz", "dice", "iou", "none"),
+        choices=(
+            "lovasz",
+            "dice",
+            "dice-pooled",
+            "dice-squared",
+            "dice-generalised",
+            "iou",
+            "none",
+        ),
         default="lovasz",
-        help="added to the cross-entropy (none: the original's loss alone)",
+        help="added to the cross-entropy (none: the original's loss alone); dice: mean over the "
+        "classes of a batch; dice-pooled: all classes as one; dice-squared: over sums of squares, "
+        "picture by picture; dice-generalised: each class by 1 / its area squared",
     )
     group.add_argument("--folds", type=int, default=5, help="parts for cross-validation")
     group.add_argument("--fold", type=int, help="part to hold out and judge on (default: none)")
@@ -247,6 +257,8 @@ def _make_plan(args: argparse.Namespace, source: Any, group: Any) -> Any:
         processes=group.size,
     )
     plan = apply_recipe_options(plan, args)
+    if args.weighting:
+        plan = _weigh_classes(plan, source, args.weighting, group)
     if args.steps is None:
         state = load_checkpoint(args.out)
         steps = (
@@ -256,6 +268,21 @@ def _make_plan(args: argparse.Namespace, source: Any, group: Any) -> Any:
         )
         plan = msgspec.structs.replace(plan, steps=steps)
     return plan
+
+
+def _weigh_classes(plan: Any, source: Any, weighting: str, group: Any) -> Any:
+    """Compute the class weights from the labels of the pictures to train on, and print them.
+
+    Raises: ConfigError: a class that they lack.
+    """
+    from agribot.lab.train.class_weights import compute_weights, count_classes, describe_weights
+
+    counts = count_classes(source.labels())
+    weights = compute_weights(counts, weighting)
+    words = describe_weights(counts, weights, weighting)
+    if group.is_leader:
+        _print_progress(words)
+    return msgspec.structs.replace(plan, class_weights=weights, class_weighting=words)
 
 
 def _calibrate(network: Any, features: Any, source: Any) -> Any:

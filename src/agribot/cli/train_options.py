@@ -40,8 +40,10 @@ def add_recipe_options(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--class-weights",
-        metavar="WEED,CROP,SOIL",
-        help="in the cross-entropy (default: 1,2,0.6 for photographs, 1,1,0.6 for drawn images)",
+        metavar="WEED,CROP,SOIL|HOW",
+        help="in the cross-entropy (default: 1,2,0.6 for photographs, 1,1,0.6 for drawn images), "
+        "or how they come from the labels: median-frequency, inverse-frequency, inverse-root, "
+        "which is auto",
     )
     group.add_argument(
         "--learning-rate",
@@ -78,10 +80,12 @@ def check_recipe_options(args: argparse.Namespace) -> None:
     """
     from agribot.autonomy.perceive.segmenter import model_path
     from agribot.lab.train.architectures import find_architecture
+    from agribot.lab.train.class_weights import WEIGHTINGS
     from agribot.lab.train.start import IMAGENET, RANDOM
 
     args.asked = {}
-    if args.class_weights is not None:
+    args.weighting = args.class_weights if args.class_weights in WEIGHTINGS else ""
+    if args.class_weights is not None and not args.weighting:
         args.asked["class_weights"] = read_class_weights(args.class_weights)
     if args.learning_rate is not None:
         if not 0.0 < args.learning_rate <= HIGHEST_RATE:
@@ -202,7 +206,7 @@ def read_class_weights(text: str) -> tuple[float, float, float]:
     if len(weights) != len(PlantClass) or not all(0.0 < one < math.inf for one in weights):
         raise ConfigError(
             f"--class-weights {text}: write three numbers above 0, of weed, crop and soil, "
-            "such as 1,2,0.6"
+            "such as 1,2,0.6, or auto, median-frequency, inverse-frequency or inverse-root"
         )
     weed, crop, soil = weights
     return weed, crop, soil

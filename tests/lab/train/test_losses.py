@@ -11,10 +11,14 @@ import torch
 
 from agribot.lab.train.losses import (
     IGNORED,
+    OVERLAP_LOSSES,
     dice_loss,
+    generalised_dice_loss,
     iou_loss,
     lovasz_softmax,
+    pooled_dice_loss,
     segmentation_loss,
+    squared_dice_loss,
     weighted_cross_entropy,
 )
 
@@ -57,6 +61,50 @@ def test_dice(case: Case) -> None:
         guess = case.p[:, kind]
         ratios.append((2 * (guess * truth).sum() + 1) / (guess.sum() + truth.sum() + 1))
     assert float(dice_loss(case.logits, case.target)) == pytest.approx(1 - np.mean(ratios))
+
+
+def test_pooled_dice(case: Case) -> None:
+    truth = np.eye(3)[case.y]
+    expected = 1 - (2 * (case.p * truth).sum() + 1) / (case.p.sum() + truth.sum() + 1)
+    assert float(pooled_dice_loss(case.logits, case.target)) == pytest.approx(expected)
+
+
+def test_generalised_dice(case: Case) -> None:
+    truth = np.eye(3)[case.y]
+    area = truth.sum(axis=0)
+    weight = np.where(area > 0, 1 / np.maximum(area, 1) ** 2, 0)
+    overlap = (weight * (case.p * truth).sum(axis=0)).sum()
+    expected = 1 - 2 * overlap / (weight * (case.p.sum(axis=0) + area)).sum()
+    found = float(generalised_dice_loss(case.logits, case.target))
+    assert found == pytest.approx(expected, rel=1e-5)
+
+
+def test_squared_dice_is_the_mean_over_the_classes_of_each_picture(case: Case) -> None:
+    ratios = []
+    for logits, target in zip(case.logits.numpy(), case.target.numpy(), strict=True):
+        counted = target != IGNORED
+        powers = np.exp(logits - logits.max(axis=0))
+        p, y = (powers / powers.sum(axis=0))[:, counted], target[counted]
+        for kind in np.unique(y):
+            truth = (y == kind).astype(float)
+            total = (p[kind] ** 2).sum() + (truth**2).sum()
+            ratios.append((2 * (p[kind] * truth).sum() + 1) / (total + 1))
+    assert float(squared_dice_loss(case.logits, case.target)) == pytest.approx(1 - np.mean(ratios))
+
+
+@pytest.mark.parametrize("name", [name for name, loss in OVERLAP_LOSSES.items() if loss])
+def test_a_right_and_sure_picture_costs_nothing_and_one_that_is_ignored_does_not_count(
+    name: str,
+) -> None:
+    loss = OVERLAP_LOSSES[name]
+    assert loss is not None
+    target = torch.arange(3).repeat(1, 4, 4)[:, :, :9]
+    sure = 40.0 * torch.nn.functional.one_hot(target, 3).permute(0, 3, 1, 2).float()
+    assert float(loss(sure, target)) == pytest.approx(0.0, abs=1e-4)
+    assert float(loss(-sure, target)) > 0.3
+    ignored = torch.full_like(target, IGNORED)
+    half = torch.cat([sure, -sure]), torch.cat([target, ignored])
+    assert float(loss(*half)) == pytest.approx(0.0, abs=1e-4)
 
 
 def test_iou(case: Case) -> None:

@@ -92,7 +92,7 @@ crop ({int(PlantClass.CROP)}) or soil ({int(PlantClass.SOIL)}).
 - Data: {self.data}
 - Training images: {self.train_images}
 - Command: `{self.command}`{self._change()}
-- Begun with: {self._beginning()}
+- Begun with: {self._beginning()}{self._weighting()}
 - Optimiser steps: {self.plan.steps}, seed {self.plan.seed}, {self._effort()}
 - Parameters: {self.parameters:,}; file {self.file_bytes / 1e6:.2f} MB in {self.precision}, \
 SHA-256 `{self.sha256}`
@@ -113,6 +113,11 @@ Limits: {self.limits}
         if start == IMAGENET:
             return f"an encoder with the ImageNet weights of {PACKAGE} {VERSION} (Apache-2.0)"
         return f"the weights of {start}" if start else "random weights"
+
+    def _weighting(self) -> str:
+        """Say where the weights of the classes come from, where the labels gave them."""
+        words = self.plan.class_weighting
+        return f"\n- {words[:1].upper()}{words[1:]}" if words else ""
 
     def _effort(self) -> str:
         gpu = f" beside one {self.training_device}" if self.training_device else ""
@@ -252,6 +257,10 @@ def read_held_out(path: Path, plan: TrainingPlan) -> HeldOut:
     if not card.test:
         raise ConfigError(f"--scores-from {path}: that training held no images out; use --fold")
     same = msgspec.structs.replace(card.plan, steps=plan.steps, data=plan.data)
+    if plan.class_weighting and card.plan.class_weighting:  # each from its own pictures
+        same = msgspec.structs.replace(
+            same, class_weights=plan.class_weights, class_weighting=plan.class_weighting
+        )
     if same != plan or card.plan.data.split()[:1] != plan.data.split()[:1]:
         raise ConfigError(
             f"--scores-from {path}: another recipe ({card.plan}); only steps and fold may differ"

@@ -60,6 +60,7 @@ class TrainingPlan(msgspec.Struct, frozen=True, kw_only=True):
     judge_every: int = 250
     model: str = "agribot-sim"
     class_weights: tuple[float, float, float] = CLASS_WEIGHTS
+    class_weighting: str = ""  # how the weights came from the labels; empty: they were given
     overlap_loss: str = "dice"
     processes: int = 1  # that train together, each with a batch of its own
     start: str = ""  # weights to begin with: name and start of the SHA-256, or imagenet

@@ -81,6 +81,7 @@ def make_photo_source(args: argparse.Namespace, progress: Progress) -> TrainingS
         has_tests_aside=held is not None and not aside,
         judge=_make_judge(aside, (height_px, width_px), args.model),
         batches=_make_photo_batches(args, read, recipe, progress),
+        labels=lambda: (read.files[index][1] for index in range(len(read.files))),
         pictures=_read_sample(read.files),
         recipe=recipe,
         tests={f"fold {args.fold} of {args.folds}": held} if held else {},

@@ -80,6 +80,7 @@ class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
 
     batches: BatchSource
     recipe: TrainingPlan
+    labels: Callable[[], Iterable[ByteArray]]  # of the pictures to train on
     tests: dict[str, Callable[[], Iterable[LabelledImage]]]
     aside: Callable[[], Iterable[LabelledImage]] | None = None
     has_tests_aside: bool = False
@@ -132,6 +133,7 @@ def make_simulated_source(
         aside=aside,
         judge=judge,
         batches=batches,
+        labels=lambda: (label.numpy(force=True) for label in stack.labels),
         pictures=_copy_sample(stack),
         recipe=recipe,
         tests={name: partial(one.read, args.test_images) for name, one in sets.items()},
