@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from agribot.core.messages import PlantClass
+from agribot.lab.dataset.analysis import SetAnalysis
 from agribot.lab.dataset.classes import (
     ALL_IGNORED,
     UNKNOWN,
@@ -61,7 +62,8 @@ class CheckReport(msgspec.Struct, frozen=True, kw_only=True):
 class CheckTally:
     """The sums over the checked pairs."""
 
-    def __init__(self) -> None:
+    def __init__(self, analysis: SetAnalysis | None) -> None:
+        self.analysis = analysis
         self.problems: list[DatasetProblem] = []
         self.classes = ClassTally()
         self.placement = PlacementTally()
@@ -79,14 +81,16 @@ def check(
     ids: MaskIds | None = None,
     *,
     keeps_misplaced: bool = False,
+    analysis: SetAnalysis | None = None,
 ) -> CheckReport:
     """Open every file of a layout; `progress` gets how many items are done.
 
     `ids` is the meaning of the values of the masks, and colours are refused; where it is None, the
     usual meaning of values and colours is taken and doubted where the pictures speak against it.
     Pictures whose labels do not lie on their plants are problems, unless `keeps_misplaced`.
+    `analysis` counts the readable pairs.
     """
-    tally = CheckTally()
+    tally = CheckTally(analysis)
     for reason, name in layout.left_out:
         tally.note(reason, name)
     for done, item in enumerate(layout.items, 1):
@@ -160,6 +164,8 @@ def _check_item(root: Path, item: Item, tally: CheckTally, ids: MaskIds) -> None
     tally.without_plants += not counts[PlantClass.WEED] + counts[PlantClass.CROP]
     tally.classes.add(image_rgb, classes)
     tally.placement.add(item.image, image_rgb, classes)
+    if tally.analysis is not None:
+        tally.analysis.add(item, image_rgb, classes)
 
 
 def _read(root: Path, name: str, tally: CheckTally, read: Callable[[Path], Read]) -> Read | None:
