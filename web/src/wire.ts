@@ -612,11 +612,13 @@ export interface FieldRow {
  * The ground that a map shows.
  *
  * `rows` are the task's, swaths of a plan too; `crop_map_m` are all rows of crop that stand there.
+ * `declination_deg` is that of magnetic North as the robot takes it, East positive.
  */
 export interface Field {
   name: string
   datum: DatumPlace
   datum_source: string
+  declination_deg: number
   rows: FieldRow[]
   crop_map_m: Vec2[][]
   boundary_map_m: Vec2[] | null

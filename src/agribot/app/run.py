@@ -75,6 +75,7 @@ class Run:
         """
         self.config, self.out_dir = setup.config, setup.out_dir
         self.robot, self.platform, self.stack = setup.robot, platform, stack
+        self.notes, self._setup_warnings = setup.notes, setup.warnings
         self.judge = judge
         self._plan_text, self._first_taps = setup.plan_text, tuple(taps)
         self._task = self.task
@@ -165,7 +166,7 @@ class Run:
         speeds = warn_of_speeds(self.config.mission, most_mps)
         work = self.task.work
         gaps = describe_gaps(work.legs, work.area, work.request, self.robot) if work else ()
-        return (*self.robot.warnings, *lost, *speeds, *gaps)
+        return (*self.robot.warnings, *self._setup_warnings, *lost, *speeds, *gaps)
 
     def take_sensors(self, sources: Sequence[SensorSource]) -> None:
         """Let sensors from elsewhere stand in for the platform's own; before the first tick."""

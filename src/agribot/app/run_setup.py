@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ import msgspec
 
 from agribot.app import whole_job
 from agribot.app.calibration.measured_robot import apply_calibration
+from agribot.app.declination import settle_declination
 from agribot.app.field_work import read_field_work, read_plan_text
 from agribot.app.known_plants import read_plant_file, read_plants
 from agribot.app.prescribed_zones import read_prescription_file, read_zones
@@ -50,6 +52,8 @@ class RunSetup(NamedTuple):
     earlier: JobSoFar
     prescription: bytes
     plants: bytes
+    notes: tuple[str, ...] = ()  # where settings come from that nobody gave
+    warnings: tuple[str, ...] = ()  # what is odd about the settings
 
     def build_stack(self) -> Stack:
         """Build the stack.
@@ -82,6 +86,7 @@ def prepare_run(
         config = msgspec.structs.replace(config, plan=str(out_dir / PLAN_FILE))
     config = settle_origin(take_world_rows(_settle_inputs(config)))
     described = load_robot(config.robot)
+    config, notes, warnings = settle_declination(config, described, datetime.date.today())
     read_faults(config, has_camera=described.camera is not None, began_s=earlier.sim_s)
     robot = apply_calibration(described, config.calibration)
     text = plan_text or read_plan_text(config)
@@ -98,6 +103,8 @@ def prepare_run(
         earlier=earlier,
         prescription=read_prescription_file(config),
         plants=read_plant_file(config),
+        notes=notes,
+        warnings=warnings,
     )
 
 

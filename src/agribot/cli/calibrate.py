@@ -136,9 +136,13 @@ def _calibrate_magnetometer(
         calibrate_recorded_magnetometer,
         format_magnetometer,
     )
+    from agribot.record.replay import read_config
 
     if options.recording:
-        result = calibrate_recorded_magnetometer(Path(options.recording))
+        path = Path(options.recording)
+        result = calibrate_recorded_magnetometer(path)
+        declination_deg = read_config(path).field.declination_deg or 0.0
+        sys.stderr.write(f"declination: {declination_deg:g} deg, as the recording's settings say\n")
     elif robot.mag is None:
         raise ConfigError(
             f"{options.robot}: its description has no magnetometer, so that there is nothing to "

@@ -138,6 +138,7 @@ def _list_checks(*, is_full: bool) -> Iterator[Check]:
     yield computer.check_disk
     yield computer.check_clock
     yield computer.check_heat
+    yield computer.check_declination
     from agribot.cli import doctor_devices as devices
 
     yield devices.check_devices

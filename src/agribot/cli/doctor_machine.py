@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import datetime
 import os
 import platform
 import re
@@ -117,6 +118,30 @@ def check_clock(is_steered: Callable[[], bool | None] | None = None) -> Iterator
             "the receiver's time (gpsd with chrony)"
         )
         yield CheckResult(what="clock", state="warning", detail=detail)
+
+
+def check_declination(day: datetime.date | None = None) -> Iterator[CheckResult]:
+    """Check that the World Magnetic Model, which a compass needs, is there and knows the day."""
+    from agribot.app.declination import find_magnetic_north, warn_of_model
+    from agribot.core.config import FieldConfig
+    from agribot.core.errors import ConfigError
+
+    datum = FieldConfig().datum
+    try:
+        north = find_magnetic_north(datum, day or datetime.date.today())
+    except ConfigError as error:
+        yield CheckResult(what="declination", state="missing", detail=str(error))
+        return
+    odd = warn_of_model(north, datum)
+    if odd:
+        detail = "; ".join(text.removeprefix("declination: ") for text in odd)
+        yield CheckResult(what="declination", state="warning", detail=detail)
+        return
+    detail = (
+        f"{north.model} until {north.until_year}; a real robot with a compass needs no "
+        "field.declination_deg"
+    )
+    yield CheckResult(what="declination", state="ok", detail=detail)
 
 
 def is_clock_steered() -> bool | None:

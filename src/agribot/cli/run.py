@@ -118,6 +118,7 @@ def run(options: argparse.Namespace) -> int:
         stop_on_signal() as stop,  # before a page tells its address
         ExitStack() as parts,
     ):
+        sys.stderr.writelines(f"{note}\n" for note in session.notes)
         sys.stderr.writelines(f"warning: {warning}\n" for warning in session.warnings)
         service = parts.enter_context(service_manager.open_service(session))
         page = parts.enter_context(open_page(options, session)) if has_page(options) else None

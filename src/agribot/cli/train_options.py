@@ -38,20 +38,7 @@ def add_recipe_options(group: argparse._ArgumentGroup) -> None:
         metavar="MODEL",
         help="with --blend: begin at these weights instead, of another network of the same kind",
     )
-    group.add_argument(
-        "--class-weights",
-        metavar="WEED,CROP,SOIL|HOW",
-        help="in the cross-entropy (default: 1,2,0.6 for photographs, 1,1,0.6 for drawn images), "
-        "or how they come from the labels: median-frequency, inverse-frequency, inverse-root, "
-        "which is auto",
-    )
-    group.add_argument(
-        "--learning-rate",
-        type=float,
-        metavar="RATE",
-        help="at its highest (default: 0.003; 0.0015 with imagenet, 0.001 with another start)",
-    )
-
+    _add_weight_options(group)
     group.add_argument("--crop-px", type=int, default=320, help="width of the crops trained on")
     group.add_argument("--batch-size", type=int, default=8, help="crops in a step")
     group.add_argument(
@@ -68,6 +55,22 @@ def add_recipe_options(group: argparse._ArgumentGroup) -> None:
         action="store_true",
         help="of a network that finds plants: only the stems learn, the classes of the weights "
         "that it begins with stay as they are",
+    )
+
+
+def _add_weight_options(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--class-weights",
+        metavar="WEED,CROP,SOIL|HOW",
+        help="in the cross-entropy (default: 1,2,0.6 for photographs, 1,1,0.6 for drawn images), "
+        "or how they come from the labels: median-frequency, inverse-frequency, inverse-root, "
+        "which is auto",
+    )
+    group.add_argument(
+        "--learning-rate",
+        type=float,
+        metavar="RATE",
+        help="at its highest (default: 0.003; 0.0015 with imagenet, 0.001 with another start)",
     )
 
 

@@ -43,6 +43,7 @@ def field_of(
         name=config.world,
         datum=wire.DatumPlace(lat_deg=datum.lat_deg, lon_deg=datum.lon_deg),
         datum_source=config.field.datum_source,
+        declination_deg=config.field.declination_deg or 0.0,
         rows=[_row_of(row) for row in rows],
         crop_map_m=[_corners(line) for line in (area.standing if area else lines)],
         boundary_map_m=_corners(area.boundary) if area and len(area.boundary) else None,

@@ -699,11 +699,13 @@ class Field(msgspec.Struct, frozen=True, kw_only=True):
     """The ground that a map shows.
 
     `rows` are the task's, swaths of a plan too; `crop_map_m` are all rows of crop that stand there.
+    `declination_deg` is that of magnetic North as the robot takes it, East positive.
     """
 
     name: str
     datum: DatumPlace
     datum_source: str
+    declination_deg: float
     rows: list[FieldRow]
     crop_map_m: list[list[Vec2]]
     boundary_map_m: list[Vec2] | None

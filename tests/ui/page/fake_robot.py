@@ -75,6 +75,7 @@ def field() -> wire.Field:
         name="farm",
         datum=DATUM,
         datum_source="home",
+        declination_deg=0.0,
         rows=[
             wire.FieldRow(
                 index=i,

@@ -29,9 +29,13 @@ export function viewSettings(view: MapView): ViewSettings {
   )
   const origin = el('p', { class: 'muted small select-all' })
   const done = app.onField(() => {
-    const { datum, datum_source: source } = app.field ?? {}
+    const { datum, datum_source: source, declination_deg: declination = 0 } = app.field ?? {}
     if (datum)
-      setText(origin, `Origin ${datum.lat_deg.toFixed(7)}, ${datum.lon_deg.toFixed(7)}${source ? ` · ${source}` : ''}`)
+      setText(
+        origin,
+        `Origin ${datum.lat_deg.toFixed(7)}, ${datum.lon_deg.toFixed(7)}${source ? ` · ${source}` : ''}` +
+          ` · declination ${declination.toFixed(1)}°`,
+      )
   })
   const refresh = (): void => {
     target.value = tracking.target

@@ -57,7 +57,7 @@ def calibrate_recorded_magnetometer(path: Path) -> MagResult:
     headings = (
         (tick.batch, tick.estimate.yaw_map_rad) for tick in read_ticks(path) if tick.estimate.ok
     )
-    return _fit_headings(headings, math.radians(config.field.declination_deg))
+    return _fit_headings(headings, math.radians(config.field.declination_deg or 0.0))
 
 
 def _fit_headings(

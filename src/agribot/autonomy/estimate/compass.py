@@ -101,7 +101,7 @@ class Compass(Correction[MagSample]):
     def __init__(self, pose: PoseFilter) -> None:
         super().__init__(pose)
         config = pose.config
-        self._declination_rad = math.radians(pose.field.declination_deg)
+        self._declination_rad = math.radians(pose.field.declination_deg or 0.0)
         self._bias_std_rad = config.mag_bias_std_rad
         self._noise = NoiseMeter(config.mag_std_rad)
         self._set = MagCalibration(offset_t=config.mag_offset_t, shape=config.mag_shape)
