@@ -6,6 +6,8 @@ import argparse
 import math
 import time
 from collections import deque
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -108,7 +110,7 @@ class TopicFrames:
         self._refused = ""
         self._context = source_context(load_robot(), network, self._refuse)
         self._topic = open_pictures(place, self._context)
-        self._list_topics = lambda: list_topics(place, self._context)
+        self._list_topics: Callable[[], dict[str, str]] = partial(list_topics, place, self._context)
 
     def read(self) -> ByteArray | None:
         """Wait for the next picture, (H, W, 3)."""

@@ -8,9 +8,10 @@ import select
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from agribot.cli.joint_jogging import add_joint_arguments, open_jogger
 from agribot.cli.ranges import finite
 from agribot.cli.robot_address import add_robot_arguments, find_robot
 from agribot.cli.stopping import stop_on_signal
@@ -66,11 +67,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="table of axes and buttons of joy_teleop or teleop_twist_joy, of ROS 1 or 2, in place "
         "of --deadman, --axes and the rates",
     )
+    add_joint_arguments(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     extras.require("ui", "agribot teleop")
     rates = _read_rates(options)
+    if options.joints is not None and options.config is None:
+        raise ConfigError("--joints is for a joystick with a table: give --config")
     hand = _choose_hand(options, rates) if options.device == "joystick" else None
     door = find_robot(options)
     with (
@@ -198,10 +202,17 @@ def _make_request(twist: Twist | None, asked: list[str]) -> Wish:
 
 @contextmanager
 def _open_joystick(options: argparse.Namespace, hand: StickHand | TableHand) -> Iterator[Read]:
-    """Read a joystick or gamepad.
+    """Read a joystick or gamepad, whose buttons may move joints.
 
-    Raises: ConfigError: no such device. PlatformError: it was pulled out.
+    Raises: ConfigError: no such device, or no such joint. PlatformError: it was pulled out.
+        BridgeError: the network of the joints cannot be reached.
     """
+    joints = open_jogger(options, hand) if isinstance(hand, TableHand) else ExitStack()
+    with joints:
+        yield from _read_joystick(options, hand)
+
+
+def _read_joystick(options: argparse.Namespace, hand: StickHand | TableHand) -> Iterator[Read]:
     try:
         handle = os.open(options.joy, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
     except OSError as error:

@@ -54,9 +54,11 @@ def test_computed_weights_are_printed_and_stand_in_plan_card_and_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     photos = photo_folder(tmp_path / "photos", 3)
-    words = ("--data", "folder", "--data-dir", str(photos), "--model", "agribot-sim")
-    words += ("--loss", "dice-generalised", "--size", "64x64", "--steps", "1")
-    words += ("--class-weights", "median-frequency")
+    words = [
+        *("--data", "folder", "--data-dir", str(photos), "--model", "agribot-sim"),
+        *("--loss", "dice-generalised", "--size", "64x64", "--steps", "1"),
+        *("--class-weights", "median-frequency"),
+    ]
     folds = ("--folds", "3", "--fold", "0")
     assert run(parsed(*words, *folds, "--out", str(tmp_path / "out"))) == 0
     path = tmp_path / "out" / "agribot-sim.json"

@@ -41,7 +41,7 @@ def _draw_annotated(groups: Sequence[GroupCounts]) -> Figure:
     axes.bar(places, annotated, color=GREEN, label="annotated")
     axes.bar(places, left, bottom=annotated, color=GREY, hatch="///", label="without a mask")
     axes.set_ylabel("images")
-    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.locator_params(axis="y", integer=True)
     _name_groups(axes, groups)
     _add_legend(axes)
     return figure

@@ -29,7 +29,8 @@ class ClassCounts(NamedTuple):
     @property
     def ratios(self) -> npt.NDArray[np.float64]:
         """Share of each class in all labelled pixels."""
-        return self.pixels / self.pixels.sum()
+        ratios: npt.NDArray[np.float64] = self.pixels / self.pixels.sum()
+        return ratios
 
 
 def count_classes(labels: Iterable[ByteArray]) -> ClassCounts:

@@ -8,6 +8,7 @@ ROS's `joy`: forward and left are positive.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +16,7 @@ import msgspec
 
 from agribot.core.config import check_finite
 from agribot.core.errors import ConfigError
+from agribot.ros.joint_step import JointStep
 from agribot.ui import wire
 from agribot.ui.hand.inputs import STILL, HandRequest, Wish
 from agribot.ui.hand.joystick import JoystickState
@@ -40,6 +42,8 @@ REQUESTS: dict[str, wire.PageRequest] = {
     "start_recording": wire.ControlRecording(action="start"),
     "stop_recording": wire.ControlRecording(action="stop"),
 }
+
+STEP = "increment"  # last part of the name of an action that moves joints by steps
 
 Number = Annotated[int, msgspec.Meta(ge=0, le=255)]
 
@@ -97,6 +101,13 @@ class MarkContent(_Entry, frozen=True):
         return wire.MarkMoment(text=self.text)
 
 
+class StepContent(_Entry, frozen=True):
+    """Joints of the action's controller, and how far each of them moves, rad or m."""
+
+    joints: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
+    increment_by: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]
+
+
 class NoContent(_Entry, frozen=True):
     pass
 
@@ -127,7 +138,7 @@ class TableHand:
     """A gamepad by a table. Nothing moves unless all dead-man buttons of a velocity are held.
 
     Of several velocities that are held, the one with the most buttons counts, of these the first.
-    A request is made once, when its last button goes down.
+    A request is made once, when its last button goes down, and so is a step of joints.
     """
 
     def __init__(
@@ -136,7 +147,10 @@ class TableHand:
         requests: list[tuple[tuple[int, ...], HandRequest]],
         scale: float = 1.0,
         dead_zone: float = 0.1,
+        steps: Sequence[tuple[tuple[int, ...], JointStep]] = (),
     ) -> None:
+        self._button_steps = steps
+        self.on_step: Callable[[JointStep], None] = _ignore_step
         self._velocities = sorted(velocities, key=lambda one: -len(one.buttons))
         self._requests = requests
         self._scale, self._dead_zone = scale, dead_zone
@@ -147,12 +161,20 @@ class TableHand:
         driven = next((one for one in self._velocities if held.issuperset(one.buttons)), None)
         twist = STILL if driven is None else self._twist(driven, stick)
         down = held | pressed
-        asked = [
-            request
-            for buttons, request in self._requests
-            if down.issuperset(buttons) and not pressed.isdisjoint(buttons)
-        ]
+
+        def is_asked(buttons: tuple[int, ...]) -> bool:
+            return down.issuperset(buttons) and not pressed.isdisjoint(buttons)
+
+        for buttons, step in self._button_steps:
+            if is_asked(buttons):
+                self.on_step(step)
+        asked = [request for buttons, request in self._requests if is_asked(buttons)]
         return Wish(twist, tuple(asked))
+
+    @property
+    def steps(self) -> tuple[JointStep, ...]:
+        """The steps of joints that the table has; `on_step` is called with one that is asked."""
+        return tuple(step for _, step in self._button_steps)
 
     def _twist(self, velocity: Velocity, stick: JoystickState) -> tuple[float, float]:
         wanted = {constant.target: constant.value for constant in velocity.message_value}
@@ -168,6 +190,10 @@ class TableHand:
         )
 
 
+def _ignore_step(_step: JointStep) -> None:
+    """Until somebody moves joints."""
+
+
 def read_table(path: Path, scale: float, dead_zone: float) -> TableHand:
     """Read which stick and button does what.
 
@@ -175,15 +201,47 @@ def read_table(path: Path, scale: float, dead_zone: float) -> TableHand:
     """
     velocities: list[Velocity] = []
     requests: list[tuple[tuple[int, ...], HandRequest]] = []
+    steps: list[tuple[tuple[int, ...], JointStep]] = []
     for name, entry in _commands(path).items():
         at = f"{path}: {name}"
         command = _command(entry, at)
         if isinstance(command, Velocity):
             _check_velocity(command, at)
             velocities.append(command)
+        elif isinstance(command, Action) and _names_step(command):
+            steps.append((command.buttons, _read_step(name.rpartition(".")[2], command, at)))
         else:
             requests.append((command.buttons, _request(name.rpartition(".")[2], command, at)))
-    return TableHand(velocities, requests, scale, dead_zone)
+    return TableHand(velocities, requests, scale, dead_zone, steps)
+
+
+def _names_step(command: Action) -> bool:
+    return command.action_name.rpartition("/")[2] == STEP
+
+
+def _read_step(name: str, command: Action, at: str) -> JointStep:
+    """Read a step of joints, as `CONTROLLER/increment` with the original's `increment_by`.
+
+    Raises: ConfigError: no controller, no joints, or not a number for each of them.
+    """
+    controller = command.action_name.strip("/").removesuffix(STEP).strip("/")
+    if not controller:
+        raise ConfigError(
+            f"{at}.action_name = '{command.action_name}': name the controller of the joints, such "
+            "as mast_controller/increment"
+        )
+    try:
+        content = msgspec.convert(command.action_goal, StepContent)
+    except msgspec.ValidationError as error:
+        raise ConfigError(
+            f"{at}.action_goal: {error}; write it as {{joints: [NAME], increment_by: [0.05]}}"
+        ) from error
+    if len(content.joints) != len(content.increment_by):
+        raise ConfigError(
+            f"{at}.action_goal: {len(content.joints)} joints and {len(content.increment_by)} "
+            "numbers in increment_by; write one for each"
+        )
+    return JointStep(name, controller, content.joints, content.increment_by)
 
 
 def _commands(path: Path) -> dict[str, Any]:
@@ -254,7 +312,7 @@ def _request(name: str, command: Action | Service, at: str) -> HandRequest:
         content_key = "service_request"
     short_name = full_name.rpartition("/")[2]
     if short_name not in REQUESTS and short_name not in CONTENTS:
-        known = ", ".join((*REQUESTS, *CONTENTS))
+        known = ", ".join((*REQUESTS, *CONTENTS, f"CONTROLLER/{STEP}"))
         raise ConfigError(f"{at}.{key} = '{full_name}': known are {known}")
     try:
         if short_name in CONTENTS:
