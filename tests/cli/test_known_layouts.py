@@ -72,14 +72,3 @@ def test_a_command_that_has_the_options_names_them(
 ) -> None:
     assert main([*words, str(tmp_path)]) == 2
     assert "name them with --images and --masks" in capsys.readouterr().err
-
-
-def test_a_robot_in_sdf_is_refused_with_what_to_give(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["describe", "--sdf"]) == 0
-    file = tmp_path / "a.sdf"
-    file.write_text(capsys.readouterr().out)
-    assert main(["describe", "--robot", str(file)]) == 2
-    told = capsys.readouterr().err
-    assert "SDF is read for worlds and models, not for robots; give the robot's URDF or" in told

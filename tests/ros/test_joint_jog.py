@@ -243,7 +243,7 @@ def test_a_button_moves_a_joint_of_a_real_ros_1_system(
     ros1.stop(recorder)
     with AnyReader([bag]) as reader:
         ((connection, _, data), *_) = reader.messages()
-        message = reader.deserialize(data, connection.msgtype)
+        message: Any = reader.deserialize(data, connection.msgtype)
     assert (connection.topic, list(message.joint_names)) == (COMMAND, ["mast_tilt"])
     assert min(abs(message.points[0].positions[0] - at) for at in (-0.1, -0.2)) < 1e-9
     assert "mast_up: mast_tilt -0.200 -> -0.100 rad" in capsys.readouterr().err

@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--robot",
         default="agribot",
         metavar="NAME|FILE",
-        help="xacro or URDF; arguments follow it: 'x.xacro wheels:=4'",
+        help="xacro, URDF or SDF; arguments of a xacro follow it: 'x.xacro wheels:=4'",
     )
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--urdf", action="store_true", help="print the expanded URDF")

@@ -45,8 +45,8 @@ class FieldConfig(Config, frozen=True):
 
     datum: Datum = Datum(lat_deg=21.161289, lon_deg=72.787022)  # the origin of the map on Earth
     datum_source: str = ""  # what `--origin` took the datum from; a simulated world goes there
-    # Of magnetic north, east positive; None: on a real robot that of the World Magnetic Model at the
-    # datum today, in the simulator 0.
+    # Of magnetic north, east positive; None: on a real robot that of the World Magnetic Model at
+    # the datum today, in the simulator 0.
     declination_deg: Annotated[float, msgspec.Meta(ge=-180, le=180)] | None = None
     first_row_start_map_m: tuple[float, float] = (1.0, 2.0)  # the first plant of the first row
     # Direction of the rows, counter-clockwise from East.

@@ -30,9 +30,10 @@ from agribot.description.package import (
     split_arguments,
 )
 from agribot.description.poses import tell_large_angles
+from agribot.description.sdf_robot import read_sdf_robot
 from agribot.description.sensor_places import place_sensors, tell_turned, tell_unread
 
-SDF_SUFFIXES = (".sdf", ".world")
+SDF, WORLD = ".sdf", ".world"
 # Of the wheels together: a lighter body lacks its mass, and its physics would be unstable.
 MIN_BODY_RATIO = 0.05
 MOST_KG_PER_M2 = 3000.0  # of the ground under it; a tractor has 1500, a tank 2500
@@ -41,7 +42,7 @@ MOST_KG_PER_M2 = 3000.0  # of the ground under it; a tractor has 1500, a tank 25
 def load_robot(
     name_or_path: str = "agribot", mappings: Mapping[str, str] | None = None
 ) -> RobotSpec:
-    """Read a packaged robot, or a .xacro or .urdf file.
+    """Read a packaged robot, or a .xacro, .urdf or .sdf file.
 
     `mappings` are values for the file's xacro arguments, such as {"legacy_camera": "true"}; they
     may also follow the name, as in "agribot legacy_camera:=true".
@@ -69,7 +70,7 @@ def check_robot(name_or_path: str = "agribot") -> tuple[FileFinding, ...]:
         raise DescriptionError(f"robot file {path} does not exist; check the path")
     source = SourceFile(path.name, collecting=True)
     try:
-        _read_robot(expand(path, mappings, source), source, path)
+        _read_robot(_read_tree(path, mappings, source), source, path)
     except DescriptionError as error:
         source.note(error)
     return tuple(sorted(dict.fromkeys(source.findings), key=lambda f: (f.file, f.line)))
@@ -89,7 +90,14 @@ def _open_source(
     name, written = split_arguments(name_or_path)
     path = _find_robot_file(name)
     source = SourceFile(path.name)
-    return expand(path, {**written, **mappings}, source), source, path
+    return _read_tree(path, {**written, **mappings}, source), source, path
+
+
+def _read_tree(path: Path, mappings: Mapping[str, str], source: SourceFile) -> ET.Element:
+    """Read a file as a URDF tree; an SDF takes no arguments."""
+    if path.suffix.lower() == SDF and not mappings and path.is_file():
+        return read_sdf_robot(path, source)
+    return expand(path, mappings, source)
 
 
 def _adopt(root: ET.Element, source: SourceFile, folder: Path) -> None:
@@ -163,9 +171,10 @@ def _check_weight(links: Sequence[Link], drive: DriveSpec, source: SourceFile) -
 
 
 def _find_robot_file(name_or_path: str) -> Path:
-    if Path(name_or_path).suffix.lower() in SDF_SUFFIXES:
+    if Path(name_or_path).suffix.lower() == WORLD:
         raise DescriptionError(
-            f"{name_or_path}: SDF is read for worlds and models, not for robots; give the robot's "
-            "URDF or xacro, from which this SDF was made or with which it was published"
+            f"{name_or_path}: that is a world; give the robot's own URDF, xacro or .sdf"
         )
+    if Path(name_or_path).suffix.lower() == SDF:
+        return Path(name_or_path)
     return find_packaged_or_file("robot", name_or_path, list_robot_files(), (".xacro", ".urdf"))
