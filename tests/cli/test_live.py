@@ -87,6 +87,17 @@ def test_a_camera_that_hangs_is_given_up() -> None:
         list(NewestFrame(HangingCamera(frames=5), patience_s=0.1))
 
 
+def test_a_camera_that_hangs_does_not_hold_up_who_interrupts() -> None:
+    asked: list[int] = []
+
+    def is_stopped() -> bool:
+        asked.append(1)
+        return len(asked) > 1
+
+    frames = NewestFrame(HangingCamera(frames=5), patience_s=WAIT_S, is_stopped=is_stopped)
+    assert len(list(frames)) <= 1
+
+
 def test_live_shows_frames_and_latency_and_keeps_the_newest_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -102,10 +102,10 @@ def run(args: argparse.Namespace) -> int:
     from agribot.lab.train.networks import open_network
 
     segmenter = open_network(args.model, args.threads, args.size, args.provider)
-    source = open_source(args.source, args.seed)
-    frames = choose_frames(source, args)
-    meter, fault = Meter(), ""
+    fault = ""
     with stop_on_signal() as stop, _open_page(args) as page:
+        frames = choose_frames(open_source(args.source, args.seed), args, stop)
+        meter = Meter()
         try:
             _watch(frames, segmenter, meter, (args.out, page), stop)
         except PerceptionError as error:
@@ -128,8 +128,8 @@ def run(args: argparse.Namespace) -> int:
     return 130 if stop else 1 if fault or not summary["frames"] else 0
 
 
-def choose_frames(source: FrameSource, args: argparse.Namespace) -> Frames:
-    """Take every frame of a file, and the newest one of a camera.
+def choose_frames(source: FrameSource, args: argparse.Namespace, stop: list[int]) -> Frames:
+    """Take every frame of a file, and the newest one of a camera until `stop` holds a signal.
 
     Raises: ConfigError: --every of a camera.
     """
@@ -140,7 +140,7 @@ def choose_frames(source: FrameSource, args: argparse.Namespace) -> Frames:
         raise ConfigError(
             f"--every is for files; {source.name} is always looked at in its newest frame"
         )
-    return NewestFrame(source, args.patience, args.seconds)
+    return NewestFrame(source, args.patience, args.seconds, lambda: bool(stop))
 
 
 def open_source(name: str, seed: int) -> FrameSource:

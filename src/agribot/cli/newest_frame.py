@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol
 
 from agribot.core.errors import AgribotError, PerceptionError
 from agribot.core.messages import ByteArray
+
+LOOK_S = 0.2  # from look to look whether somebody has interrupted
 
 
 class FrameSource(Protocol):
@@ -82,9 +84,15 @@ class NewestFrame:
     """
 
     def __init__(
-        self, source: FrameSource, patience_s: float = 5.0, seconds: float | None = None
+        self,
+        source: FrameSource,
+        patience_s: float = 5.0,
+        seconds: float | None = None,
+        is_stopped: Callable[[], bool] = lambda: False,
     ) -> None:
+        """`is_stopped` ends the iteration as `stop` does; it is looked at while no frame comes."""
         self.captured = self.dropped = 0
+        self._is_stopped = is_stopped
         self._source = source
         self._patience_s = patience_s
         self._seconds = seconds
@@ -119,6 +127,8 @@ class NewestFrame:
         with self._changed:
             while self._waiting is None and not self._ended:
                 left_s = until_s - time.monotonic()
+                if self._is_stopped():
+                    return None
                 if left_s <= 0.0:
                     if until_s >= end_s:
                         return None
@@ -126,7 +136,7 @@ class NewestFrame:
                         f"{self._source.name}: no frame for {self._patience_s:.1f} s after "
                         f"{self.captured} frames; {self._source.explain_silence()}"
                     )
-                self._changed.wait(left_s)
+                self._changed.wait(min(left_s, LOOK_S))
             frame, self._waiting = self._waiting, None
         if frame is not None:
             return frame
