@@ -18,6 +18,7 @@ from agribot.core.errors import ConfigError
 from agribot.core.topics import Topic
 from agribot.drivers.schemes import SourceUri, read_sources, require_extras
 from agribot.ros.requests import Requests
+from agribot.ros.robot_link import RobotLink
 from agribot.ros.ros1.master import MASTER, check_master
 
 if TYPE_CHECKING:
@@ -114,11 +115,20 @@ def open_bridges(options: argparse.Namespace, session: Run) -> Iterator[None]:
     Raises: AgribotError: an option is out of range, or a peer that must be there is not.
     """
     from agribot.description.loader import export_urdf
+    from agribot.ros.frames import PeerFrames
 
     if not is_wanted(options):
         yield
         return
-    requests = Requests(session.inbox, allow_drive=options.allow_drive, report=print_line)
+    link = RobotLink(session.inbox)
+    requests = Requests(
+        session.inbox,
+        allow_drive=options.allow_drive,
+        report=print_line,
+        link=link,
+        frames=PeerFrames(session.config.field.datum),
+    )
+    session.add_tap(link)
     taken = {place.path for place in read_sources(session.config.sources).values()}
     has_camera = session.robot.camera is not None
     out = [
@@ -301,12 +311,16 @@ def read_master(options: argparse.Namespace) -> str:
 
 
 def _open_ros1(
-    options: argparse.Namespace, out: Sequence[Topic], urdf: str, requests: Requests, _: object
+    options: argparse.Namespace,
+    out: Sequence[Topic],
+    urdf: str,
+    requests: Requests,
+    settings: Mapping[str, Setting] | None,
 ) -> Gateway:
     from agribot.ros.ros1.gateway import Ros1Gateway
 
     master = read_master(options)
-    gateway = Ros1Gateway(requests, out, urdf, master)
+    gateway = Ros1Gateway(requests, out, urdf, master, serves=settings is not None)
     print_line(f"ROS 1: node /agribot at the master {master}")
     return gateway
 

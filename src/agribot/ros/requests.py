@@ -11,33 +11,45 @@ import struct
 import threading
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from agribot.core.errors import BridgeError
-from agribot.core.messages import Inbox, OperatorAction, OperatorEvent
+from agribot.core.messages import Inbox, OperatorAction, OperatorEvent, TickRecord
+from agribot.ros.robot_link import OnAnswer, RobotLink
+
+if TYPE_CHECKING:
+    from agribot.ros.frames import PeerFrames
 
 MIN_INTERVAL_S = 0.005  # of twists; faster ones are dropped, except those that stop
 _REPORT_PERIOD_S = 5.0
 _KEPT_REASONS = 100
-_MOVING: frozenset[OperatorAction] = frozenset({"resume", "clear_stop", "visit", "set"})
+_MOVING: frozenset[OperatorAction] = frozenset(
+    {"resume", "clear_stop", "start", "skip_row", "return_home", "goto", "visit", "set"}
+)
 
 Twist = tuple[float, float, float, float, float, float]  # linear x y z, angular x y z
 
 SERVICES: tuple[tuple[str, OperatorAction], ...] = (
     ("/agribot/stop", "stop"),
     ("/agribot/clear_stop", "clear_stop"),
+    ("/agribot/start", "start"),
     ("/agribot/resume", "resume"),
+    ("/agribot/skip_row", "skip_row"),
+    ("/agribot/return_home", "return_home"),
     ("/agribot/cancel", "cancel"),
     ("/agribot/mark", "mark"),
     ("/agribot/start_recording", "start_recording"),
     ("/agribot/stop_recording", "stop_recording"),
 )
 PAUSE_SERVICE = "/agribot/pause"  # true pauses, false resumes
+SET_POSE_SERVICE = "/agribot/set_pose"  # takes the pose from the parameters initial_pose
 
 
 class Requests:
     """Posts requests from any thread.
 
-    `report` is called with each refusal and its reason, at most every few seconds for each.
+    `report` is called with each refusal and its reason, at most every few seconds for each. With a
+    `link`, which must be a tap of the run, peers get the mission's own answers.
     """
 
     def __init__(
@@ -47,8 +59,11 @@ class Requests:
         allow_drive: bool = False,
         report: Callable[[str], None] = lambda _text: None,
         now_s: Callable[[], float] = time.monotonic,
+        link: RobotLink | None = None,
+        frames: PeerFrames | None = None,
     ) -> None:
-        self.allow_drive = allow_drive
+        self.allow_drive, self.link = allow_drive, link
+        self.frames = frames
         self._inbox, self._report, self._now_s = inbox, report, now_s
         self._lock = threading.Lock()
         self._next_twist_s = -math.inf
@@ -87,28 +102,57 @@ class Requests:
 
     def request_action(self, action: OperatorAction, source: str) -> tuple[bool, str]:
         """Request an action; return whether it was posted, and the text for the peer."""
-        return self._post(OperatorEvent(t_s=0.0, action=action, source=source))
+        return self.post(OperatorEvent(t_s=0.0, action=action, source=source))
 
-    def _post(self, event: OperatorEvent) -> tuple[bool, str]:
-        action = event.action
-        if action in _MOVING and not self.allow_drive:
-            text = f"'{action}' can set the robot in motion; start with --allow-drive to take it"
+    def ask_action(self, action: OperatorAction, source: str) -> tuple[bool, str]:
+        """Request an action and wait a few seconds for what the mission makes of it."""
+        event = OperatorEvent(t_s=0.0, action=action, source=source)
+        refusal = self._find_refusal(event)
+        if refusal or self.link is None:
+            return self.post(event)
+        taken, text = self.link.ask(event)
+        if not taken:
+            self.refuse(f"{source}: {text}")
+        return taken, text
+
+    def request_goal(self, event: OperatorEvent, on_answer: OnAnswer) -> tuple[bool, str]:
+        """Request to drive to places; what the mission answers is reported, too."""
+
+        def report_answer(refusal: str, record: TickRecord) -> None:
+            if refusal:
+                self.refuse(f"{event.source}: {refusal}")
+            on_answer(refusal, record)
+
+        return self.post(event, report_answer)
+
+    def request_note(self, text: str, source: str) -> None:
+        """Put a text into the recording; nothing moves."""
+        self.post(OperatorEvent(t_s=0.0, action="note", source=source, text=text))
+
+    def post(self, event: OperatorEvent, on_answer: OnAnswer | None = None) -> tuple[bool, str]:
+        """Post a request that is allowed; return whether it was, and the text for the peer.
+
+        `on_answer` is called when the mission took or refused it, if there is a `link`.
+        """
+        if text := self._find_refusal(event):
             self.refuse(f"{event.source}: {text}")
             return False, text
-        self._inbox.post(event)
-        return True, f"'{action}' handed to the robot"
+        if on_answer is not None and self.link is not None:
+            self.link.post(event, on_answer)
+        else:
+            self._inbox.post(event)
+        return True, f"'{event.action}' handed to the robot"
 
-    def request_visit(
-        self, places_map_m: tuple[float, ...], name: str, source: str
-    ) -> tuple[bool, str]:
-        """Request to drive to places, x and y of each, in place of the mission."""
-        return self._post(
-            OperatorEvent(t_s=0.0, action="visit", source=source, text=name, numbers=places_map_m)
-        )
+    def _find_refusal(self, event: OperatorEvent) -> str:
+        if event.action in _MOVING and not self.allow_drive:
+            return (
+                f"'{event.action}' can set the robot in motion; start with --allow-drive to take it"
+            )
+        return ""
 
     def request_change(self, setting: str, value: float, source: str) -> str:
         """Request a change of one of LIVE_SETTINGS; return the reason if it is refused, or ""."""
-        done, text = self._post(
+        done, text = self.post(
             OperatorEvent(t_s=0.0, action="set", source=source, text=setting, value=value)
         )
         return "" if done else text

@@ -11,6 +11,7 @@ from agribot.core.topics import Topic
 from agribot.ros.requests import Requests
 from agribot.ros.ros1.master import MASTER
 from agribot.ros.ros1.node import Node, Publication
+from agribot.ros.ros1.robot_server import RobotServer
 from agribot.ros.ros1.subscription import Subscription
 from agribot.ros.ros1.types import Convert, list_outputs, read_twist
 
@@ -18,14 +19,22 @@ from agribot.ros.ros1.types import Convert, list_outputs, read_twist
 class Ros1Gateway:
     """Publishes `out`, sets robot_description and use_sim_time, takes cmd_vel if allowed.
 
+    If it `serves`, there are services, goals, and the inbound topics.
     Raises: BridgeError: no master answers.
     """
 
     def __init__(
-        self, requests: Requests, out: Sequence[Topic], urdf: str, master_uri: str = MASTER
+        self,
+        requests: Requests,
+        out: Sequence[Topic],
+        urdf: str,
+        master_uri: str = MASTER,
+        *,
+        serves: bool = True,
     ) -> None:
         self._requests = requests
         self._subscription: Subscription | None = None
+        self._robot: RobotServer | None = None
         self._node = Node("agribot", master_uri)
         try:
             self._node.set_param("/robot_description", urdf)
@@ -36,6 +45,8 @@ class Ros1Gateway:
                 self._subscription = Subscription(
                     self._node, topic.name, topic.ros_type, self._on_twist, requests.refuse
                 )
+            if serves:
+                self._robot = RobotServer(self._node, requests)
         except BridgeError:
             self.close()
             raise
@@ -47,14 +58,19 @@ class Ros1Gateway:
         return tuple(p.name for p in published if not p.listeners)
 
     def publish(self, topic: Topic, data: bytes, _t_ns: int) -> None:
+        if self._requests.frames is not None:
+            self._requests.frames.note(topic, data)
         for publication, convert in self._outputs.get(topic.name, ()):
             if publication.is_wanted:
                 publication.put(convert(data))
 
-    def step(self, _record: TickRecord) -> None:
-        """Do nothing: all is in the topics."""
+    def step(self, record: TickRecord) -> None:
+        if self._robot is not None:
+            self._robot.step(record)
 
     def close(self) -> None:
+        if self._robot is not None:
+            self._robot.close()
         if self._subscription is not None:
             self._subscription.close()
         self._node.close()

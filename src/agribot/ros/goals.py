@@ -1,0 +1,208 @@
+"""Goals of peers, the same for every protocol: begun, followed from tick to tick, ended.
+
+One place is an errand: the mission pauses and `resume` goes on with it. Several places are a visit
+that takes the place of the mission. A new goal takes the place of the one before.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from typing import Literal
+
+import msgspec
+
+from agribot.autonomy.plan.answers import MEANWHILE
+from agribot.autonomy.plan.errand import STANDING_MPS
+from agribot.autonomy.plan.errand_kind import ErrandKind
+from agribot.core.geo import wrap_rad
+from agribot.core.messages import Estimate, MissionState, OperatorEvent, TickRecord
+from agribot.ros.requests import Requests
+
+TAKEN_UP_S = 5.0  # until then the robot's status must show a new visit
+KEPT_GOALS = 100
+_ARRIVED_M = 0.3  # from the place, where the robot stands at the end of its way
+_THERE_M, _THERE_RAD = 0.1, 0.2  # nearer than this it need not drive
+_SAME_PLACE_M = 0.05
+
+Place = tuple[float, float, float | None]  # x, y (m, map), yaw (rad) where it matters
+GoalState = Literal[
+    "pending", "active", "canceling", "succeeded", "canceled", "aborted", "replaced", "rejected"
+]
+_UNDER_WAY = ("pending", "active", "canceling")
+_ENDS: dict[MissionState, GoalState] = {
+    "done": "succeeded", "cancelled": "canceled", "failed": "aborted",
+}  # fmt: skip
+
+
+class PeerGoal(msgspec.Struct, kw_only=True, eq=False):
+    """A goal of a peer; `name` is what the mission calls its visit."""
+
+    name: str
+    places: tuple[Place, ...]
+    is_visit: bool
+    source: str
+    state: GoalState = "pending"
+    reason: str = ""
+    since_s: float | None = None
+    over_s: float | None = None
+    taken_up: bool = False
+    answer: tuple[str, float] | None = None  # the refusal, or "", and when it was given, s
+
+    @property
+    def is_over(self) -> bool:
+        return self.state not in _UNDER_WAY
+
+
+class GoalBook:
+    """The goals of one server; `on_change` is called with each new state, under the lock."""
+
+    def __init__(self, requests: Requests, on_change: Callable[[PeerGoal], None]) -> None:
+        self._requests, self._on_change = requests, on_change
+        self.lock = threading.RLock()
+        self.goals: dict[str, PeerGoal] = {}
+        self.now_s = 0.0
+
+    def begin(self, goal: PeerGoal) -> bool:
+        """Send the robot there; return False for a goal that is rejected, with its reason."""
+        with self.lock:
+            self._keep(goal)
+            if not goal.is_visit and self._is_there(goal.places[0]):
+                self._turn(goal, "succeeded", "the robot is there already")
+                return True
+            accepted, why = self._requests.request_goal(
+                _make_event(goal), lambda refusal, record: _note_answer(goal, refusal, record)
+            )
+            if accepted:
+                self._turn(goal, "pending", "")
+            else:
+                self._turn(goal, "rejected", why)
+            return accepted
+
+    def reject(self, goal: PeerGoal, why: str) -> None:
+        """Keep a goal that is none, so that its sender can read why."""
+        with self.lock:
+            self._requests.refuse(f"{goal.source}: goal refused: {why}")
+            self._keep(goal)
+            self._turn(goal, "rejected", why)
+
+    def cancel(self, goal: PeerGoal, source: str) -> None:
+        """Let the robot stand: a visit ends, and of an errand `resume` drives what is left."""
+        with self.lock:
+            if not goal.is_over:
+                self._requests.request_action("cancel" if goal.is_visit else "pause", source)
+                self._turn(goal, "canceling", f"canceled by {source}")
+
+    def step(self, record: TickRecord) -> list[PeerGoal]:
+        """Follow the goals by a tick of the robot; return those under way."""
+        with self.lock:
+            self.now_s = record.batch.t_s
+            for goal in [goal for goal in self.goals.values() if not goal.is_over]:
+                if goal.since_s is None:
+                    goal.since_s = self.now_s
+                self._follow_visit(goal, record) if goal.is_visit else self._follow_errand(
+                    goal, record
+                )
+            return [goal for goal in self.goals.values() if not goal.is_over and goal.taken_up]
+
+    def _follow_visit(self, goal: PeerGoal, record: TickRecord) -> None:
+        status = record.status
+        if status.task != goal.name:
+            refusal = _read_refusal(goal, record)
+            if goal.taken_up:
+                self._turn(goal, "replaced", "another goal took its place")
+            elif refusal:
+                self._turn(goal, "aborted", refusal)
+            elif self.now_s - (goal.since_s or 0.0) > TAKEN_UP_S:
+                self._turn(goal, "aborted", "the robot did not take it up")
+            return
+        goal.taken_up = True
+        if status.state in _ENDS:
+            self._turn(goal, _ENDS[status.state], status.reason)
+        elif goal.state == "pending":
+            self._turn(goal, "active", "")
+
+    def _follow_errand(self, goal: PeerGoal, record: TickRecord) -> None:
+        refusal, status = _read_refusal(goal, record), record.status
+        if refusal is None:  # it stops first, or its way is being planned
+            return
+        if refusal:
+            self._turn(goal, _name_refused(goal, refusal), refusal)
+        elif status.leg == ErrandKind.GOAL.leg and _is_bound_for(goal, status.goal_map_m):
+            goal.taken_up = True
+            if goal.state == "canceling" and status.state == "paused":
+                self._turn(goal, "canceled", status.reason)
+            elif goal.state == "pending":
+                self._turn(goal, "active", "")
+        else:
+            self._turn(goal, *_judge_end(goal, record))
+
+    def _is_there(self, place: Place) -> bool:
+        link = self._requests.link
+        record = link.record if link else None
+        if record is None or not record.estimate.ok:
+            return False
+        estimate = record.estimate
+        turn_rad = 0.0 if place[2] is None else wrap_rad(place[2] - estimate.yaw_map_rad)
+        is_near = _measure_distance_m(place, estimate) < _THERE_M and abs(turn_rad) < _THERE_RAD
+        return is_near and abs(estimate.v_mps) <= STANDING_MPS
+
+    def _keep(self, goal: PeerGoal) -> None:
+        while len(self.goals) >= KEPT_GOALS:
+            self.goals.pop(next(iter(self.goals)))
+        self.goals[goal.name] = goal
+
+    def _turn(self, goal: PeerGoal, state: GoalState, reason: str) -> None:
+        goal.state, goal.reason = state, reason
+        if goal.is_over:
+            goal.over_s = self.now_s
+        self._on_change(goal)
+
+
+def _make_event(goal: PeerGoal) -> OperatorEvent:
+    if goal.is_visit:
+        numbers = tuple(value for x_m, y_m, _ in goal.places for value in (x_m, y_m))
+        return OperatorEvent(
+            t_s=0.0, action="visit", source=goal.source, text=goal.name, numbers=numbers
+        )
+    numbers = tuple(value for value in goal.places[0] if value is not None)
+    return OperatorEvent(t_s=0.0, action="goto", source=goal.source, numbers=numbers)
+
+
+def _note_answer(goal: PeerGoal, refusal: str, record: TickRecord) -> None:
+    goal.answer = (refusal, record.batch.t_s)
+
+
+def _read_refusal(goal: PeerGoal, record: TickRecord) -> str | None:
+    """Read what the mission answered until this tick; None before it did."""
+    if goal.answer is None or goal.answer[1] > record.batch.t_s:
+        return None
+    return goal.answer[0]
+
+
+def _name_refused(goal: PeerGoal, refusal: str) -> GoalState:
+    """Name the state of an errand that did not begin."""
+    if goal.state == "canceling":
+        return "canceled"
+    return "replaced" if refusal.endswith(MEANWHILE) else "aborted"
+
+
+def _judge_end(goal: PeerGoal, record: TickRecord) -> tuple[GoalState, str]:
+    """Judge an errand that is over, however it ended."""
+    status = record.status
+    if status.state in {"cancelled", "failed"}:
+        return _ENDS[status.state], status.reason
+    if _measure_distance_m(goal.places[0], record.estimate) <= _ARRIVED_M:
+        return "succeeded", status.reason
+    if goal.state == "canceling":
+        return "canceled", status.reason
+    return "replaced", f"something else was asked of the robot: {status.reason}"
+
+
+def _is_bound_for(goal: PeerGoal, goal_map_m: tuple[float, float] | None) -> bool:
+    return goal_map_m is not None and math.dist(goal.places[0][:2], goal_map_m) < _SAME_PLACE_M
+
+
+def _measure_distance_m(place: Place, estimate: Estimate) -> float:
+    return math.dist(place[:2], (estimate.x_map_m, estimate.y_map_m))

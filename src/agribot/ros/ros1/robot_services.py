@@ -1,0 +1,82 @@
+"""The services of a running robot in ROS 1; names and rules are those of every network."""
+
+from __future__ import annotations
+
+import struct
+
+from agribot.core.errors import BridgeError
+from agribot.core.messages import OperatorAction
+from agribot.ros.pose_request import request_pose
+from agribot.ros.requests import PAUSE_SERVICE, SERVICES, SET_POSE_SERVICE, Requests
+from agribot.ros.ros1.node import Node
+from agribot.ros.ros1.service_server import SET_BOOL, TRIGGER, Answer, ServiceServer
+
+POSE_PARAMETER = "/agribot/initial_pose"
+_EXAMPLE = "rosparam set /agribot/initial_pose '{x: 1.0, y: 2.0, yaw: 1.57}'"
+
+
+def serve_robot(node: Node, requests: Requests) -> ServiceServer:
+    """Serve what stops, pauses and resumes the robot, and the rest of SERVICES.
+
+    Raises: BridgeError: the master refuses a service.
+    """
+    server = ServiceServer(node, requests.refuse)
+    try:
+        for name, action in SERVICES:
+            server.serve(name, TRIGGER, _make_trigger(requests, action))
+        server.serve(PAUSE_SERVICE, SET_BOOL, _make_pause(requests))
+        server.serve(SET_POSE_SERVICE, TRIGGER, _make_set_pose(node, requests))
+    except BridgeError:
+        server.close()
+        raise
+    return server
+
+
+def _make_trigger(requests: Requests, action: OperatorAction) -> Answer:
+    def answer(request: bytes, source: str) -> bytes:
+        if request:
+            raise BridgeError(f"{len(request)} bytes; a request of std_srvs/Trigger is empty")
+        return _pack_outcome(*requests.ask_action(action, source))
+
+    return answer
+
+
+def _make_pause(requests: Requests) -> Answer:
+    def answer(request: bytes, source: str) -> bytes:
+        if len(request) != 1:
+            raise BridgeError(f"{len(request)} bytes; a request of std_srvs/SetBool has one")
+        return _pack_outcome(*requests.ask_action("pause" if request[0] else "resume", source))
+
+    return answer
+
+
+def _make_set_pose(node: Node, requests: Requests) -> Answer:
+    def answer(_request: bytes, source: str) -> bytes:
+        try:
+            pose = read_pose_parameter(node)
+        except BridgeError as error:
+            return _pack_outcome(False, str(error))
+        return _pack_outcome(*request_pose(requests, pose, (0.0, 0.0), source))
+
+    return answer
+
+
+def read_pose_parameter(node: Node) -> tuple[float, float, float]:
+    """Read x, y (m, map) and yaw (rad) from the master.
+
+    Raises: BridgeError: the parameter is not set, or is none.
+    """
+    try:
+        value = node.ask_master("getParam", POSE_PARAMETER)
+    except BridgeError as error:
+        raise BridgeError(f"{POSE_PARAMETER} is not set; first {_EXAMPLE}") from error
+    try:
+        return float(value["x"]), float(value["y"]), float(value["yaw"])
+    except (TypeError, KeyError, ValueError) as error:
+        raise BridgeError(f"{POSE_PARAMETER} is {str(value)[:100]}; write {_EXAMPLE}") from error
+
+
+def _pack_outcome(is_done: bool, text: str) -> bytes:
+    """Pack `bool success` and `string message`."""
+    body = text.encode()
+    return struct.pack("<?I", is_done, len(body)) + body
