@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from agribot.core import topics
+from agribot.core.inbound_topics import INBOUND_TOPICS
 from agribot.core.messages import GnssFix, GnssQuality, Inbox
 from agribot.ros.dds.gateway import DdsGateway
 from agribot.ros.dds.types import load_dds_types, make_dds_type, to_dds_name
@@ -90,7 +91,7 @@ def test_a_late_peer_gets_the_description_and_sees_the_node(live: tuple[Robot, T
 
     def is_known() -> bool:
         nodes.extend(talk("node_names"))
-        return ["agribot", 1, len(OUT)] in nodes
+        return ["agribot", 1 + len(INBOUND_TOPICS), len(OUT)] in nodes
 
     wait_for(is_known, "the node with all its endpoints")
 

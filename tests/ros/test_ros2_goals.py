@@ -18,7 +18,7 @@ from agribot.cli import bridging
 from agribot.core import config
 from agribot.ros.messages import rosmsg
 from agribot.ros.ros2 import wire
-from agribot.ros.ros2.goals import FEEDBACK, STATUS
+from agribot.ros.ros2.goals import THROUGH_POSES
 from agribot.ros.ros2.services import NAVIGATE, NAVIGATE_RESULTS, load_service_types
 from tests.ros.live import Talk, free_port, zenoh_peer
 from tests.waiting import PATIENCE_S, wait_for
@@ -26,6 +26,7 @@ from tests.waiting import PATIENCE_S, wait_for
 MARK = wire.pack_attachment(1, 0, bytes(range(16))).hex()
 TYPES = load_service_types()
 ACTION = "/navigate_through_poses/_action"
+FEEDBACK, STATUS = THROUGH_POSES.feedback, THROUGH_POSES.status
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
 
 

@@ -274,12 +274,16 @@ def _open_ros2(
 
 
 def _open_dds(
-    options: argparse.Namespace, out: Sequence[Topic], _urdf: str, requests: Requests, _: object
+    options: argparse.Namespace,
+    out: Sequence[Topic],
+    _urdf: str,
+    requests: Requests,
+    settings: Mapping[str, Setting] | None,
 ) -> Gateway:
     from agribot.ros.dds.gateway import DdsGateway
 
     domain = read_domain(options)
-    gateway = DdsGateway(requests, out, domain=domain)
+    gateway = DdsGateway(requests, out, domain=domain, serves=settings is not None)
     print_line(
         f"DDS: node /agribot in domain {domain}, on this machine, where peers set "
         "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST; topics only"

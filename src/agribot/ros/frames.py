@@ -77,7 +77,7 @@ class PeerFrames:
     def _read_odom(self) -> Pose2:
         if not self._odom_tf:
             raise BridgeError("nothing is known of odom yet; wait for the first /tf")
-        message = load_types().deserialize_cdr(self._odom_tf, topics.TF.ros_type)
+        message: Any = load_types().deserialize_cdr(self._odom_tf, topics.TF.ros_type)
         for stamped in message.transforms:
             pair = (stamped.header.frame_id, stamped.child_frame_id)
             if pair == (MAP_FRAME, ODOM_FRAME):

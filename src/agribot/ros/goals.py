@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
-from typing import Literal
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
 
 import msgspec
 
 from agribot.autonomy.plan.answers import MEANWHILE
 from agribot.autonomy.plan.errand import STANDING_MPS
 from agribot.autonomy.plan.errand_kind import ErrandKind
+from agribot.core.errors import BridgeError
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import Estimate, MissionState, OperatorEvent, TickRecord
+from agribot.ros.frames import PeerFrames
 from agribot.ros.requests import Requests
 
 TAKEN_UP_S = 5.0  # until then the robot's status must show a new visit
@@ -25,6 +27,7 @@ KEPT_GOALS = 100
 _ARRIVED_M = 0.3  # from the place, where the robot stands at the end of its way
 _THERE_M, _THERE_RAD = 0.1, 0.2  # nearer than this it need not drive
 _SAME_PLACE_M = 0.05
+_MOST_PLACES = 1000  # of a visit
 
 Place = tuple[float, float, float | None]  # x, y (m, map), yaw (rad) where it matters
 GoalState = Literal[
@@ -158,6 +161,18 @@ class GoalBook:
         if goal.is_over:
             goal.over_s = self.now_s
         self._on_change(goal)
+
+
+def find_places(frames: PeerFrames, points: Sequence[tuple[str, Any]]) -> tuple[Place, ...]:
+    """Convert the places of a visit, a frame and a geometry_msgs/Point each, to the map.
+
+    Raises: BridgeError: none or too many, not finite, or a frame is unknown.
+    """
+    if not points:
+        raise BridgeError("it has no poses")
+    if len(points) > _MOST_PLACES:
+        raise BridgeError(f"it has {len(points)} poses, more than {_MOST_PLACES}")
+    return tuple((*frames.find_place(frame, point.x, point.y), None) for frame, point in points)
 
 
 def _make_event(goal: PeerGoal) -> OperatorEvent:

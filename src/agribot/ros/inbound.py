@@ -13,13 +13,12 @@ from agribot.core.errors import BridgeError
 from agribot.core.messages import OperatorAction
 from agribot.core.topics import Topic
 from agribot.ros.frames import PeerFrames
-from agribot.ros.goals import GoalBook, PeerGoal
+from agribot.ros.goals import GoalBook, PeerGoal, find_places
 from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.pose_request import read_stated_pose, request_pose
 from agribot.ros.requests import PAUSE_SERVICE, SERVICES, Requests
 
 _MIN_INTERVAL_S = 0.05  # of the messages on one topic; faster ones are dropped, except a stop
-_MOST_PLACES = 1000
 _MOST_TEXT = 200  # characters of a command
 _COMMANDS: dict[str, OperatorAction] = {
     **{name.rpartition("/")[2]: action for name, action in SERVICES},
@@ -30,16 +29,18 @@ _COMMANDS: dict[str, OperatorAction] = {
 class InboundTopics:
     """Takes the messages of peers, in CDR, from any thread.
 
-    Goals go into `goals`, whose server tells what becomes of them.
+    Goals go into `goals` and `visits`, whose servers tell what becomes of them.
     """
 
     def __init__(
         self,
         requests: Requests,
         goals: GoalBook,
+        visits: GoalBook,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._requests, self._goals, self._now_s = requests, goals, now_s
+        self._requests, self._now_s = requests, now_s
+        self._goals, self._visits = goals, visits
         self._frames = requests.frames or PeerFrames()
         self._numbers = itertools.count(1)
         self._next_s: dict[str, float] = {}
@@ -71,22 +72,28 @@ class InboundTopics:
         return False
 
     def _take_goal(self, message: Any, source: str) -> None:
-        self._begin(False, source, message.header.frame_id, [message.pose])
-
-    def _take_visit(self, message: Any, source: str) -> None:
-        if not 0 < len(message.poses) <= _MOST_PLACES:
-            raise BridgeError(f"{len(message.poses)} places; a visit has 1 to {_MOST_PLACES}")
-        self._begin(True, source, message.header.frame_id, message.poses)
-
-    def _begin(self, is_visit: bool, source: str, frame: str, poses: list[Any]) -> None:
-        name = f"{source.replace(' ', '-')}-{next(self._numbers)}"
-        goal = PeerGoal(name=name, places=(), is_visit=is_visit, source=source)
+        goal = self._make_goal(source, is_visit=False)
         try:
-            goal.places = tuple(self._frames.find_pose(frame, pose) for pose in poses)
+            goal.places = (self._frames.find_pose(message.header.frame_id, message.pose),)
         except BridgeError as error:
             self._goals.reject(goal, str(error))
         else:
             self._goals.begin(goal)
+
+    def _take_visit(self, message: Any, source: str) -> None:
+        goal = self._make_goal(source, is_visit=True)
+        try:
+            goal.places = find_places(
+                self._frames, [(message.header.frame_id, pose.position) for pose in message.poses]
+            )
+        except BridgeError as error:
+            self._visits.reject(goal, str(error))
+        else:
+            self._visits.begin(goal)
+
+    def _make_goal(self, source: str, *, is_visit: bool) -> PeerGoal:
+        name = f"{source.replace(' ', '-')}-{next(self._numbers)}"
+        return PeerGoal(name=name, places=(), is_visit=is_visit, source=source)
 
     def _take_pose(self, message: Any, source: str) -> None:
         pose, stds = read_stated_pose(message, self._frames)

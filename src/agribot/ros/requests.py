@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from agribot.core.errors import BridgeError
 from agribot.core.messages import Inbox, OperatorAction, OperatorEvent, TickRecord
-from agribot.ros.robot_link import OnAnswer, RobotLink
+from agribot.ros.robot_link import OnAnswer, OnOutcome, RobotLink
 
 if TYPE_CHECKING:
     from agribot.ros.frames import PeerFrames
@@ -104,16 +104,23 @@ class Requests:
         """Request an action; return whether it was posted, and the text for the peer."""
         return self.post(OperatorEvent(t_s=0.0, action=action, source=source))
 
-    def ask_action(self, action: OperatorAction, source: str) -> tuple[bool, str]:
-        """Request an action and wait a few seconds for what the mission makes of it."""
+    def ask_action(self, action: OperatorAction, source: str, on_outcome: OnOutcome) -> None:
+        """Request an action; call `on_outcome` once with what the mission makes of it.
+
+        That is at once where the request is not allowed, else in the robot's thread, or in one of
+        its own when the robot has not answered within a few seconds.
+        """
         event = OperatorEvent(t_s=0.0, action=action, source=source)
-        refusal = self._find_refusal(event)
-        if refusal or self.link is None:
-            return self.post(event)
-        taken, text = self.link.ask(event)
-        if not taken:
-            self.refuse(f"{source}: {text}")
-        return taken, text
+        if self.link is None or self._find_refusal(event):
+            on_outcome(*self.post(event))
+            return
+
+        def report_outcome(is_done: bool, text: str) -> None:
+            if not is_done:
+                self.refuse(f"{source}: {text}")
+            on_outcome(is_done, text)
+
+        self.link.ask(event, report_outcome)
 
     def request_goal(self, event: OperatorEvent, on_answer: OnAnswer) -> tuple[bool, str]:
         """Request to drive to places; what the mission answers is reported, too."""

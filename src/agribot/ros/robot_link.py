@@ -15,6 +15,7 @@ _MOST_OPEN = 100  # requests without an answer; the oldest is forgotten
 
 # Gets the refusal, or "", and the record of the tick; called in the robot's thread.
 OnAnswer = Callable[[str, TickRecord], None]
+OnOutcome = Callable[[bool, str], None]  # gets whether it was taken, and the text for the peer
 
 
 class RobotLink:
@@ -47,25 +48,36 @@ class RobotLink:
             self._open[key] = on_answer
         self._inbox.post(msgspec.structs.replace(event, id=key))
 
-    def ask(self, event: OperatorEvent) -> tuple[bool, str]:
-        """Post a request and wait; return whether it was taken, and the text for the peer."""
-        settled = threading.Event()
-        found: list[tuple[str, TickRecord]] = []
+    def ask(self, event: OperatorEvent, on_outcome: OnOutcome) -> None:
+        """Post a request; call `on_outcome` once, at the latest when patience ends."""
+        asked = _Asked(event, on_outcome)
+        self.post(event, asked.settle)
+        asked.timer.start()
 
-        def on_answer(refusal: str, record: TickRecord) -> None:
-            found.append((refusal, record))
-            settled.set()
 
-        self.post(event, on_answer)
-        if not settled.wait(PATIENCE_S):
-            return False, (
-                f"'{event.action}' was handed to the robot, which did not answer within "
-                f"{PATIENCE_S:g} s; see whether its ticks arrive"
-            )
-        refusal, record = found[0]
-        if refusal:
-            return False, refusal
-        state, reason = record.status.state, record.status.reason
-        return True, f"'{event.action}' is taken; the mission is {state}" + (
-            f": {reason}" if reason else ""
+class _Asked:
+    """Whatever comes first counts: the mission's answer, or the end of patience."""
+
+    def __init__(self, event: OperatorEvent, on_outcome: OnOutcome) -> None:
+        self._event, self._on_outcome = event, on_outcome
+        self._first = threading.Semaphore()
+        self.timer = threading.Timer(PATIENCE_S, self._give_up)
+        self.timer.daemon = True
+
+    def settle(self, refusal: str, record: TickRecord) -> None:
+        self.timer.cancel()
+        status = record.status
+        done = f"'{self._event.action}' is taken; the mission is {status.state}"
+        reason = f": {status.reason}" if status.reason else ""
+        self._tell(not refusal, refusal or done + reason)
+
+    def _give_up(self) -> None:
+        self._tell(
+            False,
+            f"'{self._event.action}' was handed to the robot, which did not answer within "
+            f"{PATIENCE_S:g} s; see whether its ticks arrive",
         )
+
+    def _tell(self, is_done: bool, text: str) -> None:
+        if self._first.acquire(blocking=False):
+            self._on_outcome(is_done, text)

@@ -26,7 +26,7 @@ class RobotServer:
         self._services = serve_robot(node, requests)
         try:
             self._actions = MoveBaseServer(node, requests)
-            self._inbound = InboundTopics(requests, self._actions.goals)
+            self._inbound = InboundTopics(requests, self._actions.goals, self._actions.goals)
             self._subscriptions = [self._subscribe(node, topic) for topic in INBOUND_TOPICS]
         except BridgeError:
             self._services.close()

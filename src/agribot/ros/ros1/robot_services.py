@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import struct
 
 from agribot.core.errors import BridgeError
@@ -9,18 +10,18 @@ from agribot.core.messages import OperatorAction
 from agribot.ros.pose_request import request_pose
 from agribot.ros.requests import PAUSE_SERVICE, SERVICES, SET_POSE_SERVICE, Requests
 from agribot.ros.ros1.node import Node
-from agribot.ros.ros1.service_server import SET_BOOL, TRIGGER, Answer, ServiceServer
+from agribot.ros.ros1.service_server import SET_BOOL, TRIGGER, Answer, Ros1ServiceServer
 
 POSE_PARAMETER = "/agribot/initial_pose"
 _EXAMPLE = "rosparam set /agribot/initial_pose '{x: 1.0, y: 2.0, yaw: 1.57}'"
 
 
-def serve_robot(node: Node, requests: Requests) -> ServiceServer:
+def serve_robot(node: Node, requests: Requests) -> Ros1ServiceServer:
     """Serve what stops, pauses and resumes the robot, and the rest of SERVICES.
 
     Raises: BridgeError: the master refuses a service.
     """
-    server = ServiceServer(node, requests.refuse)
+    server = Ros1ServiceServer(node, requests.refuse)
     try:
         for name, action in SERVICES:
             server.serve(name, TRIGGER, _make_trigger(requests, action))
@@ -36,7 +37,7 @@ def _make_trigger(requests: Requests, action: OperatorAction) -> Answer:
     def answer(request: bytes, source: str) -> bytes:
         if request:
             raise BridgeError(f"{len(request)} bytes; a request of std_srvs/Trigger is empty")
-        return _pack_outcome(*requests.ask_action(action, source))
+        return _ask(requests, action, source)
 
     return answer
 
@@ -45,9 +46,16 @@ def _make_pause(requests: Requests) -> Answer:
     def answer(request: bytes, source: str) -> bytes:
         if len(request) != 1:
             raise BridgeError(f"{len(request)} bytes; a request of std_srvs/SetBool has one")
-        return _pack_outcome(*requests.ask_action("pause" if request[0] else "resume", source))
+        return _ask(requests, "pause" if request[0] else "resume", source)
 
     return answer
+
+
+def _ask(requests: Requests, action: OperatorAction, source: str) -> bytes:
+    """Ask the mission and wait: each client has a thread of its own."""
+    outcomes: queue.SimpleQueue[tuple[bool, str]] = queue.SimpleQueue()
+    requests.ask_action(action, source, lambda is_done, text: outcomes.put((is_done, text)))
+    return _pack_outcome(*outcomes.get())
 
 
 def _make_set_pose(node: Node, requests: Requests) -> Answer:

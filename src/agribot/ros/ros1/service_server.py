@@ -52,7 +52,7 @@ class _Service(NamedTuple):
     answer: Answer
 
 
-class ServiceServer:
+class Ros1ServiceServer:
     """Services of one node, behind a port of their own.
 
     Raises: BridgeError: the master refuses a service.

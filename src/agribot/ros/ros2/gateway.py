@@ -8,19 +8,17 @@ already, the node joins it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from agribot.core import topics
 from agribot.core.errors import BridgeError
-from agribot.core.messages import LIVE_SETTINGS, OperatorAction, TickRecord
+from agribot.core.messages import TickRecord
 from agribot.core.topics import Qos, Topic
-from agribot.ros.requests import PAUSE_SERVICE, SERVICES, Requests, read_twist_cdr
+from agribot.ros.requests import Requests, read_twist_cdr
 from agribot.ros.ros2 import wire
-from agribot.ros.ros2.goals import GoalServer
 from agribot.ros.ros2.node import ROUTER, Ros2Node
-from agribot.ros.ros2.parameters import ParameterServer, Value
-from agribot.ros.ros2.service_server import Answer, Reply, ServiceServer
-from agribot.ros.ros2.services import load_service_types
+from agribot.ros.ros2.parameters import Value
+from agribot.ros.ros2.robot_server import Ros2RobotServer
 
 if TYPE_CHECKING:
     import zenoh
@@ -32,7 +30,7 @@ _COMMAND_QOS = Qos()
 class Ros2Gateway:
     """Publishes `out`; takes cmd_vel (with `requests.allow_drive`).
 
-    If it `serves`, there are services, goals to visit, and `settings` as parameters.
+    If it `serves`, there are services, goals, the inbound topics, and `settings` as parameters.
 
     Raises: BridgeError: zenoh is not installed, or neither role of the endpoint is possible.
     """
@@ -55,18 +53,24 @@ class Ros2Gateway:
         self._watch_publishers()
         if requests.allow_drive:
             self._subscribe_to_twists()
-        self._goals = self._serve(settings or {}) if serves else None
+        self._robot = (
+            Ros2RobotServer(self._node, NODE, requests, settings or {}) if serves else None
+        )
 
     def publish(self, topic: Topic, data: bytes, _t_ns: int) -> None:
+        if self._requests.frames is not None:
+            self._requests.frames.note(topic, data)
         writer = self._writers.get(topic.name)
         if writer is not None:
             writer(data)
 
     def step(self, record: TickRecord) -> None:
-        if self._goals is not None:
-            self._goals.step(record)
+        if self._robot is not None:
+            self._robot.step(record)
 
     def close(self) -> None:
+        if self._robot is not None:
+            self._robot.close()
         self._node.close()
 
     def _subscribe_to_twists(self) -> None:
@@ -107,25 +111,3 @@ class Ros2Gateway:
         key = f"{wire.ADMIN_SPACE}/{self._node.domain}/**"
         watch = self._node.session.liveliness().declare_subscriber(key, on_endpoint, history=True)
         self._node.keep(watch)
-
-    def _make_trigger(self, action: OperatorAction) -> Answer:
-        return lambda _request, reply: reply(*self._requests.request_action(action, "ROS 2"))
-
-    def _on_pause(self, request: Any, reply: Reply) -> None:
-        reply(*self._requests.request_action("pause" if request.data else "resume", "ROS 2"))
-
-    def _serve(self, settings: Mapping[str, Value]) -> GoalServer:
-        server = ServiceServer(self._node, self._requests.refuse)
-        types = load_service_types()
-        for name, action in SERVICES:
-            server.serve(types, name, "std_srvs/srv/Trigger", self._make_trigger(action))
-        none = (False, "these bytes are no SetBool request")
-        server.serve(types, PAUSE_SERVICE, "std_srvs/srv/SetBool", self._on_pause, none)
-        ParameterServer(
-            server,
-            NODE,
-            {"use_sim_time": True, **settings},
-            frozenset(LIVE_SETTINGS),
-            lambda name, value: self._requests.request_change(name, value, "ROS 2"),
-        )
-        return GoalServer(self._node, self._requests)

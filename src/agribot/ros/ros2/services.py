@@ -57,6 +57,9 @@ int16 number_of_recoveries
 float32 distance_remaining
 int16 number_of_poses_remaining
 """
+NAVIGATE_TO_POSE = "nav2_msgs/action/NavigateToPose"
+_TO_POSE_GOAL = "geometry_msgs/PoseStamped pose\nstring behavior_tree\n"
+_TO_POSE_FEEDBACK = _NAVIGATE_FEEDBACK.replace("int16 number_of_poses_remaining\n", "")
 # Of ROS 2 Jazzy, with the text that was added later and without; the hash distinguishes them.
 NAVIGATE_RESULTS = ("uint16 error_code\nstring error_msg\n", "uint16 error_code\n")
 _UUID = "unique_identifier_msgs/UUID goal_id\n"
@@ -65,12 +68,14 @@ _PLACEHOLDER = "uint8 structure_needs_at_least_one_member\n"  # of an empty requ
 
 @functools.cache
 def load_service_types(navigate_result: str = NAVIGATE_RESULTS[0]) -> Typestore:
-    """Load the messages of ROS 2 Jazzy with the services and the action above and their hashes."""
+    """Load the messages of ROS 2 Jazzy with the services and the actions above and their hashes."""
     store = get_typestore(Stores.ROS2_JAZZY)
     replace_char(store)
     for name, (request, response) in _SERVICES.items():
         _add_service(store, name, request, response)
     add_action(store, NAVIGATE, ActionText(_NAVIGATE_GOAL, navigate_result, _NAVIGATE_FEEDBACK))
+    to_pose = ActionText(_TO_POSE_GOAL, navigate_result, _TO_POSE_FEEDBACK)
+    add_action(store, NAVIGATE_TO_POSE, to_pose)
     return store
 
 

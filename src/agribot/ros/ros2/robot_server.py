@@ -1,0 +1,102 @@
+"""What a running robot takes over ROS 2: services, goals, parameters, and the inbound topics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from agribot.core.errors import BridgeError
+from agribot.core.inbound_topics import INBOUND_TOPICS
+from agribot.core.messages import LIVE_SETTINGS, OperatorAction, TickRecord
+from agribot.core.topics import Qos, Topic
+from agribot.ros.inbound import InboundTopics
+from agribot.ros.pose_request import request_pose
+from agribot.ros.requests import PAUSE_SERVICE, SERVICES, SET_POSE_SERVICE, Requests
+from agribot.ros.ros2.goals import THROUGH_POSES, TO_POSE, GoalServer
+from agribot.ros.ros2.node import Ros2Node
+from agribot.ros.ros2.parameters import ParameterServer, Value
+from agribot.ros.ros2.service_server import Answer, Reply, ServiceServer
+from agribot.ros.ros2.services import load_service_types
+from agribot.ros.send_queue import SendQueue
+
+_SOURCE = "ROS 2"
+_MOST_REPLIES = 100  # that wait to be sent
+_INBOUND_QOS = Qos()
+POSE_PARAMETERS = ("initial_pose.x", "initial_pose.y", "initial_pose.yaw")  # as of Nav2's amcl
+
+
+class Ros2RobotServer:
+    """Serves peers of one node; the same requests and rules as in every other network."""
+
+    def __init__(
+        self, node: Ros2Node, name: str, requests: Requests, settings: Mapping[str, Value]
+    ) -> None:
+        self._requests = requests
+        self._pose = dict.fromkeys(POSE_PARAMETERS, math.nan)  # NaN is not set yet
+        self._replies: SendQueue[Callable[[], None]] = SendQueue(lambda send: send(), _MOST_REPLIES)
+        self._serve_actions(ServiceServer(node, requests.refuse))
+        self._serve_parameters(ServiceServer(node, requests.refuse), name, settings)
+        self._to_pose = GoalServer(node, requests, TO_POSE)
+        self._through_poses = GoalServer(node, requests, THROUGH_POSES)
+        self._inbound = InboundTopics(requests, self._to_pose.goals, self._through_poses.goals)
+        for topic in INBOUND_TOPICS:
+            node.subscribe(topic, self._make_listener(topic), _INBOUND_QOS)
+
+    def step(self, record: TickRecord) -> None:
+        self._to_pose.step(record)
+        self._through_poses.step(record)
+
+    def close(self) -> None:
+        self._replies.close()
+
+    def _serve_actions(self, server: ServiceServer) -> None:
+        types = load_service_types()
+        for name, action in SERVICES:
+            server.serve(types, name, "std_srvs/srv/Trigger", self._make_trigger(action))
+        none = (False, "these bytes are no SetBool request")
+        server.serve(types, PAUSE_SERVICE, "std_srvs/srv/SetBool", self._on_pause, none)
+        server.serve(types, SET_POSE_SERVICE, "std_srvs/srv/Trigger", self._on_set_pose)
+
+    def _serve_parameters(
+        self, server: ServiceServer, name: str, settings: Mapping[str, Value]
+    ) -> None:
+        values: dict[str, Value] = {"use_sim_time": True, **self._pose, **settings}
+        changeable = frozenset({*LIVE_SETTINGS, *self._pose})
+        ParameterServer(server, name, values, changeable, self._change)
+
+    def _change(self, name: str, value: float) -> str:
+        if name not in self._pose:
+            return self._requests.request_change(name, value, _SOURCE)
+        if not math.isfinite(value):
+            return f"{name} must be finite"
+        self._pose[name] = value
+        return ""
+
+    def _make_trigger(self, action: OperatorAction) -> Answer:
+        return lambda _request, reply: self._ask(action, reply)
+
+    def _on_pause(self, request: Any, reply: Reply) -> None:
+        self._ask("pause" if request.data else "resume", reply)
+
+    def _ask(self, action: OperatorAction, reply: Reply) -> None:
+        """Answer when the mission has, in a thread that holds up neither robot nor network."""
+        self._requests.ask_action(
+            action, _SOURCE, lambda is_done, text: self._replies.put(lambda: reply(is_done, text))
+        )
+
+    def _on_set_pose(self, _request: Any, reply: Reply) -> None:
+        x_m, y_m, yaw_rad = (self._pose[name] for name in POSE_PARAMETERS)
+        if math.isnan(x_m + y_m + yaw_rad):
+            reply(False, f"set the parameters {', '.join(POSE_PARAMETERS)} first")
+            return
+        reply(*request_pose(self._requests, (x_m, y_m, yaw_rad), (0.0, 0.0), _SOURCE))
+
+    def _make_listener(self, topic: Topic) -> Callable[[bytes], None]:
+        def on_message(data: bytes) -> None:
+            try:
+                self._inbound.take(topic, data, _SOURCE)
+            except BridgeError as error:  # a reply that could not be sent
+                self._requests.refuse(f"{_SOURCE}: {topic.name}: {error}")
+
+        return on_message
