@@ -1,0 +1,41 @@
+"""A simulated robot with bridges that waits for goals, driven faster than the clock in a thread."""
+
+from __future__ import annotations
+
+import argparse
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from agribot.app.simulated_run import SimulatedRun, simulate
+from agribot.cli import bridging
+from agribot.core import config
+from tests.waiting import PATIENCE_S
+
+SETTINGS = ("perception.enabled=false", "record.enabled=false", "mission.waits_for_goals=true")
+
+
+@contextmanager
+def driven_robot(out_dir: Path, *options: str) -> Iterator[SimulatedRun]:
+    parser = argparse.ArgumentParser()
+    bridging.add_arguments(parser)
+    parsed = parser.parse_args(options)
+    over = threading.Event()
+
+    def drive() -> None:
+        for _ in session.ticks():
+            if over.is_set():
+                return
+            time.sleep(0.002)
+
+    with simulate(config.load("farm", list(SETTINGS)), out_dir) as session:
+        driver = threading.Thread(target=drive, daemon=True)
+        with bridging.open_bridges(parsed, session):
+            driver.start()
+            try:
+                yield session
+            finally:
+                over.set()
+                driver.join(PATIENCE_S)

@@ -1,0 +1,90 @@
+"""A ROS 1 master in this process, for machines without one: names, and where to find them."""
+
+from __future__ import annotations
+
+import threading
+import xmlrpc.client
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+from xmlrpc.server import SimpleXMLRPCServer
+
+FOUND, MISSING = 1, -1
+
+
+class Master:
+    """Answers as rosmaster does; publishers are told to the subscribers at once."""
+
+    def __init__(self) -> None:
+        self.publishers: dict[str, list[str]] = defaultdict(list)
+        self.subscribers: dict[str, list[str]] = defaultdict(list)
+        self.services: dict[str, str] = {}
+        self.parameters: dict[str, Any] = {}
+
+    def getPid(self, _caller: str) -> Any:
+        return FOUND, "", 1
+
+    def setParam(self, _caller: str, name: str, value: Any) -> Any:
+        self.parameters[name] = value
+        return FOUND, "", 0
+
+    def getParam(self, _caller: str, name: str) -> Any:
+        if name not in self.parameters:
+            return MISSING, f"Parameter [{name}] is not set", 0
+        return FOUND, "", self.parameters[name]
+
+    def registerPublisher(self, _caller: str, name: str, _type: str, uri: str) -> Any:
+        self.publishers[name].append(uri)
+        self._tell(name)
+        return FOUND, "", self.subscribers[name]
+
+    def unregisterPublisher(self, _caller: str, name: str, uri: str) -> Any:
+        self.publishers[name].remove(uri)
+        self._tell(name)
+        return FOUND, "", 1
+
+    def registerSubscriber(self, _caller: str, name: str, _type: str, uri: str) -> Any:
+        self.subscribers[name].append(uri)
+        return FOUND, "", self.publishers[name]
+
+    def unregisterSubscriber(self, _caller: str, name: str, uri: str) -> Any:
+        self.subscribers[name].remove(uri)
+        return FOUND, "", 1
+
+    def registerService(self, _caller: str, name: str, at: str, _uri: str) -> Any:
+        self.services[name] = at
+        return FOUND, "", 1
+
+    def unregisterService(self, _caller: str, name: str, _at: str) -> Any:
+        return FOUND, "", int(self.services.pop(name, None) is not None)
+
+    def _tell(self, name: str) -> None:
+        """In a thread each: the caller may be the one that is told."""
+        for uri in self.subscribers[name]:
+            update = ("/master", name, list(self.publishers[name]))
+            threading.Thread(target=_send_update, args=(uri, update), daemon=True).start()
+
+
+def _send_update(uri: str, update: tuple[str, str, list[str]]) -> None:
+    try:
+        with xmlrpc.client.ServerProxy(uri) as proxy:
+            proxy.publisherUpdate(*update)
+    except OSError:
+        pass  # it has ended meanwhile
+
+
+@contextmanager
+def master() -> Iterator[tuple[Master, str]]:
+    """The master and its URI."""
+    made = Master()
+    server = SimpleXMLRPCServer(("127.0.0.1", 0), logRequests=False)
+    server.register_instance(made)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    try:
+        yield made, f"http://127.0.0.1:{server.server_address[1]}"
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
