@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
-import threading
+import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,15 +12,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agribot.app.simulated_run import SimulatedRun, simulate
-from agribot.cli import bridging
-from agribot.core import config
+from agribot.app.simulated_run import SimulatedRun
+from agribot.core.inbound_topics import CLICKED_POINT, COMMAND, GOAL_POSE, INITIAL_POSE, VISIT
+from agribot.core.topics import Topic
 from agribot.ros.messages import rosmsg
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.goals import THROUGH_POSES
-from agribot.ros.ros2.services import NAVIGATE, NAVIGATE_RESULTS, load_service_types
+from agribot.ros.ros2.services import (
+    NAVIGATE,
+    NAVIGATE_RESULTS,
+    NAVIGATE_TO_POSE,
+    load_service_types,
+)
+from tests.ros.driven_robot import driven_robot
 from tests.ros.live import Talk, free_port, zenoh_peer
-from tests.waiting import PATIENCE_S, wait_for
+from tests.waiting import wait_for
 
 MARK = wire.pack_attachment(1, 0, bytes(range(16))).hex()
 TYPES = load_service_types()
@@ -83,6 +88,29 @@ class Client:
         answer = self.call("/agribot/get_parameters", "rcl_interfaces/srv/GetParameters", [name])
         return answer.values[0]
 
+    def trigger(self, name: str) -> Any:
+        return self.call(name, "std_srvs/srv/Trigger", 0)
+
+    def publish(self, topic: Topic, *fields: Any) -> None:
+        """One message; the robot hears what is published after it has subscribed."""
+        data = rosmsg.to_cdr(rosmsg.make_message(topic.ros_type, *fields))
+        key = wire.make_topic_key(0, topic.name, topic.ros_type, TYPES.hash_rihs01(topic.ros_type))
+        time.sleep(0.06)  # slower than the limit of a topic
+        self._talk("put", key, data.hex(), MARK)
+
+    def to_pose(self, number: int, pose: Any, frame: str = "map") -> bool:
+        stamped = rosmsg.make_message(GOAL_POSE.ros_type, rosmsg.make_header(0.0, frame), pose)
+        goal = TYPES.types[f"{NAVIGATE_TO_POSE}_Goal"](stamped, "")
+        name, kind = "/navigate_to_pose/_action/send_goal", f"{NAVIGATE_TO_POSE}_SendGoal"
+        return bool(self.call(name, kind, uuid(number), goal).accepted)
+
+    def to_pose_result(self, number: int) -> Any:
+        name = "/navigate_to_pose/_action/get_result"
+        return self.call(name, f"{NAVIGATE_TO_POSE}_GetResult", uuid(number))
+
+    def events(self, text: str) -> list[str]:
+        return [e.reason for e in self.session.event_log.list_since(0) if text in e.reason]
+
     def set(self, name: str, value: float) -> Any:
         make = TYPES.types
         nothing = np.zeros(0)
@@ -101,31 +129,11 @@ def uuid(number: int) -> Any:
 
 @contextmanager
 def robot(out_dir: Path, *arguments: str) -> Iterator[Client]:
-    """A simulated robot that waits for goals, driven faster than the clock in a thread."""
+    """A simulated robot that waits for goals, and a program of ROS 2 beside it."""
     locator = f"tcp/127.0.0.1:{free_port()}"
-    parser = argparse.ArgumentParser()
-    bridging.add_arguments(parser)
-    options = parser.parse_args(["--ros2", "--ros-router", locator, *arguments])
-    settings = config.load(
-        "farm", ["perception.enabled=false", "record.enabled=false", "mission.waits_for_goals=true"]
-    )
-    over = threading.Event()
-
-    def drive() -> None:
-        for _ in session.ticks():
-            if over.is_set():
-                return
-            time.sleep(0.002)
-
-    with simulate(settings, out_dir) as session:
-        driver = threading.Thread(target=drive, daemon=True)
-        with bridging.open_bridges(options, session), zenoh_peer(locator) as talk:
-            driver.start()
-            try:
-                yield Client(talk, session)
-            finally:
-                over.set()
-                driver.join(PATIENCE_S)
+    options = ("--ros2", "--ros-router", locator, *arguments)
+    with driven_robot(out_dir, *options) as session, zenoh_peer(locator) as talk:
+        yield Client(talk, session)
 
 
 @pytest.fixture(scope="module")
@@ -191,6 +199,54 @@ def test_what_is_no_goal_is_not_accepted(client: Client) -> None:
     assert not client.send(6)
     assert not client.send(6, (1.0, 1.0), frame="base_link")
     assert not client.send(6, (float("nan"), 1.0))
+
+
+def test_one_pose_is_driven_to_though_a_visit_knows_no_errands(client: Client) -> None:
+    x_m, y_m = client.map_from
+    assert client.to_pose(8, rosmsg.make_pose(x_m - 2.0, y_m + 1.0, math.pi / 2.0))
+    assert client.to_pose_result(8).status == SUCCEEDED
+    truth = client.session.simulator.truth()
+    assert math.hypot(truth.x_map_m - x_m + 2.0, truth.y_map_m - y_m - 1.0) < 0.2
+    assert not client.to_pose(9, rosmsg.make_pose(math.nan, 1.0, 0.0))
+    assert client.to_pose(10, rosmsg.make_pose(500.0, 1.0, 0.0))
+    refused = client.to_pose_result(10)
+    assert refused.status == ABORTED
+    assert "obstacle" in refused.result.error_msg
+
+
+def test_services_say_what_the_mission_makes_of_a_request(client: Client) -> None:
+    assert client.trigger("/agribot/stop").success
+    refused = client.trigger("/agribot/resume")
+    assert (refused.success, refused.message) == (
+        False, "not resumed: the robot is stopped; clear the stop first",
+    )  # fmt: skip
+    assert client.trigger("/agribot/clear_stop").success
+    assert "initial_pose.yaw" in client.trigger("/agribot/set_pose").message
+    truth = client.session.simulator.truth()
+    for name, value in zip(["x", "y", "yaw"], (truth.x_map_m, truth.y_map_m, 0.1), strict=True):
+        assert client.set(f"initial_pose.{name}", value).successful
+    wait_for(lambda: client.trigger("/agribot/set_pose").success, "the robot to stand")
+    wait_for(lambda: client.events(f"pose_estimate {truth.x_map_m:.3f}"), "the pose")
+
+
+def test_what_the_tools_of_rviz_publish_is_heard(client: Client) -> None:
+    head, make = rosmsg.make_header(0.0, "map"), rosmsg.make_message
+    client.publish(CLICKED_POINT, head, rosmsg.make_point(1.25, -2.5))
+    wait_for(lambda: client.events("point: East 1.250 m, North -2.500 m (ROS 2)"), "the point")
+    truth = client.session.simulator.truth()
+    pose = rosmsg.make_pose(truth.x_map_m, truth.y_map_m, 0.3)
+    covariance = np.zeros(36)
+    covariance[[0, 7, 35]] = 0.25, 0.25, 0.0625
+    client.publish(
+        INITIAL_POSE, head, make("geometry_msgs/msg/PoseWithCovariance", pose, covariance)
+    )
+    wait_for(lambda: client.events("0.300, 0.500, 0.250 (ROS 2)"), "the pose")
+    client.publish(GOAL_POSE, head, rosmsg.make_pose(truth.x_map_m, 500.0, 0.0))
+    wait_for(lambda: client.events("goto"), "the goal")
+    client.publish(VISIT, head, [rosmsg.make_pose(500.0, 1.0, 0.0)])
+    wait_for(lambda: client.events("visit"), "the places")
+    client.publish(COMMAND, "mark")
+    wait_for(lambda: client.events("marked (ROS 2)"), "the command")
 
 
 def test_parameters_tell_the_settings_and_change_what_may_be_changed(client: Client) -> None:

@@ -1,7 +1,8 @@
 """Goals of peers, the same for every protocol: begun, followed from tick to tick, ended.
 
 One place is an errand: the mission pauses and `resume` goes on with it. Several places are a visit
-that takes the place of the mission. A new goal takes the place of the one before.
+that takes the place of the mission, and so is one place where the mission drives its own path only.
+A new goal takes the place of the one before.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any, Literal
 import msgspec
 
 from agribot.autonomy.plan.answers import MEANWHILE
-from agribot.autonomy.plan.errand import STANDING_MPS
+from agribot.autonomy.plan.errand import OWN_PATH_ONLY, STANDING_MPS
 from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.core.errors import BridgeError
 from agribot.core.geo import wrap_rad
@@ -74,14 +75,15 @@ class GoalBook:
             if not goal.is_visit and self._is_there(goal.places[0]):
                 self._turn(goal, "succeeded", "the robot is there already")
                 return True
-            accepted, why = self._requests.request_goal(
-                _make_event(goal), lambda refusal, record: _note_answer(goal, refusal, record)
-            )
-            if accepted:
-                self._turn(goal, "pending", "")
-            else:
-                self._turn(goal, "rejected", why)
-            return accepted
+            return self._send(goal)
+
+    def _send(self, goal: PeerGoal) -> bool:
+        goal.answer = None
+        accepted, why = self._requests.post(
+            _make_event(goal), lambda refusal, record: _note_answer(goal, refusal, record)
+        )
+        self._turn(goal, *(("pending", "") if accepted else ("rejected", why)))
+        return accepted
 
     def reject(self, goal: PeerGoal, why: str) -> None:
         """Keep a goal that is none, so that its sender can read why."""
@@ -130,7 +132,10 @@ class GoalBook:
         refusal, status = _read_refusal(goal, record), record.status
         if refusal is None:  # it stops first, or its way is being planned
             return
-        if refusal:
+        if refusal.endswith(OWN_PATH_ONLY) and goal.state == "pending":
+            goal.is_visit = True  # such a mission has no errands, but another may take its place
+            self._send(goal)
+        elif refusal:
             self._turn(goal, _name_refused(goal, refusal), refusal)
         elif status.leg == ErrandKind.GOAL.leg and _is_bound_for(goal, status.goal_map_m):
             goal.taken_up = True
@@ -158,6 +163,8 @@ class GoalBook:
 
     def _turn(self, goal: PeerGoal, state: GoalState, reason: str) -> None:
         goal.state, goal.reason = state, reason
+        if state == "aborted":
+            self._requests.refuse(f"{goal.source}: goal aborted: {reason}")
         if goal.is_over:
             goal.over_s = self.now_s
         self._on_change(goal)

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from agribot.core.errors import BridgeError
-from agribot.core.messages import Inbox, OperatorAction, OperatorEvent, TickRecord
+from agribot.core.messages import Inbox, OperatorAction, OperatorEvent
 from agribot.ros.robot_link import OnAnswer, OnOutcome, RobotLink
 
 if TYPE_CHECKING:
@@ -121,16 +121,6 @@ class Requests:
             on_outcome(is_done, text)
 
         self.link.ask(event, report_outcome)
-
-    def request_goal(self, event: OperatorEvent, on_answer: OnAnswer) -> tuple[bool, str]:
-        """Request to drive to places; what the mission answers is reported, too."""
-
-        def report_answer(refusal: str, record: TickRecord) -> None:
-            if refusal:
-                self.refuse(f"{event.source}: {refusal}")
-            on_answer(refusal, record)
-
-        return self.post(event, report_answer)
 
     def request_note(self, text: str, source: str) -> None:
         """Put a text into the recording; nothing moves."""

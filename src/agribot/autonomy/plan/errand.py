@@ -22,6 +22,7 @@ from agribot.core.messages import Estimate, MapPoint, Path
 from agribot.core.pose import Pose2
 
 STANDING_MPS = 0.02
+OWN_PATH_ONLY = "this mission drives its own path only"
 # Shown as who asked for an errand for which no person did.
 BATTERY, LOST, STUCK, MISSION = "the battery", "the lost row", "the ground", "the mission"
 CAME_TO_BE_CHARGED = "returned home to be charged, called by the battery"
@@ -158,4 +159,4 @@ def restore_errand(saved: SavedErrand, task: Task, job: MissionJob | None) -> Er
 
 def _check_ways(task: Task) -> None:
     if not task.has_ways:
-        raise MissionError("this mission drives its own path only")
+        raise MissionError(OWN_PATH_ONLY)

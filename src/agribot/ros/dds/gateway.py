@@ -62,7 +62,7 @@ class DdsGateway:
 
     def _report_end(self, goal: PeerGoal) -> None:
         """Report the end of a goal, which no topic of DDS carries."""
-        if goal.is_over and goal.state != "rejected":
+        if goal.is_over and goal.state not in {"rejected", "aborted"}:  # these are reported
             self._requests.refuse(f"{_SOURCE}: goal {goal.state}: {goal.reason}")
 
     def _on_twist(self, data: bytes) -> None:
