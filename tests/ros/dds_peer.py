@@ -102,6 +102,37 @@ class Twist(IdlStruct, typename=MSG.format("geometry_msgs", "Twist")):
 
 @final
 @dataclass
+class Point(IdlStruct, typename=MSG.format("geometry_msgs", "Point")):
+    x: float64
+    y: float64
+    z: float64
+
+
+@final
+@dataclass
+class Quaternion(IdlStruct, typename=MSG.format("geometry_msgs", "Quaternion")):
+    x: float64
+    y: float64
+    z: float64
+    w: float64
+
+
+@final
+@dataclass
+class Pose(IdlStruct, typename=MSG.format("geometry_msgs", "Pose")):
+    position: Point
+    orientation: Quaternion
+
+
+@final
+@dataclass
+class PoseStamped(IdlStruct, typename=MSG.format("geometry_msgs", "PoseStamped")):
+    header: Header
+    pose: Pose
+
+
+@final
+@dataclass
 class Gid(IdlStruct, typename=MSG.format("rmw_dds_common", "Gid")):
     data: array[uint8, 16]
 
@@ -146,11 +177,17 @@ class Peer:
         self.nodes = self.reader("ros_discovery_info", Entities, LATCHED)
         twist = Topic(self.participant, "rt/agribot/cmd_vel", Twist, qos=VOLATILE)
         self.cmd_vel = DataWriter(self.participant, twist, qos=VOLATILE)
+        self.commands = self.writer("rt/agribot/command", String)
+        self.goals = self.writer("rt/goal_pose", PoseStamped)
         self.publications: Any = BuiltinDataReader(self.participant, BuiltinTopicDcpsPublication)
         self.seen: dict[str, str] = {}
 
     def reader(self, name: str, kind: Any, qos: Qos) -> Any:
         return DataReader(self.participant, Topic(self.participant, name, kind, qos=qos), qos=qos)
+
+    def writer(self, name: str, kind: Any) -> Any:
+        topic = Topic(self.participant, name, kind, qos=VOLATILE)
+        return DataWriter(self.participant, topic, qos=VOLATILE)
 
     def fixes(self) -> list[Any]:
         return [
@@ -186,6 +223,15 @@ class Peer:
         zero = (0.0, 0.0)
         self.cmd_vel.write(Twist(Vector3(v_mps, *zero), Vector3(*zero, yaw_rate_radps)))
         return len(self.cmd_vel.get_matched_subscriptions())
+
+    def command(self, text: str) -> int:
+        self.commands.write(String(text))
+        return len(self.commands.get_matched_subscriptions())
+
+    def goal(self, frame: str, x: float, y: float) -> int:
+        pose = Pose(Point(x, y, 0.0), Quaternion(0.0, 0.0, 0.0, 0.0))
+        self.goals.write(PoseStamped(Header(Time(0, 0), frame), pose))
+        return len(self.goals.get_matched_subscriptions())
 
 
 def main() -> None:

@@ -18,7 +18,7 @@ import pytest
 
 from agribot.core import topics
 from agribot.core.inbound_topics import INBOUND_TOPICS
-from agribot.core.messages import GnssFix, GnssQuality, Inbox
+from agribot.core.messages import GnssFix, GnssQuality, Inbox, OperatorEvent
 from agribot.ros.dds.gateway import DdsGateway
 from agribot.ros.dds.types import load_dds_types, make_dds_type, to_dds_name
 from agribot.ros.messages import rosmsg
@@ -151,6 +151,26 @@ def test_a_twist_of_the_peer_reaches_the_inbox_exactly(live: tuple[Robot, Talk])
     assert first(driven, "a twist") == (0.25, -0.5)
     # What waited for the discovery may come in one burst, which is thinned out.
     assert [text for text in robot.said if "faster than" not in text] == []
+
+
+def test_commands_and_goals_of_a_peer_reach_the_inbox() -> None:
+    domain = 100 + os.getpid() % 20
+    with closing(Robot(domain)) as robot, peer("dds_peer.py", str(domain)) as talk:
+
+        def ask(*request: object) -> list[OperatorEvent]:
+            talk(*request)
+            return list(robot.inbox.drain(1.0)[0])
+
+        assert first(lambda: ask("command", "stop"), "a command").action == "stop"
+        goal = first(lambda: ask("goal", "map", 2.5, -1.0), "a goal")
+        assert (goal.action, goal.numbers, goal.source) == ("goto", (2.5, -1.0), "DDS")
+        refusal = "frame 'moon' is none of map, odom, wgs84"
+
+        def is_refused() -> bool:
+            talk("goal", "moon", 0.0, 0.0)
+            return any(refusal in text for text in robot.said)
+
+        wait_for(is_refused, "the refusal")
 
 
 def test_types_are_described_as_ros_describes_them() -> None:
