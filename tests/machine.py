@@ -29,7 +29,7 @@ PACKAGES = {
     "systemd-analyze": "systemd",
     "roscore": "python3-roslaunch python3-rostopic python3-rosbag",
     "roslaunch": "python3-roslaunch",
-    "rosservice": "python3-rosservice python3-std-srvs python3-rosnode",
+    "rosservice": "python3-rosservice python3-std-srvs python3-move-base-msgs python3-actionlib",
     "simavr": "gcc simavr libsimavr-dev",
     "str2str": "rtklib",
     "rviz": "rviz xvfb joint-state-publisher ros-robot-state-publisher",
