@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+from agribot.core.inbound_topics import INBOUND_TOPICS
 from agribot.core.topics import TOPICS, Topic
 
 HEAD = """# Topics
@@ -17,8 +18,24 @@ original's name and type are what the ROS 1 bridge adds.
 """
 
 
+INBOUND_HEAD = """
+## What a run takes
+
+From [`inbound_topics.py`](../src/agribot/core/inbound_topics.py); [who may send it](ros.md#requests).
+
+| topic | in ROS 1 | type | what |
+|---|---|---|---|
+"""
+
+
 def page() -> str:
-    return HEAD + "".join(map(_row, TOPICS))
+    outbound, inbound = map(_row, TOPICS), map(_inbound_row, INBOUND_TOPICS)
+    return HEAD + "".join(outbound) + INBOUND_HEAD + "".join(inbound)
+
+
+def _inbound_row(topic: Topic) -> str:
+    name, seed = topic.name, topic.seed_alias or topic.name
+    return f"| `{name}` | `{seed}` | `{topic.ros_type}` | {topic.about} |\n"
 
 
 def _row(topic: Topic) -> str:

@@ -3,6 +3,7 @@
 Each argument is FRAME,X,Y; it prints the state and the text of each goal.
 """
 
+# mypy: disable-error-code="import-not-found"
 from __future__ import annotations
 
 import sys

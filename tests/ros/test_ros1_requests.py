@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import socket
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from agribot.ros.ros1.service_server import SET_BOOL, TRIGGER
 from tests.ros.driven_robot import driven_robot
 from tests.ros.ros1_client import Client, ServiceError, ask
 from tests.ros.ros1_master import master
-from tests.waiting import wait_for
+from tests.waiting import PATIENCE_S, wait_for
 
 STAMPED, ARRAY = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseArray"
 SIMPLE_GOAL, STATED_POSE = "/move_base_simple/goal", "/initialpose"
@@ -208,6 +210,18 @@ def test_a_service_shakes_hands_as_rosservice_expects(robot: Peer) -> None:
         assert [ask(sock, b"")[0] for _ in range(3)] == [1, 1, 1]
         with pytest.raises(ServiceError, match="2 bytes; a request of std_srvs/Trigger is empty"):
             ask(sock, b"no")
+
+
+def test_a_client_of_services_that_sends_rubbish_harms_nobody(robot: Peer) -> None:
+    at = urlsplit(robot.client.master.services["/agribot/stop"])
+    for rubbish in (b"", b"\xff\xff\xff\xff", b"\x08\0\0\0" + b"\xff" * 8, b"GET / HTTP/1.1\r\n"):
+        with socket.create_connection((str(at.hostname), int(at.port or 0)), PATIENCE_S) as sock:
+            sock.sendall(rubbish)
+    robot.client.master.services["/agribot/nothing"] = at.geturl()
+    sock, header = robot.client.connect("/agribot/nothing")
+    sock.close()
+    assert header == {"error": "no such service: /agribot/nothing"}
+    assert robot.client.trigger("/agribot/mark").is_done
 
 
 def test_without_leave_a_peer_may_only_bring_the_robot_to_rest(tmp_path: Path) -> None:

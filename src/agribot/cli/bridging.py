@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, has_stack: bool = True) ->
         group.add_argument(
             "--allow-drive",
             action="store_true",
-            help="take cmd_vel, resume and clear_stop from peers",
+            help="take cmd_vel, goals, poses, resume and clear_stop from peers",
         )
     group.add_argument(
         "--image-rate",

@@ -34,6 +34,7 @@ _STATUS_PERIOD_S = 0.2  # by wall clock: clients take a server that is silent fo
 _FEEDBACK_PERIOD_S = 0.2
 _SHOWN_S = 5.0  # for which a goal that is over stays in the status; the newest one stays
 _DEPTH = 50
+_MOST_ID = 200  # characters of a goal's id
 # actionlib_msgs/GoalStatus
 _STATUS: dict[GoalState, int] = {
     "pending": 0, "active": 1, "canceled": 2, "replaced": 2, "succeeded": 3, "aborted": 4,
@@ -94,6 +95,9 @@ class MoveBaseServer:
             self._requests.refuse(f"{source}: {NAME}/goal: {error}")
             return
         name = message.goal_id.id or f"{NAME}-{next(self._numbers)}"
+        if len(name) > _MOST_ID:
+            self._requests.refuse(f"{source}: a goal's id has {len(name)} letters, over {_MOST_ID}")
+            return
         goal = PeerGoal(name=name, places=(), is_visit=False, source=source)
         target, stamp = message.goal.target_pose, message.goal_id.stamp
         with self.goals.lock:

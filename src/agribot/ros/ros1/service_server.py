@@ -21,6 +21,7 @@ from agribot.ros.ros1.node import Node
 _CONNECT_S = 5.0
 _MOST_CLIENTS = 50
 _MAX_REQUEST_BYTES = 100_000
+_MOST_NAME = 200  # characters of a peer's name
 _LENGTH = struct.Struct("<I")
 
 # Gets the bytes of the request and the client; gives those of the response. Raises BridgeError.
@@ -123,7 +124,7 @@ class Ros1ServiceServer:
         is_persistent = wish.get("persistent") in {"1", "true"}
         if is_persistent:
             sock.settimeout(None)
-        source = f"ROS 1 node {wish.get('callerid', 'without a name')}"
+        source = f"ROS 1 node {wish.get('callerid', 'without a name')[:_MOST_NAME]}"
         while not self._closed:
             request = tcpros.receive_frame(sock, _MAX_REQUEST_BYTES)
             sock.sendall(self._make_response(service, request, source))
