@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 from agribot.autonomy.estimate.lost_way import can_be_of_wheels, have_lost_way
 from agribot.autonomy.estimate.models import velocity_variance
 from agribot.core.arithmetic import FLOATS
 from agribot.core.messages import GnssFix, GnssQuality
-from agribot.lab.bench.nav.batch.arrays import ARRAYS
 
 STD_MPS = 0.03
 
@@ -59,16 +57,3 @@ def test_wheels_have_lost_their_way_that_are_off_for_long_by_more_than_noise() -
     assert have_lost_way(-0.3, 0.05**2, True)
     assert not have_lost_way(-0.3, 0.05**2, False), "a single outlier"
     assert not have_lost_way(-0.1, 0.05**2, True), "no more than noise"
-
-
-def test_one_robot_and_many_are_judged_alike() -> None:
-    draws = np.random.default_rng(0).uniform(-0.8, 0.8, (4, 300))
-    many = can_be_of_wheels(
-        ARRAYS, (draws[0], draws[1]), (draws[2], draws[3]), np.full(300, STD_MPS)
-    )
-    alone = [
-        can_be_of_wheels(FLOATS, (ahead, aside), (driven, rate), STD_MPS)
-        for ahead, aside, driven, rate in draws.T.tolist()
-    ]
-    assert np.asarray(many).tolist() == alone
-    assert set(alone) == {False, True}

@@ -15,12 +15,12 @@ from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_lines import RowLines
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import GroundPlant, PlantClass, RowLine, Scene
-from agribot.lab.bench.nav.scenario import ROWS, scenario
+from agribot.lab.bench.nav.scenario import ROWS, make_scenario
 from tests.autonomy.estimate.noisy_rover import M8N, record, stand
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.row_plants import watch
 
-FIELD = scenario("m8n", vision=True, speed_mps=0.8, variant="nominal").field()
+FIELD = make_scenario("m8n", vision=True).config(seed=0).field
 SEEN = RowLine(t_s=0.0, offset_m=0.0, heading_rad=0.0, offset_std_m=0.015, heading_std_rad=0.012)
 
 

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.estimate.localizer import Localizer
-from agribot.autonomy.estimate.spin_watch import SpinWatch
-from agribot.core.arithmetic import FLOATS
 from agribot.core.config import EstimateConfig, FieldConfig
-from agribot.lab.bench.nav.batch.arrays import ARRAYS
 from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, record
 from tests.autonomy.estimate.paper_robot import robot
@@ -55,18 +52,3 @@ def test_wheels_that_grip_are_not_taken_for_spinning(seed: int) -> None:
     into = Localizer(EstimateConfig(), MARKED, robot((0.0, 0.0, 0.6)))
     play(record(drive, 60.0, seed=seed, errors=M8N, start=START), into)
     assert into.rejected["wheels spin"] == 0
-
-
-def test_one_robot_and_many_are_watched_alike() -> None:
-    rng = np.random.default_rng(0)
-    alone, many = SpinWatch(FLOATS, 8), SpinWatch(ARRAYS, 8)
-    found = set()
-    for _ in range(200):
-        claimed, ahead = rng.uniform(-0.5, 0.5, 2), rng.normal(0.0, 0.4, 2)
-        aside = rng.normal(0.0, 0.1, 2)
-        together = many.is_spinning(claimed, (ahead, aside), np.full(2, 0.07))
-        one = alone.is_spinning(float(claimed[0]), (float(ahead[0]), float(aside[0])), 0.07)
-        assert bool(np.asarray(together)[0]) == one
-        assert np.asarray(many.aside_mps)[0] == alone.aside_mps
-        found.add(one)
-    assert found == {False, True}

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
 from agribot.app.run_folder import clear_run
 from agribot.app.workers import Stop, results
-from agribot.core.errors import AgribotError, ConfigError
-from agribot.core.extras import format_install
+from agribot.core.errors import AgribotError
 from agribot.lab.sweep.plan import SweepJob
+from agribot.lab.sweep.ray_cluster import RayCluster
 from agribot.record.report import Report
 
 if TYPE_CHECKING:
     from agribot.app.simulated_run import SimulatedRun
 
 INTERRUPTED = "interrupted by the operator"
-RAY_POLL_S = 0.5
-RAY_ANSWERS_WITHIN_S = 5.0
 
 
 class Assignment(msgspec.Struct, frozen=True, kw_only=True):
@@ -92,58 +89,14 @@ class RayExecutor:
 
         Raises: ConfigError: ray is not installed or the cluster does not answer.
         """
-        self._ray = _import_ray()
-        try:
-            _expect_answer(address)
-            self._ray.init(address=address)
-        except (OSError, RuntimeError, ValueError) as error:
-            raise ConfigError(
-                f"no Ray cluster answers at {address}: {error}; start one with `ray start --head` "
-                "and give its address, or leave out --ray"
-            ) from error
+        self._cluster = RayCluster(address)
 
     def run(self, assignments: Sequence[Assignment], stop: Stop) -> Iterator[RunOutcome]:
-        remote = self._ray.remote(_drive_to_the_end)
-        running = {remote.remote(assignment): assignment.job for assignment in assignments}
-        while running:
-            if stop():
-                for reference in running:
-                    self._ray.cancel(reference)
-                return
-            done, _ = self._ray.wait(list(running), num_returns=1, timeout=RAY_POLL_S)
-            for reference in done:
-                yield self._await_outcome(reference, running.pop(reference))
-
-    def _await_outcome(self, reference: Any, job: SweepJob) -> RunOutcome:
-        try:
-            outcome: RunOutcome = self._ray.get(reference)
-        except self._ray.exceptions.RayError as error:  # the node, its memory or its installation
-            return RunOutcome(job=job, error=f"its node failed: {str(error).splitlines()[-1]}")
-        return outcome
-
-
-def _expect_answer(address: str) -> None:
-    """Refuse an address without an answer; Ray tries for minutes and then ends the process.
-
-    Raises: OSError: nothing listens at HOST:PORT; other addresses are left to Ray.
-    """
-    host, _, port = address.rpartition(":")
-    if host and "/" not in address and port.isdigit():
-        socket.create_connection((host, int(port)), RAY_ANSWERS_WITHIN_S).close()
+        for each in self._cluster.results(_drive_to_the_end, assignments, stop):
+            yield each.result or RunOutcome(job=each.job.job, error=each.error)
 
 
 def _drive_to_the_end(assignment: Assignment) -> RunOutcome:
     outcome = drive(assignment, lambda: False)
     assert outcome is not None  # nothing stops it
     return outcome
-
-
-def _import_ray() -> Any:
-    try:
-        import ray
-    except ImportError as error:
-        raise ConfigError(
-            f"--ray needs the package ray, which is not installed; {format_install('sweep')}, or "
-            "leave out --ray to use the processes of this machine"
-        ) from error
-    return ray

@@ -9,14 +9,15 @@ from agribot.lab.bench.nav.scenario import Scenario
 
 
 class Job(msgspec.Struct, frozen=True, kw_only=True):
+    """Missions of one scenario, one for each seed."""
+
     scenario: Scenario
     seeds: tuple[int, ...]
     robot: RobotSpec
     is_original: bool = False
-    has_level: bool = False  # judges the protection level as well
 
     @property
     def name(self) -> str:
         if self.is_original:
-            return f"original robot, {self.scenario.receiver}, {self.scenario.variant}"
+            return f"original robot, {self.scenario.sensors}, {self.scenario.variant}"
         return self.scenario.name

@@ -1,28 +1,30 @@
-"""What truly happened to each robot; it sees the truth, the robots do not."""
+"""What truly happened to the robot; it sees the truth, the robot does not."""
 
 from __future__ import annotations
+
+import math
 
 import msgspec
 import numpy as np
 
-from agribot.core.messages import FloatArray
-from agribot.lab.bench.nav.batch.arrays import clamp
-from agribot.lab.bench.nav.plant import RoverFleet
+from agribot.core.arithmetic import clamp
+from agribot.core.geo import wrap_rad
+from agribot.core.messages import Estimate
+from agribot.lab.bench.nav.plant import SoilRover
 from agribot.lab.bench.nav.scenario import (
     CRUSH_M,
-    DT_S,
     PITCH_M,
     PLANTS,
     ROW_LENGTH_M,
     ROW_LIMIT_M,
-    ROWS,
     SPACING_M,
-    TICK_STEPS,
+    TICK_S,
     WHEELS_BODY_M,
-)  # fmt: skip
+)
 
-BINS, BIN_M = 3000, 0.001  # histogram of the cross-track error, up to 3 m
 NEES_PERIOD_S = 1.0
+MISSED_PLANTS = 1  # of a row that counts as worked all the same
+MAX_CRUSHED_RATIO = 0.01
 
 
 class LevelOutcome(msgspec.Struct, frozen=True, kw_only=True):
@@ -41,7 +43,11 @@ class LevelOutcome(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Outcome(msgspec.Struct, frozen=True, kw_only=True):
-    """One mission. Cross-track errors are true ones against the row worked."""
+    """One mission. Cross-track errors are true ones against the row worked.
+
+    `reason` is what the robot says at the end of a mission that it did not finish, `cpu_s` is the
+    CPU time of the mission: plant, sensors, robot and judge.
+    """
 
     seed: int
     success: bool
@@ -56,121 +62,113 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     nees_pose: float | None
     paused_s: float
     level: LevelOutcome | None = None
+    reason: str = ""
+    cpu_s: float = 0.0
 
 
 class LevelJudge:
-    """Holds levels of many robots against their true errors; rows run East."""
+    """Holds the level of a robot against its true error; rows run East."""
 
-    def __init__(self, count: int, limit_m: float) -> None:
+    def __init__(self, limit_m: float) -> None:
         self._limit_m = limit_m
-        self._row_m, self._available_m, self._exceeded_m = np.zeros((3, count))
-        self._exceeded, self._misled = np.zeros((2, count), dtype=int)
-        self._was_beyond, self._was_misled = np.zeros((2, count), dtype=bool)
+        self._row_m = self._available_m = self._exceeded_m = 0.0
+        self._exceeded = self._misled = 0
+        self._was_beyond = self._was_misled = False
 
-    def tick(
-        self, plant: RoverFleet, y_m: FloatArray, level_m: FloatArray, row: np.ndarray
-    ) -> None:
-        """Add a tick: where the robots believe to be across the rows, and how far off at most."""
-        way_m = (row >= 0) * abs(plant.v_mps) * (TICK_STEPS * DT_S)
-        error_m, may_work = abs(y_m - plant.y_m), level_m <= self._limit_m
-        beyond = (row >= 0) & (error_m > level_m)
-        misled = (row >= 0) & may_work & (error_m > self._limit_m)
-        self._row_m += way_m
-        self._available_m += way_m * may_work
-        self._exceeded_m += way_m * beyond
-        self._exceeded += beyond & ~self._was_beyond
-        self._misled += misled & ~self._was_misled
-        self._was_beyond, self._was_misled = beyond, misled
+    def tick(self, rover: SoilRover, y_m: float, level_m: float, row: int) -> None:
+        """Add a tick: where the robot believes to be across the rows, and how far off at most."""
+        is_in_row, way_m = row >= 0, abs(rover.v_mps) * TICK_S
+        error_m, may_work = abs(y_m - rover.y_m), level_m <= self._limit_m
+        is_beyond = is_in_row and error_m > level_m
+        is_misled = is_in_row and may_work and error_m > self._limit_m
+        self._row_m += way_m * is_in_row
+        self._available_m += way_m * (is_in_row and may_work)
+        self._exceeded_m += way_m * is_beyond
+        self._exceeded += is_beyond and not self._was_beyond
+        self._misled += is_misled and not self._was_misled
+        self._was_beyond, self._was_misled = is_beyond, is_misled
 
-    def outcomes(self) -> list[LevelOutcome]:
-        columns = (self._row_m, self._available_m, self._exceeded, self._exceeded_m, self._misled)
-        return [
-            LevelOutcome(row_m=way, available_m=free, exceeded=count, exceeded_m=off, misled=bad)
-            for way, free, count, off, bad in zip(*(c.tolist() for c in columns), strict=True)
-        ]
+    def outcome(self) -> LevelOutcome:
+        return LevelOutcome(
+            row_m=self._row_m, available_m=self._available_m, exceeded=self._exceeded,
+            exceeded_m=self._exceeded_m, misled=self._misled,
+        )  # fmt: skip
 
 
-class FleetJudge:
-    def __init__(self, count: int) -> None:
-        self._row_worst_m = np.zeros((ROWS, count))
-        self._square, self._samples = np.zeros(count), np.zeros(count)
-        self._bins = np.zeros((count, BINS), dtype=np.int32)
-        self._covered = np.zeros((ROWS, PLANTS, count), dtype=bool)
-        self._crushed = np.zeros((ROWS, PLANTS, count), dtype=bool)
-        self._nees, self._nees_pose, self._nees_count = np.zeros((3, count))
-        self.time_s = np.zeros(count)
-        self._robots = np.arange(count)
+class Consistency:
+    """Squared errors of a pose over its variances: lateral (expected 1) and of all of it (3)."""
 
-    def tick(
-        self, plant: RoverFleet, row: np.ndarray, tool_on: np.ndarray, is_done: np.ndarray
-    ) -> None:
-        """`row` counts from y = 0; a plant is covered where the tool works beside it."""
-        active = ~is_done
-        self.time_s += active * (TICK_STEPS * DT_S)
-        works = active & (row >= 0) & (plant.x_m >= 0.0) & (plant.x_m <= ROW_LENGTH_M)
-        robots = self._robots[works]
-        rows = row[works]
-        error_m = abs(plant.y_m[works] - rows * PITCH_M)
-        self._row_worst_m[rows, robots] = np.maximum(self._row_worst_m[rows, robots], error_m)
-        self._square[robots] += error_m**2
-        self._samples[robots] += 1
-        self._bins[robots, np.minimum((error_m / BIN_M).astype(np.int64), BINS - 1)] += 1
-        self._cover(plant, active & tool_on)
-        self._crush(plant, active)
+    def __init__(self) -> None:
+        self._lateral = self._pose = 0.0
+        self._count = 0
 
-    def _cover(self, plant: RoverFleet, works: np.ndarray) -> None:
-        beside = clamp(np.rint(plant.y_m / PITCH_M), 0, ROWS - 1)
-        near = abs(plant.y_m - beside * PITCH_M) < ROW_LIMIT_M
-        near &= works & (plant.x_m >= 0.0) & (plant.x_m <= ROW_LENGTH_M)
-        slot = np.rint(plant.x_m[near] / SPACING_M).astype(np.int64)
-        self._covered[beside[near].astype(np.int64), slot, self._robots[near]] = True
+    def add(self, rover: SoilRover, told: Estimate) -> None:
+        error = np.array([
+            told.x_map_m - rover.x_m, told.y_map_m - rover.y_m,
+            wrap_rad(told.yaw_map_rad - rover.yaw_rad),
+        ])  # fmt: skip
+        cov = np.array(told.pose_cov).reshape(3, 3)
+        self._lateral += float(error[1] ** 2 / cov[1, 1])
+        self._pose += float(error @ np.linalg.solve(cov, error))
+        self._count += 1
 
-    def _crush(self, plant: RoverFleet, active: np.ndarray) -> None:
-        cos, sin = np.cos(plant.yaw_rad), np.sin(plant.yaw_rad)
+    def means(self) -> tuple[float, float] | tuple[None, None]:
+        """Return lateral and pose; None where there was no pose in a row."""
+        if not self._count:
+            return None, None
+        return self._lateral / self._count, self._pose / self._count
+
+
+class MissionJudge:
+    """Measures one mission in a field of `rows` rows, whose first one lies at y = 0."""
+
+    def __init__(self, rows: int) -> None:
+        self._rows = rows
+        self._errors_m: list[float] = []
+        self._worst_m = [0.0] * rows
+        self._covered: list[set[int]] = [set() for _ in range(rows)]
+        self._crushed: set[tuple[int, int]] = set()
+        self._ticks = 0
+
+    def tick(self, rover: SoilRover, row: int, *, tool_on: bool) -> None:
+        """Add a tick; a plant is covered where the tool works beside it.
+
+        `row` is the one that the robot works, counted from y = 0; -1 between the rows.
+        """
+        self._ticks += 1
+        is_beside_plants = 0.0 <= rover.x_m <= ROW_LENGTH_M
+        if row >= 0 and is_beside_plants:
+            error_m = abs(rover.y_m - row * PITCH_M)
+            self._errors_m.append(error_m)
+            self._worst_m[row] = max(self._worst_m[row], error_m)
+        beside = self._row_near(rover.y_m)
+        if tool_on and is_beside_plants and abs(rover.y_m - beside * PITCH_M) < ROW_LIMIT_M:
+            self._covered[beside].add(round(rover.x_m / SPACING_M))
+        self._crush(rover)
+
+    def _row_near(self, y_m: float) -> int:
+        return clamp(round(y_m / PITCH_M), 0, self._rows - 1)
+
+    def _crush(self, rover: SoilRover) -> None:
+        cos, sin = math.cos(rover.yaw_rad), math.sin(rover.yaw_rad)
         for ahead_m, left_m in WHEELS_BODY_M:
-            x_m = plant.x_m + ahead_m * cos - left_m * sin
-            y_m = plant.y_m + ahead_m * sin + left_m * cos
-            row = clamp(np.rint(y_m / PITCH_M), 0, ROWS - 1)
-            slot = clamp(np.rint(x_m / SPACING_M), 0, PLANTS - 1)
-            square = (x_m - slot * SPACING_M) ** 2 + (y_m - row * PITCH_M) ** 2
-            hit = active & (square < CRUSH_M**2)
-            if hit.any():
-                robots = self._robots[hit]
-                self._crushed[row[hit].astype(int), slot[hit].astype(int), robots] = True
+            x_m = rover.x_m + ahead_m * cos - left_m * sin
+            y_m = rover.y_m + ahead_m * sin + left_m * cos
+            row, slot = self._row_near(y_m), clamp(round(x_m / SPACING_M), 0, PLANTS - 1)
+            if (x_m - slot * SPACING_M) ** 2 + (y_m - row * PITCH_M) ** 2 < CRUSH_M**2:
+                self._crushed.add((row, slot))
 
-    def check_covariance(
-        self, plant: RoverFleet, x_m: FloatArray, y_m: FloatArray, yaw_rad: FloatArray,
-        cov: FloatArray, row: np.ndarray,
-    ) -> None:  # fmt: skip
-        """Squared errors over variances: lateral (expected 1) and of the whole pose (3)."""
-        works = row >= 0
-        error = np.stack([x_m - plant.x_m, y_m - plant.y_m, yaw_rad - plant.yaw_rad])
-        error[2] -= 2.0 * np.pi * np.rint(error[2] / (2.0 * np.pi))
-        self._nees += works * error[1] ** 2 / cov[1, 1]
-        solved = np.linalg.solve(cov.transpose(2, 0, 1), error.T[:, :, None])[:, :, 0]
-        self._nees_pose += works * (solved * error.T).sum(axis=1)
-        self._nees_count += works
-
-    def outcomes(
-        self, seeds: list[int], is_done: np.ndarray, paused_s: FloatArray, *, has_filter: bool
-    ) -> list[Outcome]:
-        covered = self._covered.sum(axis=1) >= PLANTS - 1
-        rows_ok = ((self._row_worst_m < ROW_LIMIT_M) & covered).sum(axis=0)
-        crushed = self._crushed.sum(axis=(0, 1))
-        few = crushed <= 0.01 * ROWS * PLANTS
-        success = is_done & (rows_ok == ROWS) & few
-        shares = self._bins.cumsum(axis=1) / np.maximum(self._samples, 1)[:, None]
-        p95_m = (shares < 0.95).sum(axis=1) * BIN_M
-        samples, checks = np.maximum(self._samples, 1), np.maximum(self._nees_count, 1)
-        return [
-            Outcome(
-                seed=seed, success=bool(success[i]), finished=bool(is_done[i]),
-                rows_ok=int(rows_ok[i]), xte_rms_m=float(np.sqrt(self._square[i] / samples[i])),
-                xte_p95_m=float(p95_m[i]), xte_max_m=float(self._row_worst_m[:, i].max()),
-                crushed=int(crushed[i]), time_s=float(self.time_s[i]),
-                nees=float(self._nees[i] / checks[i]) if has_filter else None,
-                nees_pose=float(self._nees_pose[i] / checks[i]) if has_filter else None,
-                paused_s=float(paused_s[i]),
-            )
-            for i, seed in enumerate(seeds)
-        ]  # fmt: skip
+    def outcome(self, seed: int, *, is_done: bool) -> Outcome:
+        errors_m = np.array(self._errors_m or [0.0])
+        rows_ok = sum(
+            worst_m < ROW_LIMIT_M and len(covered) >= PLANTS - MISSED_PLANTS
+            for worst_m, covered in zip(self._worst_m, self._covered, strict=True)
+        )
+        few = len(self._crushed) <= MAX_CRUSHED_RATIO * self._rows * PLANTS
+        return Outcome(
+            seed=seed, success=is_done and rows_ok == self._rows and few, finished=is_done,
+            rows_ok=rows_ok, xte_rms_m=float(np.sqrt(np.mean(errors_m**2))),
+            xte_p95_m=float(np.quantile(errors_m, 0.95)), xte_max_m=max(self._worst_m),
+            crushed=len(self._crushed), time_s=self._ticks * TICK_S, nees=None, nees_pose=None,
+            paused_s=0.0,
+        )  # fmt: skip

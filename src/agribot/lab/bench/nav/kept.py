@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
+from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 import msgspec
 
 from agribot.core.errors import ConfigError, RecordingError
-from agribot.core.version import __version__
 from agribot.lab.bench.nav.job import Job
 from agribot.lab.bench.nav.judge import Outcome
 from agribot.lab.bench.nav.scenario import Scenario
+
+# What decides about a mission: the robot, its sensors, the benchmark.
+DECIDING = ("autonomy", "core", "sim/sensors", "lab/bench/nav", "description/urdf")
 
 
 class _Block(msgspec.Struct, frozen=True, kw_only=True):
     """One line of the file."""
 
-    version: str
+    program: str
     scenario: Scenario
     is_original: bool
-    has_level: bool
     outcomes: tuple[Outcome, ...]
 
 
@@ -30,28 +34,26 @@ class KeptMissions:
     def __init__(self, path: Path) -> None:
         """Read what the file holds, if there is one; a last line that was cut off does not count.
 
-        Raises: ConfigError: it is no such file, or of another version.
+        Raises: ConfigError: it is no such file, or another program drove its missions.
         """
-        self._path = path
-        self._found: dict[tuple[bytes, bool, bool], dict[int, Outcome]] = {}
+        self._path, self._program = path, identify_program()
+        self._found: dict[tuple[bytes, bool], dict[int, Outcome]] = {}
         try:
             content = path.read_bytes() if path.exists() else b""
         except OSError as error:
-            raise ConfigError(
-                f"--keep {path}: cannot be read: {error.strerror or error}"
-            ) from error
+            raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
         self._whole_bytes = content.rfind(b"\n") + 1
         for number, line in enumerate(content[: self._whole_bytes].splitlines(), 1):
             try:
                 block = msgspec.json.decode(line, type=_Block)
             except msgspec.MsgspecError as error:
                 raise ConfigError(
-                    f"--keep {path}: line {number} holds no missions ({error}); give another file"
+                    f"{path}: line {number} holds no missions ({error}); give another --out"
                 ) from error
-            if block.version != __version__:
+            if block.program != self._program:
                 raise ConfigError(
-                    f"--keep {path}: missions of version {block.version}, this is {__version__}; "
-                    "give another file"
+                    f"{path}: its missions were driven by the program {block.program}, this is "
+                    f"{self._program}; give another --out"
                 )
             self._remember(block)
 
@@ -65,8 +67,8 @@ class KeptMissions:
         Raises: RecordingError: it cannot be written.
         """
         block = _Block(
-            version=__version__, scenario=job.scenario, is_original=job.is_original,
-            has_level=job.has_level, outcomes=tuple(outcomes),
+            program=self._program, scenario=job.scenario, is_original=job.is_original,
+            outcomes=tuple(outcomes),
         )  # fmt: skip
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
@@ -86,5 +88,21 @@ class KeptMissions:
         found.update((outcome.seed, outcome) for outcome in block.outcomes)
 
 
-def _name(scenario: Scenario, what: Job | _Block) -> tuple[bytes, bool, bool]:
-    return msgspec.json.encode(scenario), what.is_original, what.has_level
+def _name(scenario: Scenario, what: Job | _Block) -> tuple[bytes, bool]:
+    return msgspec.json.encode(scenario), what.is_original
+
+
+def identify_program() -> str:
+    """Return a short digest of all files that decide about a mission."""
+    digest = hashlib.sha256()
+    for folder in DECIDING:
+        _digest(resources.files("agribot").joinpath(folder), digest)
+    return digest.hexdigest()[:12]
+
+
+def _digest(place: Traversable, digest: hashlib._Hash) -> None:
+    for entry in sorted(place.iterdir(), key=lambda each: each.name):
+        if entry.is_dir():
+            _digest(entry, digest)
+        elif entry.name.endswith((".py", ".toml", ".xacro", ".urdf")):
+            digest.update(entry.name.encode() + entry.read_bytes())

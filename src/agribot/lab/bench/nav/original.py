@@ -7,28 +7,29 @@ turns on the spot above 10 degrees, and takes a waypoint as reached within 1 m.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import statistics
+import time
 
-import numpy as np
+import msgspec
 
-from agribot.core.messages import FloatArray
+from agribot.core.arithmetic import clamp
+from agribot.core.geo import MapFrame
+from agribot.core.messages import SensorBatch
 from agribot.core.robot import RobotSpec
-from agribot.lab.bench.nav.batch.arrays import clamp
-from agribot.lab.bench.nav.batch.compass import BatchYaw
-from agribot.lab.bench.nav.batch.gnss import BatchFix
-from agribot.lab.bench.nav.judge import FleetJudge, Outcome
-from agribot.lab.bench.nav.missions import Sensors, Stop
-from agribot.lab.bench.nav.plant import RoverFleet
+from agribot.lab.bench.nav.judge import MissionJudge, Outcome
+from agribot.lab.bench.nav.missions import Stop
+from agribot.lab.bench.nav.plant import SoilRover
 from agribot.lab.bench.nav.scenario import (
     DT_S,
     HEADLAND_M,
     MAX_TIME_S,
     PITCH_M,
     ROW_LENGTH_M,
-    ROWS,
     TICK_STEPS,
     Scenario,
 )
+from agribot.lab.bench.nav.sensors import Sensors
 
 GAIN_P, GAIN_D = 0.01, 0.5  # rad/s per degree, and per degree of change between two fixes
 STRAIGHT_MPS, CORRECTING_MPS, MAX_RADPS = 0.4, 0.2, 0.5
@@ -39,66 +40,86 @@ ARRIVED_M, MEDIAN_SAMPLES = 1.0, 7
 class OriginalController:
     """`v_mps`, `yaw_rate_radps` change with every fix; `waypoint` counts the row ends."""
 
-    def __init__(self, count: int) -> None:
-        self.v_mps, self.yaw_rate_radps = np.zeros((2, count))
-        self.waypoint = np.ones(count, dtype=np.int64)
-        self.is_done = np.zeros(count, dtype=bool)
-        self._heading_deg, self._angle_deg = np.zeros((2, count))
-        self._window: list[FloatArray] = []
+    def __init__(self, rows: int, frame: MapFrame) -> None:
+        self.v_mps = self.yaw_rate_radps = 0.0
+        self.waypoint, self.is_done = 1, False
+        self._frame = frame
+        self._heading_deg = self._angle_deg = 0.0
+        self._window: list[float] = []
         ends = (-HEADLAND_M, ROW_LENGTH_M + HEADLAND_M)
-        self._at_m = np.array(
-            [(ends[(row + end) % 2], row * PITCH_M) for row in range(ROWS) for end in (0, 1)]
-        )
+        self._at_m = [
+            (ends[(row + end) % 2], row * PITCH_M) for row in range(rows) for end in (0, 1)
+        ]
 
-    def hear_compass(self, yaw_rad: FloatArray) -> None:
+    def update(self, batch: SensorBatch) -> None:
+        for sample in batch.mag:
+            x, y, _ = sample.field_t
+            self.update_compass(math.degrees(math.atan2(x, y)))
+        for fix in batch.gnss:
+            east_m, north_m, _ = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, fix.alt_m)
+            self.update_fix(east_m, north_m)
+
+    def update_compass(self, yaw_deg: float) -> None:
         """Windows do not overlap, and the median is taken of wrapped degrees."""
-        self._window.append(np.degrees(yaw_rad))
+        self._window.append(yaw_deg)
         if len(self._window) == MEDIAN_SAMPLES:
-            self._heading_deg = np.median(self._window, axis=0)
+            self._heading_deg = statistics.median(self._window)
             self._window.clear()
 
-    def hear_fix(self, east_m: FloatArray, north_m: FloatArray) -> None:
-        goal_m = self._at_m[np.minimum(self.waypoint, len(self._at_m) - 1)]
-        dx, dy = goal_m[:, 0] - east_m, goal_m[:, 1] - north_m
-        angle_deg = np.degrees(np.arctan2(dy, dx)) - self._heading_deg
-        angle_deg = np.where(angle_deg > 180.0, angle_deg - 360.0, angle_deg)
-        angle_deg = np.where(angle_deg < -180.0, angle_deg + 360.0, angle_deg)
+    def update_fix(self, east_m: float, north_m: float) -> None:
+        if self.is_done:
+            return
+        x_m, y_m = self._at_m[self.waypoint]
+        dx_m, dy_m = x_m - east_m, y_m - north_m
+        angle_deg = math.degrees(math.atan2(dy_m, dx_m)) - self._heading_deg
+        if angle_deg > 180.0:
+            angle_deg -= 360.0
+        if angle_deg < -180.0:
+            angle_deg += 360.0
         change_deg, self._angle_deg = angle_deg - self._angle_deg, angle_deg
-        arrives = np.hypot(dx, dy) <= ARRIVED_M
-        rate = clamp(GAIN_P * angle_deg + GAIN_D * change_deg, -MAX_RADPS, MAX_RADPS)
-        straight = abs(angle_deg) < STRAIGHT_DEG
-        speed = np.where(abs(angle_deg) > PIVOT_DEG, 0.0, CORRECTING_MPS)
-        self.waypoint = self.waypoint + (arrives & ~self.is_done)
-        self.is_done |= self.waypoint >= len(self._at_m)
-        halts = arrives | self.is_done
-        self.v_mps = np.where(halts, 0.0, np.where(straight, STRAIGHT_MPS, speed))
-        self.yaw_rate_radps = np.where(halts | straight, 0.0, rate)
+        if math.hypot(dx_m, dy_m) <= ARRIVED_M:
+            self._arrive()
+        else:
+            self._steer(angle_deg, change_deg)
+
+    def _arrive(self) -> None:
+        self.v_mps = self.yaw_rate_radps = 0.0
+        self.waypoint += 1
+        self.is_done = self.waypoint >= len(self._at_m)
+
+    def _steer(self, angle_deg: float, change_deg: float) -> None:
+        if abs(angle_deg) < STRAIGHT_DEG:
+            self.v_mps, self.yaw_rate_radps = STRAIGHT_MPS, 0.0
+            return
+        rate_radps = GAIN_P * angle_deg + GAIN_D * change_deg
+        self.yaw_rate_radps = clamp(rate_radps, -MAX_RADPS, MAX_RADPS)
+        self.v_mps = 0.0 if abs(angle_deg) > PIVOT_DEG else CORRECTING_MPS
 
     @property
-    def row(self) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    def row(self) -> int:
         """The row it drives along, -1 on the way to the next."""
-        return np.where((self.waypoint % 2 == 1) & ~self.is_done, self.waypoint // 2, -1)
+        return self.waypoint // 2 if self.waypoint % 2 == 1 and not self.is_done else -1
 
 
 def run_original(
-    seeds: Sequence[int], scenario: Scenario, robot: RobotSpec, stop: Stop = lambda: False
-) -> list[Outcome]:
-    """GNSS is compared with goals in the true map, as after a start at a known place."""
-    count = len(seeds)
-    plant, sensors = RoverFleet(seeds, scenario.soil), Sensors(seeds, scenario, robot)
-    controller, judge = OriginalController(count), FleetJudge(count)
+    seed: int, scenario: Scenario, robot: RobotSpec, stop: Stop = lambda: False
+) -> Outcome:
+    """GNSS is compared with goals in the true map, as after a start at a known place.
+
+    Raises: ConfigError: the scenario's sensors or settings are none.
+    """
+    began_s, config = time.process_time(), scenario.config(seed)
+    rover, sensors = SoilRover(seed, scenario.soil), Sensors(config, robot)
+    controller = OriginalController(scenario.rows, MapFrame(config.field.datum))
+    judge = MissionJudge(scenario.rows)
     for k in range(1, round(MAX_TIME_S / DT_S) + 1):
-        plant.step(controller.v_mps, controller.yaw_rate_radps)
-        sensors.step(k, plant)
+        rover.step(controller.v_mps, controller.yaw_rate_radps)
+        sensors.step(rover)
         if k % TICK_STEPS:
             continue
-        for reading in sensors.read(k * DT_S)[2]:
-            if isinstance(reading, BatchFix):
-                controller.hear_fix(reading.east_m, reading.north_m)
-            elif isinstance(reading, BatchYaw):
-                controller.hear_compass(reading.yaw_map_rad)
-        row = controller.row
-        judge.tick(plant, row, row >= 0, controller.is_done)
-        if controller.is_done.all() or stop():
+        controller.update(sensors.read())
+        judge.tick(rover, controller.row, tool_on=controller.row >= 0)
+        if controller.is_done or stop():
             break
-    return judge.outcomes(list(seeds), controller.is_done, np.zeros(count), has_filter=False)
+    outcome = judge.outcome(seed, is_done=controller.is_done)
+    return msgspec.structs.replace(outcome, cpu_s=time.process_time() - began_s)

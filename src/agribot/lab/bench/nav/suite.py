@@ -1,4 +1,4 @@
-"""Which scenarios a run of the benchmark drives, over blocks of seeds."""
+"""Which scenarios a run of the benchmark drives, and where: in processes or on a cluster."""
 
 from __future__ import annotations
 
@@ -7,37 +7,39 @@ from collections.abc import Callable, Iterator, Sequence
 import msgspec
 
 from agribot.app.workers import results
+from agribot.core.errors import AgribotError
 from agribot.core.robot import RobotSpec
 from agribot.lab.bench.nav.job import Job
 from agribot.lab.bench.nav.judge import Outcome
 from agribot.lab.bench.nav.kept import KeptMissions
-from agribot.lab.bench.nav.missions import run_missions
+from agribot.lab.bench.nav.missions import Stop, run_mission
 from agribot.lab.bench.nav.original import run_original
-from agribot.lab.bench.nav.scenario import Receiver, Scenario, Variant, scenario
-from agribot.lab.bench.nav.stack_missions import run_stack_missions
+from agribot.lab.bench.nav.scenario import Scenario, Variant, make_scenario
 from agribot.lab.bench.nav.table import Line, line
+from agribot.lab.sweep.ray_cluster import RayCluster
 
-# So many robots share one set of arrays: each costs a third of what it does among the least. More
-# save little and come back late.
-MOST_IN_BLOCK, LEAST_IN_BLOCK = 1000, 125
-# Robots of the stack share nothing but the plant, which is cheap.
-STACK_BLOCK = 5
-Stop = Callable[[], bool]
-
+Executor = Callable[[Sequence[Job], Stop], Iterator[tuple[Job, Outcome]]]
 
 # What `agribot bench nav` drives when nothing is chosen: the published table.
-PUBLISHED: tuple[tuple[Receiver, bool, Variant], ...] = (
-    ("m8n", True, "nominal"),
+PUBLISHED: tuple[tuple[str, bool, Variant], ...] = (
+    ("ideal", False, "nominal"),
     ("rtk", False, "nominal"),
     ("rtk", True, "nominal"),
     ("rtk-dual", True, "nominal"),
-    ("hector", True, "nominal"),
+    ("rtk-1", False, "nominal"),
+    ("rtk-trees", True, "nominal"),
+    ("rtk-trees", False, "nominal"),
+    ("m8n", True, "nominal"),
+    ("m8n-1", True, "nominal"),
+    ("m8n-urban", True, "nominal"),
     ("legacy", True, "nominal"),
-    ("m8n", True, "hard"),
-    ("hector", True, "hard"),
+    ("seed", True, "nominal"),
     ("rtk", True, "hard"),
+    ("m8n", True, "hard"),
+    ("seed", True, "hard"),
 )
-ORIGINAL: tuple[Receiver, ...] = ("hector", "m8n", "rtk")
+ORIGINAL = ("seed", "m8n", "rtk")
+ORIGINAL_MPS = 0.4
 # It hardly ever finishes, so each of its missions takes the full half hour.
 MAX_ORIGINALS = 100
 
@@ -46,76 +48,98 @@ def plan_published(
     seeds: Sequence[int], robot: RobotSpec, speed_mps: float, *, baseline: bool
 ) -> list[Job]:
     jobs = [
-        chosen(
-            seeds, robot, scenario(receiver, vision=vision, speed_mps=speed_mps, variant=variant)
+        choose(
+            seeds, robot, make_scenario(sensors, vision=seen, speed_mps=speed_mps, variant=variant)
         )
-        for receiver, vision, variant in PUBLISHED
+        for sensors, seen, variant in PUBLISHED
     ]
     if baseline:
-        jobs += originals(seeds[:MAX_ORIGINALS], robot, ORIGINAL, "nominal")
+        jobs += plan_originals(seeds[:MAX_ORIGINALS], robot, ORIGINAL, "nominal")
     return jobs
 
 
-def chosen(seeds: Sequence[int], robot: RobotSpec, what: Scenario) -> Job:
+def choose(seeds: Sequence[int], robot: RobotSpec, what: Scenario) -> Job:
     return Job(scenario=what, seeds=tuple(seeds), robot=robot)
 
 
-def originals(
-    seeds: Sequence[int], robot: RobotSpec, receivers: Sequence[Receiver], variant: Variant
+def plan_originals(
+    seeds: Sequence[int], robot: RobotSpec, presets: Sequence[str], variant: Variant
 ) -> list[Job]:
+    scenarios = [
+        make_scenario(sensors, vision=False, speed_mps=ORIGINAL_MPS, variant=variant)
+        for sensors in presets
+    ]
     return [
-        Job(
-            scenario=scenario(receiver, vision=False, speed_mps=0.4, variant=variant),
-            seeds=tuple(seeds),
-            robot=robot,
-            is_original=True,
-        )
-        for receiver in receivers
+        Job(scenario=what, seeds=tuple(seeds), robot=robot, is_original=True) for what in scenarios
     ]
 
 
-def drive(job: Job, stop: Stop) -> tuple[Job, list[Outcome]]:
-    if job.is_original:
-        return job, run_original(job.seeds, job.scenario, job.robot, stop)
-    run = run_stack_missions if job.scenario.is_of_stack else run_missions
-    return job, run(job.seeds, job.scenario, job.robot, stop, has_level=job.has_level)
+def drive(job: Job, stop: Stop = lambda: False) -> tuple[Job, Outcome]:
+    """Drive the mission of a job of one seed."""
+    run = run_original if job.is_original else run_mission
+    return job, run(job.seeds[0], job.scenario, job.robot, stop)
+
+
+def use_processes(workers: int) -> Executor:
+    """Drive in processes of this machine; one worker is this process itself."""
+
+    def execute(jobs: Sequence[Job], stop: Stop) -> Iterator[tuple[Job, Outcome]]:
+        return results(drive, jobs, workers, stop)
+
+    return execute
+
+
+def use_cluster(address: str) -> Executor:
+    """Drive on the nodes of a Ray cluster.
+
+    Raises: ConfigError: ray is not installed or the cluster does not answer.
+    """
+    cluster = RayCluster(address)
+
+    def execute(jobs: Sequence[Job], stop: Stop) -> Iterator[tuple[Job, Outcome]]:
+        for each in cluster.results(drive, jobs, stop):
+            if each.result is None:
+                raise AgribotError(
+                    f"{each.job.name}, seed {each.job.seeds[0]}: {each.error}; look at the "
+                    "node and run the same command again"
+                )
+            yield each.result
+
+    return execute
 
 
 def drive_all(
     jobs: Sequence[Job],
-    workers: int,
+    execute: Executor,
     stop: Stop,
-    done: Callable[[Sequence[int]], None],
+    done: Callable[[int], None],
     kept: KeptMissions | None = None,
 ) -> Iterator[tuple[Line, list[Outcome]]]:
     """One line per job, in their order, once all its seeds are driven; none after a stop.
 
-    `done` hears the seeds of every block, also of those that `kept` has from before.
+    `done` gets how many missions there are, those included that `kept` has from before.
     """
-    collected: dict[str, list[Outcome]] = {}
-    blocks: list[Job] = []
-    for job in jobs:
-        found = {} if kept is None else kept.find(job)
-        collected[job.name] = [found[seed] for seed in job.seeds if seed in found]
-        done([outcome.seed for outcome in collected[job.name]])
-        blocks += _split(job, [seed for seed in job.seeds if seed not in found], workers)
-    for block, outcomes in results(drive, blocks, workers, stop):
-        if not stop():
-            collected[block.name] += outcomes
-            if kept is not None:
-                kept.add(block, outcomes)
-            done(block.seeds)
-    for job in jobs:
-        outcomes = sorted(collected[job.name], key=lambda outcome: outcome.seed)
-        if len(outcomes) == len(job.seeds):
-            yield line(job.name, outcomes), outcomes
-
-
-def _split(job: Job, seeds: Sequence[int], workers: int) -> list[Job]:
-    """Split seeds into blocks, one at least for each worker if there are enough of them."""
-    most, least = (STACK_BLOCK, 1) if job.scenario.is_of_stack else (MOST_IN_BLOCK, LEAST_IN_BLOCK)
-    each = min(most, max(least, -(-len(seeds) // workers)))
-    return [
-        msgspec.structs.replace(job, seeds=tuple(seeds[first : first + each]))
-        for first in range(0, len(seeds), each)
+    collected = {job.name: {} if kept is None else _pick(job, kept) for job in jobs}
+    missing = [
+        msgspec.structs.replace(job, seeds=(seed,))
+        for job in jobs
+        for seed in job.seeds
+        if seed not in collected[job.name]
     ]
+    done(count := sum(map(len, collected.values())))
+    for job, outcome in execute(missing, stop):
+        if stop():
+            continue
+        collected[job.name][outcome.seed] = outcome
+        if kept is not None:
+            kept.add(job, (outcome,))
+        done(count := count + 1)
+    for job in jobs:
+        outcomes = [outcome for _, outcome in sorted(collected[job.name].items())]
+        if len(outcomes) == len(job.seeds):
+            yield line(job.name, outcomes, job.scenario.rows), outcomes
+
+
+def _pick(job: Job, kept: KeptMissions) -> dict[int, Outcome]:
+    found = kept.find(job)
+    return {seed: found[seed] for seed in job.seeds if seed in found}

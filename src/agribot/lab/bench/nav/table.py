@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from agribot.lab.bench.nav.judge import Outcome
-from agribot.lab.bench.nav.scenario import AREA_M2, PLANTS, ROWS
+from agribot.lab.bench.nav.scenario import PITCH_M, PLANTS, ROW_LENGTH_M
 
 
 class LevelLine(msgspec.Struct, frozen=True, kw_only=True):
@@ -25,7 +25,8 @@ class LevelLine(msgspec.Struct, frozen=True, kw_only=True):
 class Line(msgspec.Struct, frozen=True, kw_only=True):
     """`missions_low_ratio` is the lower end of the 95 % interval (Wilson). Errors in metres.
 
-    `xte_rms_m` is over all rows of all missions, `xte_max_m` the worst of all.
+    `xte_rms_m` is over all rows of all missions, `xte_max_m` the worst of all; `cpu_s` is the CPU
+    time of all missions.
     """
 
     name: str
@@ -46,13 +47,15 @@ class Line(msgspec.Struct, frozen=True, kw_only=True):
     nees_pose: float | None
     failed_seeds: tuple[int, ...]
     worst_seed: int  # the mission of `xte_max_m`
+    cpu_s: float
     level: LevelLine | None = None
 
 
-def line(name: str, outcomes: Sequence[Outcome]) -> Line:
+def line(name: str, outcomes: Sequence[Outcome], rows: int) -> Line:
+    """Join the missions of a job in a field of `rows` rows."""
     rms = np.array([o.xte_rms_m for o in outcomes])
     worst = np.array([o.xte_max_m for o in outcomes])
-    times = [o.time_s for o in outcomes if o.finished]
+    times, area_m2 = [o.time_s for o in outcomes if o.finished], rows * ROW_LENGTH_M * PITCH_M
     ok = sum(o.success for o in outcomes)
     nees = [o.nees for o in outcomes if o.nees is not None]
     pose = [o.nees_pose for o in outcomes if o.nees_pose is not None]
@@ -62,19 +65,20 @@ def line(name: str, outcomes: Sequence[Outcome]) -> Line:
         missions_ok=ok,
         missions_low_ratio=_wilson_low(ok, len(outcomes)),
         finished_ratio=len(times) / len(outcomes),
-        rows_ok_ratio=sum(o.rows_ok for o in outcomes) / (ROWS * len(outcomes)),
+        rows_ok_ratio=sum(o.rows_ok for o in outcomes) / (rows * len(outcomes)),
         xte_rms_m=float(np.sqrt(np.mean(rms**2))),
         xte_p95_m=float(np.median([o.xte_p95_m for o in outcomes])),
         xte_max_p90_m=float(np.quantile(worst, 0.9)),
         xte_max_m=float(worst.max()),
         crushed=sum(o.crushed for o in outcomes),
-        plants=ROWS * PLANTS * len(outcomes),
+        plants=rows * PLANTS * len(outcomes),
         time_s=float(np.median([o.time_s for o in outcomes])),
-        hours_per_ha=float(np.median(times)) / 3600.0 * 1e4 / AREA_M2 if times else None,
+        hours_per_ha=float(np.median(times)) / 3600.0 * 1e4 / area_m2 if times else None,
         nees_lateral=float(np.mean(nees)) if nees else None,
         nees_pose=float(np.mean(pose)) if pose else None,
         failed_seeds=tuple(o.seed for o in outcomes if not o.success)[:20],
         worst_seed=outcomes[int(worst.argmax())].seed,
+        cpu_s=sum(o.cpu_s for o in outcomes),
         level=_level(outcomes),
     )
 
@@ -104,7 +108,7 @@ def _wilson_low(ok: int, total: int) -> float:
 
 HEADINGS = (
     ("sensors", 34), ("missions", 11), ("rows", 6), ("XTE RMS", 8), ("p95", 7), ("max", 7),
-    ("crushed", 9), ("h/ha", 5), ("NEES", 5), ("pose", 5),
+    ("crushed", 9), ("h/ha", 5), ("NEES", 5), ("pose", 5), ("CPU", 6),
 )  # fmt: skip
 
 
@@ -162,4 +166,5 @@ def _cells(entry: Line) -> list[str]:
         "-" if entry.hours_per_ha is None else f"{entry.hours_per_ha:.2f}",
         "-" if entry.nees_lateral is None else f"{entry.nees_lateral:.2f}",
         "-" if entry.nees_pose is None else f"{entry.nees_pose:.2f}",
+        f"{entry.cpu_s:.0f} s",
     ]
