@@ -11,7 +11,6 @@ import pytest
 
 from agribot.autonomy.estimate.ekf import YAW
 from agribot.autonomy.estimate.gnss_noise import PositionNoise, fix_noise, widen
-from agribot.core.arithmetic import FLOATS
 from agribot.core.messages import GnssFix, GnssQuality
 from tests import nightly
 from tests.autonomy.estimate.noisy_rover import RTK, record, rows, stand
@@ -66,7 +65,7 @@ def test_the_scatter_of_positions_is_learnt_also_while_the_wheels_slip(
     assert noise.std_m == pytest.approx(std_m, rel=0.35)
     assert bool(noise.fault) == (std_m > 0.03)
     stated = fix_noise(fix(GnssQuality.RTK_FIXED, 0.014), 0.1)
-    believed = widen(FLOATS, stated, noise.std_m)
+    believed = widen(stated, noise.std_m)
     assert believed.bias_std_m == stated.bias_std_m
     is_more = std_m > 0.03
     assert believed.variance_m2 == (noise.std_m**2 if is_more else stated.variance_m2)

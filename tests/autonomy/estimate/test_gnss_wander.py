@@ -11,14 +11,13 @@ import pytest
 
 from agribot.autonomy.estimate.gnss_noise import noise_model
 from agribot.autonomy.estimate.gnss_wander import GnssWander
-from agribot.core.arithmetic import FLOATS
 from agribot.core.messages import FloatArray
 from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, record, rows
 from tests.autonomy.estimate.playback import batches, error, localizer, play
 from tests.autonomy.estimate.test_first_heading import URBAN, displace
 
-STATED = noise_model(FLOATS, 0.9, False, 0.4, is_corrected=False)
+STATED = noise_model(0.9, 0.4, is_float=False, is_corrected=False)
 STEP_S = 0.4
 
 

@@ -8,7 +8,6 @@ import pytest
 
 from agribot.autonomy.estimate.lost_way import can_be_of_wheels, have_lost_way
 from agribot.autonomy.estimate.models import velocity_variance
-from agribot.core.arithmetic import FLOATS
 from agribot.core.messages import GnssFix, GnssQuality
 
 STD_MPS = 0.03
@@ -26,7 +25,7 @@ STD_MPS = 0.03
 def test_wheels_that_lose_some_of_their_way_move_a_robot_so(
     shown_mps: tuple[float, float], driven: tuple[float, float]
 ) -> None:
-    assert can_be_of_wheels(FLOATS, shown_mps, driven, STD_MPS)
+    assert can_be_of_wheels(shown_mps, driven, STD_MPS)
 
 
 @pytest.mark.parametrize(
@@ -41,7 +40,7 @@ def test_wheels_that_lose_some_of_their_way_move_a_robot_so(
 def test_a_robot_that_moves_otherwise_is_carried(
     shown_mps: tuple[float, float], driven: tuple[float, float]
 ) -> None:
-    assert not can_be_of_wheels(FLOATS, shown_mps, driven, STD_MPS)
+    assert not can_be_of_wheels(shown_mps, driven, STD_MPS)
 
 
 def test_velocities_that_scatter_or_of_which_nothing_is_stated_tell_nothing_of_it() -> None:
@@ -49,11 +48,11 @@ def test_velocities_that_scatter_or_of_which_nothing_is_stated_tell_nothing_of_i
         t_s=0.0, lat_deg=0.0, lon_deg=0.0, alt_m=0.0, pos_std_m=1.0, quality=GnssQuality.SINGLE
     )
     for stated_mps in (0.3, fix.velocity_std_mps):
-        std_mps = math.sqrt(velocity_variance(FLOATS, stated_mps, 0.0, 0.0, 0.1))
-        assert not can_be_of_wheels(FLOATS, (0.4, 0.0), (0.4, 0.0), std_mps)
+        std_mps = math.sqrt(velocity_variance(stated_mps, 0.0, 0.0, 0.1))
+        assert not can_be_of_wheels((0.4, 0.0), (0.4, 0.0), std_mps)
 
 
 def test_wheels_have_lost_their_way_that_are_off_for_long_by_more_than_noise() -> None:
-    assert have_lost_way(-0.3, 0.05**2, True)
-    assert not have_lost_way(-0.3, 0.05**2, False), "a single outlier"
-    assert not have_lost_way(-0.1, 0.05**2, True), "no more than noise"
+    assert have_lost_way(-0.3, 0.05**2, is_steady=True)
+    assert not have_lost_way(-0.3, 0.05**2, is_steady=False), "a single outlier"
+    assert not have_lost_way(-0.1, 0.05**2, is_steady=True), "no more than noise"

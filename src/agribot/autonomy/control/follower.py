@@ -17,7 +17,7 @@ import numpy as np
 from agribot.autonomy.control import law
 from agribot.autonomy.control.stalled_turn import StalledTurn
 from agribot.autonomy.control.yaw_gain import YawGain
-from agribot.core.arithmetic import FLOATS, clamp, view_floats
+from agribot.core.arithmetic import clamp, view_floats
 from agribot.core.config import ControlConfig
 from agribot.core.geo import is_backwards, wrap_rad
 from agribot.core.messages import STOP, DriveCommand, Estimate, Goal, Path, Tracking
@@ -44,7 +44,7 @@ class _Errors(NamedTuple):
 
         In a steady crab the heading is off by minus the slip, and with it the point's place.
         """
-        aside_m = law.clamp(FLOATS, tracked_x_m * slip_rad, MAX_ASIDE_M)
+        aside_m = law.clamp(tracked_x_m * slip_rad, MAX_ASIDE_M)
         return self._replace(cross_track_m=self.cross_track_m - aside_m)
 
 
@@ -98,7 +98,7 @@ class _Line:
 
     def _offset(self, index: int, x_m: float, y_m: float) -> tuple[float, float]:
         dx, dy = x_m - self._x[index], y_m - self._y[index]
-        along_m, left_m = law.offset(FLOATS, dx, dy, self._yaw[index])
+        along_m, left_m = law.offset(dx, dy, self._yaw[index])
         return (-along_m, -left_m) if self._is_backwards[index] else (along_m, left_m)
 
 
@@ -171,7 +171,7 @@ class Follower:
         """Errors of the pose that the robot reaches before a new command takes effect."""
         pose = estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad
         there = law.ahead(
-            FLOATS, pose, estimate.v_mps, estimate.yaw_rate_radps, estimate.slip_rad,
+            pose, estimate.v_mps, estimate.yaw_rate_radps, estimate.slip_rad,
             self._config.delay_s,
         )  # fmt: skip
         return line.errors(s_m, *there)
@@ -184,10 +184,10 @@ class Follower:
         if self._is_pivoting:
             yaw_rate = -PIVOT_GAIN_PER_S * heading_rad
             limit = self._max_yaw_rate_radps
-            return DriveCommand(v_mps=0.0, yaw_rate_radps=law.clamp(FLOATS, yaw_rate, limit))
+            return DriveCommand(v_mps=0.0, yaw_rate_radps=law.clamp(yaw_rate, limit))
         errors = (ahead.cross_track_m, heading_rad, ahead.curvature_radpm)
         v_mps, yaw_rate = law.steer(
-            FLOATS, errors, estimate.slip_rad, max_speed_mps, self._yaw_gain.ratio,
+            errors, estimate.slip_rad, max_speed_mps, self._yaw_gain.ratio,
             self._config.length_m, self._max_yaw_rate_radps,
         )  # fmt: skip
         # Backwards the same law holds: left of the way, which is right of the robot, counts.
@@ -204,9 +204,9 @@ class Follower:
     def _ramp(self, wanted: DriveCommand, dt_s: float) -> DriveCommand:
         drive, last = self._drive, self._last
         return DriveCommand(
-            v_mps=law.ramp(FLOATS, wanted.v_mps, last.v_mps, drive.max_accel_mps2 * dt_s),
+            v_mps=law.ramp(wanted.v_mps, last.v_mps, drive.max_accel_mps2 * dt_s),
             yaw_rate_radps=law.ramp(
-                FLOATS, wanted.yaw_rate_radps, last.yaw_rate_radps,
+                wanted.yaw_rate_radps, last.yaw_rate_radps,
                 drive.max_yaw_accel_radps2 * dt_s,
             ),
         )  # fmt: skip

@@ -1,8 +1,8 @@
-"""The control law, for one robot or for many (see agribot.core.arithmetic)."""
+"""The control law: state feedback in distance, and the speed that errors leave."""
 
 from __future__ import annotations
 
-from agribot.core.arithmetic import Arithmetic, Number
+import math
 
 DAMPING = 0.9
 MIN_FREQUENCY_RADPS = 0.25
@@ -14,77 +14,74 @@ USUAL_ERROR_M = 0.04  # no reason to slow down
 SLOWING_M, HASTE_M, MAX_HASTE = 0.3, 0.1, 1.6
 
 
-def offset(
-    m: Arithmetic[Number], dx_m: Number, dy_m: Number, yaw_rad: Number
-) -> tuple[Number, Number]:
+def offset(dx_m: float, dy_m: float, yaw_rad: float) -> tuple[float, float]:
     """Resolve an offset along and to the left of a direction."""
-    cos, sin = m.cos(yaw_rad), m.sin(yaw_rad)
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     return cos * dx_m + sin * dy_m, cos * dy_m - sin * dx_m
 
 
 def ahead(
-    m: Arithmetic[Number],
-    pose: tuple[Number, Number, Number],
-    v_mps: Number,
-    yaw_rate_radps: Number,
-    slip_rad: Number,
+    pose: tuple[float, float, float],
+    v_mps: float,
+    yaw_rate_radps: float,
+    slip_rad: float,
     delay_s: float,
-) -> tuple[Number, Number, Number]:
+) -> tuple[float, float, float]:
     """Predict the pose that the robot reaches before a new command takes effect."""
     x_m, y_m, yaw_rad = pose
     turned_rad = yaw_rate_radps * delay_s
     course_rad = yaw_rad + slip_rad + turned_rad / 2.0
     driven_m = v_mps * delay_s
     return (
-        x_m + driven_m * m.cos(course_rad),
-        y_m + driven_m * m.sin(course_rad),
+        x_m + driven_m * math.cos(course_rad),
+        y_m + driven_m * math.sin(course_rad),
         yaw_rad + turned_rad,
     )
 
 
-def caution(m: Arithmetic[Number], cross_track_m: Number, heading_rad: Number) -> Number:
+def caution(cross_track_m: float, heading_rad: float) -> float:
     """Say which part of the speed is left beside the line or looking elsewhere."""
-    beside = m.most(0.25, 1.0 - _unusual_m(m, cross_track_m) / SLOWING_M)
-    return beside * m.most(0.15, m.cos(m.least(1.2 * abs(heading_rad), 1.5)))
+    beside = max(1.0 - _unusual_m(cross_track_m) / SLOWING_M, 0.25)
+    return beside * max(math.cos(min(1.5, 1.2 * abs(heading_rad))), 0.15)
 
 
-def _unusual_m(m: Arithmetic[Number], cross_track_m: Number) -> Number:
-    return m.most(abs(cross_track_m) - USUAL_ERROR_M, 0.0)
+def _unusual_m(cross_track_m: float) -> float:
+    return max(0.0, abs(cross_track_m) - USUAL_ERROR_M)
 
 
 def steer(
-    m: Arithmetic[Number],
-    errors: tuple[Number, Number, Number],
-    slip_rad: Number,
-    max_speed_mps: Number,
-    yaw_gain_ratio: Number,
+    errors: tuple[float, float, float],
+    slip_rad: float,
+    max_speed_mps: float,
+    yaw_gain_ratio: float,
     length_m: float,
     max_yaw_rate_radps: float,
-) -> tuple[Number, Number]:
+) -> tuple[float, float]:
     """Steer by `errors`: cross-track (left positive), heading, path curvature.
 
     `max_speed_mps` must be above zero.
     """
     cross_track_m, heading_rad, curvature_radpm = errors
-    v_mps = max_speed_mps * caution(m, cross_track_m, heading_rad)
-    haste = m.least(1.0 + _unusual_m(m, cross_track_m) / HASTE_M, MAX_HASTE)
+    v_mps = max_speed_mps * caution(cross_track_m, heading_rad)
+    haste = min(MAX_HASTE, 1.0 + _unusual_m(cross_track_m) / HASTE_M)
     frequency = haste * v_mps / length_m
-    frequency = m.least(m.most(frequency, MIN_FREQUENCY_RADPS), MAX_FREQUENCY_RADPS)
+    frequency = min(MAX_FREQUENCY_RADPS, max(MIN_FREQUENCY_RADPS, frequency))
     # The approach angle of an error that is clipped stays the same.
-    error_m = clamp(m, cross_track_m, MAX_ERROR_M / haste)
-    stretch = m.most(0.3, 1.0 - curvature_radpm * error_m)
-    yaw_rate = curvature_radpm * v_mps * m.cos(heading_rad) / stretch
+    error_m = clamp(cross_track_m, MAX_ERROR_M / haste)
+    stretch = max(1.0 - curvature_radpm * error_m, 0.3)
+    yaw_rate = curvature_radpm * v_mps * math.cos(heading_rad) / stretch
     yaw_rate = yaw_rate - 2.0 * DAMPING * frequency * (heading_rad + slip_rad)
     yaw_rate = yaw_rate - frequency * frequency / v_mps * error_m
     yaw_rate = yaw_rate / yaw_gain_ratio
-    fits = m.most(0.3, max_yaw_rate_radps / m.most(abs(yaw_rate), 1e-9))
-    v_mps = m.choose(abs(yaw_rate) > max_yaw_rate_radps, v_mps * fits, v_mps)
-    return v_mps, clamp(m, yaw_rate, max_yaw_rate_radps)
+    fits = max(max_yaw_rate_radps / max(1e-9, abs(yaw_rate)), 0.3)
+    if abs(yaw_rate) > max_yaw_rate_radps:
+        v_mps *= fits
+    return v_mps, clamp(yaw_rate, max_yaw_rate_radps)
 
 
-def clamp(m: Arithmetic[Number], value: Number, limit: Number | float) -> Number:
-    return m.least(m.most(value, -limit), limit)
+def clamp(value: float, limit: float) -> float:
+    return min(limit, max(-limit, value))
 
 
-def ramp(m: Arithmetic[Number], wanted: Number, last: Number, step: float) -> Number:
-    return m.least(m.most(wanted, last - step), last + step)
+def ramp(wanted: float, last: float, step: float) -> float:
+    return min(last + step, max(last - step, wanted))

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import deque
 
 from agribot.autonomy.estimate.lost_way import MAX_STD_MPS, find_beyond_wheels
-from agribot.core.arithmetic import FLOATS
 
 # A clod that gives way throws the robot aside by some centimetres.
 CARRIED_M, MEMORY_S = 0.12, 2.0
@@ -36,7 +35,7 @@ class CarryWatch:
         """
         if std_mps > MAX_STD_MPS:  # it tells nothing
             return
-        ahead_mps, aside_mps = find_beyond_wheels(FLOATS, shown_mps, driven, std_mps)
+        ahead_mps, aside_mps = find_beyond_wheels(shown_mps, driven, std_mps)
         self._moved.append((t_s, ahead_mps * step_s, aside_mps * step_s))
         while t_s - self._moved[0][0] > MEMORY_S:
             self._moved.popleft()

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Generic, Protocol
 
 import msgspec
 import numpy as np
 
 from agribot.autonomy.estimate.models import motion, pair_distance2, walk_across
 from agribot.autonomy.estimate.slope import SLIDE_STD_RATIO
-from agribot.core.arithmetic import FLOATS, Number
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray
 from agribot.core.pose import Pose2
@@ -46,21 +44,13 @@ class MotionNoise(msgspec.Struct, frozen=True, kw_only=True):
 TURN_FLOOR_RAD = 1e-6
 
 
-class Values(Protocol[Number]):
-    """The states in their order: a list of one robot's, or an array (STATES, N) of many."""
+class FilterStates:
+    """States `x` and their covariance `cov`, (STATES, STATES)."""
 
-    def __getitem__(self, state: int, /) -> Number: ...
-
-    def __setitem__(self, state: int, value: Number | float, /) -> None: ...
-
-
-class FilterStates(Generic[Number]):
-    """States `x` and their covariance `cov`, (STATES, STATES) of one robot or (.., N) of many."""
-
-    x: Values[Number]
+    x: list[float]
     cov: FloatArray
 
-    def relax(self, changes: Iterable[tuple[int, Number | float, Number | float]]) -> None:
+    def relax(self, changes: Iterable[tuple[int, float, float]]) -> None:
         """Age states: each (state, factor, variance) is multiplied by the factor, then grows."""
         for state, factor, variance in changes:
             self.x[state] *= factor
@@ -68,22 +58,22 @@ class FilterStates(Generic[Number]):
             self.cov[:, state] *= factor
             self.inflate(state, variance)
 
-    def inflate(self, state: int, variance: Number | float) -> None:
+    def inflate(self, state: int, variance: float) -> None:
         self.cov[state, state] += variance
 
-    def reset(self, state: int, value: Number | float, variance: Number | float) -> None:
+    def reset(self, state: int, value: float, variance: float) -> None:
         """Forget a state and its correlations."""
         self.x[state] = value
         self.cov[state] = 0.0
         self.cov[:, state] = 0.0
         self.cov[state, state] = variance
 
-    def doubt_way(self, variance_m2: Number | float) -> None:
+    def doubt_way(self, variance_m2: float) -> None:
         """Doubt the way that was last told: what it is off by, the position is off by, too."""
         for place, way in ((X, WAY_X), (Y, WAY_Y)):
             self._doubt_together(place, way, variance_m2, variance_m2)
 
-    def doubt_fixes(self, ratio: Number | float) -> None:
+    def doubt_fixes(self, ratio: float) -> None:
         """Believe that fixes vary by `ratio` as much as before, and the position that they gave.
 
         A position that is known better than by fixes, from a mark or a row, loses next to nothing.
@@ -92,9 +82,7 @@ class FilterStates(Generic[Number]):
             variance_m2 = (ratio - 1.0) * self.cov[place, place]
             self._doubt_together(place, bias, variance_m2, -variance_m2)
 
-    def _doubt_together(
-        self, place: int, other: int, variance_m2: Number | float, shared_m2: Number | float
-    ) -> None:
+    def _doubt_together(self, place: int, other: int, variance_m2: float, shared_m2: float) -> None:
         """Doubt a coordinate and another state alike, with this covariance between them."""
         self.inflate(place, variance_m2)
         self.inflate(other, variance_m2)
@@ -107,7 +95,7 @@ class FilterStates(Generic[Number]):
             self.reset(way, 0.0, 0.0)
 
 
-class Ekf(FilterStates[float]):
+class Ekf(FilterStates):
     """The filter of the pose and of what sensors get wrong.
 
     States: x_map_m, y_map_m, yaw_map_rad, gyro bias (rad/s), wheel scale (share of the wheel
@@ -156,7 +144,7 @@ class Ekf(FilterStates[float]):
         told_rad, turn_s = turn_rad - x[GYRO_BIAS] * dt_s, (1.0 - x[GYRO_SCALE]) * dt_s
         turned_rad = told_rad - x[GYRO_SCALE] * told_rad
         dx_m, dy_m, (x_row, y_row) = motion(
-            FLOATS, x[YAW] + turned_rad / 2.0, self.row_yaw_rad, x[WHEEL_SCALE], x[SLIP],
+            x[YAW] + turned_rad / 2.0, self.row_yaw_rad, x[WHEEL_SCALE], x[SLIP],
             distance_m, told_rad, turn_s,
         )  # fmt: skip
         xx_m2, yy_m2, xy_m2 = walk_across(
@@ -228,7 +216,7 @@ class Ekf(FilterStates[float]):
         _, prior_1 = self.project(row_1)
         cross = sum(weight * float(first[state]) for state, weight in row_1)
         total_0, total_1 = prior_0 + variance, prior_1 + variance
-        distance2: float = pair_distance2(r0, r1, total_0, total_1, cross)
+        distance2 = pair_distance2(r0, r1, total_0, total_1, cross)
         if distance2 <= gate:
             self._apply(first, r0, total_0)
             self.update(row_1, r1 - cross / total_0 * r0, variance)

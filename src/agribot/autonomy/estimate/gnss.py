@@ -43,7 +43,7 @@ from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.sensor_ranges import MAX_ALT_M, MAX_POS_STD_M
 from agribot.autonomy.estimate.spin_watch import ahead_and_aside
 from agribot.autonomy.estimate.velocity_way import VelocityMark
-from agribot.core.arithmetic import FLOATS, clamp
+from agribot.core.arithmetic import clamp
 from agribot.core.geo import MapFrame, is_place, rotation_from_rpy
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch, Vec3
 from agribot.core.pose import Pose2
@@ -100,7 +100,7 @@ class Gnss(Correction[GnssFix]):
         self._half_track_m = robot.drive.track_m / 2.0
         self._position_gate = Gate(config.gate_sigma, config.recover_after, "gnss outlier")
         self._first: list[tuple[float, float]] = []
-        self._noise: FixNoise[float] | None = None
+        self._noise: FixNoise | None = None
         self._is_corrected = self._is_differential = self._is_wide = False
         self._sure: _Sure | None = None
         self.elsewhere = ""  # why the first fixes are too far from the map; empty if they are not
@@ -195,7 +195,7 @@ class Gnss(Correction[GnssFix]):
         antenna_m, arm_m = self._find_antenna(fix, lever_m, epoch)
         then_m = complex(epoch.then.x_m, epoch.then.y_m)
         self.position_noise.add(fix.t_s, antenna_m - arm_m - then_m, fix.pos_std_m)
-        noise = widen(FLOATS, fix_noise(fix, since_last_s), self.position_noise.std_m)
+        noise = widen(fix_noise(fix, since_last_s), self.position_noise.std_m)
         if fix.quality not in CORRECTED:
             apart_m, is_vouched = antenna_m - arm_m - then_m, differential is not None
             noise = self._learn_wander(fix, apart_m, noise, is_vouched=is_vouched)
@@ -212,8 +212,8 @@ class Gnss(Correction[GnssFix]):
         self._watch_drift(fix, noise, antenna_m, lever_m, epoch)
 
     def _learn_wander(
-        self, fix: GnssFix, apart_m: complex, noise: FixNoise[float], *, is_vouched: bool
-    ) -> FixNoise[float]:
+        self, fix: GnssFix, apart_m: complex, noise: FixNoise, *, is_vouched: bool
+    ) -> FixNoise:
         """Widen what is believed of a receiver without corrections by what is learnt of it."""
         cov = self.pose.ekf.cov
         lost_ratio = math.sqrt(cov[YAW, YAW] + cov[WHEEL_SCALE, WHEEL_SCALE])
@@ -226,9 +226,7 @@ class Gnss(Correction[GnssFix]):
             self._widest_m2 = widest_m2
         return widened
 
-    def _widen(
-        self, fix: GnssFix, noise: FixNoise[float], *, is_vouched: bool = False
-    ) -> FixNoise[float]:
+    def _widen(self, fix: GnssFix, noise: FixNoise, *, is_vouched: bool = False) -> FixNoise:
         """Widen the noise of a fix; its velocity or a base near by vouch for what it states."""
         is_vouched = is_vouched or fix.velocity_mps is not None
         self._is_wide = self.wander.is_wide(noise, is_vouched=is_vouched)
@@ -253,7 +251,7 @@ class Gnss(Correction[GnssFix]):
             self._turned_m = led_m * (turn - 1.0)
 
     def ageing(self, dt_s: float, turn_abs_rad: float) -> Sequence[tuple[int, float, float]]:
-        return [] if self._noise is None else bias_ageing(FLOATS, self._noise, dt_s)
+        return [] if self._noise is None else bias_ageing(self._noise, dt_s)
 
     def _compare_with_camera(self, t_s: float) -> None:
         """Hold a fix that claims centimetres against what the camera sees of the rows."""
@@ -264,7 +262,7 @@ class Gnss(Correction[GnssFix]):
     def _watch_drift(
         self,
         fix: GnssFix,
-        noise: FixNoise[float],
+        noise: FixNoise,
         antenna_m: complex,
         lever_m: tuple[float, float],
         epoch: Epoch,
@@ -304,7 +302,7 @@ class Gnss(Correction[GnssFix]):
         if drift.is_drifting:
             self.moved_m = _sum(self.moved_m, drift.off_m)
 
-    def _follow_quality(self, noise: FixNoise[float], is_differential: bool) -> None:
+    def _follow_quality(self, noise: FixNoise, is_differential: bool) -> None:
         """Corrections coming or going replace one bias by another that knows nothing of it."""
         is_corrected = self.quality in CORRECTED
         was, kind = (self._is_corrected, self._is_differential), (is_corrected, is_differential)
@@ -325,7 +323,7 @@ class Gnss(Correction[GnssFix]):
         return complex(east_m, north_m), complex(*Pose2(0.0, 0.0, yaw_rad).rotate(*lever_m))
 
     def _position(
-        self, fix: GnssFix, noise: FixNoise[float], antenna: tuple[complex, complex], epoch: Epoch
+        self, fix: GnssFix, noise: FixNoise, antenna: tuple[complex, complex], epoch: Epoch
     ) -> Measurements:
         x, (then, now, _) = self.pose.ekf.x, epoch
         antenna_m, arm_m = antenna
@@ -429,7 +427,7 @@ class Gnss(Correction[GnssFix]):
         least_rad = max(VOUCHED_TURN_RAD, VOUCHED_TURN_RADPS * (self.last_t_s - sure.mark.t_s))
         has_turned = self._turned_rad - sure.turned_rad >= least_rad
         apart_m = (parted_m.real, parted_m.imag)
-        _, aside_m = ahead_and_aside(FLOATS, apart_m, self.pose.ekf.x[YAW])
+        _, aside_m = ahead_and_aside(apart_m, self.pose.ekf.x[YAW])
         is_ahead = aside_m * aside_m <= VOUCHED_SIGMA2 * variance_m2
         can_be_ahead = is_ahead and abs(parted_m) <= self._driven_m - sure.driven_m
         return (has_turned or can_be_ahead) and off_m2 <= VOUCHED_SIGMA2 * variance_m2

@@ -7,13 +7,11 @@ import statistics
 from collections import deque
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Generic
 
 import msgspec
 
 from agribot.autonomy.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y
 from agribot.autonomy.estimate.models import SURE_NOISE_RATIO, repeats
-from agribot.core.arithmetic import FLOATS, Arithmetic, Condition, Number
 from agribot.core.messages import GnssFix, GnssQuality
 
 CORRECTED = (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
@@ -42,56 +40,49 @@ NAMED_SCATTER_RATIO, NAMED_SCATTER_M = 2.0, 0.03
 EVEN_STEP_RATIO = 0.3  # by which two steps of time may differ
 
 
-class FixNoise(msgspec.Struct, Generic[Number], frozen=True, kw_only=True):
+class FixNoise(msgspec.Struct, frozen=True, kw_only=True):
     """What the filter believes of a fix: white variance, and spread and walk of the bias."""
 
-    variance_m2: Number | float
-    bias_std_m: Number | float
+    variance_m2: float
+    bias_std_m: float
     bias_walk_m_per_sqrt_s: float
 
 
 def noise_model(
-    m: Arithmetic[Number],
-    pos_std_m: Number,
-    is_float: Condition,
-    since_last_s: float,
-    *,
-    is_corrected: bool,
-) -> FixNoise[Number]:
-    std_m = m.most(pos_std_m, MIN_POS_STD_M)
+    pos_std_m: float, since_last_s: float, *, is_float: bool, is_corrected: bool
+) -> FixNoise:
+    std_m = max(MIN_POS_STD_M, pos_std_m)
     if not is_corrected:
         return FixNoise(
             variance_m2=UNCORRECTED_WHITE_M**2,
-            bias_std_m=m.most(std_m, UNCORRECTED_WHITE_M),
+            bias_std_m=max(UNCORRECTED_WHITE_M, std_m),
             bias_walk_m_per_sqrt_s=UNCORRECTED_WALK_M_PER_SQRT_S,
         )
     # The stated sigma holds the slow part too, which the bias states carry.
-    fixed_m2 = m.most(std_m**2 - CORRECTED_BIAS_M**2, std_m**2 / 4.0)
-    float_m2 = m.most(std_m, FLOAT_STD_M) ** 2 * repeats(FLOAT_MEMORY_S, since_last_s)
+    fixed_m2 = max(std_m**2 / 4.0, std_m**2 - CORRECTED_BIAS_M**2)
+    float_m2 = max(FLOAT_STD_M, std_m) ** 2 * repeats(FLOAT_MEMORY_S, since_last_s)
     return FixNoise(
-        variance_m2=m.choose(is_float, float_m2, fixed_m2),
+        variance_m2=float_m2 if is_float else fixed_m2,
         bias_std_m=CORRECTED_BIAS_M,
         bias_walk_m_per_sqrt_s=CORRECTED_WALK_M_PER_SQRT_S,
     )
 
 
-def fix_noise(fix: GnssFix, since_last_s: float) -> FixNoise[float]:
+def fix_noise(fix: GnssFix, since_last_s: float) -> FixNoise:
     is_float = fix.quality is GnssQuality.RTK_FLOAT
     is_corrected = fix.quality in CORRECTED
-    return noise_model(FLOATS, fix.pos_std_m, is_float, since_last_s, is_corrected=is_corrected)
+    return noise_model(fix.pos_std_m, since_last_s, is_float=is_float, is_corrected=is_corrected)
 
 
-def bias_ageing(
-    m: Arithmetic[Number], noise: FixNoise[Number], dt_s: float
-) -> list[tuple[int, Number | float, Number | float]]:
+def bias_ageing(noise: FixNoise, dt_s: float) -> list[tuple[int, float, float]]:
     """Say how the two bias states age, as Ekf.relax takes it."""
     variance = noise.bias_std_m**2
-    factor = m.exp(-(noise.bias_walk_m_per_sqrt_s**2) * dt_s / (2.0 * variance))
+    factor = math.exp(-(noise.bias_walk_m_per_sqrt_s**2) * dt_s / (2.0 * variance))
     growth = variance * (1.0 - factor * factor)
     return [(GNSS_BIAS_X, factor, growth), (GNSS_BIAS_Y, factor, growth)]
 
 
-def is_steady(m: Arithmetic[Number], residuals: Sequence[tuple[Number, Number]]) -> Condition:
+def is_steady(residuals: Sequence[tuple[float, float]]) -> bool:
     """Tell whether residuals, east and north, show an error that stays, and not only noise.
 
     Of noise alone the mean of six is as large as the scatter from one to the next in one case of
@@ -103,17 +94,14 @@ def is_steady(m: Arithmetic[Number], residuals: Sequence[tuple[Number, Number]])
         (after[0] - before[0]) ** 2 + (after[1] - before[1]) ** 2
         for before, after in pairwise(residuals)
     )
-    steady: Condition = east**2 + north**2 > jumps2 / (2.0 * (len(residuals) - 1))
-    return steady
+    return east**2 + north**2 > jumps2 / (2.0 * (len(residuals) - 1))
 
 
-def widen(m: Arithmetic[Number], noise: FixNoise[Number], learnt_m: Number) -> FixNoise[Number]:
+def widen(noise: FixNoise, learnt_m: float) -> FixNoise:
     """Believe what was learnt of the white noise where it is surely more than what is stated."""
     learnt_m2 = learnt_m * learnt_m
     is_more = learnt_m2 > SURE_NOISE_RATIO**2 * noise.variance_m2
-    return msgspec.structs.replace(
-        noise, variance_m2=m.choose(is_more, learnt_m2, noise.variance_m2)
-    )
+    return msgspec.structs.replace(noise, variance_m2=learnt_m2 if is_more else noise.variance_m2)
 
 
 def is_even(before_s: float, step_s: float) -> bool:
@@ -187,7 +175,7 @@ class VelocityNoise:
     def is_steady(self) -> bool:
         """Whether the last velocities were all off in the same way, as an error of the pose is."""
         is_full = len(self._recent) == STEADY_FIXES
-        return is_full and bool(is_steady(FLOATS, self._recent))
+        return is_full and is_steady(self._recent)
 
     @property
     def sure_mps(self) -> float:

@@ -27,7 +27,6 @@ from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.sensor_ranges import MAX_SPEED_MPS
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
 from agribot.autonomy.estimate.velocity_way import MAX_GAP_S, VelocityWay
-from agribot.core.arithmetic import FLOATS
 from agribot.core.messages import GnssFix
 from agribot.core.pose import Pose2
 
@@ -62,7 +61,7 @@ class GnssVelocity:
         # Spinning wheels falsify the position with every metre, so they are admitted sooner.
         self._spin_after = max(2, pose.config.recover_after // 3)
         self._gate = Gate(pose.config.gate_sigma, self._spin_after, "velocity outlier")
-        self._spin_watch = SpinWatch(FLOATS, self._spin_after)
+        self._spin_watch = SpinWatch(self._spin_after)
         self._spun_t_s, self._spun_mps = -math.inf, (0.0, 0.0)
         self.carry, self.antenna = CarryWatch(), AntennaWatch()
         self._told: ToldWay | None = None
@@ -116,16 +115,14 @@ class GnssVelocity:
         ekf, yaw_rad = self._pose.ekf, seen.yaw_rad
         rate_radps, wheel_mps = seen.then.yaw_rate_radps, seen.then.wheel_mps
         east_mps, north_mps, (east_row, north_row) = antenna_velocity(
-            FLOATS, yaw_rad, ekf.row_yaw_rad, ekf.x[WHEEL_SCALE], ekf.x[SLIP], wheel_mps,
+            yaw_rad, ekf.row_yaw_rad, ekf.x[WHEEL_SCALE], ekf.x[SLIP], wheel_mps,
             rate_radps, seen.lever_m,
         )  # fmt: skip
         residuals = (seen.velocity_mps[0] - east_mps, seen.velocity_mps[1] - north_mps)
         self.noise.add(residuals, seen.std_mps)
-        variance = velocity_variance(
-            FLOATS, seen.std_mps, self.noise.std_mps, rate_radps, since_last_s
-        )
-        claimed_mps, _ = ahead_and_aside(FLOATS, (east_mps, north_mps), yaw_rad)
-        missing_mps = ahead_and_aside(FLOATS, residuals, yaw_rad)
+        variance = velocity_variance(seen.std_mps, self.noise.std_mps, rate_radps, since_last_s)
+        claimed_mps, _ = ahead_and_aside((east_mps, north_mps), yaw_rad)
+        missing_mps = ahead_and_aside(residuals, yaw_rad)
         self.antenna.add(missing_mps, rate_radps, math.sqrt(variance), since_last_s)
         spins = bool(self._spin_watch.is_spinning(claimed_mps, missing_mps, math.sqrt(variance)))
         is_steady = self.noise.is_steady
@@ -134,7 +131,7 @@ class GnssVelocity:
             self._pose.rejected["wheels spin"] += 1
             self._spun_t_s, self._spun_mps = seen.t_s, (claimed_mps, claimed_mps + missing_mps[0])
         opened = doubts(
-            FLOATS, residuals, (east_mps, north_mps), yaw_rad, self._spin_watch.aside_mps,
+            residuals, (east_mps, north_mps), yaw_rad, self._spin_watch.aside_mps,
             (wheel_mps, rate_radps), since_last_s * self._spin_after, is_corrected=is_corrected,
         ) if is_steady else ()  # fmt: skip
         return Measurement(
@@ -154,12 +151,12 @@ class GnssVelocity:
             return None
         mean_mps = (last.velocity_mps + velocity_mps) / 2.0
         off_mps = mean_mps - (told.led_m - last.led_m) / step_s
-        off_ahead_mps, _ = ahead_and_aside(FLOATS, (off_mps.real, off_mps.imag), seen.yaw_rad)
-        ahead_mps, aside_mps = ahead_and_aside(FLOATS, (mean_mps.real, mean_mps.imag), seen.yaw_rad)
+        off_ahead_mps, _ = ahead_and_aside((off_mps.real, off_mps.imag), seen.yaw_rad)
+        ahead_mps, aside_mps = ahead_and_aside((mean_mps.real, mean_mps.imag), seen.yaw_rad)
         rate_radps, is_steady = then.yaw_rate_radps, self.noise.is_steady
         shown_mps = (ahead_mps + rate_radps * lever_m[1], aside_mps - rate_radps * lever_m[0])
-        variance = velocity_variance(FLOATS, seen.std_mps, self.noise.std_mps, 0.0, step_s)
-        if have_lost_way(off_ahead_mps, measured.variance, is_steady):
+        variance = velocity_variance(seen.std_mps, self.noise.std_mps, 0.0, step_s)
+        if have_lost_way(off_ahead_mps, measured.variance, is_steady=is_steady):
             self._lost_t_s = seen.t_s
         is_lost = (
             seen.t_s - self._lost_t_s <= LOST_S and abs(off_mps) ** 2 > STILL_SIGMA2 * variance
@@ -167,7 +164,7 @@ class GnssVelocity:
         driven, std_mps = (then.wheel_mps, rate_radps), math.sqrt(variance)
         if is_steady:
             self.carry.add(seen.t_s, step_s, shown_mps, driven, std_mps)
-        if not ((is_vague or is_lost) and can_be_of_wheels(FLOATS, shown_mps, driven, std_mps)):
+        if not ((is_vague or is_lost) and can_be_of_wheels(shown_mps, driven, std_mps)):
             return None
         self._pose.ekf.doubt_way((LOST_MPS * step_s) ** 2)
         east, north = measured.rows

@@ -79,13 +79,13 @@ class GnssWander:
         """Know that the slow error is at least so large: fixes that jumped stay where they are."""
         self._least_size_m = max(self._least_size_m, size_m)
 
-    def is_wide(self, noise: FixNoise[float], *, is_vouched: bool) -> bool:
+    def is_wide(self, noise: FixNoise, *, is_vouched: bool) -> bool:
         """Whether the receiver wanders faster than it states, or may do so unseen."""
         if math.isnan(self._walk_m_per_sqrt_s):
             return not is_vouched
         return self._walk_m_per_sqrt_s > SURE_WALK_RATIO * noise.bias_walk_m_per_sqrt_s
 
-    def widen(self, noise: FixNoise[float], *, is_vouched: bool) -> FixNoise[float]:
+    def widen(self, noise: FixNoise, *, is_vouched: bool) -> FixNoise:
         """Believe what was learnt where it is surely more than what is stated."""
         stated, size_m = noise.bias_walk_m_per_sqrt_s, float(noise.bias_std_m)
         if not self.is_wide(noise, is_vouched=is_vouched):

@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from agribot.autonomy.estimate.spin_watch import CORNER_M, SLIDE_MPS
-from agribot.core.arithmetic import Arithmetic, Condition, Number
 
 # 1 sigma of what wheels may be off by where they have lost their way: so much that nothing else is
 # learnt from it. A clod pushes for seconds, which a heading must not be blamed for.
@@ -36,32 +35,27 @@ class ToldWay(NamedTuple):
     led_m: complex
 
 
-def have_lost_way(off_ahead_mps: Number, variance: Number, is_steady: Condition) -> Condition:
+def have_lost_way(off_ahead_mps: float, variance: float, *, is_steady: bool) -> bool:
     """Tell whether wheels are off by more than noise, `is_steady` where they were so for a while.
 
     `off_ahead_mps` is what they lack of the velocity of the receiver, along the robot: to the side
     a wrong heading would look the same.
     """
-    is_off: Condition = off_ahead_mps * off_ahead_mps > LOST_SIGMA2 * variance
-    return is_off & is_steady
+    return is_steady and off_ahead_mps * off_ahead_mps > LOST_SIGMA2 * variance
 
 
-def are_fixes_vague(rate_radps: Number, *, is_corrected: bool, is_float: Condition) -> Condition:
+def are_fixes_vague(rate_radps: float, *, is_corrected: bool, is_float: bool) -> bool:
     """Tell whether fixes say less of the way of some seconds than velocities do.
 
     Float ambiguities never tell. Nor does a receiver without corrections, but its velocities are
     no better than wheels that grip: they count where the robot turns.
     """
-    is_turning: Condition = abs(rate_radps) > TURNING_RADPS
-    return is_float if is_corrected else is_turning
+    return is_float if is_corrected else abs(rate_radps) > TURNING_RADPS
 
 
 def find_beyond_wheels(
-    m: Arithmetic[Number],
-    shown_mps: tuple[Number, Number],
-    driven: tuple[Number, Number],
-    std_mps: Number,
-) -> tuple[Number, Number]:
+    shown_mps: tuple[float, float], driven: tuple[float, float], std_mps: float
+) -> tuple[float, float]:
     """Find what wheels cannot have moved the robot by, however much way they lose: m/s.
 
     `shown_mps` is how its middle moves ahead and aside, with 1 sigma `std_mps`, `driven` what
@@ -71,22 +65,16 @@ def find_beyond_wheels(
     (ahead_mps, aside_mps), (driven_mps, rate_radps) = shown_mps, driven
     margin_mps = 3.0 * std_mps
     slide_mps = SLIDE_MPS + CORNER_M * abs(rate_radps) + margin_mps
-    back_mps, fast_mps = m.least(driven_mps, 0.0) - margin_mps, m.most(driven_mps, 0.0) + margin_mps
+    back_mps, fast_mps = min(0.0, driven_mps) - margin_mps, max(0.0, driven_mps) + margin_mps
     return (
-        ahead_mps - m.least(m.most(ahead_mps, back_mps), fast_mps),
-        aside_mps - m.least(m.most(aside_mps, -slide_mps), slide_mps),
+        ahead_mps - min(fast_mps, max(back_mps, ahead_mps)),
+        aside_mps - min(slide_mps, max(-slide_mps, aside_mps)),
     )
 
 
 def can_be_of_wheels(
-    m: Arithmetic[Number],
-    shown_mps: tuple[Number, Number],
-    driven: tuple[Number, Number],
-    std_mps: Number,
-) -> Condition:
+    shown_mps: tuple[float, float], driven: tuple[float, float], std_mps: float
+) -> bool:
     """Tell whether velocities are sure that wheels move the robot: nobody carries it."""
-    ahead_mps, aside_mps = find_beyond_wheels(m, shown_mps, driven, std_mps)
-    is_sure: Condition = std_mps <= MAX_STD_MPS
-    is_ahead: Condition = ahead_mps == 0.0
-    is_aside: Condition = aside_mps == 0.0
-    return is_sure & is_ahead & is_aside
+    ahead_mps, aside_mps = find_beyond_wheels(shown_mps, driven, std_mps)
+    return std_mps <= MAX_STD_MPS and ahead_mps == 0.0 and aside_mps == 0.0

@@ -7,7 +7,6 @@ from typing import NamedTuple
 from agribot.autonomy.estimate.ekf import Row
 from agribot.autonomy.estimate.gate import Gate
 from agribot.autonomy.estimate.row_model import tail_factor
-from agribot.core.arithmetic import FLOATS
 
 
 class Measurement(NamedTuple):
@@ -38,4 +37,4 @@ class Measurement(NamedTuple):
 
     def taken_variance(self, distance2: float) -> float:
         variance = self.variance if self.lasting_variance is None else self.lasting_variance
-        return variance * tail_factor(FLOATS, distance2) if self.has_tails else variance
+        return variance * tail_factor(distance2) if self.has_tails else variance

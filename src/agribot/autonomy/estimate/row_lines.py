@@ -30,7 +30,7 @@ from agribot.autonomy.estimate.history import Epoch
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_line_watch import LineTold
-from agribot.core.arithmetic import FLOATS, clamp
+from agribot.core.arithmetic import clamp
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import RowLine
 
@@ -162,7 +162,7 @@ class RowLines(Correction[RowLine]):
         frame = self._frame(epoch, self._arm_m(line, epoch))  # as the offset has moved the pose
         self.fitted += abs(offset_m) <= frame.pitch_m / 2.0
         turned_rad = self._turned_rad(heading_rad, sign, epoch, frame)
-        variance = model.heading_variance(FLOATS, line.heading_std_rad, since_last_s)
+        variance = model.heading_variance(line.heading_std_rad, since_last_s)
         yield self._heading(turned_rad, variance)
 
     def _begin(self, line: RowLine) -> None:

@@ -1,10 +1,8 @@
-"""What a line along the crop row says of the pose, for one robot or for many."""
+"""What a line along the crop row says of the pose."""
 
 from __future__ import annotations
 
 import math
-
-from agribot.core.arithmetic import Arithmetic, Number
 
 # A line that stays off by part of its noise for some seconds: leaves lean, light falls sideways.
 LASTING_RATIO, LASTING_MEMORY_S = 0.75, 2.0
@@ -24,20 +22,18 @@ RANGE_GATE_SIGMA, RANGE_RECOVER_AFTER = 3.0, 3
 RECOVERY_RANGE_M = 0.5
 
 
-def offset_variance(std_m: Number) -> Number:
+def offset_variance(std_m: float) -> float:
     return std_m**2 + OFFSET_FLOOR_M**2
 
 
-def heading_variance(
-    m: Arithmetic[Number], std_rad: Number | float, since_last_s: Number
-) -> Number:
-    frames = m.most(LASTING_MEMORY_S / m.most(since_last_s, 0.01), 1.0)
+def heading_variance(std_rad: float, since_last_s: float) -> float:
+    frames = max(1.0, LASTING_MEMORY_S / max(0.01, since_last_s))
     return std_rad**2 + HEADING_LASTING_RAD**2 * frames
 
 
-def tail_factor(m: Arithmetic[Number], distance2: Number) -> Number:
+def tail_factor(distance2: float) -> float:
     """Say by how much the variance grows for a residual that looks like an outlier."""
-    return m.most((TAIL_DEGREES + distance2) / (TAIL_DEGREES + 1.0), 1.0)
+    return max(1.0, (TAIL_DEGREES + distance2) / (TAIL_DEGREES + 1.0))
 
 
 def neighbour_shares(off_m: float, std_m: float, pitch_m: float) -> tuple[float, float]:
