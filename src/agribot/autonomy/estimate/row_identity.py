@@ -58,12 +58,15 @@ class RowIdentity:
         self._began: tuple[float, float] | None = None
         self.elsewhere = ""  # what plants of a map say of where the robot is instead
         self._by_plants: dict[int, float] = {}
+        self._certainty: float | None = None
         self.restart()
 
     @property
     def certainty(self) -> float:
         """Probability that the robot is in the row in which it believes to be."""
-        return self._share(0)
+        if self._certainty is None:  # it is asked for in every tick, and changes with few pictures
+            self._certainty = self._share(0)
+        return self._certainty
 
     @property
     def doubt(self) -> str:
@@ -84,6 +87,7 @@ class RowIdentity:
     def restart(self) -> None:
         """Forget what was seen: these are other rows."""
         self._log = {shift: math.log(share) for shift, share in PRIOR.items()}
+        self._certainty = None
         self._said.clear()
         self._by_plants = {}
         self.elsewhere = ""
@@ -96,6 +100,7 @@ class RowIdentity:
         """
         missing = max(1.0 - sum(shares.values()), 0.0)
         self._by_plants = {shift: shares.get(shift, 0.0) + missing for shift in self._log}
+        self._certainty = None
 
     def take_as_told(self) -> None:
         """Begin anew: a person has said where the robot is."""
@@ -111,6 +116,7 @@ class RowIdentity:
         for shift, own in share.items():
             came = share.get(shift - 1, 0.0) * right + share.get(shift + 1, 0.0) * left
             self._log[shift] = math.log(own * (1.0 - left - right) + came)
+        self._certainty = None
 
     def look(self, cover: CropCover, pose: Pose2, rows: Rows) -> None:
         """Take in the crop of a picture that was taken at a pose."""
@@ -158,6 +164,7 @@ class RowIdentity:
         before = self._said.get(key, 0.0)
         self._said[key] = after = min(before, max(before + said, most))
         self._log[key[2]] += after - before
+        self._certainty = None
 
     def _share(self, shift: int) -> float:
         weights = {
