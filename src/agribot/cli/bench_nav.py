@@ -52,6 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set", action="append", default=[], metavar="A.B=C", help="any setting of the robot"
     )
     parser.add_argument(
+        "--perfect", action="append", default=[], choices=("fixes", "heading"),
+        help="tell the robot the truth instead of what this sensor says",
+    )  # fmt: skip
+    parser.add_argument(
         "--baseline", action="store_true", help="also drive the original robot's controller"
     )
     parser.add_argument(
@@ -176,9 +180,11 @@ def _alter(job: Job, options: argparse.Namespace) -> Job:
     """Give a job the field and the settings that were asked for; check them before any drives."""
     from agribot.lab.bench.nav.robot import equip
 
-    scenario = msgspec.structs.replace(
-        job.scenario, rows=options.rows, settings=() if job.is_original else tuple(options.set)
-    )
+    scenario = msgspec.structs.replace(job.scenario, rows=options.rows)
+    if not job.is_original:
+        scenario = msgspec.structs.replace(
+            scenario, settings=tuple(options.set), perfect=tuple(options.perfect)
+        )
 
     scenario.config(job.seeds[0])
     equip(job.robot, scenario.sensors)

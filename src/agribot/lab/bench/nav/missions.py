@@ -41,11 +41,8 @@ def run_mission(
     """
     began_s = time.process_time()
     config, robot = scenario.config(seed), equip(robot, scenario.sensors)
-    rover, sensors, eyes = (
-        SoilRover(seed, scenario.soil),
-        Sensors(config, robot),
-        Eyes(seed, scenario),
-    )
+    rover, eyes = SoilRover(seed, scenario.soil), Eyes(seed, scenario)
+    sensors = Sensors(config, robot, scenario.perfect)
     driver, trial = DrivenRobot(config, robot), MissionTrial(scenario, robot)
     v_mps = yaw_rate_radps = 0.0
     for k in range(1, round(MAX_TIME_S / DT_S) + 1):

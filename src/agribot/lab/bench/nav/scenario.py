@@ -18,6 +18,8 @@ from agribot.core.config import (
 from agribot.core.geo import Datum
 
 Variant = Literal["nominal", "hard"]
+# What the truth tells the robot instead of a sensor, to see which one a mission fails by.
+Perfect = Literal["fixes", "heading"]
 
 DT_S = 0.01
 TICK_STEPS = 2  # the robot ticks at 50 Hz
@@ -76,12 +78,14 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
     speed_mps: float = 0.8
     rows: int = ROWS
     settings: tuple[str, ...] = ()
+    perfect: tuple[Perfect, ...] = ()
 
     @property
     def name(self) -> str:
         seen = " + vision" if self.vision else ""
         rows = "" if self.rows == ROWS else f", {self.rows} rows"
-        changed = "".join(f", {setting}" for setting in self.settings)
+        told = [f"perfect {sensor}" for sensor in self.perfect]
+        changed = "".join(f", {change}" for change in (*self.settings, *told))
         return f"{self.sensors}{seen}, {self.speed_mps:g} m/s, {self.variant}{rows}{changed}"
 
     def config(self, seed: int) -> RunConfig:

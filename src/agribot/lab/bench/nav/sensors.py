@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 
 from agribot.core.config import RunConfig
-from agribot.core.messages import RowLine, Scene, SensorBatch
+from agribot.core.geo import MapFrame, wrap_rad
+from agribot.core.messages import (
+    GnssFix,
+    GnssHeading,
+    GnssQuality,
+    RowLine,
+    Scene,
+    SensorBatch,
+)
+from agribot.core.pose import Pose2
 from agribot.core.robot import DriveSpec, RobotSpec
 from agribot.core.world import WorldSpec
 from agribot.lab.bench.nav.plant import MOVING_MPS, SoilRover
 from agribot.lab.bench.nav.row_camera import PERIOD_STEPS, RowCamera
-from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, Scenario
+from agribot.lab.bench.nav.scenario import DT_S, TICK_STEPS, Perfect, Scenario
 from agribot.sim.clock import round_step_ns
 from agribot.sim.sensors.suite import SensorSuite
 from agribot.sim.state import (
@@ -32,6 +42,7 @@ from agribot.sim.state import (
 STEP_NS = round_step_ns(DT_S)
 IMU_HZ = 1.0 / DT_S  # the plant has no faster motion
 GRAVITY_MPS2 = 9.8
+PERFECT_STD_M, PERFECT_STD_RAD = 0.014, 0.007  # as `rtk-dual` states them
 # Torque of all motors, for the field of their currents. Measured: a drive of `rows-10x12` on the
 # preset `field`, seed 1, 45 s, along rows and in turns.
 ROLLING_NM, TURNING_NMSPR = 0.55, 2.4
@@ -83,7 +94,9 @@ class TrueMotion:
 class Sensors:
     """Wheels, IMU, magnetometer, receiver and camera of one rover."""
 
-    def __init__(self, config: RunConfig, robot: RobotSpec) -> None:
+    def __init__(
+        self, config: RunConfig, robot: RobotSpec, perfect: Sequence[Perfect] = ()
+    ) -> None:
         """Build the sensors of `config.sim.sensors` and `config.seed`.
 
         Raises: ConfigError: no preset has this name.
@@ -93,18 +106,21 @@ class Sensors:
         world = WorldSpec(name="bench", datum=config.field.datum, gravity_mps2=GRAVITY_MPS2)
         self._suite = SensorSuite(config, robot, world, STEP_NS)
         self._truth = TrueMotion(robot.drive)
+        self._oracle = Oracle(config, robot, perfect) if perfect else None
         self._step = 0
 
     def step(self, rover: SoilRover) -> None:
         """Note the state of the rover after a step of the plant."""
         self._truth.write(self._step % TICK_STEPS + 1, rover)
         self._step += 1
+        if self._oracle is not None:
+            self._oracle.note(rover)
 
     def read(self) -> SensorBatch:
         """Read what the sensors tell of the last `TICK_STEPS` steps, or of steps before."""
         last, suite, rows = self._step, self._suite, self._truth.rows
         first, t_s = last - TICK_STEPS, last * DT_S
-        return SensorBatch(
+        batch = SensorBatch(
             t_s=t_s,
             wheels=suite.wheels.take_samples(first, last, rows),
             imu=suite.imu.take_samples(first, last, rows),
@@ -112,6 +128,47 @@ class Sensors:
             gnss=suite.gnss.take_samples(first, last, rows, t_s),
             headings=suite.headings.take_samples(first, last, rows, t_s) if suite.headings else (),
         )
+        return batch if self._oracle is None else self._oracle.alter(batch)
+
+
+class Oracle:
+    """Puts the truth in the place of what a sensor tells, as accurate as the best receiver says."""
+
+    def __init__(self, config: RunConfig, robot: RobotSpec, perfect: Sequence[Perfect]) -> None:
+        self._frame, self._perfect = MapFrame(config.field.datum), perfect
+        x_m, y_m, z_m = robot.body_from_link(robot.gnss.link)[:3, 3].tolist()
+        self._arm_m, self._height_m = (x_m, y_m), z_m
+        self._poses = [Pose2(0.0, 0.0, 0.0)]  # of each step
+
+    def note(self, rover: SoilRover) -> None:
+        """Note where the rover is after a step of the plant."""
+        self._poses.append(Pose2(rover.x_m, rover.y_m, rover.yaw_rad))
+
+    def alter(self, batch: SensorBatch) -> SensorBatch:
+        """Return the batch with the truth for each fix that arrived."""
+        headings, fixes = batch.headings, batch.gnss
+        if "heading" in self._perfect:
+            headings = tuple(
+                GnssHeading(
+                    t_s=fix.t_s, yaw_map_rad=wrap_rad(self._find_pose(fix.t_s).yaw_rad),
+                    std_rad=PERFECT_STD_RAD,
+                )
+                for fix in fixes
+            )  # fmt: skip
+        if "fixes" in self._perfect:
+            fixes = tuple(map(self._correct, fixes))
+        return msgspec.structs.replace(batch, gnss=fixes, headings=headings)
+
+    def _find_pose(self, t_s: float) -> Pose2:
+        return self._poses[round(t_s / DT_S)]
+
+    def _correct(self, fix: GnssFix) -> GnssFix:
+        place_m = self._find_pose(fix.t_s).transform(*self._arm_m)
+        lat_deg, lon_deg, alt_m = self._frame.geodetic_from_map(*place_m, self._height_m)
+        return msgspec.structs.replace(
+            fix, lat_deg=lat_deg, lon_deg=lon_deg, alt_m=alt_m, pos_std_m=PERFECT_STD_M,
+            quality=GnssQuality.RTK_FIXED,
+        )  # fmt: skip
 
 
 class Eyes:
