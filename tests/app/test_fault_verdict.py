@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import get_args
 
 import pytest
+from agribot.app.named_parts import read_parts
 
 from agribot.app.fault_verdict import judge_crushes, judge_faults
-from agribot.app.named_parts import read_parts
 from agribot.core.messages import MissionState
 from agribot.record.events import Event, EventKind
 from agribot.record.report import FaultReport
