@@ -3,9 +3,8 @@
 A section of a table is the code of a fact: `text` says what is so, `do` what to do about it, each
 one template or, where the fact has variants, one for each of them. A template names the fact's
 fields as a format string does. Beside the formats of Python it knows `!d` (radians as degrees),
-`!c` (metres as centimetres), `!k` (metres as kilometres), `!a` (without its sign) and `!l` (a list,
-divided by semicolons). Words in a field are looked up in `words.<field>`; a fact in a field is
-rendered in its place.
+`!k` (metres as kilometres) and `!l` (a list, divided by semicolons). Words in a field are looked up
+in `words.<field>`; a fact in a field is rendered in its place.
 """
 
 from __future__ import annotations
@@ -24,7 +23,8 @@ from agribot.core.errors import ConfigError
 from agribot.core.facts import Fact
 
 LANGUAGES = ("en", "de")
-_SCALES = {"d": math.degrees(1.0), "c": 100.0, "k": 1e-3}
+UNKNOWN = "?"  # a value that is not known
+_SCALES = {"d": math.degrees(1.0), "k": 1e-3}
 
 Template = str | dict[str, str]  # one, or one for each variant
 
@@ -92,17 +92,21 @@ def _write(value: Any, name: str, spec: str, conversion: str | None, language: s
     """Write one value of a fact."""
     if isinstance(value, Fact):
         return render(value, language)
+    if value is None:
+        return UNKNOWN
     words = load_table(language).words
     known = words.get(name, {})
     if isinstance(value, str):
         return known.get(value, value)
     if isinstance(value, tuple):
-        each = [known.get(str(one), str(one)) for one in value]
-        together = known.get("+".join(map(str, value)))
-        divider = "; " if conversion == "l" else f" {words['list']['and']} "
-        return divider.join(each) if together is None else together
-    if conversion == "a":
-        value = abs(value)
-    elif conversion is not None:
-        value = value * _SCALES[conversion]
-    return format(value, spec)
+        return _join(value, known, "; " if conversion == "l" else f" {words['list']['and']} ")
+    return format(value if conversion is None else value * _SCALES[conversion], spec)
+
+
+def _join(values: tuple[Any, ...], known: Mapping[str, str], divider: str) -> str:
+    """Join words, or take the word for all of them; numbers stand in brackets."""
+    if not all(isinstance(value, str) for value in values):
+        return str(list(values))
+    together = known.get("+".join(values))
+    each = [known.get(value, value) for value in values]
+    return divider.join(each) if together is None else together

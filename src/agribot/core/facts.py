@@ -89,7 +89,7 @@ class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", ta
         for fact in self.inner:
             found.update(fact.numbers)
         own = {name: value for name, value in self.values if _is_number(value)}
-        found.update({name: value for name, value in own.items() if math.isfinite(value)})
+        found.update({name: float(value) for name, value in own.items() if math.isfinite(value)})
         return found
 
     @property

@@ -19,6 +19,8 @@ from agribot.autonomy.plan.caution import (
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig, MissionConfig
+from agribot.core.fact_text import render
+from agribot.core.facts import MayBeOffRow, PictureFrozen
 from agribot.core.messages import Estimate, GnssQuality, Goal, OperatorAction
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at, rover
@@ -58,8 +60,10 @@ LIMIT_M = 0.3
 
 def judged(guard: CropGuard, t_s: float, level_m: float) -> str:
     estimate = msgspec.structs.replace(known(0.05, 0.05), row_seen=True)
-    return guard.judge(
-        msgspec.structs.replace(estimate, t_s=t_s, across_protection_m=level_m), LIMIT_M
+    return render(
+        guard.judge(
+            msgspec.structs.replace(estimate, t_s=t_s, across_protection_m=level_m), LIMIT_M
+        )
     )
 
 
@@ -104,12 +108,12 @@ def test_a_robot_that_only_knows_little_creeps_on_until_it_may_see_its_row_again
         unsure, across_protection_m=0.66, across_unknown_m=0.66, row_seen=False
     )
     for t_s in (0.0, PATIENCE_S + 1.0):
-        assert guard.judge(msgspec.structs.replace(unsure, t_s=t_s), LIMIT_M) == ""
+        assert guard.judge(msgspec.structs.replace(unsure, t_s=t_s), LIMIT_M) is None
         assert guard.ratio == CREEP_RATIO
     assert guard.judge(msgspec.structs.replace(unsure, t_s=60.0), LIMIT_M)
     assert guard.ratio == 0.0
     for change in (
-        {"reason": "camera picture has not changed"},
+        {"fact": PictureFrozen(0.05)},
         {"across_unknown_m": 0.66 / 1.6},  # the GNSS may lie
         {"row_seen": None},  # neither a camera nor corrections will tell
     ):
@@ -119,10 +123,10 @@ def test_a_robot_that_only_knows_little_creeps_on_until_it_may_see_its_row_again
 def test_without_a_camera_and_corrections_it_stands_at_the_limit_until_a_person_looks() -> None:
     guard, blind = CropGuard(), known(0.1, 0.1)
     blind = msgspec.structs.replace(blind, across_protection_m=0.31, across_unknown_m=0.31)
-    assert guard.judge(blind, LIMIT_M).startswith("may be 0.31 m off the row > 0.30 m")
+    assert guard.judge(blind, LIMIT_M) == MayBeOffRow(0.31, 0.3)
     assert guard.ratio == 0.0
     guard.restart()
-    assert guard.judge(blind, LIMIT_M) == ""
+    assert guard.judge(blind, LIMIT_M) is None
     assert guard.ratio == CREEP_RATIO
 
 

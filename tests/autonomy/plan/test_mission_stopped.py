@@ -7,6 +7,7 @@ import pytest
 
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.core.facts import Said
 from agribot.core.latch import Latch
 from agribot.core.messages import Goal
 from tests.autonomy.plan.paper_task import PaperTask
@@ -133,7 +134,7 @@ def test_a_latch_that_others_close_pauses_the_mission_with_its_reason() -> None:
     one.settle()
     one.along(0.0, 2.0)
     place = one.place(2.0)
-    latch.hold("the bumper touches something in front")
+    latch.hold(Said("the bumper touches something in front"))
     status = one.be_at(*place).status
     assert status.state == "paused"
     assert status.stopped == "the bumper touches something in front"

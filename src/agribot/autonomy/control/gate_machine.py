@@ -62,6 +62,8 @@ class GateMachine:
     def step(self, seen: Seen, told: Fact | None, checks: tuple[Check, ...]) -> None:
         """Take in a tick; `checks` is looked at while the mission has not started."""
         before = self.status
+        state: GateState
+        fact: Fact | None
         state, fact = self._choose(seen)
         if state == before.state and state == "driving":
             fact = before.fact

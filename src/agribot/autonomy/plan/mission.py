@@ -653,7 +653,8 @@ class Mission:
         if step is not None:
             errand = make_back_errand(state.job, *step)
             reason = state.reason or FoundRowAside()
-            self._stop_for(errand, StopsToBackOut(reason, step[0].value))
+            leg: Literal["out", "back"] = "out" if step[0] is ErrandKind.OUT else "back"
+            self._stop_for(errand, StopsToBackOut(reason, leg))
 
     def _advance(self, state: Driving | OnErrand, route: Route, estimate: Estimate) -> Fact | None:
         """Move on and find why the robot is held back there; None where nothing is wrong."""
