@@ -66,7 +66,7 @@ def test_two_facts_are_the_same_while_only_their_numbers_change() -> None:
 def test_a_name_is_a_name_and_nothing_else(name: str) -> None:
     stopped = StoppedBy(name)
     assert (stopped.code, stopped.parts, stopped.numbers) == ("stopped_by", (), {})
-    assert render(stopped) == f"stopped by {name}".strip()
+    assert render(stopped) == f"stopped by {name}"
 
 
 def test_facts_are_read_back_from_a_recording_as_they_were() -> None:

@@ -63,7 +63,7 @@ def render(fact: Fact | None, language: str = "en") -> str:
         return ""
     table = load_table(language)
     entry = table.facts[fact.code]
-    text = _fill(choose(entry.text, fact), fact, language).strip()
+    text = _fill(choose(entry.text, fact), fact, language)
     advice = _fill(choose(entry.do, fact), fact, language)
     return f"{text}; {advice}" if advice else text
 

@@ -666,7 +666,7 @@ class WheelsWrong(Fact, frozen=True):
 
     @property
     def variant(self) -> str:
-        return f"{self.motion}_{'one' if len(self.wheels) == 1 else 'many'}"
+        return f"{self.motion}_{ {1: 'one', 4: 'all'}.get(len(self.wheels), 'many') }"
 
 
 class WheelsSwapped(Fact, frozen=True):
