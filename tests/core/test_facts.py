@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import math
 import typing
+from collections.abc import Callable, Collection
 from pathlib import Path
 from string import Formatter
 from typing import Any
@@ -156,3 +158,68 @@ def list_values(hint: Any) -> list[Any]:
         float: [1.0], int: [1, 2], str: ["word"], bool: [False, True], type(None): [None],
     }  # fmt: skip
     return plain[hint]
+
+
+TEXTS = frozenset({"reason", "told", "stopped", "held", "warning", "contradiction", "plants_doubt"})
+OPERATIONS = frozenset(
+    {"startswith", "endswith", "split", "partition", "rpartition", "removeprefix", "find", "index",
+     "removesuffix", "replace", "lower", "upper", "sub", "match", "search", "fullmatch", "count"}
+)  # fmt: skip
+# Where a text is still looked into, and why it may be; the list may only become shorter.
+LOOKED_INTO = {
+    "cli/teleop.py": "it is shortened for a line of the terminal",
+    "lab/bench/fault_rows.py": "of reports: why a run ended, which has no fact",
+    "record/localization/page.py": "of results: the word ok",
+    "ui/server/app.py": "a refused connection has room for so many letters",
+}
+# Where texts are made inside the program: fields of messages that others read, and refusals.
+RENDERED = frozenset(
+    {
+        "app/stop_memory.py", "autonomy/control/gate_machine.py", "autonomy/control/hazards.py",
+        "autonomy/estimate/localizer.py", "autonomy/estimate/verdicts.py",
+        "autonomy/plan/mission.py", "autonomy/plan/status.py", "autonomy/stack.py",
+    }
+)  # fmt: skip
+
+
+def reads_text(node: ast.AST) -> bool:
+    """Whether an expression is one of the texts of messages, by its name."""
+    return isinstance(node, ast.Attribute) and node.attr in TEXTS
+
+
+def looks_into_text(node: ast.AST) -> bool:
+    """Whether a node compares, searches or takes apart the text of a message."""
+    if isinstance(node, ast.Compare):
+        sides = (node.left, *node.comparators)
+        words = [isinstance(side, ast.Constant) and isinstance(side.value, str) for side in sides]
+        is_in = any(isinstance(op, ast.In | ast.NotIn) for op in node.ops)
+        return any(map(reads_text, sides)) and (any(words) or (is_in and reads_text(sides[-1])))
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+        of_text = reads_text(node.func.value) or any(map(reads_text, node.args))
+        return node.func.attr in OPERATIONS and of_text
+    return isinstance(node, ast.Subscript) and reads_text(node.value)
+
+
+def find_files(check: Callable[[ast.AST], bool], words: Collection[str]) -> set[str]:
+    """Find the files with such a node, among those that hold any of the words."""
+    found = set()
+    for path in ROOT.rglob("*.py"):
+        text = path.read_text("utf-8")
+        is_likely = any(word in text for word in words)
+        if is_likely and any(check(node) for node in ast.walk(ast.parse(text))):
+            found.add(str(path.relative_to(ROOT)))
+    return found
+
+
+def test_nothing_looks_into_the_text_of_a_reason() -> None:
+    looked_into = find_files(looks_into_text, [f".{name}" for name in TEXTS])
+    assert looked_into == set(LOOKED_INTO)
+
+
+def test_texts_are_made_where_messages_are_and_nowhere_else_inside_the_program() -> None:
+    def renders(node: ast.AST) -> bool:
+        return isinstance(node, ast.Call) and getattr(node.func, "id", "") == "render"
+
+    inside = ("app/", "autonomy/", "record/", "sim/", "drivers/")
+    files = {file for file in find_files(renders, ["render("]) if file.startswith(inside)}
+    assert files == RENDERED

@@ -1018,6 +1018,17 @@ class StoppedBy(Fact, frozen=True):
     by: str
 
 
+class Disarmed(Fact, frozen=True):
+    """A machine begins stopped."""
+
+
+class NotCleared(Fact, frozen=True):
+    """A stop of an earlier run, which nobody has cleared since a date and time."""
+
+    cause: AnyFact
+    since: str
+
+
 class StopToClear(Fact, frozen=True):
     """The robot stands until the stop is cleared."""
 

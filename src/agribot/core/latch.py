@@ -22,7 +22,8 @@ class Latch:
         The text of a stop says why it stands, where whose it is says too little.
         """
         if event.action == "stop":
-            self.hold(Said(event.text, event.source) if event.text else StoppedBy(event.source))
+            said = Said(event.text, event.source) if event.text else StoppedBy(event.source)
+            self.hold(event.fact or said)
         elif event.action == "clear_stop":
             self.cause = None
 

@@ -65,6 +65,12 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     stopped_fact: AnyFact | None = None
     paused_fact: AnyFact | None = None
 
+    def release(self) -> SavedMission:
+        """Return it without its stop and without what it paused for: a person has looked."""
+        return msgspec.structs.replace(
+            self, stopped="", paused="", stopped_fact=None, paused_fact=None
+        )
+
     @property
     def stop(self) -> AnyFact | None:
         """The stop that nobody had cleared."""

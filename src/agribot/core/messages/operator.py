@@ -7,7 +7,7 @@ from typing import Literal, TypeVar
 
 import msgspec
 
-from agribot.core.facts import Part
+from agribot.core.facts import AnyFact, Part
 
 T = TypeVar("T")
 
@@ -48,6 +48,7 @@ class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
     numbers: tuple[float, ...] = ()
     id: str = ""
     parts: tuple[Part, ...] = ()  # that a note on a sensor is about
+    fact: AnyFact | None = None  # why the program itself asks for a stop; `text` is its text
 
 
 def make_sensor_note(
