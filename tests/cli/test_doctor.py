@@ -151,12 +151,12 @@ def test_every_finding_is_told_as_soon_as_it_is_known(
 
 def test_the_first_line_comes_before_anything_is_loaded() -> None:
     code = (
-        "import sys\n"
+        "import sys\nfrom types import SimpleNamespace\n"
         "from agribot.cli import doctor\n"
         "class Stop(Exception): pass\n"
         "def stop(text): raise Stop\n"
         "doctor.print_line = stop\n"
-        "try: doctor.run(None)\n"
+        "try: doctor.run(SimpleNamespace(original=False))\n"
         "except Stop: print(*{'numpy', 'msgspec', 'onnxruntime', 'socket'} & sys.modules.keys())\n"
     )
     done = subprocess.run(
