@@ -6,14 +6,16 @@ The rows are those of `agribot.lab.original`, the results those of tests/origina
 
 from __future__ import annotations
 
-import csv
 import sys
 from collections import Counter
 from pathlib import Path
 
-from agribot.lab.original import PartProof, PartTable, load_table
-
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+
+from agribot.lab.original import PartProof, PartTable, load_table  # noqa: E402
+from tests import original_results  # noqa: E402
+
 HEAD = """# Every part of the original
 
 Written by `make pages`. Each row is a part of the original AGRIBOT, or a promise of its pages; its
@@ -29,8 +31,7 @@ Results = dict[str, dict[str, str]]
 def page() -> str:
     """Write the page from the table and the results."""
     table = load_table()
-    with (ROOT / "tests/original-results.csv").open(newline="", encoding="utf-8") as file:
-        results = {row["id"]: row for row in csv.DictReader(file)}
+    results = original_results.read(ROOT)
     parts = [HEAD, _sum_up(table, results)]
     for group in table.groups:
         parts.append(f"\n## {group.letter}: {group.title}\n\n")

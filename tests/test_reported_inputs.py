@@ -15,7 +15,7 @@ import subprocess
 import sys
 from contextlib import closing
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import pytest
@@ -50,7 +50,6 @@ WHOLE_M2, POND_M2 = 2417.0, 101.0  # of the field of these files, and of what st
 CROP = 1
 BUTTON, AXIS = 0x01, 0x02
 HERE = Datum(lat_deg=48.2, lon_deg=11.6)
-Corner = tuple[int, int]
 
 
 class Field(NamedTuple):
@@ -168,20 +167,24 @@ def test_masks_of_another_picture_are_refused(
     assert not out.exists()
 
 
-def _read_receiver(data: bytes) -> tuple[list[GnssFix], ReceiverDecoder]:
+Sample = TypeVar("Sample")
+
+
+def _read_receiver(name: str, kind: type[Sample]) -> list[Sample]:
+    """Read what a log of a receiver gives of one kind."""
     decoder = ReceiverDecoder(lambda text: None)
-    found = [*decoder.feed(data, 0.0), *decoder.feed(b"", 30.0)]
-    return [fix for _, fix in found if isinstance(fix, GnssFix)], decoder
+    found = [*decoder.feed((ROBOT / name).read_bytes(), 0.0), *decoder.feed(b"", 30.0)]
+    return [sample for _, sample in found if isinstance(sample, kind)]
 
 
 def test_a_speed_without_a_course_is_no_velocity() -> None:
-    fixes, _ = _read_receiver((ROBOT / "rmc_speed_without_course.nmea").read_bytes())
+    fixes = _read_receiver("rmc_speed_without_course.nmea", GnssFix)
     assert len(fixes) > 3
     assert {fix.velocity_mps for fix in fixes} == {None}
 
 
 def test_no_altitude_is_not_an_altitude_of_0_m() -> None:
-    fixes, _ = _read_receiver((ROBOT / "gga_without_altitude.nmea").read_bytes())
+    fixes = _read_receiver("gga_without_altitude.nmea", GnssFix)
     assert len(fixes) > 3
     assert all(math.isnan(fix.alt_m) for fix in fixes)
 
@@ -195,11 +198,9 @@ def test_an_altitude_over_the_sea_and_the_geoid_give_that_over_the_ellipsoid() -
 
 
 def test_the_heading_of_a_second_antenna_is_read_from_its_sentence() -> None:
-    decoder = ReceiverDecoder(lambda text: None)
-    data = (ROBOT / "heading_as_ths.nmea").read_bytes()
-    found = [*decoder.feed(data, 0.0), *decoder.feed(b"", 30.0)]
-    headings = [sample.yaw_map_rad for _, sample in found if isinstance(sample, GnssHeading)]
-    compass_deg = np.degrees(np.pi / 2.0 - np.array(headings)) % 360.0
+    headings = _read_receiver("heading_as_ths.nmea", GnssHeading)
+    yaws_rad = np.array([heading.yaw_map_rad for heading in headings])
+    compass_deg = np.degrees(np.pi / 2.0 - yaws_rad) % 360.0
     assert len(headings) > 3
     assert compass_deg == pytest.approx(143.2, abs=0.05)
 

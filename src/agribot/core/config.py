@@ -22,7 +22,7 @@ from agribot.core.geo import Datum
 from agribot.core.messages import SafetyInput
 from agribot.core.own_world import WORLD, OwnWorld
 from agribot.core.platforms import find_platform
-from agribot.core.plugins import resolve_plugins
+from agribot.core.plugins import find_settings, resolve_plugins
 from agribot.core.suggestions import suggest_name
 from agribot.core.table_text import read_text_file
 
@@ -389,6 +389,10 @@ def from_tree(tree: dict[str, Any], source: str) -> RunConfig:
     try:
         config = msgspec.convert(tree, RunConfig)
         find_platform(config.platform)
+        for name, values in config.plugins.items():
+            kind = find_settings(name)
+            if kind is not None:
+                check_keys(values, kind, source, f"plugins.{name}")
         config = msgspec.structs.replace(config, plugins=resolve_plugins(config.plugins))
     except msgspec.ValidationError as error:
         raise ConfigError(f"{source}: {name_setting(str(error), tree)}") from error

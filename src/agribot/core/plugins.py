@@ -131,12 +131,6 @@ def _resolve(name: str, stated: dict[str, Any]) -> dict[str, Any]:
         raise ConfigError(f"plugins.{name}: the plugin has no settings; leave them out")
     if kind is None:
         return {}
-    known = [field.name for field in msgspec.structs.fields(kind)]
-    for key in stated:
-        if key not in known:
-            raise ConfigError(
-                f"unknown setting 'plugins.{name}.{key}'; known here: {', '.join(known)}"
-            )
     settings: dict[str, Any] = msgspec.to_builtins(read_settings({name: stated}, name, kind))
     return settings
 

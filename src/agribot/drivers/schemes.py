@@ -148,6 +148,14 @@ def find_scheme(scheme: str) -> SourceKind | None:
     return SourceKind(installed, "", f"{scheme}:...", needs_path=False)
 
 
+def _get_scheme(uri: SourceUri) -> SourceKind:
+    """Find the scheme of a URI that was read."""
+    kind = find_scheme(uri.scheme)
+    if kind is None:
+        raise ConfigError(f"{uri.scheme}:{uri.name}: no such scheme is known; check its spelling")
+    return kind
+
+
 def read_uri(option: str, uri: str, name: str = "") -> SourceUri:
     """Read what `option` names, after `name` if it has one.
 
@@ -187,8 +195,7 @@ def require_extras(sources: Mapping[str, SourceUri]) -> None:
     Raises: MissingExtraError: one does.
     """
     for name, uri in sources.items():
-        kind = find_scheme(uri.scheme)
-        extra = kind.extra if kind else ""
+        extra = _get_scheme(uri).extra
         if extra:
             extras.require(extra, f"--source {name}={uri.scheme}:{uri.path}")
 
@@ -199,10 +206,7 @@ def open_source(name: str, uri: SourceUri, context: SourceContext) -> SensorSour
     Raises: AgribotError: it cannot be opened.
     """
     sensor = _SENSOR_OF.get(name) or msgspec.convert(name, Sensor)
-    kind, what = find_scheme(uri.scheme), f"--source {name}={uri.scheme}:{uri.path}"
-    if kind is None:
-        raise ConfigError(f"{what}: no such scheme is known")
-    opener = find_function(kind.opener, what)
+    opener = find_function(_get_scheme(uri).opener, f"--source {name}={uri.scheme}:{uri.path}")
     settings = bind_settings(opener, context.plugins, uri.scheme)
     source: SensorSource = opener(sensor, uri, context, **settings)
     return source

@@ -151,7 +151,7 @@ MakeFault = Callable[[Fault, FaultMaterial], BatchFault]
 
 def _find_maker(name: str, config: RunConfig) -> MakeFault | None:
     """Find what makes a fault of samples, here or in an installed package."""
-    if name in MAKERS or name in BUILT_IN:
+    if name in BUILT_IN:
         return MAKERS.get(name)
     installed = find_plugin(FAULTS, name)
     if installed is None:
