@@ -75,7 +75,7 @@ def test_shards_that_run_alone_keep_each_others_results_and_name_what_did_not_ru
     old, gone = (f"test_{name}.py,3,0,0,12,2020-01-01,abc,a machine" for name in ("old", "gone"))
     results.write_text(f"{','.join(nightly_results.COLUMNS)}\n{old}\n{gone}\n")
     said = run_pytest(
-        "-p", "tests.nightly_results", "-m", "nightly", "-W", "ignore",
+        "-p", "tests.nightly_results", "-m", "nightly", "-W", "ignore", "--rootdir", str(tmp_path),
         "--nightly-results", str(results), str(tmp_path / "test_new.py"),
     )  # fmt: skip
     rows = nightly_results.read_rows(results)

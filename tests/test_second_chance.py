@@ -28,7 +28,9 @@ SOUND = "def test_that_passes(): pass\n"
 
 def run_tests(folder: Path, *words: str) -> tuple[int, str]:
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    command += ["-p", "tests.second_chance", "--second-chance", *words, str(folder)]
+    # Its own root: in a repository below the folder of temporary files it would be that folder.
+    command += ["-p", "tests.second_chance", "--second-chance", "--rootdir", str(folder)]
+    command += [*words, str(folder)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout
 
