@@ -22,7 +22,7 @@ both by every bridge, and stands in a recording under the first.
 INBOUND_HEAD = """
 ## What a run takes
 
-From [`inbound_topics.py`](../src/agribot/core/inbound_topics.py); [who may send it](ros.md#requests).
+From [`inbound_topics.py`](../src/agribot/core/inbound_topics.py); [who may send](ros.md#requests).
 
 | topic | in ROS 1 | type | what |
 |---|---|---|---|

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import rospy  # type: ignore[import-not-found]
+import rospy
 from sensor_msgs.msg import CompressedImage, Image  # type: ignore[import-not-found]
 
 

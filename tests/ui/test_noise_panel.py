@@ -14,8 +14,7 @@ from agribot.ui.address import Address
 from agribot.ui.noise_panel import add_noise_panel
 from agribot.ui.panels import Panels
 from agribot.ui.robot_side.operator_page import OperatorPage
-from tests.ui.client import Page
-from tests.ui.test_rest import Browser
+from tests.ui.client import Browser, Page
 
 WHERE = "/api/v1/panels/form-sensor-noise"
 

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.autonomy.perceive.plant_cover import excess_green
 from agribot.core.messages import ByteArray, PlantClass
-from agribot.lab.dataset.classes import excess_green
 from agribot.lab.dataset.layouts import Item
 
 GRID = (24, 32)  # rows and columns of the map of where plants are in a picture

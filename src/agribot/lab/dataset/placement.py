@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from agribot.autonomy.perceive.plant_cover import excess_green
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, PlantClass
-from agribot.lab.dataset.classes import UNLABELLED, excess_green
+from agribot.lab.dataset.classes import UNLABELLED
 
 Grid = npt.NDArray[np.float64]
 

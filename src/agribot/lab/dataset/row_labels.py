@@ -18,11 +18,12 @@ from scipy import ndimage
 
 from agribot.autonomy.perceive.class_map import ClassMap
 from agribot.autonomy.perceive.ground import GroundLookup
+from agribot.autonomy.perceive.plant_cover import excess_green
 from agribot.autonomy.perceive.row_line import find_row_line, locate_foliage
 from agribot.core.errors import ConfigError
 from agribot.core.messages import ByteArray, PlantClass, RowLine
 from agribot.core.pose import Pose2
-from agribot.lab.dataset.classes import UNLABELLED, excess_green
+from agribot.lab.dataset.classes import UNLABELLED
 
 Mask = npt.NDArray[np.bool_]
 Green = npt.NDArray[np.float32]  # excess of green of pixels (H, W)
