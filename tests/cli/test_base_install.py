@@ -94,6 +94,7 @@ COMMANDS = {
     "export": ("agribot-sim --size 128x96 -o {out}/small.onnx", "train"),
     "models": ("agribot-sim", ""),
     "plugins": ("", ""),
+    "graph": ("robot", ""),
 }
 ELSEWHERE = {
     "board flash": "needs avrdude and a board: test_board.py",

@@ -22,12 +22,22 @@ IMPORT = re.compile(r"^\s*from (agribot[\w.]*) import (\([^)]*\)|.+)", re.MULTIL
 COMMAND = re.compile(r"\bagribot ((?:[a-z0-9][a-z0-9-]*)(?: [a-z0-9][a-z0-9-]*)*)")
 # Of other programs, by the module that names them.
 OF_OTHERS = {
+    "agribot.app.declination": {"--upgrade"},  # pip
     "agribot.cli.doctor": {"--reload", "--subsystem-match"},  # udevadm
     "agribot.cli.doctor_devices": {"--now"},  # systemctl
     "agribot.cli.doctor_packages": {"--upgrade"},  # pip
     "agribot.cli.view": {"--ros-args"},  # rviz2
     "agribot.lab.bench.ui_browser": {"--no-sandbox", "--use-angle", "--enable-unsafe-swiftshader"},
-    "agribot.lab.sweep.execution": {"--head"},  # ray start
+    "agribot.lab.sweep.ray_cluster": {"--head"},  # ray start
+    # Colours of a style sheet.
+    "agribot.ros.graph_picture": {
+        "--accent",
+        "--accent-soft",
+        "--ink",
+        "--muted",
+        "--strong-edge",
+        "--surface",
+    },
     "agribot.sim.mujoco_library": {"--force-reinstall"},  # pip
 }
 # Modules that commands share, and the commands that do not show what they say of an option:
@@ -40,11 +50,11 @@ NOT_SHOWN_BY = {
     "agribot.lab.dataset.placement": {"label"},  # it makes labels
     "agribot.lab.dataset.pictures": {"dataset", "label", "train", "eval", "live", "export"},
     "agribot.lab.dataset.recorded_rows": {"dataset"},  # --set of the run that is recorded
-    "agribot.lab.sweep.execution": {"sweep"},  # of ray start
+    "agribot.lab.sweep.ray_cluster": {"sweep"},  # of ray start
     # It writes a card, and trains nothing.
     **{f"agribot.lab.train.{name}": {"export"} for name in ("card", "data", "efficientnet")},
     **{f"agribot.lab.train.{name}": {"export"} for name in ("processes", "start")},
-    "agribot.lab.train.photographs": {"label", "export"},
+    "agribot.lab.train.photographs": {"dataset", "label", "export"},
 }
 # Commands that learn from pictures and masks that they wrote, by a plan of their own.
 OF_OWN_DATA = {"adapt"}

@@ -59,10 +59,10 @@ def records() -> list[TickRecord]:
     return samples.ticks(150, seed=3, with_camera=True)
 
 
-# Not in these recordings: raw images, a bag player's clock, what a simulated world alone
+# Not in these recordings: scans, raw images, a bag player's clock, what a simulated world alone
 # records, and what operators draw on a page.
 LIVE_ONLY = (
-    topics.CLOCK, topics.IMAGE_RAW, topics.IMU_BIAS,
+    topics.CLOCK, topics.IMAGE_RAW, topics.IMU_BIAS, topics.SCAN,
     topics.GOAL_POSE, topics.CLICKED_POINT, topics.DRAWN_POLYGON, topics.DRAWN_ROUTE,
 )  # fmt: skip
 

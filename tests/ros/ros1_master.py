@@ -21,9 +21,15 @@ class Master:
         self.subscribers: dict[str, list[str]] = defaultdict(list)
         self.services: dict[str, str] = {}
         self.parameters: dict[str, Any] = {}
+        self.nodes: dict[str, str] = {}
 
     def getPid(self, _caller: str) -> Any:
         return FOUND, "", 1
+
+    def lookupNode(self, _caller: str, name: str) -> Any:
+        if name not in self.nodes:
+            return MISSING, f"unknown node [{name}]", ""
+        return FOUND, "", self.nodes[name]
 
     def setParam(self, _caller: str, name: str, value: Any) -> Any:
         self.parameters[name] = value
@@ -34,7 +40,8 @@ class Master:
             return MISSING, f"Parameter [{name}] is not set", 0
         return FOUND, "", self.parameters[name]
 
-    def registerPublisher(self, _caller: str, name: str, _type: str, uri: str) -> Any:
+    def registerPublisher(self, caller: str, name: str, _type: str, uri: str) -> Any:
+        self.nodes[caller] = uri
         self.publishers[name].append(uri)
         self._tell(name)
         return FOUND, "", self.subscribers[name]
@@ -44,7 +51,8 @@ class Master:
         self._tell(name)
         return FOUND, "", 1
 
-    def registerSubscriber(self, _caller: str, name: str, _type: str, uri: str) -> Any:
+    def registerSubscriber(self, caller: str, name: str, _type: str, uri: str) -> Any:
+        self.nodes[caller] = uri
         self.subscribers[name].append(uri)
         return FOUND, "", self.publishers[name]
 
@@ -52,7 +60,8 @@ class Master:
         self.subscribers[name].remove(uri)
         return FOUND, "", 1
 
-    def registerService(self, _caller: str, name: str, at: str, _uri: str) -> Any:
+    def registerService(self, caller: str, name: str, at: str, uri: str) -> Any:
+        self.nodes[caller] = uri
         self.services[name] = at
         return FOUND, "", 1
 

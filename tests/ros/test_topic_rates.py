@@ -23,10 +23,10 @@ from tests.record import record_samples as samples
 FOR_S = 4.0
 SETTINGS = ("world='empty'", "sim.sensors='rtk'", "sim.base_station='common'",
             "perception.enabled=false", "record.enabled=false", "seed=2")  # fmt: skip
-# What needs a camera, a tool, a collision or a real receiver, or comes when it changes.
+# What needs a camera, a lidar, a tool, a collision or a real receiver, or comes when it changes.
 ELSEWHERE = {
     topics.EXTENDED_FIX.name, topics.IMAGE.name, topics.IMAGE_RAW.name, topics.CAMERA_INFO.name,
-    topics.OVERLAY.name, topics.TICK.name,
+    topics.OVERLAY.name, topics.TICK.name, topics.SCAN.name,
 }  # fmt: skip
 OF_A_RUN_AT_10_HZ = {topics.GROUND_TRUTH.name, topics.IMU_BIAS.name}
 

@@ -25,8 +25,10 @@ _PARTS = (
     _Part(
         "sensors",
         (topics.FIX, topics.FIX_VELOCITY, topics.EXTENDED_FIX, topics.POLE_FIX, topics.IMU,
-         topics.MAGNETIC, topics.JOINT_STATES, topics.BUMPER, topics.BATTERY),
+         topics.POLE_FIX_VELOCITY, topics.MAGNETIC, topics.JOINT_STATES, topics.ODOM,
+         topics.BUMPER, topics.BATTERY),
     ),
+    _Part("lidar", (topics.SCAN,)),
     _Part("camera", (topics.IMAGE, topics.IMAGE_RAW, topics.CAMERA_INFO)),
     _Part(
         "estimate",
@@ -39,7 +41,8 @@ _PARTS = (
     _Part("implement", (), (topics.WEEDS, topics.ODOMETRY)),
     _Part(
         "mission",
-        (topics.PATH, topics.GOALS, topics.GOAL_FIX, topics.GOAL_POSE, topics.STATUS),
+        (topics.PATH, topics.GOALS, topics.GOAL_FIX, topics.GOAL_POSE, topics.STATUS,
+         topics.CALIBRATED),
         (topics.ODOMETRY,),
     ),
     _Part(
@@ -55,7 +58,7 @@ _PARTS = (
     _Part("page", (topics.CLICKED_POINT, topics.DRAWN_POLYGON, topics.DRAWN_ROUTE),
           (topics.ODOMETRY, topics.STATUS, topics.WEEDS, topics.PATH)),
     _Part("recorder", (), (topics.TICK,)),
-    _Part("simulator", (topics.CLOCK, topics.GROUND_TRUTH)),
+    _Part("simulator", (topics.CLOCK, topics.GROUND_TRUTH, topics.IMU_BIAS)),
 )  # fmt: skip
 # What each sensor's samples come out as.
 SENSOR_TOPICS = {"gnss": topics.FIX, "imu": topics.IMU, "mag": topics.MAGNETIC,

@@ -179,9 +179,7 @@ class Node:
 
     def _find_node(self, name: str) -> str | None:
         """Find the address of a node that answers; None of a name that is free or was left."""
-        master: Any = self._master
-        with self._lock:
-            code, _, uri = master.lookupNode(self.name, name)
+        code, _, uri = self._call_master("lookupNode", name)
         parts = urlsplit(str(uri))
         if code != _OK or parts.hostname is None:
             return None
@@ -201,6 +199,12 @@ class Node:
         self.ask_master("subscribeParam", self.uri, name)
 
     def ask_master(self, method: str, *arguments: Any) -> Any:
+        code, text, value = self._call_master(method, *arguments)
+        if code != _OK:
+            raise BridgeError(f"ROS 1: the master refuses {method}: {text}")
+        return value
+
+    def _call_master(self, method: str, *arguments: Any) -> tuple[int, str, Any]:
         try:
             with self._lock:
                 code, text, value = getattr(self._master, method)(self.name, *arguments)
@@ -209,9 +213,7 @@ class Node:
                 f"ROS 1: no master answers at {self.master_uri}: {error}; start roscore, or set "
                 "--ros-master or ROS_MASTER_URI"
             ) from error
-        if code != _OK:
-            raise BridgeError(f"ROS 1: the master refuses {method}: {text}")
-        return value
+        return code, text, value
 
     def close(self) -> None:
         if self._closed:

@@ -51,6 +51,7 @@ def make_own_graph(hub: Hub) -> Graph:
     has_eyes = robot.camera is not None and config.perception.enabled
     absent = [] if has_eyes else ["camera", "perceive"]
     absent += [] if config.platform == "sim" else ["simulator"]
+    absent += [] if robot.lidar is not None else ["lidar"]
     absent += [] if robot.implement is not None else ["implement"]
     bridges = [TITLES[name] for name in hub.about.ros.layers_from]
     return make_robot_graph(_measure_topics(hub), absent, bridges)
