@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import xmlrpc.client
 from collections import defaultdict
@@ -22,6 +23,7 @@ class Master:
         self.services: dict[str, str] = {}
         self.parameters: dict[str, Any] = {}
         self.nodes: dict[str, str] = {}
+        self.watchers: dict[str, list[str]] = defaultdict(list)
 
     def getPid(self, _caller: str) -> Any:
         return FOUND, "", 1
@@ -33,7 +35,13 @@ class Master:
 
     def setParam(self, _caller: str, name: str, value: Any) -> Any:
         self.parameters[name] = value
+        for uri in self.watchers[name]:
+            _send(uri, "paramUpdate", "/master", name, value)
         return FOUND, "", 0
+
+    def subscribeParam(self, _caller: str, uri: str, name: str) -> Any:
+        self.watchers[name].append(uri)
+        return FOUND, "", self.parameters.get(name, {})
 
     def getParam(self, _caller: str, name: str) -> Any:
         if name not in self.parameters:
@@ -69,18 +77,18 @@ class Master:
         return FOUND, "", int(self.services.pop(name, None) is not None)
 
     def _tell(self, name: str) -> None:
-        """In a thread each: the caller may be the one that is told."""
         for uri in self.subscribers[name]:
-            update = ("/master", name, list(self.publishers[name]))
-            threading.Thread(target=_send_update, args=(uri, update), daemon=True).start()
+            _send(uri, "publisherUpdate", "/master", name, list(self.publishers[name]))
 
 
-def _send_update(uri: str, update: tuple[str, str, list[str]]) -> None:
-    try:
-        with xmlrpc.client.ServerProxy(uri) as proxy:
-            proxy.publisherUpdate(*update)
-    except OSError:
-        pass  # it has ended meanwhile
+def _send(uri: str, method: str, *arguments: Any) -> None:
+    """Call a method of a node, in a thread: the node may be the caller that waits."""
+    threading.Thread(target=_call, args=(uri, method, arguments), daemon=True).start()
+
+
+def _call(uri: str, method: str, arguments: tuple[Any, ...]) -> None:
+    with contextlib.suppress(OSError), xmlrpc.client.ServerProxy(uri) as proxy:  # it has ended
+        getattr(proxy, method)(*arguments)
 
 
 @contextmanager
