@@ -141,6 +141,28 @@ def test_a_goal_where_the_robot_stands_needs_no_drive() -> None:
     assert robot.changes == [("succeeded", "the robot is there already")]
 
 
+def test_a_goal_that_the_robot_still_brakes_at_waits_for_it_to_stand() -> None:
+    robot = Robot()
+    robot.link(tick(0.2))
+    assert robot.goal("map", HERE[0] + 0.01, HERE[1]) == []
+    assert robot.changes[-1][0] == "pending"
+    robot.goals.step(tick(0.1))
+    assert robot.changes[-1][0] == "pending"
+    robot.goals.step(tick(0.0))
+    assert robot.changes[-1] == ("succeeded", "the robot is there already")
+
+
+def test_a_goal_that_the_robot_drives_past_is_driven_to() -> None:
+    robot = Robot()
+    robot.link(tick(0.5))
+    assert robot.goal("map", HERE[0], HERE[1]) == []
+    passed = tick(0.5)
+    estimate = msgspec.structs.replace(passed.estimate, x_map_m=HERE[0] + 0.5)
+    robot.goals.step(msgspec.structs.replace(passed, estimate=estimate))
+    (event,) = robot.inbox.drain(1.0)[0]
+    assert (event.action, event.numbers) == ("goto", HERE[:2])
+
+
 def test_what_the_mission_refuses_aborts_the_goal_with_its_words() -> None:
     robot = Robot()
     (event,) = robot.goal("map", 5.0, 1.0)

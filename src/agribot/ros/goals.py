@@ -52,6 +52,7 @@ class PeerGoal(msgspec.Struct, kw_only=True, eq=False):
     since_s: float | None = None
     over_s: float | None = None
     taken_up: bool = False
+    is_settling: bool = False  # the robot is at the place, and comes to rest there
     answer: tuple[str, float] | None = None  # the refusal, or "", and when it was given, s
 
     @property
@@ -71,11 +72,18 @@ class GoalBook:
     def begin(self, goal: PeerGoal) -> bool:
         """Send the robot there; return False for a goal that is rejected, with its reason."""
         with self.lock:
+            for other in self.goals.values():
+                if other.is_settling and not other.is_over:
+                    self._turn(other, "replaced", "another goal took its place")
             self._keep(goal)
-            if not goal.is_visit and self._is_there(goal.places[0]):
-                self._turn(goal, "succeeded", "the robot is there already")
-                return True
-            return self._send(goal)
+            record = self._requests.link.record if self._requests.link else None
+            if record is None or goal.is_visit or not _is_near(goal.places[0], record.estimate):
+                return self._send(goal)
+            goal.is_settling = True
+            self._follow_settling(goal, record)
+            if not goal.is_over:
+                self._turn(goal, "pending", "")
+            return True
 
     def _send(self, goal: PeerGoal) -> bool:
         goal.answer = None
@@ -95,7 +103,9 @@ class GoalBook:
     def cancel(self, goal: PeerGoal, source: str) -> None:
         """Let the robot stand: a visit ends, and of an errand `resume` drives what is left."""
         with self.lock:
-            if not goal.is_over:
+            if goal.is_settling and not goal.is_over:
+                self._turn(goal, "canceled", f"canceled by {source}")
+            elif not goal.is_over:
                 self._requests.request_action("cancel" if goal.is_visit else "pause", source)
                 self._turn(goal, "canceling", f"canceled by {source}")
 
@@ -106,10 +116,23 @@ class GoalBook:
             for goal in [goal for goal in self.goals.values() if not goal.is_over]:
                 if goal.since_s is None:
                     goal.since_s = self.now_s
-                self._follow_visit(goal, record) if goal.is_visit else self._follow_errand(
-                    goal, record
-                )
+                self._follow(goal, record)
             return [goal for goal in self.goals.values() if not goal.is_over and goal.taken_up]
+
+    def _follow(self, goal: PeerGoal, record: TickRecord) -> None:
+        if goal.is_settling:
+            self._follow_settling(goal, record)
+        elif goal.is_visit:
+            self._follow_visit(goal, record)
+        else:
+            self._follow_errand(goal, record)
+
+    def _follow_settling(self, goal: PeerGoal, record: TickRecord) -> None:
+        if not _is_near(goal.places[0], record.estimate):
+            goal.is_settling = False
+            self._send(goal)
+        elif abs(record.estimate.v_mps) <= STANDING_MPS:
+            self._turn(goal, "succeeded", "the robot is there already")
 
     def _follow_visit(self, goal: PeerGoal, record: TickRecord) -> None:
         status = record.status
@@ -145,16 +168,6 @@ class GoalBook:
                 self._turn(goal, "active", "")
         else:
             self._turn(goal, *_judge_end(goal, record))
-
-    def _is_there(self, place: Place) -> bool:
-        link = self._requests.link
-        record = link.record if link else None
-        if record is None or not record.estimate.ok:
-            return False
-        estimate = record.estimate
-        turn_rad = 0.0 if place[2] is None else wrap_rad(place[2] - estimate.yaw_map_rad)
-        is_near = _measure_distance_m(place, estimate) < _THERE_M and abs(turn_rad) < _THERE_RAD
-        return is_near and abs(estimate.v_mps) <= STANDING_MPS
 
     def _keep(self, goal: PeerGoal) -> None:
         while len(self.goals) >= KEPT_GOALS:
@@ -224,6 +237,12 @@ def _judge_end(goal: PeerGoal, record: TickRecord) -> tuple[GoalState, str]:
 
 def _is_bound_for(goal: PeerGoal, goal_map_m: tuple[float, float] | None) -> bool:
     return goal_map_m is not None and math.dist(goal.places[0][:2], goal_map_m) < _SAME_PLACE_M
+
+
+def _is_near(place: Place, estimate: Estimate) -> bool:
+    turn_rad = 0.0 if place[2] is None else wrap_rad(place[2] - estimate.yaw_map_rad)
+    is_near = _measure_distance_m(place, estimate) < _THERE_M and abs(turn_rad) < _THERE_RAD
+    return estimate.ok and is_near
 
 
 def _measure_distance_m(place: Place, estimate: Estimate) -> float:
