@@ -10,9 +10,9 @@ import pytest
 from agribot.cli.main import main
 from agribot.core.errors import DescriptionError
 from agribot.description.loader import check_robot, export_urdf, load_fixture, load_robot
-from agribot.description.package import ROOT
+from agribot.description.package import list_fixture_files
 
-GATE = str(ROOT / "urdf" / "entry_gate.urdf")
+GATE = "entry_gate"
 POST = '<robot name="post"><link name="post"/></robot>'
 
 
@@ -57,7 +57,8 @@ def test_a_mission_with_it_is_refused_and_says_what_it_is_good_for(
 
 def test_a_broken_receiver_is_a_fault_with_its_file(tmp_path: Path) -> None:
     file = tmp_path / "gate.urdf"
-    file.write_text(Path(GATE).read_text().replace("<bodyName>gps_pole_link", "<bodyName>nowhere"))
+    gate = list_fixture_files()[GATE].read_text()
+    file.write_text(gate.replace("<bodyName>gps_pole_link", "<bodyName>nowhere"))
     (fault,) = check_robot(str(file))
     assert fault.is_fault
     assert "there is no link 'nowhere'" in str(fault)

@@ -34,6 +34,7 @@ from agribot.description.lidar import read_lidar
 from agribot.description.markup import parse_xml
 from agribot.description.package import (
     find_packaged_or_file,
+    list_fixture_files,
     list_robot_files,
     split_arguments,
 )
@@ -203,4 +204,5 @@ def _find_robot_file(name_or_path: str) -> Path:
         )
     if Path(name_or_path).suffix.lower() == SDF:
         return Path(name_or_path)
-    return find_packaged_or_file("robot", name_or_path, list_robot_files(), (".xacro", ".urdf"))
+    known = list_robot_files() | list_fixture_files()
+    return find_packaged_or_file("robot", name_or_path, known, (".xacro", ".urdf"))

@@ -28,6 +28,11 @@ def list_robot_files() -> dict[str, Path]:
     }
 
 
+def list_fixture_files() -> dict[str, Path]:
+    """List what is packaged and stands, such as a pole with a receiver."""
+    return {"entry_gate": ROOT / "urdf" / "entry_gate.urdf"}
+
+
 def list_world_files() -> dict[str, Path]:
     """List the packaged worlds by name."""
     return {path.stem: path for path in sorted((ROOT / "worlds").glob("*.world"))}
