@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from agribot.autonomy.estimate.corrections import load_corrections
 from agribot.cli.main import main
 from agribot.core import plugins
 from agribot.core.config import load
@@ -141,3 +142,15 @@ def test_a_correction_that_cannot_be_imported_is_named_before_anything_moves(
     assert "'radar' of broken 2.1" in capsys.readouterr().err
     with pytest.raises(ConfigError, match="No module named 'no_such_module'; update or uninstall"):
         load("farm")
+
+
+def test_a_correction_that_has_the_name_of_the_robots_own_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    info = tmp_path / "other-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[agribot.corrections]\ngnss = builtins:print\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ConfigError, match="'gnss' has the name of a registered one; rename it"):
+        load_corrections({"gnss": {}})

@@ -74,7 +74,7 @@ def test_weeds_apart_are_burnt_on_the_move_and_the_map_knows_it(
     assert set(effect.treated) == set(range(len(weeds)))
     assert all(weed.treated_s is not None for weed in weed_map.weeds())
     lines = {line.name: line.value for line in treatment.report()}
-    assert lines == {"weeds treated": 4, "shots": 4}
+    assert lines == {"plants treated as weeds": 4, "shots": 4}
     assert effect.worked_m2 == pytest.approx(4 * math.pi * 0.01**2)
 
 

@@ -73,7 +73,7 @@ def test_the_heart_of_a_crop_stays_dry_that_all_looks_and_the_way_to_the_tool_ha
     truth = Field(sprayer=FINE, latency_s=FINE.latency_s, plants=plants)
     treatment = Treatment(TreatmentConfig(margin_m=0.08), FINE)
     drive_over(treatment, make_map(weeds, mapped), truth, way_m=12.0)
-    assert figure(treatment, "weeds treated") == len(weeds)
+    assert figure(treatment, "plants treated as weeds") == len(weeds)
     assert min(truth.closest_m.values()) > HEART_M
 
 
@@ -113,7 +113,7 @@ def test_a_robot_that_measures_less_error_treats_weeds_nearer_to_the_crop(std_m:
         treatment = Treatment(config, FINE)
         drive_over(treatment, make_map(weeds, crops), truth, way_m=4.0)
         assert min(truth.closest_m.values(), default=1.0) > HEART_M
-        return figure(treatment, "weeds treated")
+        return figure(treatment, "plants treated as weeds")
 
     near = TreatmentConfig(crop_guard_m=0.0, look_std_m=std_m, way_std_m=0.0)
     assert count_treated(TreatmentConfig()) == 0

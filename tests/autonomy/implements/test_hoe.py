@@ -255,7 +255,7 @@ def test_what_the_hoe_reports_agrees_with_the_ground() -> None:
     ground, treatment = Ground(STEMS_M, WEEDS_M), Treatment(TreatmentConfig(), HOE)
     commands = hoe_along(treatment, weed_map, ground)
     assert figure(treatment, "hoed") == pytest.approx(ground.effect.worked_m2, rel=0.05)
-    assert figure(treatment, "weeds treated") == len(ground.weeds_uprooted)
+    assert figure(treatment, "plants treated as weeds") == len(ground.weeds_uprooted)
     assert sum(weed.treated_s is not None for weed in weed_map.weeds()) == len(WEEDS_M)
     downs = np.array([command.sections_on for command in commands]).astype(int)
     assert figure(treatment, "blade lifts") == np.sum(np.diff(downs, axis=0) < 0)

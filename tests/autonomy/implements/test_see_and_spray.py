@@ -66,7 +66,7 @@ def test_a_drive_wets_nearly_every_weed_no_crop_and_little_ground(seeds: Sequenc
         weeds += len(strip.weeds_m)
         wet += sum(name.startswith("weed") for name in ground.hit)
         crops_wet += sum(name.startswith("crop") for name in ground.hit)
-        agree += figure(treatment, "weeds treated")
+        agree += figure(treatment, "plants treated as weeds")
         ratios.append(figure(treatment, "sprayed") / figure(treatment, "passed"))
         assert strip.map.scenes_dropped == 0
     assert wet >= 0.95 * weeds

@@ -33,7 +33,7 @@ def test_every_weed_under_the_boom_is_hit_and_marked() -> None:
     assert set(truth.hit) == set(truth.plants)
     for name, weed in zip(truth.plants, weed_map.weeds(), strict=True):
         assert weed.treated_s == pytest.approx(truth.hit[name], abs=0.05)
-    assert figure(treatment, "weeds treated") == len(places)
+    assert figure(treatment, "plants treated as weeds") == len(places)
 
 
 def test_most_of_the_ground_stays_dry_and_the_account_agrees_with_the_ground() -> None:

@@ -32,7 +32,7 @@ def test_weeds_of_a_zone_without_a_rate_stay_dry() -> None:
     assert set(truth.hit) == {"0.5", "3.5"}
     treated = [weed.x_map_m for weed in weed_map.weeds() if weed.treated_s is not None]
     assert sorted(treated) == pytest.approx([0.5, 3.5], abs=0.02)  # nor does it believe otherwise
-    assert figure(treatment, "weeds treated") == 2
+    assert figure(treatment, "plants treated as weeds") == 2
 
 
 def test_no_spray_falls_beyond_the_border_of_a_zone() -> None:

@@ -57,8 +57,13 @@ def load_corrections(plugins: Mapping[str, Any]) -> dict[str, Callable[[PoseFilt
 
     Raises: ConfigError: a package cannot be imported, or its settings do not fit.
     """
-    found = dict(CORRECTIONS)
-    found |= {name: build for name in plugins if (build := find_plugin(GROUP, name)) is not None}
+    installed = {name: build for name in plugins if (build := find_plugin(GROUP, name)) is not None}
+    for name in installed.keys() & CORRECTIONS.keys():
+        raise ConfigError(
+            f"corrections: the installed correction {name!r} has the name of a registered one; "
+            "rename it in its package"
+        )
+    found = CORRECTIONS | installed
     return {
         name: partial(build, **bind_settings(build, plugins, name)) for name, build in found.items()
     }

@@ -72,7 +72,7 @@ class Hoe:
 
     def report(self) -> tuple[ReportLine, ...]:
         return (
-            ReportLine("weeds treated", self._weeds_treated),
+            ReportLine("plants treated as weeds", self._weeds_treated),
             ReportLine("hoed", self._hoed_m2, "m2"),
             ReportLine("passed", self._passed_m2, "m2"),
             ReportLine("blade lifts", self._lifts),

@@ -76,7 +76,10 @@ class Pointer:
         return ImplementCommand(sections_on=tuple(is_on), setpoints=aims)
 
     def report(self) -> tuple[ReportLine, ...]:
-        return (ReportLine("weeds treated", self._weeds_treated), ReportLine("shots", self._shots))
+        return (
+            ReportLine("plants treated as weeds", self._weeds_treated),
+            ReportLine("shots", self._shots),
+        )
 
     def _find_free(
         self, near: list[Placed], estimate: Estimate, plants: PlantMap, *, may_work: bool

@@ -84,7 +84,7 @@ class SpotSprayer:
 
     def report(self) -> tuple[ReportLine, ...]:
         return (
-            ReportLine("weeds treated", self.weeds_treated),
+            ReportLine("plants treated as weeds", self.weeds_treated),
             ReportLine("sprayed", self.sprayed_m2, "m2"),
             ReportLine("passed", self.passed_m2, "m2"),
         )
