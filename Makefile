@@ -73,6 +73,7 @@ generate: $(VENV)/.dev
 lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/python scripts/lint_language.py
 	$(BIN)/python scripts/lint_page.py
 
 types: $(VENV)/.dev
