@@ -3,6 +3,7 @@ from __future__ import annotations
 import io
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from agribot.record.replay import read_ticks
 from agribot.record.report import RunOfJob
 from agribot.record.series import collect
 from agribot.ui.server.replay import Replay
+from tests import nightly
 from tests.record import damaged_files
 from tests.record import record_samples as samples
 from tests.record.bag.bag_samples import write_run
@@ -38,16 +40,17 @@ def _read(path: Path) -> tuple[set[tuple[int, bytes]], list[Damage]]:
         return {(message.log_ns, message.data) for message in bag.messages()}, found
 
 
+@nightly.all_or_first("seeds", SEEDS, in_suite=8)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("compression", list(CompressionType))
 def test_all_messages_outside_of_damaged_chunks_are_read_and_the_gap_is_named(
-    tmp_path: Path, compression: CompressionType, kind: Kind
+    tmp_path: Path, compression: CompressionType, kind: Kind, seeds: Sequence[int]
 ) -> None:
     path = tmp_path / "run.mcap"
     damaged_files.write_mcap(path, compression)
     sound, chunks = path.read_bytes(), damaged_files.list_chunks(path)
     all_messages = {message for chunk in chunks for message in chunk.messages}
-    for seed in SEEDS:
+    for seed in seeds:
         data, start, end = damaged_files.damage(sound, kind, np.random.default_rng(seed))
         path.write_bytes(data)
         kept = {
@@ -68,14 +71,15 @@ def _covers(damage: Damage, t_ns: int) -> bool:
     return damage.lost_messages != 0 and after_ns <= t_ns <= before_ns
 
 
+@nightly.all_or_first("seeds", SEEDS, in_suite=8)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_file_without_chunks_loses_no_more_than_the_damaged_messages(
-    kind: Kind, tmp_path: Path
+    kind: Kind, seeds: Sequence[int], tmp_path: Path
 ) -> None:
     path = tmp_path / "run.mcap"
     damaged_files.write_mcap(path, use_chunking=False)
     sound, (whole, _) = path.read_bytes(), _read(path)
-    for seed in SEEDS:
+    for seed in seeds:
         data, start, end = damaged_files.damage(sound, kind, np.random.default_rng(seed))
         path.write_bytes(data)
         read, damages = _read(path)

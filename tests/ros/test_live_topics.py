@@ -6,7 +6,7 @@ import io
 import threading
 import urllib.request
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -56,13 +56,19 @@ def master(ros1: Ros1) -> str:
     return ros1.uri.removeprefix("http://")
 
 
-def start_camera(ros1: Ros1, topic: str, encoding: str, data: bytes) -> None:
+@contextmanager
+def camera(ros1: Ros1, topic: str, encoding: str, data: bytes) -> Iterator[None]:
+    """A node that publishes a picture meanwhile: it computes as long as it runs."""
     file = ros1.folder / topic.replace("/", "_")
     file.write_bytes(data)
     height, width, _ = PICTURE.shape
     words = (topic, encoding, str(file), str(width), str(height))
-    ros1.start("/usr/bin/python3", str(CAMERA), *words)
-    wait_for(lambda: topic in ros1.publishers(), f"the publisher of {topic}")
+    node = ros1.start("/usr/bin/python3", str(CAMERA), *words)
+    try:
+        wait_for(lambda: topic in ros1.publishers(), f"the publisher of {topic}")
+        yield
+    finally:
+        ros1.stop(node)
 
 
 def show_until_seen(uri: str) -> ByteArray:
@@ -90,22 +96,22 @@ def assert_is_picture(shown: ByteArray) -> None:
 
 
 def test_the_raw_pictures_of_a_real_ros_1_camera_are_shown(ros1: Ros1, master: str) -> None:
-    start_camera(ros1, "/usb_cam/image_raw", "bgr8", PICTURE[..., ::-1].tobytes())
-    assert_is_picture(show_until_seen(f"ros1://{master}/usb_cam/image_raw"))
+    with camera(ros1, "/usb_cam/image_raw", "bgr8", PICTURE[..., ::-1].tobytes()):
+        assert_is_picture(show_until_seen(f"ros1://{master}/usb_cam/image_raw"))
 
 
 def test_the_compressed_pictures_of_a_real_ros_1_camera_are_shown(ros1: Ros1, master: str) -> None:
     jpeg = io.BytesIO()
     Image.fromarray(PICTURE).save(jpeg, format="JPEG", quality=95)
-    start_camera(ros1, "/usb_cam/image_raw/compressed", "jpeg", jpeg.getvalue())
-    assert_is_picture(show_until_seen(f"ros1://{master}/usb_cam/image_raw/compressed"))
+    with camera(ros1, "/usb_cam/image_raw/compressed", "jpeg", jpeg.getvalue()):
+        assert_is_picture(show_until_seen(f"ros1://{master}/usb_cam/image_raw/compressed"))
 
 
 def test_an_encoding_that_is_not_read_is_named_once_with_those_that_are(
     ros1: Ros1, master: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    start_camera(ros1, "/bayer/image_raw", "bayer_rggb8", PICTURE[..., 0].tobytes())
-    assert main(["live", f"ros1://{master}/bayer/image_raw", "--patience", "3"]) == 1
+    with camera(ros1, "/bayer/image_raw", "bayer_rggb8", PICTURE[..., 0].tobytes()):
+        assert main(["live", f"ros1://{master}/bayer/image_raw", "--patience", "3"]) == 1
     said = capsys.readouterr().err
     assert "encoding bayer_rggb8 is none of rgb8, bgr8" in said
     assert len([line for line in said.splitlines() if line.startswith("agribot live: frames")]) == 1
@@ -115,8 +121,8 @@ def test_an_encoding_that_is_not_read_is_named_once_with_those_that_are(
 def test_a_topic_that_no_one_publishes_names_those_that_have_pictures(
     ros1: Ros1, master: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    start_camera(ros1, "/front/image_raw", "rgb8", PICTURE.tobytes())
-    assert main(["live", f"ros1://{master}/image_raw", "--patience", "0.5"]) == 1
+    with camera(ros1, "/front/image_raw", "rgb8", PICTURE.tobytes()):
+        assert main(["live", f"ros1://{master}/image_raw", "--patience", "0.5"]) == 1
     said = capsys.readouterr().err
     assert "nobody publishes it, topics with pictures: " in said and "/front/image_raw" in said
 

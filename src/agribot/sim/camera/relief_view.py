@@ -76,7 +76,7 @@ def draw_relief(
             continue
         near[:], start[:] = 0.0, UNASKED
         asked, count = _open_cells(top, view, relief.top_m, targets.inverse_depth, found, cells)
-        stride = COARSE
+        stride = int(COARSE)  # numba compiles what is called with a literal apart
         while stride > 1:
             _walk_rays(stride, asked, top, found, view, relief, targets)
             asked, count = _fill_cells(stride, count, top, found, cells, parts, view, targets)
@@ -196,7 +196,8 @@ def _fill_cells(
     """
     turn, focal, inverse_depth = view.camera_from_map, view.focal_px, targets.inverse_depth
     near, level, start, rays = found.near, found.level, found.start, found.rays
-    share, asked, split = np.float32(1.0 / stride), 0, 0
+    share = np.float32(1.0 / stride)
+    asked = split = 0 * stride  # no literals, as above
     for cell in range(count):
         line, column = cells[cell, 0], cells[cell, 1]
         a, b = near[line, column], near[line, column + stride]
