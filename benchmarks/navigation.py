@@ -1,4 +1,4 @@
-"""The tables of docs/navigation.md that the navigation benchmark makes, and why a line fails.
+"""The tables of docs/results/navigation.md that the benchmark makes, and why a line fails.
 
 `nice -n 10 python benchmarks/navigation.py [FIRST-LAST] [FOLDER] [WORKERS]`, for instance
 `20000-20003 runs/navigation 2`. FOLDER gets `published.md`, `originals.md`, `causes.md`, and
