@@ -1,9 +1,9 @@
-"""The tables of docs/navigation.md that the navigation benchmark makes, and why a line fails.
+"""The tables of docs/results/navigation.md that the benchmark makes, and why a line fails.
 
 `nice -n 10 python benchmarks/navigation.py [FIRST-LAST] [FOLDER] [WORKERS]`, for instance
 `20000-20003 runs/navigation 2`. FOLDER gets `published.md`, `originals.md`, `causes.md`, and
 `missions.jsonl` with all missions: what is finished is not driven again, so that a second call with
-more seeds adds only those. A mission takes four to five CPU seconds, all tables about 110 for each
+more seeds adds only those. A mission takes about three CPU seconds, all tables about 80 for each
 seed.
 """
 
