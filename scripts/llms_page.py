@@ -22,6 +22,7 @@ LINK = re.compile(r"!?\[([^\]]*)\]\([^)]*\)")
 SENTENCE = re.compile(r".+?[.:](?=\s+[A-Z`]|$)", re.DOTALL)
 SECTIONS = {
     "Tutorials": "docs/tutorials/*.md",
+    "How to": "docs/how-to/*.md",
     "Pages": "docs/*.md",
     "Results": "docs/results/*.md",
     "Adding something": "docs/contribute/*.md",

@@ -97,7 +97,7 @@ parts of its wheels meet the clods. In its rows it then counts on so much less r
 Held on its way back, it tries forwards. It backs out only over ground on which it has just come, so
 that a robot that has only just set off does not try, nor one on an errand or backwards.
 What is left the [gate](safety.md#protective-stops) stops, for a person to look. How far that leads
-on the roughest ground is [measured](simulator.md#how-far-the-robot-gets-on-hard).
+on the roughest ground is [measured](results/simulator.md#how-far-the-robot-gets-on-hard).
 """
 
 LOST = """
