@@ -49,6 +49,16 @@ FLOW = """
 taps: recording, page and bridges. They read; what people and programs ask of the robot comes back
 through the platform's inbox, so that a recording holds it and a replay repeats it.
 
+## Facts
+
+What is found on the way (a fault, a doubt, a contradiction, a hazard, the cause of a stop or of a
+state) is a small typed value with a code, the parts at fault, a severity and numbers
+(`core/facts.py`), from where it is found to the edge. Nothing inside compares or takes apart text:
+two facts are the same while their `kind` is, which leaves out the numbers. `core/fact_text.py` is
+the only place that makes text, from one table for each language (`core/facts.en.toml`,
+`core/facts.de.toml`); messages carry the fact beside its English text. A witness of `estimate`
+finds a fact or nothing; `Doubts` asks all of them in one table.
+
 ## Frames, time, units
 
 The map is East-North-Up in metres with its origin at the field's datum; the body is x forward, y

@@ -83,10 +83,11 @@ COLUMNS = (
     ("outside", "how far any place of the robot, implement included, got out of the field"),
 )  # fmt: skip
 END = """
-Each fault belongs to a part, some to two (a motor at fault shows in its wheel). A reason is reduced
-to what it speaks of: state and reporter in front of it, advice, and what the subject is compared
-with (`against`, `while`, `though`, `instead of`) are left out. What is left names parts by a table
-(`agribot.app.named_parts`), and those are compared with the part of the fault.
+Each fault belongs to a part, some to two (a motor at fault shows in its wheel). What the robot
+reports is a [fact](glossary.md) with the parts that are at fault, those of the facts inside it
+included; a part that it is only compared with is not among them. These are compared with the part
+of the fault; no word of the text is looked at. `safety.faults` has the `code`, the `parts` and the
+`numbers` of the fact beside its text.
 
 In `--json`, `detected_ratio`, `named_ratio` and `one_of_two_ratio` are of all injected faults,
 `harmful_detected_ratio`, `harmful_named_ratio` and `harmful_one_of_two_ratio` leave out the

@@ -2,28 +2,52 @@
 
 from __future__ import annotations
 
-from typing import get_args
-
 import pytest
 
 from agribot.app.fault_verdict import judge_crushes, judge_faults
-from agribot.app.named_parts import read_parts
+from agribot.core.fact_text import render
+from agribot.core.facts import (
+    CameraAndGnssDisagree,
+    CancelledBy,
+    ClockWentBack,
+    DeadReckoning,
+    Fact,
+    FixesRejected,
+    GnssParts,
+    GnssRepeats,
+    GnssSilent,
+    MayBeOffRow,
+    OffPath,
+    PositionUnsure,
+    RowsUndriven,
+    Said,
+    YawRateLimited,
+)
 from agribot.core.messages import MissionState
-from agribot.record.events import Event, EventKind
+from agribot.record.events import Event, EventKind, make_event
 from agribot.record.report import FaultReport
 from agribot.sim.safety_judge import Crush
 
 JUMP = "gnss.jump=2@30"
 
 
-def event(t_s: float, kind: EventKind, reason: str) -> Event:
-    """As the log of a run has it: an event of the mission has its state."""
-    states = get_args(MissionState) if kind == "mission" else ()
-    state = next((each for each in states if reason.partition(":")[0] == each), None)
-    return Event(t_s=t_s, kind=kind, reason=reason, state=state)
+JUMPED = GnssParts(2.0, 5.0)  # names the receiver alone
+REPEATS, OFF_PATH = GnssRepeats(0.3), OffPath(0.6, 0.5, 1.0, 2.0)
+DISAGREE = CameraAndGnssDisagree(2.0, is_left_open=True)
 
 
-BEGINS = event(30.0, "injected", f"{JUMP} begins")
+def event(
+    t_s: float, kind: EventKind, fact: Fact | None, state: MissionState | None = None
+) -> Event:
+    """As the log of a run has it."""
+    return make_event(t_s, kind, render(fact), fact, state)
+
+
+def begins(text: str, t_s: float = 30.0) -> Event:
+    return Event(t_s=t_s, kind="injected", reason=f"{text} begins")
+
+
+BEGINS = begins(JUMP)
 
 
 def judged(*events: Event) -> FaultReport:
@@ -33,7 +57,7 @@ def judged(*events: Event) -> FaultReport:
 
 def test_a_fault_that_nobody_notices_has_no_reaction() -> None:
     found = judged(
-        event(10.0, "stop", "GNSS silent"), BEGINS, event(31.0, "fault", "row 2 does not count")
+        event(10.0, "stop", GnssSilent(3.0)), BEGINS, event(31.0, "fault", RowsUndriven((2,)))
     )
     assert (found.name, found.t_s, found.detected_s) == ("gnss.jump", 30.0, None)
     assert (found.reaction, found.reason, found.is_named) == ("none", "", False)
@@ -42,101 +66,68 @@ def test_a_fault_that_nobody_notices_has_no_reaction() -> None:
 def test_the_first_sign_counts_for_the_time_and_the_strongest_for_the_reaction() -> None:
     found = judged(
         BEGINS,
-        event(30.5, "fault", "GNSS contradicts the odometry"),
-        event(32.0, "mission", "paused: GNSS jumped by 2.0 m"),
-        event(32.0, "stop", "GNSS jumped by 2.0 m"),
+        event(30.5, "fault", FixesRejected(5, 25)),
+        event(32.0, "mission", JUMPED, "paused"),
+        event(32.0, "stop", JUMPED),
     )
     assert (found.detected_s, found.reaction, found.is_named) == (30.5, "stopped", True)
-    assert found.reason == "paused: GNSS jumped by 2.0 m"
+    assert (found.code, found.parts) == ("gnss_parts", ("gnss",))
 
 
 @pytest.mark.parametrize(
-    ("kind", "reason", "reaction", "is_named"),
+    ("kind", "fact", "state", "reaction", "is_named"),
     [
-        ("stop", "off path by 0.6 m", "stopped", False),
-        ("mission", "failed: off path by 0.6 m", "stopped", False),
-        ("hold", "position uncertain", "held", False),
-        ("limit", "GNSS is poor: slower", "slowed", True),
-        ("fault", "GNSS repeats its position", "named", True),
-        ("mission", "running: may be 0.5 m off the row; wait for GNSS", "slowed", False),
-        ("mission", "running", "none", False),
-        ("limit", "yaw rate limited", "none", False),
-        ("mission", "cancelled: cancelled by session", "none", False),
-        ("operator", "stop (GNSS)", "none", False),
+        ("stop", OFF_PATH, None, "stopped", False),
+        ("mission", OFF_PATH, "failed", "stopped", False),
+        ("hold", PositionUnsure(3.2, 3.0), None, "held", False),
+        ("limit", DeadReckoning(GnssSilent(3.0), 0.1, 0.2, False), None, "slowed", True),
+        ("fault", REPEATS, None, "named", True),
+        ("mission", MayBeOffRow(0.5, 0.3), "running", "slowed", False),
+        ("mission", None, "running", "none", False),
+        ("limit", YawRateLimited(2.0, 1.0), None, "none", False),
+        ("mission", CancelledBy("GNSS"), "cancelled", "none", False),
+        ("operator", Said("stop (GNSS)"), None, "none", False),
     ],
 )
 def test_each_kind_of_event_is_a_reaction_of_its_own(
-    kind: EventKind, reason: str, reaction: str, is_named: bool
+    kind: EventKind, fact: Fact | None, state: MissionState | None, reaction: str, is_named: bool
 ) -> None:
-    found = judged(BEGINS, event(33.0, kind, reason))
+    found = judged(BEGINS, event(33.0, kind, fact, state))
     assert (found.reaction, found.is_named) == (reaction, is_named)
     assert found.detected_s == (None if reaction == "none" else 33.0)
 
 
-@pytest.mark.parametrize(
-    ("reason", "parts"),
-    [
-        ("paused: GNSS crept by 0.30 m in 5 s against its own velocity, wheels and gyro", {"gnss"}),
-        ("GNSS repeats its position while the wheels turned 0.3 m; check the cable", {"gnss"}),
-        ("GNSS contradicts the odometry: 5 fixes rejected in a row", {"gnss"}),
-        ("paused: camera and GNSS disagree by 0.40 m; look at both", {"camera", "gnss"}),
-        ("paused: GNSS jumped by 0.40 m against wheels and gyro, or the robot was carried",
-         {"gnss", "robot"}),
-        ("paused: position jumped by 0.40 m", set()),
-        ("driving -> stopped: left rear motor reports a fault; check it", {"motors"}),
-        ("left front wheel does not turn: 0.0 rad/s instead of 4.3; check motor, gear", {"wheels"}),
-        ("motor board: all wheels turn against the motor, as with A and B swapped", {"wheels"}),
-        ("motor board: it hung, and its watchdog reset it", {"motors"}),
-        ("the gyro says +0.28 rad/s, the wheels -0.04 rad/s; check the gyro", {"imu", "wheels"}),
-        ("the compass turned by +35 deg that neither gyro nor wheels know of", {"compass"}),
-        ("the camera's row line moved by 0.21 m though neither wheels nor gyro know of it",
-         {"camera"}),
-        ("wheels slip: they turn for 0.33 m/s, GNSS shows -0.00", {"ground"}),
-        ("no position: GNSS silent for 3.02 s > 3.00 s, dead reckoning with 0.31 m", {"gnss"}),
-        ("failed: no position for 60 s (the robot does not stand at the marked start: GNSS is 1 m)",
-         {"start"}),
-        ("the clock jumped by 3.02 s > 1.00 s, or the robot's program stood still",
-         {"clock", "program"}),
-        ("the link to the motor board broke 3 messages within 0.3 s", {"link"}),
-        ("the red button is not reported for 0.30 s > 0.30 s", {"button", "inputs"}),
-        ("RUNAWAY, the motors' power is cut: wheels turn too fast: 8.9 rad/s", {"motors"}),
-        ("tilted by 0.60 rad > 0.60 rad", {"robot"}),
-        ("off path by 0.6 m at the start of time number 3", set()),
-    ],
-)  # fmt: skip
-def test_a_reason_names_the_parts_that_it_speaks_of(reason: str, parts: set[str]) -> None:
-    assert read_parts(reason) == parts
+@pytest.mark.parametrize("words", ["GNSS jumped by 2.0 m", "the receiver", "camera and GNSS"])
+def test_words_name_no_part_whatever_they_say(words: str) -> None:
+    found = judged(BEGINS, event(31.0, "stop", Said(words)))
+    assert (found.reaction, found.is_named, found.is_one_of_two) == ("stopped", False, False)
 
 
 def test_a_part_that_is_named_beside_another_is_one_of_two() -> None:
-    found = judged(BEGINS, event(31.0, "mission", "paused: camera and GNSS disagree by 2.0 m"))
+    paused = event(31.0, "mission", DISAGREE, "paused")
+    found = judged(BEGINS, paused)
     assert (found.reaction, found.is_named, found.is_one_of_two) == ("stopped", False, True)
-    sure = judged(
-        BEGINS,
-        event(31.0, "mission", "paused: camera and GNSS disagree by 2.0 m"),
-        event(32.0, "fault", "GNSS repeats its position"),
-    )
+    sure = judged(BEGINS, paused, event(32.0, "fault", REPEATS))
     assert (sure.is_named, sure.is_one_of_two) == (True, False)
-    assert sure.reason == "paused: camera and GNSS disagree by 2.0 m", "the strongest reaction"
+    assert sure.code == DISAGREE.code, "the strongest reaction"
 
 
 def test_where_both_parts_are_at_fault_a_reason_that_names_both_is_right() -> None:
     shift = "camera.shifted=0.2@30"
-    events = [event(30.0, "injected", f"{shift} begins"), BEGINS]
-    both = event(31.0, "mission", "paused: camera and GNSS disagree by 2.0 m")
-    assert [found.is_named for found in judge_faults((shift, JUMP), [*events, both])] == [True] * 2
+    events = [begins(shift), BEGINS, event(31.0, "mission", DISAGREE, "paused")]
+    assert [found.is_named for found in judge_faults((shift, JUMP), events)] == [True] * 2
 
 
 def test_what_stopped_the_robot_before_the_fault_is_no_sign_of_it() -> None:
-    before, after = (event(t_s, "stop", f"off path by 0.{t_s:.0f} m") for t_s in (20.0, 40.0))
+    before, after = (
+        event(t_s, "stop", OffPath(t_s / 100.0, 0.1, t_s, 0.0)) for t_s in (20.0, 40.0)
+    )
     assert judged(before, BEGINS, after).reaction == "none"
 
 
 def test_a_stop_that_names_the_part_of_another_fault_is_that_ones() -> None:
     motor = "motor.dead=left_wheel_F@20"
-    events = [
-        event(20.0, "injected", f"{motor} begins"), BEGINS, event(31.0, "stop", "GNSS jumped"),
-    ]  # fmt: skip
+    events = [begins(motor, 20.0), BEGINS, event(31.0, "stop", JUMPED)]
     dead, jump = judge_faults((motor, JUMP), events)
     assert (dead.reaction, jump.reaction) == ("none", "stopped")
 
@@ -146,16 +137,16 @@ def test_of_a_stepped_clock_the_time_that_passed_counts() -> None:
     (found,) = judge_faults(
         (text,),
         [
-            event(29.0, "mission", "running"),
-            event(-70.0, "injected", f"{text} begins"),
-            event(-69.9, "stop", "the clock went back by 100 s"),
+            event(29.0, "mission", None, "running"),
+            begins(text, -70.0),
+            event(-69.9, "stop", ClockWentBack(100.0)),
         ],
     )
     assert found.detected_s == pytest.approx(30.1)
 
 
 def test_a_fault_that_the_run_ended_before_is_not_judged() -> None:
-    assert judge_faults((JUMP,), [event(20.0, "stop", "GNSS silent")]) == ()
+    assert judge_faults((JUMP,), [event(20.0, "stop", GnssSilent(3.0))]) == ()
 
 
 CRUSHES = [Crush(t_s=t_s, by="wheel") for t_s in (31.0, 33.0, 40.0)]

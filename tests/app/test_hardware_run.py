@@ -23,10 +23,10 @@ import pytest
 
 from agribot.app.open_run import open_run
 from agribot.app.run import Run
-from agribot.app.stop_memory import DISARMED
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.errors import PlatformError
+from agribot.core.facts import Disarmed
 from agribot.core.geo import Datum
 from agribot.core.messages import OperatorEvent, TickRecord
 from agribot.drivers import hardware_platform
@@ -188,7 +188,7 @@ def test_a_robot_begins_disarmed_and_moves_when_a_person_has_cleared_that(
 ) -> None:
     with open_bench(bench, tmp_path / "run", is_armed=False) as run:
         record = until(run, lambda r: r.batch.t_s > 1.0)
-        assert record.status.stopped == DISARMED
+        assert record.status.stopped_fact == Disarmed()
         assert bench.board.clears == 0
         assert {c.speed_countps for c in bench.board.commands} == {(0, 0, 0, 0)}
         run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))

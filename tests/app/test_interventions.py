@@ -7,9 +7,10 @@ from typing import get_args
 import pytest
 
 from agribot.app.interventions import compute_km_per_intervention, list_interventions
-from agribot.autonomy.plan.errand import CAME_TO_BE_CHARGED
+from agribot.core.fact_text import render
+from agribot.core.facts import CameToBeCharged, ReturnedHome
 from agribot.core.messages import GateState, MissionState
-from agribot.record.events import Event, EventKind
+from agribot.record.events import Event, EventKind, make_event
 
 
 def event(t_s: float, kind: EventKind, reason: str) -> Event:
@@ -22,6 +23,9 @@ def event(t_s: float, kind: EventKind, reason: str) -> Event:
     return Event(t_s=t_s, kind=kind, reason=reason, state=state)
 
 
+CHARGED = make_event(
+    200.0, "mission", f"cancelled: {render(CameToBeCharged())}", CameToBeCharged(), "cancelled"
+)
 STOPPED = event(10.0, "gate", "driving -> stopped: the bumper touches something")
 CLEARED = event(30.0, "gate", "stopped -> driving: cleared")
 PAUSED = event(50.0, "mission", "paused: which row?")
@@ -76,7 +80,7 @@ def test_a_robot_that_comes_home_to_be_charged_needs_a_person_once() -> None:
         [
             event(100.0, "mission", "paused: stops to return home, as the battery wants"),
             event(100.5, "mission", "running"),
-            event(200.0, "mission", f"cancelled: {CAME_TO_BE_CHARGED}"),
+            CHARGED,
             event(201.0, "mission", "waiting: waiting for the estimate to settle"),
             event(202.0, "mission", "paused: was cut off: away from its work; resume goes on"),
             event(202.1, "operator", "resume (page)"),
@@ -88,7 +92,8 @@ def test_a_robot_that_comes_home_to_be_charged_needs_a_person_once() -> None:
 
 @pytest.mark.parametrize("name", ["Ada", "the battery", "Ada, called by the battery"])
 def test_a_person_who_calls_the_robot_home_is_not_taken_for_its_battery(name: str) -> None:
-    home = event(200.0, "mission", f"cancelled: returned home, called by {name}")
+    fact = ReturnedHome(name)
+    home = make_event(200.0, "mission", f"cancelled: {render(fact)}", fact, "cancelled")
     assert list_interventions([home]) == ()
 
 

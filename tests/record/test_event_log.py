@@ -8,10 +8,25 @@ import msgspec
 import pytest
 
 from agribot.core.errors import RecordingError
+from agribot.core.fact_text import render
+from agribot.core.facts import (
+    ButtonPressed,
+    Fact,
+    GnssRepeats,
+    ImuLate,
+    ImuSpoilt,
+    NoFixesYet,
+    PositionUnsure,
+    SensorSilent,
+    SpeedLimited,
+    StoppedBy,
+    StopToClear,
+)
 from agribot.core.messages import (
     SENSOR_WATCH,
     Check,
     DriveCommand,
+    Estimate,
     GateStatus,
     OperatorAction,
     OperatorEvent,
@@ -24,6 +39,7 @@ from agribot.core.messages import (
     make_sensor_note,
 )
 from agribot.record.events import EventLog, read_events
+from agribot.record.old_reasons import lift_reasons
 from tests.record import record_samples as samples
 
 
@@ -34,9 +50,13 @@ def log(tmp_path: Path) -> Iterator[EventLog]:
     log.close()
 
 
-def _changed(record: TickRecord, v_mps: float, reason: str) -> TickRecord:
+def _changed(record: TickRecord, v_mps: float, fact: Fact | None) -> TickRecord:
     command = RobotCommand(t_s=record.batch.t_s, drive=DriveCommand(v_mps=v_mps))
-    return msgspec.structs.replace(record, command=command, reason=reason)
+    return msgspec.structs.replace(record, command=command, reason=render(fact), fact=fact)
+
+
+def _doubted(record: TickRecord, fact: Fact | None) -> Estimate:
+    return msgspec.structs.replace(record.estimate, reason=render(fact), fact=fact)
 
 
 def test_a_quiet_run_has_one_line_for_each_change(tmp_path: Path) -> None:
@@ -54,42 +74,52 @@ def test_a_stop_is_one_event_though_its_number_changes_every_tick(log: EventLog)
     records = samples.ticks(40)
     for index, record in enumerate(records):
         if 10 <= index < 30:
-            reason = f"position uncertain: {1.0 + 0.01 * index:.2f} m > 1.0 m"
-            log(_changed(record, 0.0, reason))
+            log(_changed(record, 0.0, PositionUnsure(1.0 + 0.01 * index, 1.0)))
         else:
-            log(_changed(record, 0.4, ""))
+            log(_changed(record, 0.4, None))
     (stop,) = log.list_kind("stop")
-    assert stop.reason == "position uncertain: 1.10 m > 1.0 m"
+    assert (stop.code, stop.numbers) == ("position_unsure", {"std_m": 1.1, "limit_m": 1.0})
+    assert stop.reason == "position uncertain: 1.10 m > 1.00 m; wait for GNSS"
     assert stop.t_s == pytest.approx(records[10].batch.t_s)
     assert len(log.list_kind("clear")) == 1
 
 
 def test_a_standing_robot_is_held_not_stopped(log: EventLog) -> None:
     records = samples.ticks(3)
-    log(_changed(records[0], 0.0, "no position yet"))
-    log(_changed(records[1], 0.2, "speed limited to 0.2 m/s"))
-    log(_changed(records[2], 0.0, "emergency stop pressed"))
+    log(_changed(records[0], 0.0, NoFixesYet()))
+    log(_changed(records[1], 0.2, SpeedLimited(0.4, 0.2)))
+    log(_changed(records[2], 0.0, ButtonPressed()))
     kinds = [event.kind for event in log.events if event.kind not in {"ready", "row", "mission"}]
     assert kinds == ["hold", "limit", "stop"]
 
 
 def test_a_lost_position_is_a_fault_with_the_filters_reason(log: EventLog) -> None:
     good, bad = samples.ticks(2)
-    lost = msgspec.structs.replace(bad.estimate, ok=False, reason="no wheel data for 0.4 s")
+    silent = SensorSilent("wheels", 0.4, 0.3, "board")
+    lost = msgspec.structs.replace(bad.estimate, ok=False, reason=render(silent), fact=silent)
     log(good)
     log(msgspec.structs.replace(bad, estimate=lost))
     (fault,) = log.list_kind("fault")
-    assert fault.reason == "no wheel data for 0.4 s"
+    assert (fault.code, fault.parts) == ("sensor_silent", ("wheels",))
+    assert fault.reason == render(silent)
 
 
 def test_a_sensor_in_doubt_is_a_fault_once_although_the_position_is_known(log: EventLog) -> None:
     for index, record in enumerate(samples.ticks(30)):
-        doubt = f"GNSS repeats its position while the wheels turned 0.{index} m"
-        named = msgspec.structs.replace(record.estimate, reason=doubt if index % 20 > 5 else "")
-        log(msgspec.structs.replace(record, estimate=named))
-    assert [fault.reason for fault in log.list_kind("fault")] == [
-        "GNSS repeats its position while the wheels turned 0.6 m",
-        "GNSS repeats its position while the wheels turned 0.26 m",
+        doubt = GnssRepeats(float(index)) if index % 20 > 5 else None
+        log(msgspec.structs.replace(record, estimate=_doubted(record, doubt)))
+    assert [fault.numbers for fault in log.list_kind("fault")] == [{"way_m": 6.0}, {"way_m": 26.0}]
+
+
+def test_a_recording_from_before_facts_has_the_same_events(log: EventLog) -> None:
+    for index, record in enumerate(samples.ticks(30)):
+        doubt = GnssRepeats(float(index)) if index % 20 > 5 else None
+        old = msgspec.structs.replace(_doubted(record, doubt), fact=None)
+        log(lift_reasons(msgspec.structs.replace(record, estimate=old)))
+    faults = log.list_kind("fault")
+    assert [(fault.reason, fault.code) for fault in faults] == [
+        (render(GnssRepeats(6.0)), "said"),
+        (render(GnssRepeats(26.0)), "said"),
     ]
 
 
@@ -117,9 +147,9 @@ def test_a_stop_that_nobody_has_cleared_goes_on_while_nothing_asks_the_robot_to_
     log: EventLog,
 ) -> None:
     for index, record in enumerate(samples.ticks(6)):
-        stopped = "stopped by Ann" if 1 <= index < 5 else ""
-        status = msgspec.structs.replace(record.status, stopped=stopped)
-        reason = "stopped by Ann; clear the stop to go on" if index == 1 else ""
+        stopped = StoppedBy("Ann") if 1 <= index < 5 else None
+        status = msgspec.structs.replace(record.status, stopped_fact=stopped)
+        reason = StopToClear(StoppedBy("Ann")) if index == 1 else None
         log(msgspec.structs.replace(_changed(record, 0.0, reason), status=status))
         assert len(log.list_kind("clear")) == (1 if index == 5 else 0)
     assert len(log.list_kind("hold")) == 1
@@ -133,8 +163,12 @@ def test_the_gate_tells_its_way_from_state_to_state_and_the_list_before_the_star
         GateStatus(),
         GateStatus(state="checking", reason="outside", checks=(good, bad)),
         GateStatus(state="checking", reason="outside"),
-        GateStatus(state="driving", reason="over: outside", told="IMU sent 1e+200"),
-        GateStatus(state="driving", reason="over: outside", told="IMU sent 3e+100"),
+        GateStatus(
+            state="driving", reason="over: outside", told="1e+200", told_fact=ImuSpoilt(1e200)
+        ),
+        GateStatus(
+            state="driving", reason="over: outside", told="3e+100", told_fact=ImuSpoilt(3e100)
+        ),
         GateStatus(state="stopped", reason="the bumper touches something"),
     )
     for record, gate in zip(samples.ticks(len(statuses)), statuses, strict=True):
@@ -148,7 +182,7 @@ def test_the_gate_tells_its_way_from_state_to_state_and_the_list_before_the_star
     assert [event.reason for event in log.list_kind("check")] == [
         "before the start not good: field: outside. Good: clock"
     ]
-    assert [event.reason for event in log.list_kind("fault")] == ["IMU sent 1e+200"]
+    assert [event.reason for event in log.list_kind("fault")] == ["1e+200"]
 
 
 def test_the_events_tell_how_each_row_went(log: EventLog) -> None:
@@ -181,16 +215,18 @@ def test_the_events_tell_how_each_row_went(log: EventLog) -> None:
 def test_a_sensor_that_is_not_fine_is_a_fault_once_unless_its_reason_is_told_already(
     log: EventLog,
 ) -> None:
-    silent = SensorVerdict(state="silent", since_s=0.1, reason="GNSS silent for 3.0 s")
-    late = SensorVerdict(state="late", since_s=0.1, reason="IMU samples come 0.1 s late")
-    told = {"reason": "IMU samples come 0.1 s late; check its cable"}
+    gone, late_fact = SensorSilent("gnss", 3.0, 3.0, "gnss"), ImuLate(0.1)
+    silent = SensorVerdict(state="silent", since_s=0.1, reason=render(gone), fact=gone)
+    late = SensorVerdict(state="late", since_s=0.1, reason=render(late_fact), fact=late_fact)
     for index, record in enumerate(samples.ticks(30)):
         if 5 <= index < 20:
             verdicts = SensorVerdicts(gnss=silent, gyro=late)
-            doubted = msgspec.structs.replace(record.estimate, verdicts=verdicts, **told)
+            doubted = msgspec.structs.replace(_doubted(record, ImuLate(0.2)), verdicts=verdicts)
             record = msgspec.structs.replace(record, estimate=doubted)  # noqa: PLW2901
         log(record)
-    assert [event.reason for event in log.list_kind("fault")] == [told["reason"], silent.reason]
+    assert [event.reason for event in log.list_kind("fault")] == [
+        render(ImuLate(0.2)), silent.reason,
+    ]  # fmt: skip
     fine = [event.reason for event in log.list_kind("clear")]
     assert fine == ["gnss is fine again", "gyro is fine again"]
 
@@ -213,10 +249,11 @@ def test_what_a_person_presses_is_logged_as_the_persons_whatever_the_name(
 
 def test_a_note_on_a_sensor_is_a_fault_and_its_end(log: EventLog) -> None:
     notes = (
-        make_sensor_note(0.0, "gnss is silent", is_fault=True),
+        make_sensor_note(0.0, "gnss is silent", is_fault=True, parts=("gnss",)),
         make_sensor_note(0.0, "gnss is heard again", is_fault=False),
     )
     (record,) = samples.ticks(1)
     log(msgspec.structs.replace(record, batch=SensorBatch(t_s=0.0, events=notes)))
     told = [(event.kind, event.reason) for event in log.events[:2]]
     assert told == [("fault", "gnss is silent"), ("clear", "gnss is heard again")]
+    assert log.events[0].parts == ("gnss",)

@@ -8,6 +8,8 @@ import pytest
 
 from agribot.autonomy.estimate.verdicts import SILENT_S
 from agribot.core.config import load
+from agribot.core.fact_text import render
+from agribot.core.facts import Fact, PositionNotFinite, PositionOld
 from agribot.core.messages import (
     Check,
     GateStatus,
@@ -60,10 +62,10 @@ def test_the_last_fix_is_shown_until_the_robot_calls_gnss_silent_and_the_next_on
     assert show(late.t_s + 0.1, late) == known
 
 
-def _gated(index: int, gate: GateStatus, reason: str = "") -> TickRecord:
+def _gated(index: int, gate: GateStatus, reason: str = "", fact: Fact | None = None) -> TickRecord:
     record = samples.tick(index, np.random.default_rng(index))
     status = msgspec.structs.replace(record.status, gate=gate)
-    return msgspec.structs.replace(record, status=status, reason=reason)
+    return msgspec.structs.replace(record, status=status, reason=reason, fact=fact)
 
 
 def test_the_gate_is_shown_since_it_is_so_and_its_reason_once() -> None:
@@ -75,8 +77,10 @@ def test_the_gate_is_shown_since_it_is_so_and_its_reason_once() -> None:
     )
     view(_gated(0, GateStatus(state="checking", reason="outside", checks=checks)))
     for index in range(1, 9):
-        held = "no position" if index > 4 else "position is old"
-        view(_gated(index, GateStatus(state="held", reason=held), reason="" if index < 8 else held))
+        fact = PositionNotFinite() if index > 4 else PositionOld(1.0, 0.3)
+        held, said = render(fact), fact if index == 8 else None
+        gate = GateStatus(state="held", reason=held, fact=fact)
+        view(_gated(index, gate, reason=render(said), fact=said))
         shown = view.state()
         assert shown is not None and shown.gate is not None
         assert (shown.gate.state, shown.gate.since_s) == ("held", 0.04)

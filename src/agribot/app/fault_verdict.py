@@ -3,16 +3,15 @@
 A sign of a fault is, after it began: any stop or hold, a mission that pauses, fails or drives on
 with a reservation, and a fault or a limit that names the part, alone or as one of two. One that had
 been said before the fault began is none, unless it names the part, and one that names the part of
-another injected fault is that one's. `named_parts` reads which parts a reason names.
+another injected fault is that one's. The parts that a reason names are those of its fact.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 
-from agribot.app.named_parts import read_parts
+from agribot.core.facts import Said
 from agribot.record.events import Event
 from agribot.record.report import CrushedWhen, CrushReport, FaultReport, Reaction
 from agribot.sim.faults.schedule import Fault, parse_fault
@@ -22,7 +21,7 @@ from agribot.sim.safety_judge import Crush
 _STRENGTH: tuple[Reaction, ...] = ("stopped", "held", "slowed", "named")
 _STOPPING = ("paused", "failed")
 SETTLE_S = 0.5  # a robot that was set down stands still after so long
-_NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
+_SAID = Said.__struct_config__.tag
 
 
 def judge_faults(texts: Sequence[str], events: Sequence[Event]) -> tuple[FaultReport, ...]:
@@ -74,12 +73,12 @@ def _judge(
     before: Sequence[Event],
     after: Sequence[Event],
 ) -> FaultReport:
-    known = {_mask(event.reason) for event in before}
+    known = {_name_kind(event) for event in before}
     signs: list[tuple[Event, Reaction]] = []
     for event in after:
         reaction = _read_reaction(event)
         is_telling = reaction in ("stopped", "held") or event.kind == "mission"
-        is_new = is_telling and _mask(event.reason) not in known
+        is_new = is_telling and _name_kind(event) not in known
         is_anothers = any(_mentions(other, event) for other in others)
         if reaction != "none" and (_mentions(fault, event) or (is_new and not is_anothers)):
             signs.append((event, reaction))
@@ -95,6 +94,9 @@ def _judge(
         detected_s=fault.begin_s + max(signs[0][0].t_s - begin.t_s, 0.0),
         reaction=min((reaction for _, reaction in signs), key=_STRENGTH.index),
         reason=telling.reason,
+        code=telling.code,
+        parts=telling.parts,
+        numbers=telling.numbers,
         fault=fault.text,
         is_named=is_named,
         is_one_of_two=bool(mentioning) and not is_named,
@@ -103,18 +105,18 @@ def _judge(
 
 def _mentions(fault: Fault, event: Event) -> bool:
     """Whether a reason of the robot names the part at fault, alone or beside others."""
-    return not read_parts(event.reason).isdisjoint(fault.kind.accepted)
+    return not set(event.parts).isdisjoint(fault.kind.accepted)
 
 
 def _names(fault: Fault, others: Sequence[Fault], event: Event) -> bool:
     """Whether a reason names the part at fault and none that is well."""
     faulty = {part for each in (fault, *others) for part in each.kind.accepted}
-    return _mentions(fault, event) and read_parts(event.reason) <= faulty
+    return _mentions(fault, event) and set(event.parts) <= faulty
 
 
 def _read_reaction(event: Event) -> Reaction:
     if event.kind == "mission":
-        slowed: Reaction = "slowed" if event.state == "running" and ": " in event.reason else "none"
+        slowed: Reaction = "slowed" if event.state == "running" and event.code else "none"
         return "stopped" if event.state in _STOPPING else slowed
     kinds: dict[str, Reaction] = {
         "stop": "stopped", "hold": "held", "limit": "slowed", "fault": "named",
@@ -122,5 +124,8 @@ def _read_reaction(event: Event) -> Reaction:
     return kinds.get(event.kind, "none")
 
 
-def _mask(reason: str) -> str:
-    return _NUMBER.sub("#", reason)
+def _name_kind(event: Event) -> tuple[object, ...]:
+    """Return what stays the same while numbers change; words only where there is no code."""
+    codes = event.code, *event.causes
+    words = event.reason if not event.code or _SAID in codes else ""
+    return event.state if event.kind == "mission" else "", codes, event.parts, words

@@ -24,6 +24,7 @@ from agribot.app.firmware_faults import BELOW_THE_SAMPLES, BoardFaults, LineNois
 from agribot.app.firmware_receiver import FirmwareReceiver
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
+from agribot.core.facts import Fact
 from agribot.core.home import find_home
 from agribot.core.messages import (
     Four,
@@ -99,7 +100,7 @@ class FirmwarePlatform:
 
     def __init__(
         self, config: RunConfig, robot: RobotSpec, simulator: SimPlatform, bench: Any,
-        motors: FirmwareMotors, faults: BoardFaults, gnss_noise: LineNoise, saved_stop: str,
+        motors: FirmwareMotors, faults: BoardFaults, gnss_noise: LineNoise, saved_stop: Fact | None,
     ) -> None:  # fmt: skip
         """Switch the board on, and wait until it has spoken.
 
@@ -245,7 +246,7 @@ def open_firmware(
     )  # fmt: skip
     return simulator, FirmwarePlatform(
         config, setup.robot, simulator, bench, motors, faults, noise,
-        saved_stop="" if setup.saved is None else setup.saved.stopped,
+        saved_stop=None if setup.saved is None else setup.saved.stop,
     )  # fmt: skip
 
 

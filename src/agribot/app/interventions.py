@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from agribot.autonomy.plan.errand import CAME_TO_BE_CHARGED
+from agribot.core.facts import CameToBeCharged
 from agribot.record.events import Event
 from agribot.record.report import SafetyEvent
 
@@ -41,13 +41,18 @@ def list_interventions(events: Sequence[Event]) -> tuple[SafetyEvent, ...]:
                 found = [one for one in found if one.t_s < waits_since_s]
         is_by_hand = 0.0 <= event.t_s - pressed_s < BY_HAND_S
         if (is_stopped or is_waiting) and not needed and not is_by_hand:
-            found.append(SafetyEvent(t_s=event.t_s, reason=event.reason))
+            found.append(
+                SafetyEvent(
+                    t_s=event.t_s, reason=event.reason,
+                    code=event.code, parts=event.parts, numbers=event.numbers,
+                )
+            )  # fmt: skip
     return tuple(found)
 
 
 def _waits(event: Event, is_waiting: bool) -> bool:
     """Whether a mission after this event, which may have waited before, waits for a person."""
-    is_to_be_charged = event.reason == f"cancelled: {CAME_TO_BE_CHARGED}"
+    is_to_be_charged = event.code == CameToBeCharged().code
     still_waits = is_waiting and event.state in SILENT_STATES
     return event.state in NEEDY_STATES or is_to_be_charged or still_waits
 

@@ -53,7 +53,7 @@ def open_run(
             opened.callback(memory.close)
             memory.hold_back(
                 platform.inbox, is_armed=is_armed, is_cleared=is_cleared,
-                saved_stop="" if saved is None else saved.stopped,
+                saved_stop=None if saved is None else saved.stop,
             )  # fmt: skip
         run = Run(setup, platform, stack)
         run.add_close(lock.close)

@@ -359,7 +359,7 @@ def _safety(
 
 
 def _select_events(events: Sequence[Event], kind: EventKind) -> tuple[SafetyEvent, ...]:
-    return tuple(SafetyEvent(t_s=e.t_s, reason=e.reason) for e in events if e.kind == kind)
+    return tuple(_same_fields(event, SafetyEvent) for event in events if event.kind == kind)
 
 
 def _same_fields(source: msgspec.Struct, kind: type[Kind]) -> Kind:

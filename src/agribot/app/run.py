@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from typing import Any, Self
 
 import msgspec
@@ -30,6 +31,7 @@ from agribot.autonomy.stack import MaskTap, Stack, Tap
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core import config as settings
 from agribot.core.errors import RecordingError
+from agribot.core.facts import Part
 from agribot.core.implement.kind import ReportLine
 from agribot.core.messages import (
     Inbox,
@@ -113,12 +115,13 @@ class Run:
         self.event_log = EventLog(out_dir / "events.jsonl", self._say)
         self._files.callback(self.event_log.close)
         self._series = SeriesTap()
-        self.recording = RunRecording(self, recorded, self.tell)
+        self._tell_disk = partial(self.tell, parts=("disk",))
+        self.recording = RunRecording(self, recorded, self._tell_disk)
         self._files.callback(self.recording.close)
-        self._mission_file = MissionFile(out_dir, self.stack.mission, self.tell)
+        self._mission_file = MissionFile(out_dir, self.stack.mission, self._tell_disk)
         self._files.callback(self._mission_file.close)
         self.stack.taps += [*self._first_taps, self._series, self.event_log]
-        self._job_file = MissionFile(out_dir, self.job, self.tell, whole_job.FILE_NAME)
+        self._job_file = MissionFile(out_dir, self.job, self._tell_disk, whole_job.FILE_NAME)
         self._files.callback(self._job_file.close)
         self.unattended = Unattended(self.config.mission.stall_timeout_s)
         self.stack.taps += [self._mission_file, self.job, self._job_file]
@@ -343,10 +346,10 @@ class Run:
     def _write_config(self) -> None:
         write_file(self.out_dir / "config.toml", settings.to_toml(self.config).encode())
 
-    def tell(self, t_s: float, text: str) -> None:
+    def tell(self, t_s: float, text: str, parts: tuple[Part, ...] = ()) -> None:
         """Report what goes wrong beside the drive, which goes on."""
         self._say(text)
-        self.event_log.add(Event(t_s=t_s, kind="fault", reason=text))
+        self.event_log.add(Event(t_s=t_s, kind="fault", reason=text, parts=parts))
 
     def _say(self, text: str) -> None:
         for hear in self.trouble_taps:

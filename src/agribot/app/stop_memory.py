@@ -14,27 +14,33 @@ from pathlib import Path
 import msgspec
 
 from agribot.core.errors import PlatformError
+from agribot.core.fact_text import render
+from agribot.core.facts import AnyFact, Disarmed, Fact, NotCleared, Said
 from agribot.core.home import find_home
 from agribot.core.messages import Inbox, OperatorAction, OperatorEvent, TickRecord
 from agribot.core.whole_file import write_at_once
 
-DISARMED = "disarmed: a person looks that nobody is near and clears this stop, then resumes"
 FOLDER = "stops"
 
 
 class RememberedStop(msgspec.Struct, frozen=True, kw_only=True):
-    """Why the robot stands, since when, and the folder of the run that it befell."""
+    """Why the robot stands, since when, and the folder of the run that it befell.
+
+    `stopped` is the text of `fact`, and all that earlier versions kept.
+    """
 
     stopped: str
     since: str
     run: str
     platform: str
+    fact: AnyFact | None = None
 
 
-def begin(inbox: Inbox, why: str) -> None:
-    """Let the robot begin stopped for a reason, or cleared where there is none."""
-    action: OperatorAction = "stop" if why else "clear_stop"
-    inbox.post(OperatorEvent(t_s=0.0, action=action, source="start-up", text=why))
+def begin(inbox: Inbox, why: Fact | None) -> None:
+    """Let the robot begin stopped for a cause, or cleared where there is none."""
+    action: OperatorAction = "clear_stop" if why is None else "stop"
+    text = render(why)
+    inbox.post(OperatorEvent(t_s=0.0, action=action, source="start-up", text=text, fact=why))
 
 
 class StopMemory:
@@ -50,7 +56,7 @@ class StopMemory:
         digest = hashlib.sha256(platform.encode()).hexdigest()[:16]
         self.path = find_home() / FOLDER / f"{digest}.json"
         self._platform, self._run = platform, run
-        self._stopped = ""
+        self._stopped: Fact | None = None
         self._failure = self._told = ""
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="stop-memory")
 
@@ -70,9 +76,14 @@ class StopMemory:
             ) from error
 
     def hold_back(
-        self, inbox: Inbox, *, is_armed: bool, is_cleared: bool, saved_stop: str = ""
-    ) -> str:
-        """Let the robot begin stopped where it must; returns why, empty where it may drive.
+        self,
+        inbox: Inbox,
+        *,
+        is_armed: bool,
+        is_cleared: bool,
+        saved_stop: Fact | None = None,
+    ) -> Fact | None:
+        """Let the robot begin stopped where it must; returns why, None where it may drive.
 
         `is_armed` and `is_cleared` are a person's word, `saved_stop` is that of the mission which
         goes on: where the power failed with the stop, it may be all that came to the disk. The
@@ -81,21 +92,21 @@ class StopMemory:
         Raises: PlatformError: the file cannot be read.
         """
         remembered = None if is_cleared else self.read()
-        why = saved_stop or ("" if is_armed else DISARMED)
+        why = saved_stop or (None if is_armed else Disarmed())
         if remembered is not None:
-            why = f"{remembered.stopped}, not cleared since {remembered.since}"
-            self._stopped = remembered.stopped
+            self._stopped = remembered.fact or Said(remembered.stopped)
+            why = NotCleared(self._stopped, remembered.since)
         elif is_cleared:
             self._forget()
         begin(inbox, why)
         return why
 
     def __call__(self, record: TickRecord) -> None:
-        stopped = record.status.stopped
-        if stopped == DISARMED:
-            stopped = ""
-        if self._stopped and stopped.startswith(self._stopped):
-            stopped = self._stopped  # the words of the start are of the same stop
+        stopped = record.status.stopped_fact
+        if isinstance(stopped, Disarmed):
+            stopped = None
+        if isinstance(stopped, NotCleared):
+            stopped = stopped.cause
         if stopped != self._stopped:
             self._stopped = stopped
             self._writer.submit(self._keep, stopped)
@@ -107,13 +118,14 @@ class StopMemory:
         """Wait for the last write. Safe to call twice."""
         self._writer.shutdown()
 
-    def _keep(self, stopped: str) -> None:
+    def _keep(self, stopped: Fact | None) -> None:
         since = datetime.now(UTC).isoformat(timespec="seconds")
         kept = RememberedStop(
-            stopped=stopped, since=since, run=str(self._run.resolve()), platform=self._platform
-        )
+            stopped=render(stopped), since=since, run=str(self._run.resolve()),
+            platform=self._platform, fact=stopped,
+        )  # fmt: skip
         try:
-            if stopped:
+            if stopped is not None:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
                 write_at_once(self.path, msgspec.json.encode(kept), is_synced=True)
             else:

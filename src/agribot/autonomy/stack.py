@@ -35,6 +35,7 @@ from agribot.autonomy.plan.task import NewTasks, Task
 from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.autonomy.weeds.map import WeedMap
 from agribot.core.config import RunConfig
+from agribot.core.fact_text import render
 from agribot.core.keep_out import BodyBox
 from agribot.core.latch import Latch
 from agribot.core.messages import (
@@ -105,7 +106,7 @@ class Stack:
         drive, is_by_hand = self.hand.arbitrate(drive, goal.status)
         implement = self.treatment.step(estimate, self.weed_map, goal.tool_on)
         wanted = RobotCommand(t_s=batch.t_s, drive=drive, implement=implement)
-        command, reason = self.supervisor.check(
+        command, fact = self.supervisor.check(
             wanted, estimate, batch, goal, scenes, is_by_hand=is_by_hand
         )
         platform.write(command)
@@ -116,8 +117,9 @@ class Stack:
             status=msgspec.structs.replace(goal.status, gate=self.supervisor.gate),
             tracking=tracking,
             command=command,
-            reason=reason,
+            reason=render(fact),
             is_plan_late=self._planning.pop_late(),
+            fact=fact,
         )
         for tap in self.taps:
             tap(record)

@@ -13,7 +13,7 @@ import msgspec
 
 from agribot.app import service_manager
 from agribot.app.run_folder import check_free, check_not_driven
-from agribot.app.stop_memory import DISARMED, StopMemory
+from agribot.app.stop_memory import StopMemory
 from agribot.app.unattended import INTERRUPTED
 from agribot.cli import bridging, sensor_sources
 from agribot.cli.pacing import parse_pace
@@ -35,6 +35,7 @@ from agribot.cli.stopping import stop_on_signal
 from agribot.core import extras
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, MissionError
+from agribot.core.facts import Disarmed
 from agribot.core.platforms import PlatformKind, find_platform, require_platform
 from agribot.drivers.schemes import read_sources
 
@@ -197,8 +198,8 @@ def _read_cut_off(options: argparse.Namespace) -> SavedMission:
     from agribot.app.mission_file import read_mission
 
     saved = read_mission(Path(options.resume))
-    if options.clear_stop or (options.arm and saved.stopped == DISARMED):
-        saved = msgspec.structs.replace(saved, stopped="", paused="")
+    if options.clear_stop or (options.arm and isinstance(saved.stop, Disarmed)):
+        saved = saved.release()
     held = saved.stopped or saved.paused
     if _has_operator(options) or not (held or saved.asks_first):
         if held:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from agribot.core.facts import Fact, Said, StoppedBy
 from agribot.core.messages import OperatorEvent
 
 
 class Latch:
-    """Says why the robot stands; empty while it may move.
+    """Holds why the robot stands; `cause` is None while it may move.
 
     Whoever hears the events of a tick may pass them on: hearing the same ones twice changes
-    nothing. A second reason does not hide the first.
+    nothing. A second cause does not hide the first.
     """
 
-    def __init__(self, reason: str = "") -> None:
-        self.reason = reason
+    def __init__(self) -> None:
+        self.cause: Fact | None = None
 
     def hear(self, event: OperatorEvent) -> None:
         """Anybody's stop closes the latch; nothing but `clear_stop` opens it.
@@ -21,9 +22,10 @@ class Latch:
         The text of a stop says why it stands, where whose it is says too little.
         """
         if event.action == "stop":
-            self.hold(event.text or f"stopped by {event.source}")
+            said = Said(event.text, event.source) if event.text else StoppedBy(event.source)
+            self.hold(event.fact or said)
         elif event.action == "clear_stop":
-            self.reason = ""
+            self.cause = None
 
-    def hold(self, reason: str) -> None:
-        self.reason = self.reason or reason
+    def hold(self, cause: Fact) -> None:
+        self.cause = self.cause or cause

@@ -8,6 +8,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 
 import msgspec
 
+from agribot.core.facts import Part
 from agribot.core.messages import (
     Inbox,
     OperatorEvent,
@@ -18,6 +19,10 @@ from agribot.core.messages import (
 
 # Fields of a SensorBatch that may come from elsewhere.
 Sensor = Literal["gnss", "imu", "mag", "wheels", "frames", "others", "contactor"]
+SENSOR_PARTS: dict[str, tuple[Part, ...]] = {
+    "gnss": ("gnss",), "imu": ("imu",), "mag": ("compass",), "wheels": ("wheels",),
+    "frames": ("camera",), "contactor": ("contactor",),
+}  # fmt: skip
 SILENCE_S = 2.0
 
 
@@ -158,4 +163,5 @@ class MixedPlatform:
             return
         self._silent ^= {name}
         text = f"silent for {t_s - last_s:.1f} s > {SILENCE_S:g} s" if is_silent else "heard again"
-        yield make_sensor_note(t_s, f"{name} is {text}", is_fault=is_silent)
+        parts = SENSOR_PARTS.get(source.sensor, ())
+        yield make_sensor_note(t_s, f"{name} is {text}", is_fault=is_silent, parts=parts)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from agribot.autonomy.control.wheel_watch import WORDS
 from agribot.core.errors import ConfigError
+from agribot.core.fact_text import load_table
+from agribot.core.facts import Part
 from agribot.core.messages import (
     WHEEL_NAMES,
     BatterySample,
@@ -249,8 +250,10 @@ def _read_board(state: BoardState, *, has_battery: bool, is_config_refused: bool
             "it refuses its configuration, and will turn no wheel; check counts_per_turn, "
             "full_speed_radps, kp and ti_s"
         )
+    parts: tuple[Part, ...] = ("motors",) if found else ()
     if StopCause.REVERSED in causes:
         found.append(_name_reversed(state.motor_faults))
+        parts = (*parts, "wheels")
     told = " and ".join(words for cause, words in CAUSES.items() if cause in causes)
     return BoardSample(
         t_s=0.0,
@@ -260,11 +263,13 @@ def _read_board(state: BoardState, *, has_battery: bool, is_config_refused: bool
         if BoardFlag.STOP_LATCHED in flags
         else "",
         faults=tuple(found),
+        fault_parts=parts,
     )
 
 
 def _name_reversed(motor_faults: int) -> str:
-    names = [WORDS[name] for k, name in enumerate(WHEEL_NAMES) if motor_faults & (0x10 << k)]
+    named = load_table("en").words["wheel"]
+    names = [named[name] for k, name in enumerate(WHEEL_NAMES) if motor_faults & (0x10 << k)]
     words = "all" if len(names) == len(WHEEL_NAMES) else " and ".join(names)
     is_one = len(names) == 1
     return (

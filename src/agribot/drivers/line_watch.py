@@ -33,9 +33,9 @@ class LineWatch:
                 f"the link to the {self._name} broke {MANY} messages within "
                 f"{t_s - times_s[0]:.1f} s, which are left out; check its cable, plugs and ground"
             )
-            return (make_sensor_note(t_s, text, is_fault=True),)
+            return (make_sensor_note(t_s, text, is_fault=True, parts=("link",)),)
         if self._is_noisy and t_s - times_s[-1] > WITHIN_S:
             self._is_noisy = False
             text = f"the link to the {self._name} broke no message for {WITHIN_S:g} s"
-            return (make_sensor_note(t_s, text, is_fault=False),)
+            return (make_sensor_note(t_s, text, is_fault=False, parts=("link",)),)
         return ()

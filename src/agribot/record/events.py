@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Literal
 import msgspec
 
 from agribot.core.errors import RecordingError
+from agribot.core.facts import Fact, Part, find_kind
 from agribot.core.messages import (
     ALL_FINE,
     STOP,
@@ -43,11 +43,14 @@ EventKind = Literal[
 ]
 
 NAMED_BESIDE_M = 0.05  # a row that stands so far beside its line in the map is told of
-_NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One change; `state` is the new one of the mission or the gate, where that changed.
+
+    `code` is that of the fact that `reason` is the text of, `causes` are the codes of the facts
+    inside it, `parts` those of the robot that are at fault, `numbers` its numbers by name; all are
+    empty where there is no fact, as of what a person pressed.
 
     mission   the mission's state or its reason changed, or it refused something
     row       a crop row was begun or left, and how it went as the robot believes
@@ -69,6 +72,26 @@ class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     kind: EventKind
     reason: str
     state: MissionState | GateState | None = None
+    code: str = ""
+    causes: tuple[str, ...] = ()
+    parts: tuple[Part, ...] = ()
+    numbers: dict[str, float] = {}
+
+
+def make_event(
+    t_s: float,
+    kind: EventKind,
+    reason: str,
+    fact: Fact | None,
+    state: MissionState | GateState | None = None,
+) -> Event:
+    """Make the event of a fact, where there is one."""
+    if fact is None:
+        return Event(t_s=t_s, kind=kind, reason=reason, state=state)
+    return Event(
+        t_s=t_s, kind=kind, reason=reason, state=state,
+        code=fact.code, causes=fact.causes, parts=fact.parts, numbers=fact.numbers,
+    )  # fmt: skip
 
 
 class _RowStory:
@@ -106,11 +129,13 @@ class EventSieve:
 
     def __init__(self) -> None:
         self._found: list[Event] = []
-        self._mission = ("", "", "")
-        self._objection = self._warning = ""
+        self._mission: tuple[str, tuple[object, ...], str] = ("", (), "")
+        self._objection: tuple[object, ...] = ()
+        self._warning: tuple[str, Fact | None] = ("", None)
+        self._facts: list[Fact] = []  # of the events of this tick
         self._unproven: tuple[int, ...] = ()
         self._estimate_ok = False
-        self._doubt = ""
+        self._doubt: tuple[object, ...] = ()
         self._gate = GateStatus()
         self._verdicts = ALL_FINE
         self._moving = False
@@ -118,7 +143,7 @@ class EventSieve:
         self._row: _RowStory | None = None
 
     def __call__(self, record: TickRecord) -> list[Event]:
-        self._found = []
+        self._found, self._facts = [], []
         t_s = record.batch.t_s
         for press in record.batch.events:
             self._note_press(press)
@@ -128,17 +153,19 @@ class EventSieve:
         self._note_row(t_s, record)
         self._note_mission(t_s, record)
         self._note_supervisor(t_s, record)
-        self._note_warning(t_s, record.status.warning)
-        self._note_gate(t_s, record.status.gate, record.reason)
+        self._note_warning(t_s, record.status.warning, record.status.warning_fact)
+        self._note_gate(t_s, record.status.gate, record.fact)
         self._note_verdicts(t_s, record.estimate.verdicts)
         self._moving = record.command.drive != STOP
         return self._found
 
     def _note_press(self, press: OperatorEvent) -> None:
         if press.action == "sensor":
-            self._add(press.t_s, "fault" if press.value else "clear", press.text)
+            kind: EventKind = "fault" if press.value else "clear"
+            event = Event(t_s=press.t_s, kind=kind, reason=press.text, parts=press.parts)
+            self._found.append(event)
             return
-        kind: EventKind = "mark" if press.action == "mark" else "operator"
+        kind = "mark" if press.action == "mark" else "operator"
         self._add(press.t_s, kind, f"{_describe_press(press)} ({press.source})")
 
     def _note_hand(self, t_s: float, record: TickRecord) -> None:
@@ -153,13 +180,16 @@ class EventSieve:
         if ok != self._estimate_ok:
             self._estimate_ok = ok
             ready = f"position known to {record.estimate.pos_std_m:.3f} m"
-            self._add(t_s, "ready" if ok else "fault", ready if ok else record.estimate.reason)
+            if ok:
+                self._add(t_s, "ready", ready)
+            else:
+                self._add(t_s, "fault", record.estimate.reason, record.estimate.fact)
 
     def _note_doubt(self, t_s: float, record: TickRecord) -> None:
         """Note what is wrong with a sensor that the estimate does without."""
-        doubt = _mask_numbers(record.estimate.reason) if record.estimate.ok else ""
+        doubt = find_kind(record.estimate.fact) if record.estimate.ok else ()
         if doubt and doubt != self._doubt:
-            self._add(t_s, "fault", record.estimate.reason)
+            self._add(t_s, "fault", record.estimate.reason, record.estimate.fact)
         self._doubt = doubt
 
     def _note_row(self, t_s: float, record: TickRecord) -> None:
@@ -176,11 +206,11 @@ class EventSieve:
 
     def _note_mission(self, t_s: float, record: TickRecord) -> None:
         status = record.status
-        now = (status.state, _mask_numbers(status.reason), status.refusal)
+        now = (status.state, find_kind(status.fact), status.refusal)
         before, self._mission = self._mission, now
         if now[:2] != before[:2]:
             reason = f"{status.state}: {status.reason}" if status.reason else status.state
-            self._add(t_s, "mission", reason, status.state)
+            self._add(t_s, "mission", reason, status.fact, status.state)
         for row in status.rows_unproven:
             if row not in self._unproven:
                 lack = "driven without evidence that it was this row"
@@ -189,35 +219,40 @@ class EventSieve:
         if status.refusal and status.refusal not in (before[2], status.reason):
             self._add(t_s, "mission", status.refusal)
 
-    def _note_warning(self, t_s: float, warning: str) -> None:
-        if bool(warning) != bool(self._warning):
-            self._add(t_s, "fault" if warning else "clear", warning or f"no more: {self._warning}")
-        self._warning = warning
+    def _note_warning(self, t_s: float, warning: str, fact: Fact | None) -> None:
+        before, was = self._warning
+        if fact is not None and was is None:
+            self._add(t_s, "fault", warning, fact)
+        elif fact is None and was is not None:
+            self._add(t_s, "clear", f"no more: {before}", was)
+        self._warning = warning, fact
 
     def _note_supervisor(self, t_s: float, record: TickRecord) -> None:
-        objection = _mask_numbers(record.reason)
-        is_held = bool(record.status.stopped) and not objection  # no motion is requested
+        objection = find_kind(record.fact)
+        is_stopped = record.status.stopped_fact is not None
+        is_held = is_stopped and not objection  # no motion is requested
         if objection == self._objection or is_held:
             return
         self._objection = objection
         if not objection:
             self._add(t_s, "clear", "")
         elif record.command.drive != STOP:
-            self._add(t_s, "limit", record.reason)
+            self._add(t_s, "limit", record.reason, record.fact)
         else:
-            self._add(t_s, "stop" if self._moving else "hold", record.reason)
+            self._add(t_s, "stop" if self._moving else "hold", record.reason, record.fact)
 
-    def _note_gate(self, t_s: float, gate: GateStatus, said: str) -> None:
+    def _note_gate(self, t_s: float, gate: GateStatus, said: Fact | None) -> None:
         before, self._gate = self._gate, gate
         if gate is before:
             return
         if gate.checks and gate.checks is not before.checks:
             self._add(t_s, "check", describe_checks(gate.checks))
         if gate.state != before.state:
-            self._add(t_s, "gate", f"{before.state} -> {gate.state}: {gate.reason}", gate.state)
-        told = _mask_numbers(gate.told)
-        if told and told not in (_mask_numbers(before.told), _mask_numbers(said)):
-            self._add(t_s, "fault", gate.told)
+            reason = f"{before.state} -> {gate.state}: {gate.reason}"
+            self._add(t_s, "gate", reason, gate.fact, gate.state)
+        told = find_kind(gate.told_fact)
+        if told and told not in (find_kind(before.told_fact), find_kind(said)):
+            self._add(t_s, "fault", gate.told, gate.told_fact)
 
     def _note_verdicts(self, t_s: float, verdicts: SensorVerdicts) -> None:
         """Note whose verdict is fine no more, where nothing else tells why, and whose is again."""
@@ -227,9 +262,8 @@ class EventSieve:
         for name in verdicts.__struct_fields__:
             was, now = getattr(before, name), getattr(verdicts, name)
             if was.state == "fine" != now.state:
-                told = [_mask_numbers(event.reason) for event in self._found]
-                if not any(_mask_numbers(now.reason) in each for each in told):
-                    self._add(t_s, "fault", now.reason or f"{name} is {now.state}")
+                if now.fact is None or not any(fact.holds(now.fact) for fact in self._facts):
+                    self._add(t_s, "fault", now.reason or f"{name} is {now.state}", now.fact)
             elif now.state == "fine" != was.state:
                 self._add(t_s, "clear", f"{name} is fine again")
 
@@ -238,9 +272,11 @@ class EventSieve:
         t_s: float,
         kind: EventKind,
         reason: str,
+        fact: Fact | None = None,
         state: MissionState | GateState | None = None,
     ) -> None:
-        self._found.append(Event(t_s=t_s, kind=kind, reason=reason, state=state))
+        self._facts += [] if fact is None else [fact]
+        self._found.append(make_event(t_s, kind, reason, fact, state))
 
 
 def describe_checks(checks: Sequence[Check]) -> str:
@@ -368,8 +404,3 @@ def _describe_press(press: OperatorEvent) -> str:
     if press.action == "mark":
         return press.text or "marked"
     return press.text if press.action == "note" else press.action
-
-
-def _mask_numbers(reason: str) -> str:
-    """Mask the numbers of a reason: one whose numbers change is still the same reason."""
-    return _NUMBER.sub("#", reason)

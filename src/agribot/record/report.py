@@ -8,6 +8,7 @@ from typing import Any, Literal
 import msgspec
 
 from agribot.core.errors import RecordingError
+from agribot.core.facts import Part
 from agribot.core.implement.kind import ReportLine
 from agribot.core.implement.row_shares import TreatedShare
 from agribot.core.whole_file import write_at_once
@@ -151,8 +152,13 @@ class ImplementReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SafetyEvent(msgspec.Struct, frozen=True, kw_only=True):
+    """What befell the robot; `code`, `parts` and `numbers` are those of its fact, if any."""
+
     t_s: float
     reason: str
+    code: str = ""
+    parts: tuple[Part, ...] = ()
+    numbers: dict[str, float] = {}
 
 
 Reaction = Literal["stopped", "held", "slowed", "named", "none"]
@@ -164,7 +170,7 @@ class FaultReport(msgspec.Struct, frozen=True, kw_only=True):
     `detected_s` is the time of the first sign of it among the events, `reaction` the strongest of
     them, `reason` what the robot said then, of the part at fault if it did. `is_named`: some
     reason names that part alone; `is_one_of_two`: reasons name it only beside another. `fault` is
-    the whole of it, as it was written.
+    the whole of it, as it was written. `code`, `parts` and `numbers` belong to the reason.
     """
 
     name: str
@@ -175,6 +181,9 @@ class FaultReport(msgspec.Struct, frozen=True, kw_only=True):
     fault: str = ""
     is_named: bool = False
     is_one_of_two: bool = False
+    code: str = ""
+    parts: tuple[Part, ...] = ()
+    numbers: dict[str, float] = {}
 
 
 CrushedWhen = Literal["before_detection", "after_detection", "after_standstill", "by_fault"]

@@ -7,6 +7,7 @@ import numpy as np
 
 from agribot.core.errors import RecordingError
 from agribot.core.messages import ByteArray, CameraFrame, TickRecord
+from agribot.record.old_reasons import lift_reasons
 
 # Frames keep their time and index; the pixels go to the image topic, at its own rate.
 NO_PIXELS: ByteArray = np.empty((0, 0, 3), dtype=np.uint8)
@@ -52,7 +53,7 @@ def decode_tick(data: bytes) -> TickRecord:
     Raises: RecordingError: the bytes are no TickRecord of this version.
     """
     try:
-        return _DECODER.decode(data)
+        return lift_reasons(_DECODER.decode(data))
     except msgspec.MsgspecError as error:
         raise RecordingError(
             f"the recording holds a tick that this version cannot read ({error}); "

@@ -9,6 +9,7 @@ from typing import get_args
 from agribot.autonomy.estimate.verdicts import SILENT_S
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig
+from agribot.core.facts import Fact
 from agribot.core.implement.plants import REASONS
 from agribot.core.implement.spec import ImplementSpec, describe_command
 from agribot.core.messages import (
@@ -92,7 +93,7 @@ class RunView:
             return None
         estimate, status = record.estimate, record.status
         cross_m = record.tracking.cross_track_m if record.tracking else None
-        reason = record.reason or status.reason or status.gate.told
+        fact = record.fact or status.fact or status.gate.told_fact
         return wire.State(
             tick=self.ticks,
             t_s=round(record.batch.t_s, 4),
@@ -109,8 +110,8 @@ class RunView:
             mission=_mission(status),
             mode=self._mode(record),
             stop=status.stopped,
-            reason=reason,
-            gate=self._show_gate(reason),
+            reason=record.reason or status.reason or status.gate.told,
+            gate=self._show_gate(fact),
             checks=self._checks,
             doubts=_doubts(estimate.verdicts),
             implement=self._describe_implement(record),
@@ -139,10 +140,10 @@ class RunView:
         if gate.checks and gate.checks is not before.checks:
             self._checks = [_show_check(check) for check in gate.checks]
 
-    def _show_gate(self, said: str) -> wire.ShownGate:
+    def _show_gate(self, said: Fact | None) -> wire.ShownGate:
         """Show the gate, less a reason that is `said` already."""
-        gate = self._gate
-        is_said = bool(said) and (said in gate.reason or gate.reason in said)
+        gate, fact = self._gate, self._gate.fact
+        is_said = said is not None and fact is not None and (said.holds(fact) or fact.holds(said))
         return wire.ShownGate(
             state=gate.state,
             since_s=round(self._gate_since_s, 2),

@@ -13,6 +13,8 @@ from agribot.autonomy.plan.errand import STOPPING
 from agribot.autonomy.plan.mission import Mission
 from agribot.core.config import SafetyConfig
 from agribot.core.errors import MissionError
+from agribot.core.fact_text import render
+from agribot.core.facts import BatteryEmpty, BatteryLow, Both, ErrandRefused, Said
 from agribot.core.messages import STOP, BatterySample, DriveCommand, Path, SensorBatch
 from agribot.record.events import EventSieve
 from tests.autonomy.control.kinematic_rover import TICK_S
@@ -32,6 +34,10 @@ def sample(t_s: float, charge_ratio: float, voltage_v: float = 24.0) -> BatteryS
     return BatterySample(t_s=t_s, voltage_v=voltage_v, current_a=1.0, charge_ratio=charge_ratio)
 
 
+def low(percent: float) -> BatteryLow:
+    return BatteryLow(percent, 20.0)
+
+
 def watched(
     *values: tuple[float, float], config: SafetyConfig | None = None, seconds: int = 10
 ) -> BatteryWatch:
@@ -45,36 +51,37 @@ def watched(
 
 
 @pytest.mark.parametrize(
-    ("charge_ratio", "low", "empty"),
-    [(1.0, "", ""), (0.21, "", ""), (0.19, "19 % left, less than 20 %", ""),
-     (0.05, "5 % left", "5 % left, less than 8 %")],
-)  # fmt: skip
-def test_the_charge_decides_where_it_is_known(charge_ratio: float, low: str, empty: str) -> None:
-    watch = watched((charge_ratio, 1.0), config=SIX_CELLS)
-    assert (bool(watch.low), bool(watch.empty)) == (bool(low), bool(empty))
-    assert low in watch.low
-    assert empty in watch.empty
+    ("charge_ratio", "is_low", "is_empty"),
+    [(1.0, False, False), (0.21, False, False), (0.19, True, False), (0.05, True, True)],
+)
+def test_the_charge_decides_where_it_is_known(
+    charge_ratio: float, is_low: bool, is_empty: bool
+) -> None:
+    watch, percent = watched((charge_ratio, 1.0), config=SIX_CELLS), 100.0 * charge_ratio
+    assert watch.low == (low(percent) if is_low else None)
+    assert watch.empty == (BatteryEmpty(percent, 8.0) if is_empty else None)
 
 
 def test_the_voltage_decides_where_the_charge_is_not_known_and_the_pack_is() -> None:
-    assert "20.5 V left, less than 21 V" in watched((math.nan, 20.5), config=SIX_CELLS).low
+    by_voltage = BatteryLow(left_v=20.5, limit_v=21.0)
+    assert watched((math.nan, 20.5), config=SIX_CELLS).low == by_voltage
     assert watched((math.nan, 18.5), config=SIX_CELLS).empty
-    assert watched((math.nan, 18.5)).low == ""
+    assert watched((math.nan, 18.5)).low is None
 
 
 def test_without_a_battery_or_its_numbers_nothing_is_said() -> None:
     for watch in (BatteryWatch(SIX_CELLS), watched((math.nan, math.nan), config=SIX_CELLS)):
-        assert (watch.low, watch.empty) == ("", "")
+        assert (watch.low, watch.empty) == (None, None)
 
 
 def test_a_voltage_that_sags_while_the_motors_start_is_no_low_battery() -> None:
     sagging = [(math.nan, 24.0), (math.nan, 18.0)] * 5
     watch = watched(*sagging, config=SIX_CELLS, seconds=math.floor(LASTING_S))
-    assert (watch.low, watch.empty) == ("", "")
+    assert (watch.low, watch.empty) == (None, None)
 
 
 def test_another_battery_ends_the_warning() -> None:
-    assert watched((0.1, 20.0), (0.9, 25.0)).low == ""
+    assert watched((0.1, 20.0), (0.9, 25.0)).low is None
 
 
 def running_down(gate: Gate, charge_ratio: float) -> SensorBatch:
@@ -105,17 +112,17 @@ def test_a_low_battery_sends_the_robot_home_once() -> None:
     one.settle()
     one.along(0.0, 3.0)
     place = one.place(3.0)
-    one.mission.heed("battery low: 19 % left")
+    one.mission.heed(low(19.0))
     for _ in range(3):
         goal = one.be_at(*place)
-        one.mission.heed("battery low: 18 % left")
+        one.mission.heed(low(18.0))
     assert (goal.status.state, goal.status.leg) == ("running", "way home")
-    assert goal.status.warning == "battery low: 18 % left"
+    assert goal.status.warning_fact == low(18.0)
     assert not goal.tool_on
     one.be_at(*place, "pause")
-    one.mission.heed("battery low: 17 % left")
+    one.mission.heed(low(17.0))
     assert one.be_at(*place).status.state == "paused", "a person decides from now on"
-    one.mission.heed("")
+    one.mission.heed(None)
     assert one.be_at(*place).status.warning == ""
 
 
@@ -130,17 +137,17 @@ def test_a_battery_that_gets_low_while_the_robot_stands_sends_it_home_once_it_is
     for word in words:
         one.be_at(*place, word)
     for _ in range(10):
-        one.mission.heed("battery low: 19 % left")
+        one.mission.heed(low(19.0))
         assert one.be_at(*place).status.state == "paused"
     one.be_at(*place, "resume")
     for _ in range(3):
-        one.mission.heed("battery low: 18 % left")
+        one.mission.heed(low(18.0))
         status = one.be_at(*place).status
     assert (status.state, status.leg) == ("running", "way home")
     one.be_at(*place, "pause")
     one.be_at(*place, "resume")
     for _ in range(3):
-        one.mission.heed("battery low: 17 % left")
+        one.mission.heed(low(17.0))
         assert one.be_at(*place).status.refusal == ""
 
 
@@ -149,7 +156,7 @@ def test_a_battery_that_gets_low_while_the_robot_stops_for_a_goal_is_heeded_too(
     place = drive.into_row(1)
     assert drive.goto(place, *HEADLAND, v_mps=0.2).status.leg == STOPPING
     for _ in range(5):
-        drive.mission.heed("battery low: 19 % left")
+        drive.mission.heed(low(19.0))
         status = drive.be_at(*place).status
     assert (status.state, status.leg) == ("running", "way home")
 
@@ -162,28 +169,31 @@ def test_a_battery_whose_way_home_cannot_be_planned_holds_the_robot_and_says_so(
     one.settle()
     one.along(0.0, 3.0)
     for _ in range(20):
-        one.mission.heed("battery low: 19 % left")
+        one.mission.heed(low(19.0))
         status = one.be_at(*one.place(3.0)).status
     assert status.state == "paused"
-    told = "battery low: 19 % left; cannot return home: a post stands in the way"
-    assert (status.reason, status.held) == (told, told)
+    why = Both(low(19.0), ErrandRefused("charge", Said("a post stands in the way")))
+    assert (status.fact, status.held_fact) == (why, why)
 
 
 def test_without_a_way_home_a_low_battery_stops_the_robot_where_it_is() -> None:
     one = Ride(Mission(PaperTask(plan, ROWS), MISSION))
     one.settle()
     one.along(0.0, 3.0)
-    one.mission.heed("battery low: 19 % left")
+    one.mission.heed(low(19.0))
     status = one.be_at(*one.place(3.0)).status
     assert status.state == "paused"
-    assert "battery low: 19 % left; cannot return home" in status.reason
+    assert isinstance(status.fact, Both) and status.fact.first == low(19.0)
+    assert "cannot return home" in status.reason
 
 
 def test_a_low_battery_stands_in_the_event_log_once() -> None:
     sieve, found = EventSieve(), []
-    for k, warning in enumerate(["", "battery low: 19 % left", "battery low: 18 % left", ""]):
+    for k, warning in enumerate([None, low(19.0), low(18.0), None]):
         record = record_samples.tick(k, np.random.default_rng(0))
-        status = msgspec.structs.replace(record.status, warning=warning)
+        status = msgspec.structs.replace(
+            record.status, warning=render(warning), warning_fact=warning
+        )
         found += [event for event in sieve(msgspec.structs.replace(record, status=status))
-                  if "battery" in event.reason]  # fmt: skip
+                  if "battery" in event.parts]  # fmt: skip
     assert [event.kind for event in found] == ["fault", "clear"]

@@ -11,6 +11,7 @@ import shapely
 
 from agribot.autonomy.control.fence import FieldFence, _Edges
 from agribot.core.config import SafetyConfig
+from agribot.core.fact_text import render
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import (
     STOP,
@@ -69,7 +70,7 @@ class Fenced:
         assert self(believed(5.0, 5.0)) == ""
 
     def __call__(self, estimate: Estimate, drive: DriveCommand = AHEAD) -> str:
-        return self.fence.objection(estimate, drive, self.goal)
+        return render(self.fence.objection(estimate, drive, self.goal))
 
 
 def test_a_robot_that_knows_where_it_is_drives_along_the_very_edge() -> None:
@@ -181,7 +182,7 @@ def test_a_way_into_the_field_is_free_until_the_robot_is_inside() -> None:
     fence = FieldFence(FIELD, CONFIG, ACCEL_MPS2)
     way = msgspec.structs.replace(goal("running"), path=along((-3.0, 5.0), (5.0, 5.0)))
     for x_m in np.arange(-3.0, 3.0, 0.05):
-        assert fence.objection(believed(float(x_m), 5.0, std_m=0.02), AHEAD, way) == ""
+        assert fence.objection(believed(float(x_m), 5.0, std_m=0.02), AHEAD, way) is None
     later = msgspec.structs.replace(way, s_m=7.0)
     assert fence.objection(believed(0.2, 5.0, math.pi), AHEAD, later), "now the edge counts"
 
@@ -246,7 +247,7 @@ def test_a_new_way_in_the_same_field_does_not_free_a_robot_that_is_over_the_edge
         estimate = msgspec.structs.replace(estimate, t_s=batch.t_s)
         sent, reason = gate.supervisor.check(gate.command(AHEAD), estimate, batch, wanted)
         gate.rover.turn_wheels(sent.drive)
-        return sent, reason
+        return sent, render(reason)
 
     for _ in range(10):
         assert send(believed(5.0, 5.0), first)[1] == ""
@@ -274,7 +275,8 @@ def test_the_supervisor_holds_the_mission_at_the_edge_and_lets_a_hand_bring_it_b
         gate.rover.t_s += 0.02
         batch = gate.rover.batch()
         command = msgspec.structs.replace(gate.command(AHEAD))
-        return check(command, estimate, batch, bounded, is_by_hand=is_by_hand)
+        sent, reason = check(command, estimate, batch, bounded, is_by_hand=is_by_hand)
+        return sent, render(reason)
 
     assert send(inside)[1] == ""
     assert ROBOT.drive.max_accel_mps2 == ACCEL_MPS2

@@ -18,6 +18,7 @@ from agribot.autonomy.plan.curves import Segment, sample
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import ControlConfig, FieldConfig, MissionConfig, SafetyConfig
+from agribot.core.fact_text import render
 from agribot.core.messages import (
     STOP,
     DriveCommand,
@@ -64,7 +65,7 @@ class Drive:
             drive, tracking = self.follower.step(estimate, goal)
             wanted = RobotCommand(t_s=batch.t_s, drive=drive)
             sent, reason = self.supervisor.check(wanted, estimate, batch, goal)
-            self.reasons.add(reason)
+            self.reasons.add(render(reason))
             index = int(np.searchsorted(self.path.s_m, goal.s_m))
             lines.append(
                 (

@@ -12,6 +12,8 @@ from agribot.autonomy.control.camera_watch import CameraWatch
 from agribot.autonomy.control.gate_machine import STATES
 from agribot.autonomy.control.hazards import CHECKS, HAZARDS, OF_BOARD
 from agribot.core.config import SafetyConfig
+from agribot.core.fact_text import render
+from agribot.core.facts import FarFromMap, NoFixesYet, NoPosition, PictureUnfit
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import (
     STOP,
@@ -71,7 +73,7 @@ def test_one_spoilt_number_of_the_imu_is_told_and_no_tilt(
     gate = Gate().cruise()
     sent, reason = gate.send(batch=spoilt(gate, **changes))
     assert (sent.drive, reason) == (FORWARD, "")
-    assert "IMU sent a number that cannot be" in gate.supervisor.gate.told
+    assert "IMU sent a number out of range" in gate.supervisor.gate.told
     for _ in range(300):
         sent, reason = gate.send()
     assert (sent.drive, reason, gate.supervisor.gate.told) == (FORWARD, "", "")
@@ -84,7 +86,7 @@ def test_a_line_that_spoils_numbers_again_and_again_is_no_line_to_drive_with() -
         for _ in range(30):
             gate.send()
         sent, reason = gate.send(batch=spoilt(gate, accel_mps2=(0.0, 1e200, 9.8)))
-    assert_stopped(sent, reason, "IMU sent 3 numbers that cannot be", "clear the stop")
+    assert_stopped(sent, reason, "IMU sent 3 numbers out of range", "clear the stop")
 
 
 def states_of(gate: Gate) -> tuple[str, str]:
@@ -140,7 +142,7 @@ def test_before_the_first_motion_every_item_is_checked_and_told_once() -> None:
 @pytest.mark.parametrize(
     ("item", "changes"),
     [
-        ("position", {"ok": False, "reason": "no fix yet"}),
+        ("position", {"ok": False, "fact": NoFixesYet()}),
         ("position", {"t_s": -5.0}),
         ("heading", {"yaw_std_rad": 0.7}),
         ("field", {"x_map_m": 9.0}),
@@ -170,19 +172,19 @@ def test_an_item_that_is_not_good_holds_the_start_with_its_reason(
 def test_a_mission_that_waits_for_long_has_its_list_published_with_what_it_waits_for() -> None:
     """The refusal of a receiver far from the map stood in the mission's reason alone."""
     gate = Gate()
-    far = "the receiver is at 52.1, 11.6, 6800 km in a straight line from the map's origin"
-    bad = gate.believed(ok=False, reason="no position yet: waiting for GNSS fixes")
+    far = FarFromMap(52.1, 11.6, 6.8e6, 0.0, 0.0, 1e5)
+    bad = gate.believed(ok=False, fact=NoFixesYet())
     published = []
     for tick in range(round(12.0 / TICK_S)):
         if tick == round(8.0 / TICK_S):
-            bad = gate.believed(ok=False, reason=far)
+            bad = gate.believed(ok=False, fact=far)
         gate.send(STOP, estimate=bad, state="waiting")
         if gate.supervisor.gate.checks:
             published.append((tick * TICK_S, gate.supervisor.gate.checks))
     assert [t_s for t_s, _ in published] == pytest.approx([5.0, 8.0], abs=0.1)
     assert states_of(gate)[0] == "standby"
-    wrong = {check.name: check.text for check in published[-1][1] if not check.is_ok}
-    assert wrong["position"] == f"no position: {far}"
+    wrong = {check.name: check.fact for check in published[-1][1] if not check.is_ok}
+    assert wrong["position"] == NoPosition(far)
     gate.send()
     assert all(check.is_ok for check in gate.supervisor.gate.checks)
 
@@ -220,7 +222,7 @@ def by_hand(gate: Gate, estimate: Estimate) -> tuple[DriveCommand, str]:
         gate.command(AHEAD), estimate, gate.rover.batch(), bounded, is_by_hand=True
     )
     gate.rover.turn_wheels(sent.drive)
-    return sent.drive, reason
+    return sent.drive, render(reason)
 
 
 def test_a_hand_that_takes_the_robot_out_of_the_field_is_stopped_once_and_then_may() -> None:
@@ -263,7 +265,7 @@ class Pictures:
             frames = () if fault == "off" else (frame,)
             scenes = () if fault in ("off", "hung") else (scene,)
             self.watch.update(SensorBatch(t_s=t_s, frames=frames), scenes)
-        return self.watch.fault
+        return render(self.watch.fault)
 
 
 @pytest.mark.parametrize(
@@ -291,22 +293,22 @@ def test_a_camera_or_a_network_that_fails_is_named_and_the_tool_goes_off(
             gate.command(FORWARD), gate.rover.estimate(), batch, goal("running"), scenes
         )
         gate.rover.turn_wheels(sent.drive)
-    assert (sent.drive, reason) == (FORWARD, ""), "it drives on"
+    assert (sent.drive, reason) == (FORWARD, None), "it drives on"
     assert not sent.implement.is_on
     assert "network" in gate.supervisor.gate.told
 
 
 def test_the_tool_is_off_while_the_plants_that_the_camera_names_are_in_doubt() -> None:
     gate = Gate().cruise()
-    for doubt, is_on in (("", True), ("camera: picture is too dark", False), ("", True)):
+    for doubt, is_on in ((None, True), (PictureUnfit("picture is too dark"), False), (None, True)):
         for _ in range(3):
             gate.rover.t_s += TICK_S
-            estimate = gate.believed(plants_doubt=doubt)
+            estimate = gate.believed(plants_fact=doubt)
             sent, reason = gate.supervisor.check(
                 gate.command(FORWARD), estimate, gate.rover.batch(), goal("running")
             )
             gate.rover.turn_wheels(sent.drive)
-        assert (sent.drive, reason) == (FORWARD, ""), "it drives on"
+        assert (sent.drive, reason) == (FORWARD, None), "it drives on"
         assert sent.implement.is_on == is_on
 
 
@@ -314,13 +316,13 @@ def test_a_robot_without_a_camera_or_with_a_slow_one_lacks_nothing() -> None:
     watch = CameraWatch(SafetyConfig())
     for tick in range(1000):
         watch.update(SensorBatch(t_s=tick * TICK_S), ())
-        assert watch.fault == ""
+        assert watch.fault is None
     slow = CameraWatch(SafetyConfig())
     for tick in range(2000):
         t_s = tick * TICK_S
         frame = CameraFrame(t_s=t_s, index=0, image_rgb=NO_PIXELS)
         slow.update(SensorBatch(t_s=t_s, frames=(frame,) if tick % 125 == 0 else ()), ())
-        assert slow.fault == "" or t_s < 3.0, "a picture every 2.5 s"
+        assert slow.fault is None or t_s < 3.0, "a picture every 2.5 s"
 
 
 def test_a_board_that_runs_away_is_told_with_the_red_button() -> None:

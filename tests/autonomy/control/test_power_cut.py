@@ -5,8 +5,9 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from agribot.autonomy.control.hazards import CONTACTOR, NO_CONTACTOR
+from agribot.autonomy.control.hazards import CONTACTOR
 from agribot.autonomy.control.power_cut import BLIND_S, OPENING_S, REST_S
+from agribot.core.facts import NoContactor
 from agribot.core.messages import (
     STOP,
     BoardSample,
@@ -285,7 +286,7 @@ def test_the_list_before_the_start_says_that_there_is_no_contactor() -> None:
     batch = machine.sense()
     machine.gate.send(batch=batch)
     (item,) = (c for c in machine.gate.supervisor.gate.checks if c.name == CONTACTOR)
-    assert (item.is_ok, item.text) == (True, NO_CONTACTOR)
+    assert (item.is_ok, item.fact) == (True, NoContactor())
     with_one = Machine()
     with_one.trouble = "its line is lost"
     with_one.go(TICK_S, STOP, state="waiting")

@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from agribot.autonomy.control.progress_watch import ProgressWatch
+from agribot.core.fact_text import render
 from agribot.core.geo import WGS84_A_M
 from agribot.core.messages import GnssFix, GnssQuality, ImuSample, SensorBatch, WheelSample
 from tests.autonomy.control.kinematic_rover import TICK_S, farm_robot
@@ -33,12 +34,12 @@ class Ride:
         self._fix_xy = 0.0, 0.0
 
     def go(self, seconds: float) -> str:
-        found = ""
+        found = None
         for tick in range(round(seconds / TICK_S)):
             found = self.watch.watch(self.batch(tick % 5 == 0))
             if found:
                 break
-        return found
+        return render(found)
 
     def batch(self, has_fix: bool) -> SensorBatch:
         self.t_s += TICK_S
@@ -150,7 +151,7 @@ def test_a_receiver_that_repeats_itself_jumps_or_falls_silent_is_no_sign_of_mud(
     ride = Ride()
     ride.go(2.0)
     for _ in range(500):  # it is moved on while its receiver is silent
-        assert ride.watch.watch(ride.batch(False)) == ""
+        assert ride.watch.watch(ride.batch(False)) is None
     ride.x_m = 0.8
     assert ride.go(0.1) == ""
 
@@ -163,7 +164,7 @@ def test_a_spoilt_number_of_an_encoder_is_no_way(off_rad: float) -> None:
         spoilt = ride.batch(True)
         a, b, c, d = spoilt.wheels[0].angle_rad
         wheel = msgspec.structs.replace(spoilt.wheels[0], angle_rad=(a + 4.0 * off_rad, b, c, d))
-        assert ride.watch.watch(msgspec.structs.replace(spoilt, wheels=(wheel,))) == ""
+        assert ride.watch.watch(msgspec.structs.replace(spoilt, wheels=(wheel,))) is None
         assert ride.go(0.1) == ""
 
 
@@ -190,4 +191,4 @@ def test_a_place_by_dead_reckoning_says_nothing_of_where_the_robot_stays() -> No
     for tick in range(1000):
         batch = ride.batch(tick % 5 == 0)
         fixes = [msgspec.structs.replace(one, unmeasured="dead reckoning") for one in batch.gnss]
-        assert ride.watch.watch(msgspec.structs.replace(batch, gnss=tuple(fixes))) == ""
+        assert ride.watch.watch(msgspec.structs.replace(batch, gnss=tuple(fixes))) is None

@@ -10,6 +10,8 @@ import pytest
 from agribot.autonomy.control.bumper import RELEASE_S
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.core.config import SafetyConfig
+from agribot.core.fact_text import render
+from agribot.core.facts import StoppedBy
 from agribot.core.latch import Latch
 from agribot.core.messages import (
     STOP,
@@ -250,7 +252,7 @@ def test_a_board_that_runs_on_though_the_robot_should_stand_is_told_until_it_sta
         assert sent.drive == STOP
         reasons.append(reason)
     assert "wheels turn too fast: 7.7 rad/s instead of 0.0" in reasons[-1]
-    stopped = gate.supervisor._latch.reason
+    stopped = render(gate.supervisor._latch.cause)
     assert stopped.startswith("stopped by operator" if actions else "wheels turn too fast")
     for _ in range(50):
         sent, reason = gate.send(STOP, state="paused")
@@ -261,14 +263,15 @@ def test_a_board_that_runs_on_though_the_robot_should_stand_is_told_until_it_sta
 
 
 def test_a_latch_closed_by_others_holds_the_robot_and_keeps_its_first_reason() -> None:
-    latch = Latch("stopped by Ann")
+    latch = Latch()
+    latch.hold(StoppedBy("Ann"))
     gate = Gate()
     gate.supervisor = Supervisor(SafetyConfig(), ROBOT, latch)
     assert_stopped(*gate.send(batch=touching(gate, 0.5)), "stopped by Ann")
     latch.hear(OperatorEvent(t_s=0.0, action="stop", source="Bert"))
-    assert latch.reason == "stopped by Ann"
+    assert latch.cause == StoppedBy("Ann")
     for action in ("resume", "start", "pause"):
         latch.hear(OperatorEvent(t_s=0.0, action=action))
-    assert latch.reason == "stopped by Ann"
+    assert latch.cause == StoppedBy("Ann")
     latch.hear(OperatorEvent(t_s=0.0, action="clear_stop"))
-    assert latch.reason == ""
+    assert latch.cause is None

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from agribot.autonomy.control.fence import PathFence
 from agribot.autonomy.control.supervise import Supervisor
 from agribot.core.config import SafetyConfig
+from agribot.core.fact_text import render
+from agribot.core.facts import GnssJumped, NoFixesYet, Said
 from agribot.core.messages import (
     STOP,
     DriveCommand,
@@ -70,13 +72,13 @@ class Gate:
         )
         self.rover.turn_wheels(sent.drive)
         self.rover.yaw_rate_radps = sent.drive.yaw_rate_radps
-        return sent, reason
+        return sent, render(reason)
 
     def command(self, drive: DriveCommand) -> RobotCommand:
         return RobotCommand(t_s=self.rover.t_s, drive=drive, implement=self.implement)
 
     def lost_estimate(self) -> Estimate:
-        return msgspec.structs.replace(self.rover.estimate(), ok=False, reason="no GNSS fix")
+        return msgspec.structs.replace(self.rover.estimate(), ok=False, fact=Said("no GNSS fix"))
 
     def cruise(self) -> Gate:
         for _ in range(50):
@@ -91,7 +93,7 @@ class Gate:
 def goal(state: MissionState) -> Goal:
     status = MissionStatus(
         state=state, reason="why", row=0, rows_total=1, rows_done=(), s_m=0.0, length_m=1.0,
-        waypoints_total=0, waypoints_reached=0,
+        waypoints_total=0, waypoints_reached=0, fact=Said("why"),
     )  # fmt: skip
     return Goal(path=SPOT, s_m=0.0, max_speed_mps=0.4, tool_on=True, status=status)
 
@@ -110,10 +112,10 @@ def test_a_good_command_passes_unchanged() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"ok": False, "reason": "no fix yet"}, ("no position", "no fix yet")),
+        ({"ok": False, "fact": NoFixesYet()}, ("no position", "waiting for GNSS fixes")),
         ({"pos_std_m": 3.2}, ("position uncertain", "3.20 m > 3.00 m")),
         ({"pos_std_m": math.nan}, ("position uncertain",)),
-        ({"contradiction": "GNSS jumped by 0.40 m"}, ("GNSS jumped by 0.40 m",)),
+        ({"contradiction_fact": GnssJumped(0.4)}, ("GNSS jumped by 0.40 m",)),
         ({"yaw_std_rad": 0.7}, ("heading uncertain", "0.70 rad > 0.60 rad")),
         ({"x_map_m": math.nan}, ("not finite",)),
         ({"yaw_map_rad": math.inf}, ("not finite",)),
@@ -314,7 +316,7 @@ def test_a_stop_that_was_wanted_anyway_needs_no_reason() -> None:
     command = RobotCommand(t_s=0.0)
     unready = gate.believed(ok=False)
     sent, reason = gate.supervisor.check(command, unready, batch, goal("waiting"))
-    assert (sent.drive, reason) == (STOP, "")
+    assert (sent.drive, reason) == (STOP, None)
 
 
 def test_fence_of_a_path_is_its_box_and_a_margin() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from agribot.autonomy.control.wheel_watch import WheelWatch
+from agribot.core.fact_text import render
 from agribot.core.messages import STOP, DriveCommand, Four, ImuSample, SensorBatch, WheelSample
 from tests.autonomy.control.kinematic_rover import TICK_S, farm_robot
 
@@ -59,10 +60,10 @@ class Bench:
                 is_held=self.is_held, is_stop_pressed=self.is_stop_pressed,
             )  # fmt: skip
             self.is_stop_pressed = False
-            self._sent, self.runaway = command, found.runaway
+            self._sent, self.runaway = command, render(found.runaway)
             if any(found):
                 doubt = found.dead_motor or found.frozen_imu or found.wrong_turn or found.held
-                return tick * TICK_S, found.wheels, doubt
+                return tick * TICK_S, render(found.wheels), render(doubt)
         return seconds, "", ""
 
     def _batch(self) -> SensorBatch:

@@ -90,7 +90,7 @@ def test_a_gyro_whose_axes_are_swapped_is_named_in_its_first_turn(
     order: tuple[int, int, int], sign: float
 ) -> None:
     recording = swap_axes(record(rows, 22.0, seed=1, errors=M8N), order, sign)
-    found = first_complaint(recording, "that neither compass nor wheels know of; check the IMU")
+    found = first_complaint(recording, "which neither compass nor wheels confirm; check the IMU")
     assert found.t_s < 17.0  # the turn begins at 15 s
 
 

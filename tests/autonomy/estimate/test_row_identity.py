@@ -11,6 +11,7 @@ from agribot.autonomy.estimate.field_rows import FieldRows, Rows
 from agribot.autonomy.estimate.mapped_rows import MappedRows
 from agribot.autonomy.estimate.row_identity import LOOK_M, RowIdentity
 from agribot.core.config import FieldConfig
+from agribot.core.facts import WhichRow
 from agribot.core.messages import FloatArray
 from agribot.core.pose import Pose2
 from tests.autonomy.estimate.paper_cover import Grows, Mask, cover_from
@@ -63,14 +64,15 @@ def test_crop_beside_the_outermost_row_where_none_is_to_be_asks_within_two_metre
 ) -> None:
     field = Field()
     assert field.drive(row, aside, back=back) < 2.0
-    assert field.identity.doubt.startswith("which row?")
-    assert f"one row to the {side}" in field.identity.doubt
+    doubt = field.identity.doubt
+    assert isinstance(doubt, WhichRow) and (doubt.rows, doubt.side) == (1, side)
 
 
 def test_bare_ground_in_the_first_row_with_crop_beside_it_asks() -> None:
     field = Field()
     assert field.drive(0, -1) < 1.0 + 4 * LOOK_M
-    assert "one row to the left" in field.identity.doubt
+    doubt = field.identity.doubt
+    assert isinstance(doubt, WhichRow) and (doubt.rows, doubt.side) == (1, "left")
 
 
 def test_a_row_in_the_middle_of_a_field_looks_like_the_next() -> None:

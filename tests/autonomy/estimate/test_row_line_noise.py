@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from agribot.autonomy.estimate.row_line_noise import RowLineNoise
+from agribot.core.facts import RowHeadingsScatter, RowLinesScatter
 from agribot.core.messages import RowLine
 
 STATED_M, STATED_RAD, STEP_S = 0.015, math.radians(0.7), 0.07
@@ -83,10 +84,12 @@ def test_lines_that_are_far_apart_in_time_are_no_neighbours() -> None:
 
 
 def test_lines_that_scatter_are_named_with_what_they_state() -> None:
-    assert look(4.0).fault.startswith(
-        "the camera's row lines scatter by 0.06 m, stated are 0.015; check its"
-    )
-    fault = look(1.0, 4.0).fault
-    assert float(fault.split()[6]) == pytest.approx(2.8, rel=0.3)
-    assert "deg, stated are 0.7" in fault
+    aside = look(4.0).fault
+    assert isinstance(aside, RowLinesScatter)
+    assert aside.std_m == pytest.approx(0.06, abs=0.005)
+    assert aside.stated_m == 0.015
+    turned = look(1.0, 4.0).fault
+    assert isinstance(turned, RowHeadingsScatter)
+    assert math.degrees(turned.std_rad) == pytest.approx(2.8, rel=0.3)
+    assert math.degrees(turned.stated_rad) == pytest.approx(0.7)
     assert not look(1.0, 1.0).fault

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from agribot.core.config import FieldConfig, MissionConfig
+from agribot.core.facts import NoFixesYet
 from agribot.core.messages import (
     WHEEL_NAMES,
     Estimate,
@@ -73,7 +74,7 @@ def at(x_m: float, y_m: float, t_s: float, ok: bool = True) -> Estimate:
     return Estimate(
         t_s=t_s, x_map_m=x_m, y_map_m=y_m, yaw_map_rad=0.0, v_mps=0.0, yaw_rate_radps=0.0,
         slip_rad=0.0, pose_cov=(0.0,) * 9, pos_std_m=0.01, yaw_std_rad=0.01,
-        quality=GnssQuality.RTK_FIXED, ok=ok, reason="" if ok else "no fix yet",
+        quality=GnssQuality.RTK_FIXED, ok=ok, fact=None if ok else NoFixesYet(),
     )  # fmt: skip
 
 

@@ -19,6 +19,15 @@ from agribot.autonomy.plan.caution import (
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig, MissionConfig
+from agribot.core.fact_text import render
+from agribot.core.facts import (
+    CameraAndGnssDisagree,
+    DeadReckoning,
+    Fact,
+    GnssSilent,
+    MayBeOffRow,
+    PictureFrozen,
+)
 from agribot.core.messages import Estimate, GnssQuality, Goal, OperatorAction
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at, rover
@@ -54,12 +63,15 @@ def test_speed_falls_to_a_creep_and_then_to_nothing() -> None:
 
 
 LIMIT_M = 0.3
+DISAGREE = CameraAndGnssDisagree(0.4, is_left_open=True)
 
 
 def judged(guard: CropGuard, t_s: float, level_m: float) -> str:
     estimate = msgspec.structs.replace(known(0.05, 0.05), row_seen=True)
-    return guard.judge(
-        msgspec.structs.replace(estimate, t_s=t_s, across_protection_m=level_m), LIMIT_M
+    return render(
+        guard.judge(
+            msgspec.structs.replace(estimate, t_s=t_s, across_protection_m=level_m), LIMIT_M
+        )
     )
 
 
@@ -104,12 +116,12 @@ def test_a_robot_that_only_knows_little_creeps_on_until_it_may_see_its_row_again
         unsure, across_protection_m=0.66, across_unknown_m=0.66, row_seen=False
     )
     for t_s in (0.0, PATIENCE_S + 1.0):
-        assert guard.judge(msgspec.structs.replace(unsure, t_s=t_s), LIMIT_M) == ""
+        assert guard.judge(msgspec.structs.replace(unsure, t_s=t_s), LIMIT_M) is None
         assert guard.ratio == CREEP_RATIO
     assert guard.judge(msgspec.structs.replace(unsure, t_s=60.0), LIMIT_M)
     assert guard.ratio == 0.0
     for change in (
-        {"reason": "camera picture has not changed"},
+        {"fact": PictureFrozen(0.05)},
         {"across_unknown_m": 0.66 / 1.6},  # the GNSS may lie
         {"row_seen": None},  # neither a camera nor corrections will tell
     ):
@@ -119,10 +131,10 @@ def test_a_robot_that_only_knows_little_creeps_on_until_it_may_see_its_row_again
 def test_without_a_camera_and_corrections_it_stands_at_the_limit_until_a_person_looks() -> None:
     guard, blind = CropGuard(), known(0.1, 0.1)
     blind = msgspec.structs.replace(blind, across_protection_m=0.31, across_unknown_m=0.31)
-    assert guard.judge(blind, LIMIT_M).startswith("may be 0.31 m off the row > 0.30 m")
+    assert guard.judge(blind, LIMIT_M) == MayBeOffRow(0.31, 0.3)
     assert guard.ratio == 0.0
     guard.restart()
-    assert guard.judge(blind, LIMIT_M) == ""
+    assert guard.judge(blind, LIMIT_M) is None
     assert guard.ratio == CREEP_RATIO
 
 
@@ -141,15 +153,15 @@ class Ride:
         self,
         s_m: float,
         level_m: float = 0.1,
-        contradiction: str = "",
+        contradiction: Fact | None = None,
         action: OperatorAction | None = None,
-        reason: str = "",
+        fact: Fact | None = None,
     ) -> Goal:
         self.t_s += 0.02
         estimate = msgspec.structs.replace(
             at(*point_at(self.path, s_m), self.t_s, True),
-            across_protection_m=level_m, protection_m=level_m, contradiction=contradiction,
-            reason=reason,
+            across_protection_m=level_m, protection_m=level_m, contradiction_fact=contradiction,
+            fact=fact,
         )  # fmt: skip
         return self.mission.step(estimate, [event(action)] if action else [])
 
@@ -198,7 +210,7 @@ def test_on_the_headland_the_level_may_be_anything() -> None:
 
 
 def test_where_a_sensor_fails_it_stands_on_the_headland_before_it_may_be_in_the_crop() -> None:
-    probe, silent = Ride(), "GNSS silent for 25 s, dead reckoning"
+    probe, silent = Ride(), DeadReckoning(GnssSilent(25.0), 0.1, 0.5, is_lost=False)
     last_m = float(probe.path.s_m[probe.path.row == 0][-1])
     probe.drive_to(last_m + 0.9)
     crop_m = last_m + 0.9
@@ -207,9 +219,9 @@ def test_where_a_sensor_fails_it_stands_on_the_headland_before_it_may_be_in_the_
     assert crop_m > last_m + 1.4
     ride, before_m = Ride(), crop_m - 0.4
     ride.drive_to(before_m)
-    assert ride.be_at(before_m, 0.25, reason=silent).max_speed_mps > 0.1
+    assert ride.be_at(before_m, 0.25, fact=silent).max_speed_mps > 0.1
     assert ride.be_at(before_m, 0.6).max_speed_mps > 0.1
-    stands = ride.be_at(before_m, 0.6, reason=silent)
+    stands = ride.be_at(before_m, 0.6, fact=silent)
     assert stands.max_speed_mps == 0.0
     assert "off the row" in stands.status.reason
     assert ride.be_at(before_m, 0.1).max_speed_mps > 0.1  # the fix is back
@@ -219,8 +231,8 @@ def test_sensors_that_contradict_each_other_pause_a_mission_until_a_person_resum
     ride = Ride()
     here_m = ride.in_row_m
     ride.drive_to(here_m)
-    halted = ride.be_at(here_m, contradiction="camera and GNSS disagree by 0.40 m")
+    halted = ride.be_at(here_m, contradiction=DISAGREE)
     assert (halted.status.state, halted.max_speed_mps) == ("paused", 0.0)
-    assert halted.status.reason == "camera and GNSS disagree by 0.40 m"
+    assert halted.status.fact == DISAGREE
     assert ride.be_at(here_m).status.state == "paused"
     assert ride.be_at(here_m, action="resume").max_speed_mps > 0.1

@@ -14,6 +14,7 @@ from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig, MissionConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import Stuck
 from agribot.core.geo import is_backwards
 from agribot.core.messages import Estimate, Goal, Path
 from agribot.core.pose import Pose2
@@ -23,7 +24,7 @@ from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_a
 ROWS = lay_rows(FieldConfig(row_count=2, row_length_m=6.0))  # North, 1 m apart, from (1, 2)
 DT_S, HELD_S = 0.1, 3.0
 BACKS_OUT = "backs out to try again"
-STUCK = "stuck or slipping: the wheels turned 0.5 m, the robot got on 0.0 m"
+STUCK = Stuck(0.5, 2.5, 0.0)
 
 
 def plan(here: Estimate) -> Path:
@@ -54,7 +55,7 @@ class Drive:
         self.left_m: list[float] = []  # of its path, which runs North here, it is to drive
 
     def step(self) -> Goal:
-        self.mission.free(STUCK if self.held_s >= HELD_S else "")
+        self.mission.free(STUCK if self.held_s >= HELD_S else None)
         goal = self.mission.step(self.look())
         self.t_s += DT_S
         self.north_m.append(self.place[1])

@@ -24,6 +24,7 @@ from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.config import RunConfig, SafetyConfig
 from agribot.core.errors import ConfigError, DescriptionError, MissionError
+from agribot.core.facts import EntersKeepOut, InKeepOut
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.keep_out import BodyBox
 from agribot.core.messages import STOP, DriveCommand, GnssQuality
@@ -240,13 +241,15 @@ def test_the_fence_stops_a_robot_before_the_area_and_lets_it_back_out() -> None:
     way = msgspec.structs.replace(goal("running"), path=along((0.0, 0.0), (9.0, 0.0)))
     braking_m = 0.4 * 0.2 + 0.4**2 / 3.0
     said = [(x, standing.objection(at(x, 0.0, 0.0), ahead, way)) for x in np.arange(3.0, 5.0, 0.01)]
-    first_m = min(x for x, words in said if words)
+    first_m = min(x for x, fact in said if fact)
     assert first_m == pytest.approx(5.0 - 0.5 - braking_m, abs=0.02)
-    assert "about to enter the area to keep out of near East 5.50 m" in dict(said)[first_m]
-    assert "in the area" in standing.objection(at(4.6, 0.0, 0.0), STOP, way)
-    assert standing.objection(at(3.0, 2.0, 0.0), ahead, way) == ""
-    assert "about to enter" in standing.crossing(at(first_m, 0.0, 0.0), ahead)
-    assert standing.crossing(at(4.8, 0.0, 0.0), DriveCommand(v_mps=-0.2)) == ""
+    enters = dict(said)[first_m]
+    assert isinstance(enters, EntersKeepOut)
+    assert enters.area_x_map_m == pytest.approx(5.5)
+    assert isinstance(standing.objection(at(4.6, 0.0, 0.0), STOP, way), InKeepOut)
+    assert standing.objection(at(3.0, 2.0, 0.0), ahead, way) is None
+    assert isinstance(standing.crossing(at(first_m, 0.0, 0.0), ahead), EntersKeepOut)
+    assert standing.crossing(at(4.8, 0.0, 0.0), DriveCommand(v_mps=-0.2)) is None
 
 
 def test_the_supervisor_holds_a_robot_before_the_area_on_every_way() -> None:

@@ -21,6 +21,7 @@ from agribot.autonomy.plan.states import (
     Stopping,
     Waiting,
 )
+from agribot.core.facts import BatteryLow, Said
 from agribot.core.latch import Latch
 from agribot.core.messages import Goal, MissionStatus, OperatorAction, OperatorEvent
 from tests.autonomy.plan.paper_task import PaperTasks
@@ -255,12 +256,12 @@ def test_a_battery_that_gets_low_in_the_moment_of_a_stop_is_heeded_after_it() ->
     latch, one = Latch(), Asked()
     one.mission = Mission(task(), MISSION, latch=latch)
     one.into("driving")
-    latch.hold("the bumper touches something in front")
+    latch.hold(Said("the bumper touches something in front"))
     moments: tuple[OperatorAction | None, ...] = (None, "clear_stop", "resume")
     for action in moments:
-        one.mission.heed("battery low: 19 % left")
+        one.mission.heed(BatteryLow(19.0, 20.0))
         one.ask(request(action) if action else None)
-    one.mission.heed("battery low: 18 % left")
+    one.mission.heed(BatteryLow(18.0, 20.0))
     assert one.ask().leg == "way home"
 
 

@@ -13,6 +13,7 @@ from agribot.autonomy.plan.speed import warn_of_speeds
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import NoFixesYet, PositionAwaited, PositionLost
 from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at, event, point_at, rover
@@ -87,7 +88,7 @@ def test_waits_until_the_estimate_has_held_for_a_second(ride: Ride) -> None:
     for _ in range(20):
         goal = ride.be_at(-2.0, 0.0)
     goal = ride.be_at(-2.0, 0.0, ok=False)
-    assert "no fix yet" in goal.status.reason
+    assert goal.status.fact == PositionAwaited(NoFixesYet())
     lost_s = ride.t_s
     while (goal := ride.be_at(-2.0, 0.0)).status.state == "waiting":
         assert goal.max_speed_mps == 0.0
@@ -224,7 +225,7 @@ def test_a_lost_estimate_stands_still_and_goes_on_by_itself(ride: Ride) -> None:
     place = ride.place(2.0)
     lost = ride.be_at(*place, ok=False)
     assert lost.max_speed_mps == 0.0
-    assert "position lost: no fix yet" in lost.status.reason
+    assert lost.status.fact == PositionLost(NoFixesYet())
     not_finite = ride.be_at(math.nan, 0.0)
     assert not_finite.max_speed_mps == 0.0
     assert ride.be_at(*place).max_speed_mps > 0.0

@@ -7,6 +7,8 @@ import pytest
 
 from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.saved_mission import SavedMission
+from agribot.core.fact_text import render
+from agribot.core.facts import CameraAndGnssDisagree, Said
 from agribot.core.latch import Latch
 from agribot.core.messages import Goal
 from tests.autonomy.plan.paper_task import PaperTask
@@ -91,14 +93,14 @@ def test_a_mission_that_held_itself_and_is_cancelled_is_held_no_more_and_kept_as
     one = ride()
     one.settle()
     one.along(0.0, 2.0)
-    place, doubt = one.place(2.0), "camera and GNSS disagree by 0.40 m"
-    unsure = msgspec.structs.replace(at(*place, one.t_s), contradiction=doubt)
-    assert one.mission.step(unsure).status.held == doubt
+    place, doubt = one.place(2.0), CameraAndGnssDisagree(0.4, is_left_open=True)
+    unsure = msgspec.structs.replace(at(*place, one.t_s), contradiction_fact=doubt)
+    assert one.mission.step(unsure).status.held_fact == doubt
     status = one.be_at(*place, "cancel").status
     assert (status.state, status.held) == ("cancelled", "")
     saved = one.mission.snapshot()
     assert saved is not None
-    assert saved.paused == doubt
+    assert (saved.paused, saved.paused_fact) == (render(doubt), doubt)
 
 
 def test_a_run_that_drove_when_it_was_cut_off_goes_on_by_itself() -> None:
@@ -122,9 +124,17 @@ def test_a_stop_is_still_there_when_the_run_that_goes_on_is_cut_off_too() -> Non
 
 def test_a_file_of_an_older_version_holds_no_stop() -> None:
     tree = msgspec.to_builtins(cut_off("stop")[0])
-    del tree["stopped"], tree["paused"]
+    for name in ("stopped", "paused", "stopped_fact", "paused_fact"):
+        del tree[name]
     saved = msgspec.convert(tree, SavedMission)
     assert resumed(saved).settle().status.state == "running"
+
+
+def test_a_file_from_before_facts_holds_its_stop_in_its_words() -> None:
+    tree = msgspec.to_builtins(cut_off("stop")[0])
+    del tree["stopped_fact"], tree["paused_fact"]
+    status = resumed(msgspec.convert(tree, SavedMission)).settle().status
+    assert status.stopped == "stopped by operator"
 
 
 def test_a_latch_that_others_close_pauses_the_mission_with_its_reason() -> None:
@@ -133,7 +143,7 @@ def test_a_latch_that_others_close_pauses_the_mission_with_its_reason() -> None:
     one.settle()
     one.along(0.0, 2.0)
     place = one.place(2.0)
-    latch.hold("the bumper touches something in front")
+    latch.hold(Said("the bumper touches something in front"))
     status = one.be_at(*place).status
     assert status.state == "paused"
     assert status.stopped == "the bumper touches something in front"

@@ -13,6 +13,7 @@ from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.row_recovery import SURE_M
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig
+from agribot.core.facts import Fact, PictureFrozen
 from agribot.core.messages import Estimate, GnssQuality, Goal, MissionStatus, Path
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at, rover
@@ -34,11 +35,11 @@ class Drive:
     """A robot that goes exactly where its mission wants, and knows its row where it sees it."""
 
     def __init__(
-        self, sees: Sees, reason: str = "", quality: GnssQuality = GnssQuality.RTK_FIXED
+        self, sees: Sees, fact: Fact | None = None, quality: GnssQuality = GnssQuality.RTK_FIXED
     ) -> None:
         task = PaperTask(plan, ROWS, around=plan_around, clearance_m=math.inf)
         self.mission = Mission(task, MISSION)
-        self.sees, self.reason, self.quality = sees, reason, quality
+        self.sees, self.fact, self.quality = sees, fact, quality
         self.t_s, self.place = 0.0, FARM_START[:2]
         self.aside_m, self.row = 0.0, -1
         self.legs: list[str] = []
@@ -55,7 +56,7 @@ class Drive:
         std_m = 0.01 if sees else 0.3
         estimate = msgspec.structs.replace(
             estimate, pose_cov=(std_m**2, 0, 0, 0, 1e-4, 0, 0, 0, 1e-4), row_seen=sees,
-            reason=self.reason if not sees else "", across_protection_m=0.1,
+            fact=self.fact if not sees else None, across_protection_m=0.1,
             quality=self.quality,
         )  # fmt: skip
         goal = self.mission.step(estimate)
@@ -116,14 +117,14 @@ def test_where_row_after_row_is_lost_it_does_not_go_on_for_ever() -> None:
 
 
 @pytest.mark.parametrize(
-    ("blind", "reason"),
-    [(None, ""), (False, "camera picture has not changed over 0.05 m of way; check the camera")],
+    ("blind", "fact"),
+    [(None, None), (False, PictureFrozen(0.05))],
     ids=["no camera", "camera fails"],
 )
 def test_without_a_camera_that_could_find_the_row_it_stands_and_waits(
-    blind: bool | None, reason: str
+    blind: bool | None, fact: Fact | None
 ) -> None:
-    drive = Drive(lambda d: blind if is_in_row(d, 0) else True, reason)
+    drive = Drive(lambda d: blind if is_in_row(d, 0) else True, fact)
     status = drive.to_the_end()
     assert status.state == "failed"
     assert "row lost" in status.reason

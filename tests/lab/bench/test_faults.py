@@ -153,9 +153,12 @@ def test_what_the_same_drive_tells_without_a_fault_is_no_sign_of_one() -> None:
     good = faults.FaultScenario("", "farm")
     jobs = faults.list_jobs((good, bad), "1")
     seen = FaultReport(name="gnss.jump", t_s=32.0, detected_s=33.0, reaction="stopped",
-                       reason="off path by 0.6 m")  # fmt: skip
+                       reason="off path by 0.6 m", code="off_path")  # fmt: skip
     usual = msgspec.structs.replace(
-        report(), safety=SafetyReport(stops=(SafetyEvent(t_s=33.0, reason="off path by 0.7 m"),))
+        report(),
+        safety=SafetyReport(
+            stops=(SafetyEvent(t_s=33.0, reason="off path by 0.7 m", code="off_path"),)
+        ),
     )
     rows = make_rows((good, bad), jobs, {jobs[0].name: usual, jobs[1].name: report(seen)})
     assert (rows[0].reaction, rows[1].detected_ratio) == ("1 false stops", 0.0)

@@ -11,11 +11,12 @@ import pytest
 
 from agribot.app.field_work import read_work
 from agribot.app.mission_file import read_mission
-from agribot.autonomy.plan.errand import CAME_TO_BE_CHARGED
 from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.autonomy.plan.saved_mission import SavedErrand, SavedMission
 from agribot.cli.main import main
 from agribot.core.config import load
+from agribot.core.fact_text import render
+from agribot.core.facts import CameToBeCharged
 from agribot.description.loader import load_robot
 from agribot.lab.bench import long_mission
 from agribot.lab.bench.long_mission import (
@@ -120,7 +121,7 @@ def test_a_robot_that_comes_home_for_its_battery_is_charged_and_finishes(tmp_pat
     assert report.ok, report.reason
     assert len(parts) > 1
     asked = [needed.reason for needed in report.safety.interventions]
-    assert asked == [f"cancelled: {CAME_TO_BE_CHARGED}"] * (len(parts) - 1)
+    assert asked == [f"cancelled: {render(CameToBeCharged())}"] * (len(parts) - 1)
 
 
 @pytest.mark.usefixtures("small_field")

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from playwright.sync_api import BrowserContext, expect
 
-from agribot.autonomy.control.hazards import NO_CONTACTOR
+from agribot.core.fact_text import render
+from agribot.core.facts import NoContactor
 from agribot.ui import wire
 from tests import nightly
 from tests.ui.page.conftest import WITHOUT_GL, OpenPage, until
@@ -17,6 +18,8 @@ from tests.ui.page.robots import robot_with_page
 BLIND = [
     "--set", "perception.enabled=false", "--set", "seed=1", "--set", "faults=['gnss.jump=2@20']",
 ]  # fmt: skip
+
+NO_CONTACTOR = render(NoContactor())
 
 
 @nightly.by_day(

@@ -12,6 +12,7 @@ from agribot.app.localization.log_robot import find_antenna_m
 from agribot.autonomy.estimate.corrections import load_corrections
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import RunConfig
+from agribot.core.facts import find_kind
 from agribot.core.geo import MapFrame
 from agribot.core.messages import BaseFix, Estimate, GnssFix, GnssHeading, SensorBatch
 from agribot.core.pose import Pose2
@@ -57,6 +58,7 @@ class LogPass:
         self._begun: tuple[float, float] | None = None
         self._end_s = self._driven_m = 0.0
         self._reason = ""
+        self._why: tuple[object, ...] = ()
         self._stops: list[tuple[float, str]] = []
 
     def update(self, batch: SensorBatch) -> LocalizedTick:
@@ -94,11 +96,10 @@ class LogPass:
 
     def _note_reason(self, estimate: Estimate) -> None:
         """Note why the pose is not good, whenever that changes but for its numbers."""
-        reason = "" if estimate.ok else estimate.reason
-        is_new = reason.split(" ")[:3] != self._reason.split(" ")[:3]
-        if reason and is_new and len(self._stops) < MOST_STOPS:
-            self._stops.append((estimate.t_s, reason))
-        self._reason = reason
+        kind = () if estimate.ok else find_kind(estimate.fact)
+        if kind and kind != self._why and len(self._stops) < MOST_STOPS:
+            self._stops.append((estimate.t_s, estimate.reason))
+        self._why, self._reason = kind, "" if estimate.ok else estimate.reason
 
     def _count_way(self, batch: SensorBatch) -> None:
         for wheels in batch.wheels:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from agribot.core.facts import End, Side, Touched
 from agribot.core.messages import STOP, DriveCommand, SensorBatch
 
 # A touch that chatters is one touch; so long after its last sample the robot is free.
@@ -12,29 +13,27 @@ class Bumper:
     """Remembers on which side, in front or behind, the robot touches something."""
 
     def __init__(self) -> None:
-        self._touched_s: dict[str, float] = {}
-        self._known: set[str] = set()
+        self._touched_s: dict[End, float] = {}
+        self._known: set[End] = set()
 
     @property
-    def sides(self) -> tuple[str, ...]:
-        """Where it touches now: "in front", "behind"."""
+    def ends(self) -> tuple[End, ...]:
+        """Where it touches now."""
         return tuple(self._touched_s)
 
-    def feel(self, batch: SensorBatch) -> str:
-        """Take in the samples of a tick; where a touch is new, what it is in words."""
-        found = ""
+    def feel(self, batch: SensorBatch) -> Touched | None:
+        """Take in the samples of a tick; find a touch that is new."""
+        found = None
         for sample in batch.bumper:
-            side = "behind" if sample.x_body_m < 0.0 else "in front"
-            if side not in self._known:
-                found = (
-                    f"the bumper touches something {side}, {abs(sample.x_body_m):.2f} m from the "
-                    f"robot's middle and {abs(sample.y_body_m):.2f} m to the "
-                    f"{'left' if sample.y_body_m >= 0.0 else 'right'}"
-                )
-            self._touched_s[side] = batch.t_s
-        for side, touched_s in tuple(self._touched_s.items()):
+            end: End = "behind" if sample.x_body_m < 0.0 else "front"
+            if end not in self._known:
+                ahead_m, left_m = sample.x_body_m, sample.y_body_m
+                side: Side = "left" if left_m >= 0.0 else "right"
+                found = Touched(end, abs(ahead_m), abs(left_m), side)
+            self._touched_s[end] = batch.t_s
+        for touched, touched_s in tuple(self._touched_s.items()):
             if not 0.0 <= batch.t_s - touched_s <= RELEASE_S:
-                del self._touched_s[side]
+                del self._touched_s[touched]
         self._known &= set(self._touched_s)
         return found
 
@@ -46,7 +45,7 @@ class Bumper:
         """Keep what of a hand's wish leads straight away from all that the robot touches."""
         if not self._touched_s:
             return drive
-        is_towards = (drive.v_mps > 0.0 and "in front" in self._touched_s) or (
+        is_towards = (drive.v_mps > 0.0 and "front" in self._touched_s) or (
             drive.v_mps < 0.0 and "behind" in self._touched_s
         )
         return STOP if is_towards else DriveCommand(v_mps=drive.v_mps)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from agribot.core.config import SafetyConfig
+from agribot.core.facts import CameraLate, CameraSilent, Fact, NetworkSilent
 from agribot.core.messages import Scene, SensorBatch
 
 
@@ -38,10 +39,10 @@ class CameraWatch:
         self._limit_s = config.camera_timeout_s
         self._frames, self._scenes = _Stream(), _Stream()
         self._late_s = 0.0
-        self.fault = ""
+        self.fault: Fact | None = None
 
     def update(self, batch: SensorBatch, scenes: Sequence[Scene]) -> None:
-        """Take in a tick; `fault` then names what is silent or late, empty where all is well."""
+        """Take in a tick; `fault` is then what is silent or late, None where all is well."""
         if batch.frames:
             self._frames.hear(batch.t_s)
             self._late_s = batch.t_s - batch.frames[-1].t_s
@@ -54,15 +55,11 @@ class CameraWatch:
         """Whether pictures came at least once."""
         return self._frames.is_heard
 
-    def _judge(self, t_s: float) -> str:
+    def _judge(self, t_s: float) -> Fact | None:
         limit_s = self._limit_s
         if silent_s := self._frames.silence_s(t_s, limit_s):
-            return f"camera silent for {silent_s:.1f} s > {limit_s:.1f} s; check it and its cable"
+            return CameraSilent(silent_s, limit_s)
         if self._late_s > limit_s:
-            return f"camera pictures are {self._late_s:.1f} s late > {limit_s:.1f} s; restart it"
-        if silent_s := self._scenes.silence_s(t_s, limit_s):
-            return (
-                f"the network says nothing of the camera's pictures for {silent_s:.1f} s > "
-                f"{limit_s:.1f} s; look at the load of the computer, and restart the run"
-            )
-        return ""
+            return CameraLate(self._late_s, limit_s)
+        silent_s = self._scenes.silence_s(t_s, limit_s)
+        return NetworkSilent(silent_s, limit_s) if silent_s else None

@@ -14,6 +14,14 @@ import numpy as np
 
 from agribot.core.arithmetic import clamp
 from agribot.core.config import SafetyConfig
+from agribot.core.facts import (
+    BeyondField,
+    Fact,
+    LeavesBox,
+    LeavesField,
+    NearEdgeAndDoubted,
+    NearEdgeAndUnsure,
+)
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import std_along_m
 from agribot.core.messages import DriveCommand, Estimate, FloatArray, GnssQuality, Goal, Path
@@ -30,8 +38,8 @@ MOST_MPS, MOST_RADPS = 3.0, 3.0  # no wish is taken for more; what is sent has l
 
 
 class Fence(Protocol):
-    def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> str:
-        """Why the robot must not move like this here; empty where it may."""
+    def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> Fact | None:
+        """Why the robot must not move like this here; None where it may."""
         ...
 
 
@@ -58,15 +66,12 @@ class PathFence(NamedTuple):
     def holds(self, x_map_m: float, y_map_m: float) -> bool:
         return self.x_min_m <= x_map_m <= self.x_max_m and self.y_min_m <= y_map_m <= self.y_max_m
 
-    def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> str:
+    def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> Fact | None:
         here = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
         is_in = self.holds(*here[:2])
         if is_in and self.holds(*predict_rest(here, drive, self.decel_mps2)[:2]):
-            return ""
-        return (
-            f"{'about to leave' if is_in else 'outside'} the geofence at East {here[0]:.2f} m, "
-            f"North {here[1]:.2f} m; bring it back or raise safety.geofence_margin_m"
-        )
+            return None
+        return LeavesBox(*here[:2], is_inside=is_in)
 
 
 class _Edges:
@@ -163,7 +168,7 @@ class FieldFence:
         self._was_inside = False
         self._led_out: tuple[Path | None, float, bool] = None, math.nan, False
 
-    def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> str:
+    def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> Fact | None:
         along_std_m, across_std_m = _std_m(estimate)
         believed = self._box(-self._config.fence_tolerance_m, -self._config.fence_tolerance_m)
         along_m, unknown_m = (
@@ -173,31 +178,25 @@ class FieldFence:
         box = self._box(along_m, max(unknown_m, self._split_m(estimate)))
         here = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
         at_rest = predict_rest(here, drive, self._decel_mps2)
-        if not self._was_inside:
+        was_inside = self._was_inside
+        if not was_inside:
             self._was_inside = not self._here.touch(here, self._box(0.0, 0.0))
-            return ""
-        is_in = not self._here.touch(here, box) and not self._rest.touch(at_rest, box)
-        if is_in or self._leads_out(goal):
-            return ""
-        place = f"at East {here[0]:.2f} m, North {here[1]:.2f} m"
+        if not was_inside or not (self._here.touch(here, box) or self._rest.touch(at_rest, box)):
+            return None
+        if self._leads_out(goal):
+            return None
+        place = here[:2]
         if self._here.touch(here, believed):
-            return f"beyond the edge of the field {place}; bring it back by hand"
+            return BeyondField(*place)
         if self._rest.touch(at_rest, believed):
-            return f"about to leave the field {place}; turn it round by hand, or check the plan"
+            return LeavesField(*place, is_by_hand=False)
         if self._split_m(estimate) > unknown_m:
-            return (
-                f"too near to the edge of the field {place} for a robot that may be "
-                f"{estimate.across_protection_m:.2f} m beside it, since its sensors contradict "
-                "each other; look where it stands"
-            )
-        return "" if self._leads_deeper(here, at_rest) else (
-            f"too near to the edge of the field {place} for a position that is good to "
-            f"{max(along_std_m, across_std_m):.2f} m (1 sigma); wait for better GNSS, plan with a "
-            "larger --margin, or raise safety.fence_unsure_m"
-        )  # fmt: skip
+            return NearEdgeAndDoubted(*place, estimate.across_protection_m)
+        unsure = NearEdgeAndUnsure(*place, max(along_std_m, across_std_m))
+        return None if self._leads_deeper(here, at_rest) else unsure
 
-    def crossing(self, estimate: Estimate, drive: DriveCommand) -> str:
-        """Tell a hand that it is about to take the robot, as it is believed to stand, out.
+    def crossing(self, estimate: Estimate, drive: DriveCommand) -> LeavesField | None:
+        """Find that a hand is about to take the robot, as it is believed to stand, out.
 
         One that is out already may be brought back as its driver sees fit.
         """
@@ -205,11 +204,8 @@ class FieldFence:
         here = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
         at_rest = predict_rest(here, drive, self._decel_mps2)
         if self._here.touch(here, box) or not self._rest.touch(at_rest, box):
-            return ""
-        return (
-            f"about to leave the field at East {here[0]:.2f} m, North {here[1]:.2f} m; whoever "
-            "wants to take it out by hand clears the stop first"
-        )
+            return None
+        return LeavesField(*here[:2], is_by_hand=True)
 
     def _split_m(self, estimate: Estimate) -> float:
         """Say how far to its side the robot is where the sensors contradict each other.

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-import re
 from typing import NamedTuple
 
+from agribot.core.fact_text import render
+from agribot.core.facts import (
+    DrivenByHand,
+    Fact,
+    MissionGoesOn,
+    MissionSetsOff,
+    Over,
+    StopCleared,
+    find_kind,
+)
 from agribot.core.messages import Check, GateState, GateStatus
-
-NUMBERS = re.compile(r"[-\d.]+")
 
 
 class Seen(NamedTuple):
-    """What decides the state in a tick: texts are empty where it is not so."""
+    """What decides the state in a tick; None and empty where it is not so."""
 
-    stopped: str  # why the latch is closed
+    stopped: Fact | None  # why the latch is closed
     hand: str  # who moves the robot by hand
-    held: str  # what passes by itself
-    idle: str  # why the mission does not drive
-    limited: str
+    held: Fact | None  # what passes by itself
+    idle: Fact | None  # why the mission does not drive
+    limited: Fact | None
     cleared_by: str  # who has just cleared a stop
 
 
@@ -52,12 +59,14 @@ class GateMachine:
         self.is_started = False
         self._checks: tuple[Check, ...] = ()
 
-    def step(self, seen: Seen, told: str, checks: tuple[Check, ...]) -> None:
+    def step(self, seen: Seen, told: Fact | None, checks: tuple[Check, ...]) -> None:
         """Take in a tick; `checks` is looked at while the mission has not started."""
         before = self.status
-        state, reason = self._choose(seen)
-        if state == before.state and not (reason and state != "driving"):
-            reason = before.reason
+        state: GateState
+        fact: Fact | None
+        state, fact = self._choose(seen)
+        if state == before.state and state == "driving":
+            fact = before.fact
         outcome: tuple[Check, ...] = ()
         is_to_start = state in ("checking", "held", "slowed", "driving")
         if (is_to_start or (state == "standby" and checks)) and not self.is_started:
@@ -65,42 +74,45 @@ class GateMachine:
             self.is_started = state not in ("checking", "standby")
             if is_new or not self._checks or self.is_started:
                 outcome = self._checks = checks
-        if (state, reason, told, outcome) != (before.state, before.reason, before.told, ()) or (
+        if (state, fact, told, outcome) != (before.state, before.fact, before.told_fact, ()) or (
             before.checks
         ):
-            self.status = GateStatus(state=state, reason=reason, told=told, checks=outcome)
+            self.status = GateStatus(
+                state=state, reason=render(fact), told=render(told), checks=outcome,
+                fact=fact, told_fact=told,
+            )  # fmt: skip
 
     def end_mission(self) -> None:
         """Go through the list anew before whatever comes next."""
         self.is_started, self._checks = False, ()
 
-    def _choose(self, seen: Seen) -> tuple[GateState, str]:
+    def _choose(self, seen: Seen) -> tuple[GateState, Fact]:
         """Go through the states in the order of the table."""
         held: GateState = "held" if self.is_started or seen.hand else "checking"
-        if seen.stopped:
+        if seen.stopped is not None:
             return "stopped", seen.stopped
-        if seen.hand and not seen.held:
-            return "by hand", f"{seen.hand} drives by hand"
-        if seen.idle and not seen.hand:
-            by = f"the stop was cleared by {seen.cleared_by}; " if seen.cleared_by else ""
-            return "standby", by + seen.idle
-        if seen.held:
+        if seen.hand and seen.held is None:
+            return "by hand", DrivenByHand(seen.hand)
+        if seen.idle is not None and not seen.hand:
+            by = seen.cleared_by
+            return "standby", StopCleared(by, seen.idle) if by else seen.idle
+        if seen.held is not None:
             return held, seen.held
-        if seen.limited:
+        if seen.limited is not None:
             return "slowed", seen.limited
         return "driving", _why_driving(self.status, seen, is_started=self.is_started)
 
 
-def _name_bad(checks: tuple[Check, ...]) -> list[tuple[str, str]]:
+def _name_bad(checks: tuple[Check, ...]) -> list[tuple[str, tuple[object, ...]]]:
     """Name the items that are not good, and why, less the numbers, which change all the time."""
-    return [(check.name, NUMBERS.sub("", check.text)) for check in checks if not check.is_ok]
+    return [(check.name, find_kind(check.fact)) for check in checks if not check.is_ok]
 
 
-def _why_driving(before: GateStatus, seen: Seen, *, is_started: bool) -> str:
+def _why_driving(before: GateStatus, seen: Seen, *, is_started: bool) -> Fact:
     if before.state == "stopped":
-        return f"the stop was cleared by {seen.cleared_by or 'a person'}"
+        return StopCleared(seen.cleared_by)
     if not is_started:
-        return "the mission sets off, all that is checked before is good"
+        return MissionSetsOff()
     if before.state in ("held", "slowed", "checking"):
-        return f"over: {before.reason}"
-    return "the mission goes on"
+        return Over(before.fact)
+    return MissionGoesOn()

@@ -18,8 +18,31 @@ from agribot.autonomy.control.input_watch import InputWatch
 from agribot.autonomy.control.keep_out_fence import KeepOutFence
 from agribot.autonomy.control.power_cut import PowerCut
 from agribot.autonomy.control.sensor_watch import SensorWatch
-from agribot.autonomy.control.wheel_watch import Found, name_motors
+from agribot.autonomy.control.wheel_watch import Found
 from agribot.core.config import SafetyConfig
+from agribot.core.fact_text import render
+from agribot.core.facts import (
+    CommandNotFinite,
+    EntersKeepOut,
+    EstimateNotReady,
+    Fact,
+    HeadingUnsure,
+    ImplementNotFinite,
+    InKeepOut,
+    LeavesField,
+    MissionIdle,
+    MotorsReportFault,
+    NoContactor,
+    NoPosition,
+    PositionNotFinite,
+    PositionOld,
+    PositionUnsure,
+    Runaway,
+    StillTouches,
+    ToolAtRest,
+    ToolBackwards,
+    ToolEarly,
+)
 from agribot.core.messages import Check, Estimate, Goal, RobotCommand, SensorBatch
 
 # latch: stands until a person clears the stop. wait: stands until it is over. slow: along the same
@@ -42,11 +65,11 @@ class Situation(NamedTuple):
     inputs: InputWatch
     motion: Found
     power: PowerCut
-    stuck: str
+    stuck: Fact | None
     bumper: Bumper
-    touch: str
+    touch: Fact | None
     battery: BatteryWatch
-    camera_fault: str
+    camera_fault: Fact | None
     has_camera: bool  # pictures came at least once
     fences: tuple[Fence, ...]
     works_backwards: bool
@@ -64,7 +87,7 @@ class Hazard(NamedTuple):
     seen_by: str
     limit: str
     reaction: Reaction
-    find: Callable[[Situation], str] | None
+    find: Callable[[Situation], Fact | None] | None
     for_hand: ForHand = "no"
     kind: str = ""
     faults: tuple[str, ...] = ()
@@ -73,102 +96,90 @@ class Hazard(NamedTuple):
     at_rest: bool = False  # counts also for a robot that is not to move
 
 
-def _motor_flags(now: Situation) -> str:
+def _motor_flags(now: Situation) -> MotorsReportFault | None:
     names = dict.fromkeys(name for wheel in now.batch.wheels for name in wheel.faults)
-    return name_motors(tuple(names)) if names else ""
+    return MotorsReportFault(tuple(names)) if names else None
 
 
-def _still_touches(now: Situation) -> str:
-    where = " and ".join(now.bumper.sides)
-    return f"the bumper still touches something {where}; back off by hand" if where else ""
+def _still_touches(now: Situation) -> StillTouches | None:
+    return StillTouches(now.bumper.ends) if now.bumper.ends else None
 
 
-def _crossing(now: Situation) -> str:
+def _crossing(now: Situation) -> EntersKeepOut | InKeepOut | LeavesField | None:
     if _pose_missing(now) or _pose_stale(now) or _pose_unsure(now):
-        return ""
+        return None
     fences = (fence for fence in now.fences if isinstance(fence, FieldFence | KeepOutFence))
-    return next((f.crossing(now.estimate, now.command.drive) for f in fences), "")
+    return next((f.crossing(now.estimate, now.command.drive) for f in fences), None)
 
 
-def _not_finite(now: Situation) -> str:
+def _not_finite(now: Situation) -> CommandNotFinite | ImplementNotFinite | None:
     drive, implement = now.command.drive, now.command.implement
     if not math.isfinite(drive.v_mps + drive.yaw_rate_radps):
-        return f"command is not finite: {drive.v_mps} m/s, {drive.yaw_rate_radps} rad/s"
-    if not implement.is_finite:
-        return f"implement command is not finite: {implement.setpoints}"
-    return ""
+        return CommandNotFinite(drive.v_mps, drive.yaw_rate_radps)
+    return None if implement.is_finite else ImplementNotFinite(str(implement.setpoints))
 
 
-def _pose_missing(now: Situation) -> str:
+def _pose_missing(now: Situation) -> NoPosition | PositionNotFinite | None:
     estimate = now.estimate
     if not estimate.ok:
-        return f"no position: {estimate.reason or 'the estimate is not ready'}"
-    if not math.isfinite(estimate.x_map_m + estimate.y_map_m + estimate.yaw_map_rad):
-        return "position is not finite; restart the localisation"
-    return ""
+        return NoPosition(estimate.fact or EstimateNotReady())
+    is_finite = math.isfinite(estimate.x_map_m + estimate.y_map_m + estimate.yaw_map_rad)
+    return None if is_finite else PositionNotFinite()
 
 
-def _pose_stale(now: Situation) -> str:
+def _pose_stale(now: Situation) -> PositionOld | None:
     old_s, limit_s = now.batch.t_s - now.estimate.t_s, now.config.sensor_timeout_s
-    if abs(old_s) <= limit_s:
-        return ""
-    return f"position is {old_s:.2f} s old > {limit_s:.2f} s; look at what estimates it"
+    return None if abs(old_s) <= limit_s else PositionOld(old_s, limit_s)
 
 
-def _pose_unsure(now: Situation) -> str:
+def _pose_unsure(now: Situation) -> PositionUnsure | None:
     std_m, limit_m = now.estimate.pos_std_m, now.config.max_pos_std_m
-    if std_m <= limit_m:
-        return ""
-    return f"position uncertain: {std_m:.2f} m > {limit_m:.2f} m; wait for GNSS"
+    return None if std_m <= limit_m else PositionUnsure(std_m, limit_m)
 
 
-def _heading_unsure(now: Situation) -> str:
+def _heading_unsure(now: Situation) -> HeadingUnsure | None:
     std_rad, limit_rad = now.estimate.yaw_std_rad, now.config.max_yaw_std_rad
-    if std_rad <= limit_rad:
-        return ""
-    return f"heading uncertain: {std_rad:.2f} rad > {limit_rad:.2f} rad"
+    return None if std_rad <= limit_rad else HeadingUnsure(std_rad, limit_rad)
 
 
-def _beyond_fence(now: Situation) -> str:
+def _beyond_fence(now: Situation) -> Fact | None:
     drive, goal = now.command.drive, now.goal
-    return next(
-        (told for fence in now.fences if (told := fence.objection(now.estimate, drive, goal))), ""
-    )
+    found = (fence.objection(now.estimate, drive, goal) for fence in now.fences)
+    return next(filter(None, found), None)
 
 
-def _mission_idle(now: Situation) -> str:
+def _mission_idle(now: Situation) -> MissionIdle | None:
     status = now.goal.status
     if status.state in ("running", "paused"):
-        return ""
-    return f"mission {status.state}" + (f": {status.reason}" if status.reason else "")
+        return None
+    return MissionIdle(status.state, status.fact)
 
 
-def _tool_early(now: Situation) -> str:
-    return "the tool is at work before the robot drives" if now.is_tool_working else ""
+def _tool_early(now: Situation) -> ToolEarly | None:
+    return ToolEarly() if now.is_tool_working else None
 
 
-def _tool_at_rest(now: Situation) -> str:
+def _tool_at_rest(now: Situation) -> ToolAtRest | ToolBackwards | None:
     drive, status = now.command.drive, now.goal.status
     if abs(drive.v_mps) < STANDSTILL_MPS or status.state != "running":
-        return "the robot stands, or no mission drives it"
-    return "" if drive.v_mps > 0.0 or now.works_backwards else "this tool does not work backwards"
+        return ToolAtRest()
+    return None if drive.v_mps > 0.0 or now.works_backwards else ToolBackwards()
 
 
-def _runs_away(now: Situation) -> str:
-    if not now.motion.runaway:
-        return ""
-    if now.power.is_cut and not now.power.does_not_open:
-        return f"RUNAWAY, the motors' power is cut: {now.motion.runaway}"
-    why = "the contactor does not open, " if now.power.is_cut else ""
-    return f"RUNAWAY, cut the power with the red button: {why}{now.motion.runaway}"
+def _runs_away(now: Situation) -> Runaway | None:
+    cause, power = now.motion.runaway, now.power
+    if cause is None:
+        return None
+    is_cut = power.is_cut and not power.does_not_open
+    return Runaway(cause, is_cut, is_contactor_stuck=power.is_cut and not is_cut)
 
 
-def _stuck(now: Situation) -> str:
-    return "" if now.goal.frees_itself else now.stuck
+def _stuck(now: Situation) -> Fact | None:
+    return None if now.goal.frees_itself else now.stuck
 
 
-def _frees_itself(now: Situation) -> str:
-    return now.stuck if now.goal.frees_itself else ""
+def _frees_itself(now: Situation) -> Fact | None:
+    return now.stuck if now.goal.frees_itself else None
 
 
 HAZARDS = (
@@ -280,7 +291,7 @@ HAZARDS = (
     Hazard(name="heading uncertain", seen_by="estimate", limit="`safety.max_yaw_std_rad`",
            reaction="wait", find=_heading_unsure, check="heading"),
     Hazard(name="sensors contradict each other", seen_by="estimate", limit="its own",
-           reaction="wait", find=lambda now: now.estimate.contradiction, check="position",
+           reaction="wait", find=lambda now: now.estimate.contradiction_fact, check="position",
            faults=("gnss.jump", "gnss.wrong_fix", "gnss.frozen", "carried", "camera.shifted",
                    "camera.creeping")),
     Hazard(name="leaves the field, or the box around its path",
@@ -311,7 +322,7 @@ HAZARDS = (
     Hazard(name="pictures that show nothing to go by, or no crop where the rows are",
            seen_by="light and focus of the pictures, the network's doubt, crop on the rows",
            limit="3 pictures; 1 m of row", reaction="tool off",
-           find=lambda now: now.estimate.plants_doubt),
+           find=lambda now: now.estimate.plants_fact),
     Hazard(name="runaway, and what to do about it", seen_by="as above",
            limit="as above", reaction="tell", for_hand="yes", find=_runs_away, at_rest=True,
            faults=("motor.runaway",)),
@@ -323,7 +334,7 @@ HAZARDS = (
            find=lambda now: now.sensors.spoilt_number(), faults=("link.noise",)),
     Hazard(name="a tilt that the IMU does not measure", seen_by="IMU without acceleration",
            limit="no acceleration in its newest reading", reaction="tell", for_hand="yes",
-           find=lambda now: "" if now.camera_fault else now.sensors.unknown_tilt()),
+           find=lambda now: None if now.camera_fault else now.sensors.unknown_tilt()),
     Hazard(name="hand or its link is gone", seen_by="age of its requests",
            limit="`safety.hand_timeout_s`", reaction="wait", for_hand="yes", find=None),
     Hazard(name="operator's page is gone", seen_by="the run's side of the page",
@@ -343,14 +354,15 @@ def find_hazard(
     *,
     is_by_hand: bool = False,
     accepted: frozenset[str] = frozenset(),
-) -> tuple[Hazard, str] | None:
+) -> tuple[Hazard, Fact] | None:
     """Find the first row of a reaction that has something to say, and what.
 
     Kinds that were `accepted` do not hold a hand.
     """
     for hazard, find in _COUNTING[reaction, is_by_hand]:
-        if (told := find(now)) and not (is_by_hand and hazard.kind in accepted):
-            return hazard, told
+        found = find(now)
+        if found is not None and not (is_by_hand and hazard.kind in accepted):
+            return hazard, found
     return None
 
 
@@ -366,7 +378,7 @@ _COUNTING = {
     for reaction in _REACTIONS
     for is_by_hand in (False, True)
 }
-CONTACTOR, NO_CONTACTOR = "contactor", "none: nothing but the red button takes the motors' power"
+CONTACTOR = "contactor"
 OF_BOARD = ("red button", "safety inputs")  # items that only a motor board can tell of
 CHECKS = tuple(dict.fromkeys(hazard.check for hazard in HAZARDS if hazard.check))
 _BY_CHECK = {
@@ -382,7 +394,8 @@ def check_start(now: Situation) -> tuple[Check, ...]:
     for name in CHECKS:
         if name in absent:
             continue
-        found = next((told for find in _BY_CHECK[name] if (told := find(now))), "")
-        remark = NO_CONTACTOR if name == CONTACTOR and not now.power.is_there else ""
-        checks.append(Check(name=name, is_ok=not found, text=found or remark))
+        found = next(filter(None, (find(now) for find in _BY_CHECK[name])), None)
+        remark = NoContactor() if name == CONTACTOR and not now.power.is_there else None
+        fact = found or remark
+        checks.append(Check(name=name, is_ok=found is None, text=render(fact), fact=fact))
     return tuple(checks)

@@ -5,6 +5,14 @@ from __future__ import annotations
 import math
 
 from agribot.core.config import SafetyConfig
+from agribot.core.facts import (
+    BoardHoldsStop,
+    BoardReports,
+    ButtonPressed,
+    InputNotHeardYet,
+    InputSilent,
+    Part,
+)
 from agribot.core.messages import BoardSample, SafetyInput, SensorBatch
 
 BATTERY_AGE_S = 5.0  # its voltage tells nothing of a fault of the last moments
@@ -14,7 +22,7 @@ CLEARING_S = 3.0
 
 
 class InputWatch:
-    """Listens to every batch; each question is answered in words, empty where all is well."""
+    """Listens to every batch; each question is answered by a fact, None where all is well."""
 
     def __init__(self, config: SafetyConfig) -> None:
         self._must = config.must_report or ()
@@ -22,7 +30,7 @@ class InputWatch:
         self._heard_s: dict[SafetyInput, float] = {}
         self._last: BoardSample | None = None
         self._t_s, self._cleared_s = 0.0, -math.inf
-        self.fault = ""
+        self.fault: BoardReports | None = None
 
     def update(self, batch: SensorBatch) -> None:
         t_s = self._t_s = batch.t_s
@@ -36,7 +44,13 @@ class InputWatch:
             if not sample.stopped:
                 self._cleared_s = -math.inf
         if batch.board:
-            self.fault = f"motor board: {'; '.join(faults)}" if faults else ""
+            self.fault = BoardReports(tuple(faults), self._find_parts(batch)) if faults else None
+
+    @staticmethod
+    def _find_parts(batch: SensorBatch) -> tuple[Part, ...]:
+        """Find the parts at fault; motors where the board's driver does not say."""
+        parts = dict.fromkeys(part for sample in batch.board for part in sample.fault_parts)
+        return tuple(parts) or ("motors",)
 
     @property
     def is_there(self) -> bool:
@@ -47,37 +61,28 @@ class InputWatch:
         """Let the board's own stop go: a person has cleared it, and the board is told."""
         self._cleared_s = t_s
 
-    def button(self) -> str:
-        """Tell of the red button."""
+    def button(self) -> ButtonPressed | None:
+        """Find the red button pressed."""
         is_pressed = self._last is not None and self._last.is_button_pressed
-        return "the red button is pressed; release it when all is clear" if is_pressed else ""
+        return ButtonPressed() if is_pressed else None
 
-    def stop(self) -> str:
-        """Tell of the stop that the board holds, unless it is being cleared."""
+    def stop(self) -> BoardHoldsStop | None:
+        """Find the stop that the board holds, unless it is being cleared."""
         last = self._last
-        if (
-            last is not None
-            and last.stopped
-            and not 0.0 <= self._t_s - self._cleared_s <= CLEARING_S
-        ):
-            return f"the motor board holds a stop: {last.stopped}"
-        return ""
+        if last is None or not last.stopped or 0.0 <= self._t_s - self._cleared_s <= CLEARING_S:
+            return None
+        return BoardHoldsStop(last.stopped)
 
-    def unheard(self) -> str:
-        """Name an input that must be there and never spoke."""
-        for name in self._must:
-            if name not in self._heard_s:
-                return f"the {name} has not been reported yet; check the motor board"
-        return ""
+    def unheard(self) -> InputNotHeardYet | None:
+        """Find an input that must be there and never spoke."""
+        unheard = (name for name in self._must if name not in self._heard_s)
+        return next((InputNotHeardYet(name) for name in unheard), None)
 
-    def silence(self) -> str:
-        """Name an input that must be there, spoke and does not any more."""
+    def silence(self) -> InputSilent | None:
+        """Find an input that must be there, spoke and does not any more."""
         for name in self._must:
             limit_s = BATTERY_AGE_S if name == "battery" else self._timeout_s
             silent_s = self._t_s - self._heard_s.get(name, self._t_s)
             if not silent_s <= limit_s:
-                return (
-                    f"the {name} is not reported for {silent_s:.2f} s > {limit_s:.2f} s; check "
-                    "the motor board"
-                )
-        return ""
+                return InputSilent(name, silent_s, limit_s)
+        return None

@@ -13,6 +13,7 @@ import numpy as np
 
 from agribot.autonomy.control.fence import measure_growth_m, predict_rest
 from agribot.core.config import SafetyConfig
+from agribot.core.facts import EntersKeepOut, InKeepOut
 from agribot.core.keep_out import BodyBox, KeepOutAreas
 from agribot.core.messages import DriveCommand, Estimate, Goal
 
@@ -32,33 +33,32 @@ class KeepOutFence:
         self._keep_out, self._body, self._config = keep_out, body, config
         self._clearance_m, self._decel_mps2 = clearance_m, decel_mps2
 
-    def objection(self, estimate: Estimate, drive: DriveCommand, goal: Goal) -> str:
-        """Why the robot must not move like this here; empty where it may."""
+    def objection(
+        self, estimate: Estimate, drive: DriveCommand, goal: Goal
+    ) -> EntersKeepOut | InKeepOut | None:
+        """Why the robot must not move like this here; None where it may."""
         if goal.bounds is not None:
-            return ""
+            return None
         growth_m = measure_growth_m(estimate.pos_std_m, estimate.quality, self._config)
         return self._find(estimate, drive, min(max(growth_m, 0.0), self._clearance_m / 2.0))
 
-    def crossing(self, estimate: Estimate, drive: DriveCommand) -> str:
-        """Tell a hand that it is about to enter; one that is in may be driven out as it likes."""
+    def crossing(self, estimate: Estimate, drive: DriveCommand) -> EntersKeepOut | InKeepOut | None:
+        """Find that a hand is about to enter; one that is in may be driven out as it likes."""
         here = np.array([[estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad]])
         if self._keep_out.find_touch(here, self._body, 0.0) is not None:
-            return ""
+            return None
         return self._find(estimate, drive, 0.0)
 
-    def _find(self, estimate: Estimate, drive: DriveCommand, growth_m: float) -> str:
+    def _find(
+        self, estimate: Estimate, drive: DriveCommand, growth_m: float
+    ) -> EntersKeepOut | InKeepOut | None:
         here = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad)
         rest = predict_rest(here, drive, self._decel_mps2)
         touch = self._keep_out.find_touch(np.array([here, rest]), self._grow(growth_m), 0.0)
         if touch is None:
-            return ""
-        what = "about to enter" if touch.pose else "in"
-        east_m, north_m = touch.place_map_m
-        return (
-            f"{what} the area to keep out of near East {east_m:.2f} m, North {north_m:.2f} m, at "
-            f"East {here[0]:.2f} m, North {here[1]:.2f} m; bring it away by hand, or check "
-            "field.keep_out"
-        )
+            return None
+        fact = EntersKeepOut if touch.pose else InKeepOut
+        return fact(*touch.place_map_m, *here[:2])
 
     def _grow(self, by_m: float) -> BodyBox:
         return BodyBox(*(side_m + by_m for side_m in self._body))

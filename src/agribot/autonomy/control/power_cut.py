@@ -8,6 +8,16 @@ from __future__ import annotations
 
 import math
 
+from agribot.core.facts import (
+    ContactorInTrouble,
+    ContactorSilent,
+    ContactorStaysClosed,
+    ContactorStaysOpen,
+    ContactorWelded,
+    Fact,
+    MotorsUnpowered,
+    WheelsTurnUnpowered,
+)
 from agribot.core.messages import ContactorSample, SensorBatch
 
 REST_RADPS, REST_S = 0.2, 0.5  # wheels that turn no faster, for so long, stand
@@ -41,7 +51,12 @@ class PowerCut:
         return self._last is not None
 
     def update(
-        self, batch: SensorBatch, fastest_radps: float | None, demand: str, *, is_stopped: bool
+        self,
+        batch: SensorBatch,
+        fastest_radps: float | None,
+        demand: Fact | None,
+        *,
+        is_stopped: bool,
     ) -> None:
         """Take in a tick: the fastest wheel (None: not seen), and why power is to be cut."""
         is_first = not self.is_there
@@ -51,13 +66,13 @@ class PowerCut:
         self._see(fastest_radps)
         if self._last is None:
             return
-        demand = demand or self._deafness() or self._last.trouble
+        demand = demand or self._find_deafness()
         begins_stopped = is_first and is_stopped
         is_blind = is_stopped and t_s - self._seen_s > BLIND_S
-        if not self.is_cut and (demand or begins_stopped or is_blind):
+        if not self.is_cut and (demand is not None or begins_stopped or is_blind):
             self.is_cut, self._cut_s, self._cut_radps = True, t_s, self._fastest_radps
         elif self.is_cut and self.is_at_rest:
-            self.is_cut = bool(demand) or is_stopped or bool(self.find_weld())
+            self.is_cut = demand is not None or is_stopped or self.find_weld() is not None
         is_wrongly_open = not (self.is_cut or self._last.is_closed)
         self._open_s = min(self._open_s, t_s) if is_wrongly_open else math.inf
 
@@ -66,53 +81,42 @@ class PowerCut:
         """Whether all wheels are seen to stand."""
         return self._t_s - self._rest_s >= REST_S
 
-    def still_turns(self) -> str:
-        """Tell of a robot without power whose wheels are seen to turn."""
+    def still_turns(self) -> WheelsTurnUnpowered | None:
+        """Find a robot without power whose wheels are seen to turn."""
         if not self.is_cut or math.isfinite(self._rest_s) or self._t_s - self._seen_s > BLIND_S:
-            return ""
-        return (
-            f"the motors have no power, and the wheels turn at {self._fastest_radps:.1f} rad/s; "
-            "wait until the robot stands"
-        )
+            return None
+        return WheelsTurnUnpowered(self._fastest_radps)
 
-    def fault(self) -> str:
-        """Tell of a contactor that does not do what it is told, or does not answer."""
+    def fault(self) -> Fact | None:
+        """Find a contactor that does not do what it is told, or does not answer."""
         last = self._last
         if last is None:
-            return ""
-        if trouble := self._deafness() or last.trouble:
-            return f"the contactor does not answer: {trouble}; check its line and its plug"
+            return None
+        if (deafness := self._find_deafness()) is not None:
+            return deafness
         if self.does_not_open:
-            how = "it says that it is closed" if last.is_closed else "the wheels turn on"
-            return f"the contactor was told to open, and {how}; switch the robot off"
-        if self._t_s - self._open_s > CLOSING_S:
-            return "the contactor stays open; check what else holds its coil, and its fuse"
-        return ""
+            return ContactorStaysClosed(is_told=last.is_closed)
+        return ContactorStaysOpen() if self._t_s - self._open_s > CLOSING_S else None
 
-    def find_weld(self) -> str:
-        """Tell of one of two contactors that stayed closed when both were told to open."""
-        if self._last is None or not (self._has_had_time and self._last.is_one_closed):
-            return ""
-        return (
-            "one contactor stays closed though it was told to open, and the other took the power; "
-            "replace it"
-        )
+    def find_weld(self) -> ContactorWelded | None:
+        """Find one of two contactors that stayed closed when both were told to open."""
+        is_welded = self._last is not None and self._has_had_time and self._last.is_one_closed
+        return ContactorWelded() if is_welded else None
 
-    def _deafness(self) -> str:
-        """Tell of a contactor that is silent."""
+    def _find_deafness(self) -> ContactorSilent | ContactorInTrouble | None:
+        """Find a contactor that is silent, or whose driver cannot reach it."""
         silent_s = self._t_s - self._heard_s
-        if silent_s <= self._timeout_s:
-            return ""
-        return f"silent for {silent_s:.2f} s > {self._timeout_s:.2f} s"
+        if not silent_s <= self._timeout_s:
+            return ContactorSilent(silent_s, self._timeout_s)
+        trouble = self._last.trouble if self._last is not None else ""
+        return ContactorInTrouble(trouble) if trouble else None
 
-    def waiting(self) -> str:
-        """Tell of motors that have no power yet."""
+    def waiting(self) -> Fact | None:
+        """Find motors that have no power yet."""
         last = self._last
         if last is None or (last.is_closed and not self.is_cut):
-            return ""
-        if weld := self.find_weld():
-            return weld
-        return "the motors have no power yet; the contactor closes once the wheels stand"
+            return None
+        return self.find_weld() or MotorsUnpowered()
 
     @property
     def does_not_open(self) -> bool:

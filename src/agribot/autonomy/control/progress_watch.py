@@ -13,6 +13,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from agribot.core.facts import Stuck
 from agribot.core.geo import WGS84_A_M
 from agribot.core.messages import GnssFix, GnssQuality, SensorBatch, WheelSample
 from agribot.core.robot import DriveSpec
@@ -57,7 +58,7 @@ class ProgressWatch:
         self._origin_deg: tuple[float, float] | None = None
         self._places: deque[_Place] = deque()
         self._held_since_s: float | None = None
-        self._found = ""
+        self._found: Stuck | None = None
         self._stays_behind, self._seen_s = False, -math.inf
 
     def stays_behind(self, t_s: float) -> bool:
@@ -67,10 +68,10 @@ class ProgressWatch:
     def restart(self) -> None:
         self._places.clear()
         self._held_since_s = None
-        self._found = ""
+        self._found = None
 
-    def watch(self, batch: SensorBatch) -> str:
-        """Say how far the robot stays behind its wheels, empty where it gets on."""
+    def watch(self, batch: SensorBatch) -> Stuck | None:
+        """Find how far the robot stays behind its wheels, None where it gets on."""
         self._add_motion(batch)
         for fix in batch.gnss:
             if fix.unmeasured:
@@ -78,7 +79,8 @@ class ProgressWatch:
             self._add_fix(fix)
             self._look_back(fix.t_s)
             found = self._judge(is_corrected=fix.quality in CORRECTED)
-            self._found = found if self._lasts(fix.t_s, is_held=bool(found)) else ""
+            lasts = self._lasts(fix.t_s, is_held=found is not None)
+            self._found = found if lasts else None
         return self._found
 
     def _look_back(self, t_s: float) -> None:
@@ -145,22 +147,19 @@ class ProgressWatch:
         places = reversed(self._places)
         return next((place for place in places if t_s - place.t_s >= ago_s), None)
 
-    def _judge(self, *, is_corrected: bool) -> str:
+    def _judge(self, *, is_corrected: bool) -> Stuck | None:
         if not self._places:
-            return ""
+            return None
         now = self._places[-1]
         least_m = CORRECTED_WAY_M if is_corrected else PLAIN_WAY_M
         then, lately = self._before(least_m), self._before(LAST_PART * least_m)
         if then is None or lately is None or abs(now.turn_rad - then.turn_rad) > MOST_TURN_RAD:
-            return ""
+            return None
         way_m, moved_m = math.dist(now.rolled_m, then.rolled_m), _moved_m(then, now)
         last_way_m = math.dist(now.rolled_m, lately.rolled_m)
         if moved_m >= STUCK_RATIO * way_m or _moved_m(lately, now) >= STUCK_RATIO * last_way_m:
-            return ""
-        return (
-            f"stuck or slipping: the wheels turned {way_m:.1f} m in {now.t_s - then.t_s:.1f} s, "
-            f"the robot got on {moved_m:.1f} m; look at the ground and drive it off by hand"
-        )
+            return None
+        return Stuck(way_m, now.t_s - then.t_s, moved_m)
 
     def _before(self, way_m: float) -> _Place | None:
         """Find the latest place from which the wheels have led so far."""

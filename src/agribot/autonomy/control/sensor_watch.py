@@ -7,6 +7,21 @@ from collections import deque
 
 from agribot.core.arithmetic import clamp
 from agribot.core.config import SafetyConfig
+from agribot.core.facts import (
+    ClockJumped,
+    ClockStands,
+    ClockUnreadable,
+    ClockWentBack,
+    Fact,
+    ImuLineSpoilt,
+    ImuSpoilt,
+    NotHeardYet,
+    SensorNotFinite,
+    SensorSilent,
+    Tilted,
+    TiltUnknown,
+    Unspoken,
+)
 from agribot.core.messages import ImuSample, SensorBatch, Vec3
 
 TILT_FILTER_S = 0.5  # driving over clods shakes the accelerometer; a fall lasts longer
@@ -19,7 +34,7 @@ SPOILT_S, SPOILT_COUNT = 5.0, 3
 
 
 class SensorWatch:
-    """Listens to every batch; each question is answered in words, empty where all is well."""
+    """Listens to every batch; each question is answered by a fact, None where all is well."""
 
     def __init__(self, config: SafetyConfig) -> None:
         self._config = config
@@ -31,7 +46,7 @@ class SensorWatch:
         self._spoilt_s: deque[float] = deque(maxlen=SPOILT_COUNT)
         self._spoilt = 0.0
         self.dt_s = 0.0
-        self.clock_fault = ""
+        self.clock_fault: Fact | None = None
 
     def update(self, batch: SensorBatch) -> None:
         self._read_clock(batch.t_s)
@@ -51,57 +66,41 @@ class SensorWatch:
         x, y, z = self._up
         return math.atan2(math.hypot(x, y), z)
 
-    def unheard(self) -> str:
-        """Name a sensor that never spoke, as before the robot is ready."""
-        for name, heard_s in self._last_times_s():
-            if heard_s == -math.inf:
-                since = "have" if name.endswith("s") else "has"
-                return f"{name} {since} not reported yet; check cable and power"
-        return ""
+    def unheard(self) -> NotHeardYet | None:
+        """Find a sensor that never spoke, as before the robot is ready."""
+        unheard = (name for name, heard_s in self._last_times_s() if heard_s == -math.inf)
+        return next((NotHeardYet(name) for name in unheard), None)
 
-    def silence(self, t_s: float) -> str:
-        """Name a sensor that spoke and does not any more, or not in numbers."""
+    def silence(self, t_s: float) -> Fact | None:
+        """Find a sensor that spoke and does not any more, or not in numbers."""
         limit_s = self._config.sensor_timeout_s
         for name, heard_s in self._last_times_s():
             silent_s = t_s - heard_s
             if heard_s != -math.inf and not silent_s <= limit_s:
-                return f"{name} silent for {silent_s:.2f} s > {limit_s:.2f} s; check the cable"
+                return SensorSilent(name, silent_s, limit_s, "cable")
         if not math.isfinite(sum(self._up)):
-            return "IMU reports a number that is none; check the sensor"
-        if not math.isfinite(self._wheels_rad):
-            return "wheel encoders report a number that is none; check the sensors"
-        return ""
+            return SensorNotFinite("imu")
+        return None if math.isfinite(self._wheels_rad) else SensorNotFinite("wheels")
 
-    def tilt(self) -> str:
+    def tilt(self) -> Tilted | None:
         tilt_rad, limit_rad = self.tilt_rad, self._config.max_tilt_rad
-        if tilt_rad <= limit_rad or not self._has_tilt:
-            return ""
-        return f"tilted by {tilt_rad:.2f} rad > {limit_rad:.2f} rad; drive it down by hand"
+        is_level = tilt_rad <= limit_rad or not self._has_tilt
+        return None if is_level else Tilted(tilt_rad, limit_rad)
 
-    def unknown_tilt(self) -> str:
-        """Say that the IMU does not measure how the robot is tilted."""
-        if self._has_tilt:
-            return ""
-        return (
-            "IMU reports no acceleration: the robot's tilt is not watched, and it counts as level; "
-            "drive on even ground only, or use an IMU with an accelerometer"
-        )
+    def unknown_tilt(self) -> TiltUnknown | None:
+        """Find that the IMU does not measure how the robot is tilted."""
+        return None if self._has_tilt else TiltUnknown()
 
-    def spoilt_number(self) -> str:
-        """Tell of a number of the IMU that cannot be, for some seconds."""
-        if not self._spoilt_s:
-            return ""
-        return f"IMU sent a number that cannot be ({self._spoilt:.3g}); check the cable"
+    def spoilt_number(self) -> ImuSpoilt | None:
+        """Find a number of the IMU that cannot be, for some seconds."""
+        return ImuSpoilt(self._spoilt) if self._spoilt_s else None
 
-    def spoilt_line(self) -> str:
-        """Tell of so many of them that the line cannot be trusted."""
+    def spoilt_line(self) -> ImuLineSpoilt | None:
+        """Find so many of them that the line cannot be trusted."""
         times_s = self._spoilt_s
         if len(times_s) < SPOILT_COUNT or times_s[-1] - times_s[0] > SPOILT_S:
-            return ""
-        return (
-            f"IMU sent {SPOILT_COUNT} numbers that cannot be within "
-            f"{times_s[-1] - times_s[0]:.1f} s < {SPOILT_S:g} s; check the cable"
-        )
+            return None
+        return ImuLineSpoilt(SPOILT_COUNT, times_s[-1] - times_s[0], SPOILT_S)
 
     def _is_spoilt(self, sample: ImuSample) -> bool:
         """Whether a finite number is beyond the range of any such sensor."""
@@ -113,29 +112,27 @@ class SensorWatch:
         self._spoilt_s.append(sample.t_s)
         return True
 
-    def _last_times_s(self) -> tuple[tuple[str, float], tuple[str, float]]:
-        return ("wheel encoders", self._wheel_t_s), ("IMU", self._imu_t_s)
+    def _last_times_s(self) -> tuple[tuple[Unspoken, float], tuple[Unspoken, float]]:
+        return ("wheels", self._wheel_t_s), ("imu", self._imu_t_s)
 
     def _read_clock(self, t_s: float) -> None:
         dt_s, limit_s = t_s - self._t_s, self._config.clock_jump_s
         self._frozen_ticks = self._frozen_ticks + 1 if dt_s == 0.0 else 0
-        self.clock_fault = ""
-        if not math.isfinite(t_s):
-            self.clock_fault = f"the clock reads {t_s}; check the time source"
-        elif dt_s < 0.0:
-            self.clock_fault = f"the clock went back by {-dt_s:.2f} s; check the time source"
-        elif dt_s > limit_s:
-            self.clock_fault = (
-                f"the clock jumped by {dt_s:.2f} s > {limit_s:.2f} s, or the robot's program stood "
-                "still; check the time source and the load of the computer"
-            )
-        elif self._frozen_ticks >= FROZEN_TICKS:
-            self.clock_fault = f"the clock stands still at {t_s:.2f} s; check the time source"
+        self.clock_fault = self._judge_clock(t_s, dt_s, limit_s)
         self.dt_s = clamp(dt_s, 0.0, MAX_DT_S) if math.isfinite(dt_s) else 0.0
         if math.isfinite(t_s):
             self._t_s = t_s
             # What was heard in a future that is none was heard now at the latest.
             self._wheel_t_s, self._imu_t_s = min(self._wheel_t_s, t_s), min(self._imu_t_s, t_s)
+
+    def _judge_clock(self, t_s: float, dt_s: float, limit_s: float) -> Fact | None:
+        if not math.isfinite(t_s):
+            return ClockUnreadable(t_s)
+        if dt_s < 0.0:
+            return ClockWentBack(-dt_s)
+        if dt_s > limit_s:
+            return ClockJumped(dt_s, limit_s)
+        return ClockStands(t_s) if self._frozen_ticks >= FROZEN_TICKS else None
 
     def _smooth(self, accel_mps2: Vec3, dt_s: float) -> Vec3:
         """Low pass of the specific force; one that was lost to a bad value starts afresh."""

@@ -22,6 +22,14 @@ from agribot.autonomy.control.sensor_watch import SensorWatch
 from agribot.autonomy.control.wheel_watch import WheelWatch
 from agribot.core.arithmetic import clamp
 from agribot.core.config import SafetyConfig
+from agribot.core.facts import (
+    Fact,
+    MissionIdle,
+    OnlyAway,
+    SpeedLimited,
+    StopToClear,
+    YawRateLimited,
+)
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.latch import Latch
 from agribot.core.messages import (
@@ -78,8 +86,8 @@ class Supervisor:
         self._wheels = WheelWatch(robot.drive, config.sensor_timeout_s)
         self._power = PowerCut(config.sensor_timeout_s)
         self._progress = ProgressWatch(robot.drive)
-        # Why the robot does not get on though its wheels turn; empty where it does.
-        self.stuck = ""
+        # Why the robot does not get on though its wheels turn; None where it does.
+        self.stuck: Fact | None = None
         self._bumper = Bumper()
         self._battery = BatteryWatch(config)
         self._camera = CameraWatch(config)
@@ -99,8 +107,8 @@ class Supervisor:
         return self._machine.status
 
     @property
-    def warning(self) -> str:
-        """What calls the robot home, though it may still drive; empty where nothing does."""
+    def warning(self) -> Fact | None:
+        """What calls the robot home, though it may still drive; None where nothing does."""
         return self._battery.low
 
     def check(
@@ -112,10 +120,10 @@ class Supervisor:
         scenes: Sequence[Scene] = (),
         *,
         is_by_hand: bool = False,
-    ) -> tuple[RobotCommand, str]:
-        """Give the command to send, and why it was changed ("" if it was not).
+    ) -> tuple[RobotCommand, Fact | None]:
+        """Give the command to send, and why it was changed (None if it was not).
 
-        Of a robot that is to stand while its wheels turn on, the reason tells that.
+        If wheels turn during a stop, that is the reason.
         A person who drives by hand sees where the robot is: the table of hazards says what of it
         holds a hand. An implement switched off at standstill and the ramp after a stop need no
         reason.
@@ -125,11 +133,11 @@ class Supervisor:
         is_to_move = goal.status.state == "running" or not command.drive == self._last == STOP
         self._latch_hazard(now, is_by_hand=is_by_hand, is_to_move=is_to_move)
         held = self._why_held(now, is_by_hand=is_by_hand)
-        stopped = self._latch.reason and f"{self._latch.reason}; clear the stop to go on"
-        limited = ""
+        stopped = self._latch.cause and StopToClear(self._latch.cause)
+        limited: Fact | None = None
         if stopped or held:
             drive = STOP
-            reason = (stopped or held) if _moves(command) else ""
+            reason = (stopped or held) if _moves(command) else None
         else:
             drive, limited = self._limit(self._bumper.away(command.drive))
             drive = self._ramp(drive, self._ramp_s(goal.status, is_by_hand=is_by_hand))
@@ -144,7 +152,7 @@ class Supervisor:
         self._is_tool_working = implement.is_on
         hand = _name_hand(batch) if is_by_hand and command.drive != STOP else ""
         self._step_machine(now, Seen(
-            stopped=self._latch.reason, hand=hand, held=held, idle=_describe_idle(goal.status),
+            stopped=self._latch.cause, hand=hand, held=held, idle=_describe_idle(goal.status),
             limited=limited, cleared_by=self._cleared_by,
         ), told)  # fmt: skip
         sent = RobotCommand(
@@ -152,13 +160,13 @@ class Supervisor:
         )
         return sent, reason
 
-    def _tell(self, now: Situation) -> tuple[str, str]:
-        """Say what is told of a robot that may drive, and of wheels that turn on regardless."""
+    def _tell(self, now: Situation) -> tuple[Fact | None, Fact | None]:
+        """Return the warning and the alarm: of a robot that may drive, and of one that must not."""
         found = find_hazard(now, "tell")
         if found is None:
-            return now.camera_fault, ""
-        hazard, told = found
-        return told, told if hazard.at_rest else ""
+            return now.camera_fault, None
+        hazard, fact = found
+        return fact, fact if hazard.at_rest else None
 
     def _is_tool_off(self, now: Situation, drive: DriveCommand) -> bool:
         """Whether the tool must not work over what the robot is going to do."""
@@ -166,7 +174,7 @@ class Supervisor:
         then = now._replace(command=command)
         return find_hazard(then, "tool off") is not None
 
-    def _step_machine(self, now: Situation, seen: Seen, told: str) -> None:
+    def _step_machine(self, now: Situation, seen: Seen, told: Fact | None) -> None:
         if now.goal.status.state not in ("waiting", "running", "paused"):
             self._machine.end_mission()
         is_to_drive = not (seen.idle or seen.stopped) or self._waits_long(now)
@@ -220,7 +228,7 @@ class Supervisor:
             is_stop_pressed=any(event.action == "stop" for event in batch.events),
         )  # fmt: skip
         demand = self._inputs.button() or motion.runaway
-        is_stopped = bool(self._latch.reason)
+        is_stopped = self._latch.cause is not None
         self._power.update(batch, self._wheels.fastest_radps, demand, is_stopped=is_stopped)
         is_early = not self._machine.is_started
         self.stuck = self._progress.watch(batch) or motion.held
@@ -261,44 +269,39 @@ class Supervisor:
     def _latch_hazard(self, now: Situation, *, is_by_hand: bool, is_to_move: bool) -> None:
         """Close the latch for what a person must look at, of a robot that is to move or touches."""
         found = find_hazard(now, "latch", is_by_hand=is_by_hand, accepted=self._accepted)
-        if found is None or self._latch.reason:
+        if found is None or self._latch.cause is not None:
             return
-        hazard, reason = found
+        hazard, cause = found
         if is_to_move or hazard.at_rest:
             self._held_kind = hazard.kind if hazard.for_hand == "until cleared" else ""
-            self._latch.hold(reason)
+            self._latch.hold(cause)
 
-    def _why_held(self, now: Situation, *, is_by_hand: bool) -> str:
+    def _why_held(self, now: Situation, *, is_by_hand: bool) -> Fact | None:
         found = find_hazard(now, "wait", is_by_hand=is_by_hand, accepted=self._accepted)
-        return "" if found is None else found[1]
+        return None if found is None else found[1]
 
-    def _held_back(self, wanted: DriveCommand) -> str:
+    def _held_back(self, wanted: DriveCommand) -> OnlyAway | None:
         """Why a hand does not get what it asked for."""
-        if self._bumper.away(wanted) == wanted:
-            return ""
-        where = " and ".join(self._bumper.sides)
-        return f"the bumper touches something {where}; only straight away from it by hand"
+        return None if self._bumper.away(wanted) == wanted else OnlyAway(self._bumper.ends)
 
-    def _limit(self, drive: DriveCommand) -> tuple[DriveCommand, str]:
+    def _limit(self, drive: DriveCommand) -> tuple[DriveCommand, Fact | None]:
         """Slower along the same curve when a limit is passed.
 
-        The reason is empty where the difference is too small to be shown.
+        The reason is None where the difference is too small to be shown.
         """
         speed_mps, yaw_rate_radps = abs(drive.v_mps), abs(drive.yaw_rate_radps)
-        ratio, reason = 1.0, ""
+        ratio = 1.0
+        reason: Fact | None = None
         if speed_mps > self._max_speed_mps:
             ratio = self._max_speed_mps / speed_mps
             if speed_mps - self._max_speed_mps >= SHOWN_EXCESS:
-                reason = f"speed {speed_mps:.2f} m/s limited to {self._max_speed_mps:.2f} m/s"
+                reason = SpeedLimited(speed_mps, self._max_speed_mps)
         if yaw_rate_radps * ratio > self._max_yaw_rate_radps:
             ratio = self._max_yaw_rate_radps / yaw_rate_radps
             if yaw_rate_radps - self._max_yaw_rate_radps >= SHOWN_EXCESS:
-                reason = (
-                    f"yaw rate {yaw_rate_radps:.2f} rad/s limited to "
-                    f"{self._max_yaw_rate_radps:.2f} rad/s"
-                )
+                reason = YawRateLimited(yaw_rate_radps, self._max_yaw_rate_radps)
         if ratio == 1.0:
-            return drive, ""
+            return drive, None
         slower = DriveCommand(
             v_mps=clamp(drive.v_mps * ratio, -self._max_speed_mps, self._max_speed_mps),
             yaw_rate_radps=clamp(
@@ -331,11 +334,9 @@ def _moves(command: RobotCommand) -> bool:
     return drive != STOP or command.implement.is_on
 
 
-def _describe_idle(status: MissionStatus) -> str:
-    """Say why the mission does not drive; empty where it does."""
-    if status.state == "running":
-        return ""
-    return f"mission {status.state}" + (f": {status.reason}" if status.reason else "")
+def _describe_idle(status: MissionStatus) -> MissionIdle | None:
+    """Find why the mission does not drive; None where it does."""
+    return None if status.state == "running" else MissionIdle(status.state, status.fact)
 
 
 def _name_hand(batch: SensorBatch) -> str:

@@ -10,12 +10,22 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
 from typing import NamedTuple
 
 from agribot.autonomy.control.rest_watch import RestWatch
 from agribot.core.arithmetic import clamp
-from agribot.core.messages import WHEEL_NAMES, DriveCommand, Four, SensorBatch, WheelSample
+from agribot.core.facts import (
+    Fact,
+    HeldInTurn,
+    ImuFrozen,
+    Motion,
+    MotorDead,
+    TurnsDisagree,
+    Wheel,
+    WheelsSwapped,
+    WheelsWrong,
+)
+from agribot.core.messages import DriveCommand, Four, SensorBatch, WheelSample
 from agribot.core.robot import DriveSpec
 
 SPAN_S = 0.1
@@ -40,11 +50,7 @@ TURNING_RADPS = 0.6
 # A motor without current gives no torque at all: its wheel rolls along and its encoder looks well.
 # One that the others carry along for a moment passes through zero, but does not stay there.
 DEAD_RATIO, WORKING_RATIO, DEAD_LASTING_S = 1e-6, 2e-3, 0.5
-WORDS = {
-    "right_wheel_R": "right rear", "left_wheel_R": "left rear",
-    "right_wheel_F": "right front", "left_wheel_F": "left front",
-}  # fmt: skip
-SIDES = {(0, 2): "right wheels", (1, 3): "left wheels", (0, 1, 2, 3): "wheels"}
+WHEELS: tuple[Wheel, ...] = ("right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F")
 
 
 class _Told(NamedTuple):
@@ -56,7 +62,7 @@ class _Told(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Faults in words, empty where there is none.
+    """What is at fault, None where nothing is.
 
     `wheels` go where nobody told them; `runaway` are wheels that are to stand and that their motors
     turn: more than a push does, on after they were driven, or when STOP was pressed.
@@ -64,12 +70,12 @@ class Found(NamedTuple):
     on odometry and gyro must. `held` is a robot that does not turn with its wheels.
     """
 
-    wheels: str = ""
-    runaway: str = ""
-    dead_motor: str = ""
-    frozen_imu: str = ""
-    wrong_turn: str = ""
-    held: str = ""
+    wheels: Fact | None = None
+    runaway: Fact | None = None
+    dead_motor: Fact | None = None
+    frozen_imu: Fact | None = None
+    wrong_turn: Fact | None = None
+    held: Fact | None = None
 
 
 class WheelWatch:
@@ -91,7 +97,7 @@ class WheelWatch:
         self._off_s = [0.0] * 4
         self._is_driven = [False] * 4  # by its motor, since the wheel last stood
         self._rest = RestWatch(drive)
-        self._runaway = ""
+        self._runaway: Fact | None = None
         self._dead_s = [0.0] * 4
         self._yaw_off_s = self._held_s = 0.0
         self._unjudged_s = 0.0  # since the last tick that brought a wheel sample
@@ -137,11 +143,11 @@ class WheelWatch:
         self._count_wrong_wheels(speeds, elapsed_s)
         is_lasting = max(self._off_s) > LASTING_S
         runs_away = self._runs_away(speeds, batch.wheels[-1].effort_nm, elapsed_s)
-        wrong = self._describe_wrong_wheels(speeds) if is_lasting or runs_away else ""
-        self._runaway = wrong if runs_away else ""
+        wrong = self._describe_wrong_wheels(speeds) if is_lasting or runs_away else None
+        self._runaway = wrong if runs_away else None
         wrong_turn, held = self._compare_turns(speeds, elapsed_s, is_held=is_held)
         return Found(
-            wheels=wrong if is_lasting else "",
+            wheels=wrong if is_lasting else None,
             runaway=self._runaway,
             dead_motor=self._dead_motor(batch.wheels[-1], elapsed_s),
             frozen_imu=self._frozen_imu(speeds, batch),
@@ -195,7 +201,7 @@ class WheelWatch:
             self._off_s[k] = self._off_s[k] + elapsed_s if is_off else 0.0
             self._is_driven[k] = low != 0.0 or high != 0.0 or (self._is_driven[k] and is_off)
 
-    def _describe_wrong_wheels(self, speeds: Four) -> str:
+    def _describe_wrong_wheels(self, speeds: Four) -> WheelsWrong | WheelsSwapped:
         now = self._told[-1]
         off = tuple(k for k in range(4) if self._off_s[k] > 0.0)
         return _describe(off, speeds, (now.right_radps, now.left_radps))
@@ -211,13 +217,13 @@ class WheelWatch:
         )
         return self._rest.is_driven(speeds, efforts_nm, elapsed_s) or runs_on
 
-    def _dead_motor(self, read: WheelSample, elapsed_s: float) -> str:
+    def _dead_motor(self, read: WheelSample, elapsed_s: float) -> MotorDead | None:
         """Only boards that tell the torque of each wheel show it."""
         efforts, torque_nm = read.effort_nm, self._drive.wheel_torque_nm
         told = self._told[-1]
         if efforts is None or abs(told.right_radps + told.left_radps) / 2.0 < TURNING_RADPS:
             self._dead_s = [0.0] * 4
-            return ""
+            return None
         total_nm = sum(abs(effort) for effort in efforts)
         for k, effort in enumerate(efforts):
             if abs(effort) > DEAD_RATIO * torque_nm:
@@ -225,11 +231,8 @@ class WheelWatch:
             elif total_nm > 3.0 * WORKING_RATIO * torque_nm:
                 self._dead_s[k] += elapsed_s
             if self._dead_s[k] > DEAD_LASTING_S:
-                return (
-                    f"{WORDS[WHEEL_NAMES[k]]} motor gives no torque while the others work; check "
-                    "it and its cable"
-                )
-        return ""
+                return MotorDead(WHEELS[k])
+        return None
 
     def _update_imu(self, batch: SensorBatch) -> None:
         for sample in batch.imu:
@@ -238,23 +241,23 @@ class WheelWatch:
             if value != self._imu:
                 self._imu, self._imu_changed_s = value, sample.t_s
 
-    def _frozen_imu(self, speeds: Four, batch: SensorBatch) -> str:
+    def _frozen_imu(self, speeds: Four, batch: SensorBatch) -> ImuFrozen | None:
         if not batch.imu or min(abs(speed) for speed in speeds) < TURNING_RADPS:
             self._imu_changed_s = max(self._imu_changed_s, batch.t_s - SPAN_S)
-            return ""
+            return None
         same_s = batch.imu[-1].t_s - self._imu_changed_s
-        if not same_s > FROZEN_S:
-            return ""
-        return f"IMU repeats the same numbers for {same_s:.2f} s while the wheels turn; restart it"
+        return ImuFrozen(same_s) if same_s > FROZEN_S else None
 
-    def _compare_turns(self, speeds: Four, elapsed_s: float, *, is_held: bool) -> tuple[str, str]:
-        """Say that the gyro contradicts the wheels, and that the ground holds the robot."""
+    def _compare_turns(
+        self, speeds: Four, elapsed_s: float, *, is_held: bool
+    ) -> tuple[TurnsDisagree | None, HeldInTurn | None]:
+        """Find that the gyro contradicts the wheels, and that the ground holds the robot."""
         gyro = self._gyro_radps
         while gyro and not 0.0 <= self._read[-1].t_s - gyro[0][0] <= SPAN_S:
             gyro.popleft()
         if not gyro:
             self._yaw_off_s = self._held_s = 0.0
-            return "", ""
+            return None, None
         rate_radps = sum(rate for _, rate in gyro) / len(gyro)
         drive = self._drive
         across_radps = (speeds[0] + speeds[2] - speeds[1] - speeds[3]) / 2.0
@@ -263,14 +266,10 @@ class WheelWatch:
         if not any(self._off_s):  # else it may be a wheel's fault, which is told by name
             is_held = is_held and _turns_little(wheels_radps, rate_radps)
             self._count_off(is_off, is_held, elapsed_s)
-        said = f"the gyro says {rate_radps:+.2f} rad/s, the wheels {wheels_radps:+.2f} rad/s"
+        rates = rate_radps, wheels_radps
         return (
-            f"{said}; check the gyro, and whether the robot is stuck"
-            if self._yaw_off_s > YAW_LASTING_S
-            else "",
-            f"stuck or slipping in a turn: {said}; look at the ground, and check the gyro"
-            if self._held_s > HELD_LASTING_S
-            else "",
+            TurnsDisagree(*rates) if self._yaw_off_s > YAW_LASTING_S else None,
+            HeldInTurn(*rates) if self._held_s > HELD_LASTING_S else None,
         )
 
     def _count_off(self, is_off: bool, is_held: bool, elapsed_s: float) -> None:
@@ -282,15 +281,10 @@ class WheelWatch:
             self._yaw_off_s += elapsed_s
 
 
-def name_motors(faults: Sequence[str]) -> str:
-    """Motors that a board reports to be at fault, for people."""
-    words = [WORDS.get(name, name) for name in faults]
-    plural = "s report a fault; check them" if len(words) > 1 else " reports a fault; check it"
-    return f"{' and '.join(words)} motor{plural} and the cable"
-
-
-def _describe(off: tuple[int, ...], speeds: Four, told: tuple[float, float]) -> str:
-    """Which wheels do what instead of what."""
+def _describe(
+    off: tuple[int, ...], speeds: Four, told: tuple[float, float]
+) -> WheelsWrong | WheelsSwapped:
+    """Find which wheels do what instead of what."""
     wanted = sum(told[k % 2] for k in off) / len(off)
     speed = sum(speeds[k] for k in off) / len(off)
     right, left = (speeds[0] + speeds[2]) / 2.0, (speeds[1] + speeds[3]) / 2.0
@@ -298,20 +292,14 @@ def _describe(off: tuple[int, ...], speeds: Four, told: tuple[float, float]) -> 
     is_swapped = turn * wanted_turn < 0.0 and abs(turn + wanted_turn) < abs(turn) / 2.0
     gets_on = abs(right + left - told[0] - told[1]) < abs(wanted_turn)
     if len(off) > 1 and is_swapped and gets_on:
-        return "the robot turns the other way than told; check that no motors are swapped"
-    is_one = len(off) == 1
-    words = " and ".join(WORDS[WHEEL_NAMES[k]] for k in off)
-    name = SIDES.get(off) or f"{words} wheel{'' if is_one else 's'}"
+        return WheelsSwapped()
     if abs(speed) < STANDS_RATIO * abs(wanted):
-        what = "does not turn" if is_one else "do not turn"
+        motion: Motion = "stand"
     elif speed * wanted < 0.0:
-        what = "turns backwards" if is_one else "turn backwards"
+        motion = "backwards"
     else:
-        pace = "fast" if abs(speed) > abs(wanted) else "slowly"
-        what = f"turns too {pace}" if is_one else f"turn too {pace}"
-    return (
-        f"{name} {what}: {speed:.1f} rad/s instead of {wanted:.1f}; check motor, gear and encoder"
-    )
+        motion = "fast" if abs(speed) > abs(wanted) else "slow"
+    return WheelsWrong(tuple(WHEELS[k] for k in off), motion, speed, wanted)
 
 
 def _tolerate_yaw(wheels_radps: float, gyro_radps: float) -> float:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 
+from agribot.core.facts import AntennaElsewhere
+
 # Rate from which a velocity shows the antenna's arm.
 LEAST_RATE_RADPS = 0.2
 # Turn to each side after which the arm is judged.
@@ -72,15 +74,13 @@ class AntennaWatch:
         is_one = abs(left.arm_m - right.arm_m) <= MOST_APART_M
         return off_m if is_one and abs(off_m) > max(NAMED_M, NAMED_SIGMA * std_m) else 0j
 
-    @property
-    def fault(self) -> str:
+    def find(self, *, is_left_open: bool) -> AntennaElsewhere | None:
+        """Find it elsewhere; `is_left_open`: a person has to look."""
         off_m = self.off_m
         if not off_m:
-            return ""
-        ahead = f"{abs(off_m.real):.2f} m {'ahead of' if off_m.real > 0.0 else 'behind'}"
-        aside = f"{abs(off_m.imag):.2f} m to the {'left' if off_m.imag > 0.0 else 'right'} of"
-        where = aside if abs(off_m.imag) > abs(off_m.real) else ahead
-        return (
-            f"the GNSS antenna sits {where} where the robot's description has it, as turns show; "
-            "measure it, or run agribot calibrate antenna"
-        )
+            return None
+        if abs(off_m.imag) > abs(off_m.real):
+            aside_m = abs(off_m.imag)
+            return AntennaElsewhere(aside_m, "left" if off_m.imag > 0.0 else "right", is_left_open)
+        ahead_m = abs(off_m.real)
+        return AntennaElsewhere(ahead_m, "ahead" if off_m.real > 0.0 else "behind", is_left_open)

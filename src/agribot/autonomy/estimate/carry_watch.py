@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 
 from agribot.autonomy.estimate.lost_way import MAX_STD_MPS, find_beyond_wheels
+from agribot.core.facts import RobotCarried
 
 # A clod that gives way throws the robot aside by some centimetres.
 CARRIED_M, MEMORY_S = 0.12, 2.0
@@ -50,15 +51,10 @@ class CarryWatch:
         self._carried_m = (0.0, 0.0)
 
     @property
-    def fault(self) -> str:
+    def fault(self) -> RobotCarried | None:
         ahead_m, aside_m = self._carried_m
         if not (ahead_m or aside_m):
-            return ""
+            return None
         if abs(aside_m) > abs(ahead_m):
-            where = f"{abs(aside_m):.2f} m to its {'left' if aside_m > 0.0 else 'right'}"
-        else:
-            where = f"{abs(ahead_m):.2f} m {'ahead' if ahead_m > 0.0 else 'back'}"
-        return (
-            f"the robot moved at least {where} though its wheels did not: it was carried or "
-            "pushed; look where it stands, then resume"
-        )
+            return RobotCarried(abs(aside_m), "left" if aside_m > 0.0 else "right")
+        return RobotCarried(abs(ahead_m), "ahead" if ahead_m > 0.0 else "behind")

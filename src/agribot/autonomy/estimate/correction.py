@@ -18,6 +18,7 @@ from agribot.autonomy.estimate.gate import Verdict
 from agribot.autonomy.estimate.history import UNMOVED, Epoch
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.pose_filter import PoseFilter
+from agribot.core.facts import Fact
 from agribot.core.messages import SensorBatch
 
 
@@ -40,8 +41,8 @@ class Correction(ABC, Generic[Sample]):
     # What must have been measured before the sensor can serve.
     needs: ClassVar[Known | None] = "position"
     needs_odometry: ClassVar[bool] = True
-    # Why the robot cannot stand where it is marked to start; empty where it can.
-    misplaced: str = ""
+    # Why the robot cannot stand where it is marked to start.
+    misplaced: Fact | None = None
 
     def __init__(self, pose: PoseFilter) -> None:
         self.pose = pose

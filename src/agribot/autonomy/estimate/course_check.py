@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from agribot.autonomy.estimate.motion_heading import Course, CourseHeading
+from agribot.core.facts import CourseOff
 from agribot.core.geo import wrap_rad
 
 # 1 sigma of a heading from courses that is good enough to judge by.
@@ -13,13 +15,8 @@ JUDGE_STD_RAD = math.radians(5.0)
 SENSOR_STD_RAD = math.radians(7.5)
 # Largest difference of sensor and courses, in joint sigmas.
 AGREE_SIGMA = 4.0
-ADVICE = {
-    "compass": "look for magnets and iron beside the magnetometer and how it is mounted, "
-    "calibrate it (agribot calibrate magnetometer), or take it out of the robot's description; at "
-    "180 deg check that the wheels do not count backwards",
-    "second antenna": "check which antenna is the front one and how the line between them is "
-    "mounted; at 180 deg check that the wheels do not count backwards",
-}
+Source = Literal["compass", "second antenna"]
+SOURCES: dict[str, Source] = {"compass": "compass", "second antenna": "second antenna"}
 
 
 class CourseCheck:
@@ -30,19 +27,21 @@ class CourseCheck:
     """
 
     def __init__(self) -> None:
-        self.fault = ""
+        self.fault: CourseOff | None = None
         self._courses = CourseHeading()
-        self._frame_rad, self._source = 0.0, ""
+        self._frame_rad = 0.0
+        self._source: Source | None = None
         self._has_courses = False
 
     def begin(self, frame_rad: float, source: str) -> None:
         """Judge a sensor by the turn from the frame of the odometry to the map that it shows."""
-        self._frame_rad, self._source = frame_rad, source if source in ADVICE else ""
+        self._frame_rad = frame_rad
+        self._source = SOURCES.get(source)
 
     @property
     def is_due(self) -> bool:
         """Whether there is a sensor to judge."""
-        return bool(self._source)
+        return self._source is not None
 
     @property
     def is_under_way(self) -> bool:
@@ -58,10 +57,6 @@ class CourseCheck:
             return
         off_rad = wrap_rad(self._frame_rad - turn.rad)
         limit_rad = AGREE_SIGMA * math.hypot(SENSOR_STD_RAD, turn.std_rad)
-        if abs(off_rad) > limit_rad:
-            self.fault = (
-                f"the {self._source} is {math.degrees(abs(off_rad)):.0f} deg > "
-                f"{math.degrees(limit_rad):.0f} deg off the way driven; {ADVICE[self._source]}; "
-                "then start again"
-            )
-        self._source = ""
+        if self._source is not None and abs(off_rad) > limit_rad:
+            self.fault = CourseOff(self._source, abs(off_rad), limit_rad)
+        self._source = None

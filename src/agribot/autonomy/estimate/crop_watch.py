@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from agribot.autonomy.estimate.field_rows import RowFrame, Rows
+from agribot.core.facts import CropUnknown
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import CropCover, FloatArray
 from agribot.core.pose import Pose2
@@ -34,7 +35,6 @@ LEAST_CONTRAST = 2.0  # of plants in the row against those beside it
 # Of the cells with plants in the row so many are crop to a network that knows it, and to one that
 # does not.
 AGREES_RATIO, STRANGE_RATIO = 0.4, 0.2
-ADVICE = "look at the plants, then set treatment.enabled to spray all the same"
 
 
 class _Slot(NamedTuple):
@@ -53,16 +53,16 @@ class CropWatch:
         self._row: int | None = None
         self._looks = 0  # at this row
         self._last: Pose2 | None = None
-        self._fault = ""
+        self._fault: CropUnknown | None = None
         self._is_accepted = False
 
     @property
-    def fault(self) -> str:
-        return "" if self._is_accepted else self._fault
+    def fault(self) -> CropUnknown | None:
+        return None if self._is_accepted else self._fault
 
     def accept(self) -> None:
         """Believe the network until it agrees with the rows again: a person says so."""
-        self._is_accepted = bool(self._fault)
+        self._is_accepted = self._fault is not None
 
     def look(self, cover: CropCover, map_from_body: Pose2, rows: Rows) -> None:
         """Take a picture, seen from this pose; without rows or bits of weeds it says nothing."""
@@ -127,12 +127,9 @@ class CropWatch:
             return
         share = crop[:, band].sum() / (crop + weed)[:, band].sum()
         if share >= AGREES_RATIO:
-            self._fault, self._is_accepted = "", False
+            self._fault, self._is_accepted = None, False
         elif share <= STRANGE_RATIO:
-            self._fault = (
-                f"camera: sees no crop where the rows are, {share:.0%} of the plants in "
-                f"{length * SLOT_M:.1f} m of row {frame.row + 1}; {ADVICE}"
-            )
+            self._fault = CropUnknown(float(share), length * SLOT_M, frame.row + 1)
 
 
 def _read(bits: bytes, cover: CropCover) -> npt.NDArray[np.bool_]:

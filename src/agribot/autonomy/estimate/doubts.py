@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from agribot.autonomy.estimate.crop_watch import CropWatch
 from agribot.autonomy.estimate.ekf import X, Y
@@ -17,14 +17,16 @@ from agribot.autonomy.estimate.picture_watch import PictureWatch
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_model import RECOVERY_OFFSET_M, RECOVERY_YAW_RAD
 from agribot.autonomy.estimate.scene_watch import SceneWatch
-from agribot.autonomy.estimate.verdicts import Finding
-from agribot.core.messages import GnssQuality, Scene
+from agribot.autonomy.estimate.verdicts import Finding, SensorName
+from agribot.core.facts import CameraAndGnssDisagree, Fact, FixesRejected
+from agribot.core.messages import GnssQuality, Scene, SensorState
 
-BELIEVE_CAMERA = "look where the robot stands, then resume to believe the camera"
+# A sensor, the state in which it is where a witness speaks against it, and what that finds.
+Witness = tuple[SensorName, SensorState, Callable[[float], Fact | None]]
 
 
 class Doubts:
-    """`contradiction` halts a mission until a person decides, `find` only tells what is wrong."""
+    """`contradiction` halts a mission until a person decides, `find` only says what is wrong."""
 
     def __init__(self, pose: PoseFilter, gnss: Gnss) -> None:
         self._pose, self._gnss, self._agreement = pose, gnss, pose.agreement
@@ -33,6 +35,30 @@ class Doubts:
         self._mirror, self._fitness = MirrorWatch(), FitnessWatch()
         self.crop, self.heading = CropWatch(), HeadingWatch()
         self._moving_t_s = -math.inf
+        self._witnesses = self._list_witnesses()
+
+    def _list_witnesses(self) -> tuple[Witness, ...]:
+        """List what is asked of each sensor; of two that find something the first counts."""
+        gnss, agreement = self._gnss, self._agreement
+        return (
+            ("gnss", "contradicted", lambda t_s: self._find_moved_fixes()),
+            ("gnss", "frozen", lambda t_s: gnss.repeats.fault),
+            ("camera", "silent", self._camera.silence),
+            ("camera", "frozen", lambda t_s: self._pictures.fault),
+            ("camera", "contradicted", lambda t_s: self._flow.fault),
+            ("camera", "contradicted", lambda t_s: self._mirror.fault),
+            ("camera", "contradicted", lambda t_s: self._lines.fault),
+            ("camera", "contradicted", lambda t_s: self._pose.line_noise.fault),
+            ("camera", "late", lambda t_s: self._camera.lateness),
+            ("camera", "contradicted", lambda t_s: self.of_plants),
+            ("camera", "contradicted", lambda t_s: agreement.fault),
+            ("gnss", "contradicted", lambda t_s: agreement.fault),
+            ("gnss", "contradicted", lambda t_s: self._count_rejected()),
+            ("gnss", "contradicted", lambda t_s: gnss.velocity.antenna.find(is_left_open=False)),
+            ("wheels", "contradicted", gnss.velocity.spin_fault),
+            ("gnss", "contradicted", lambda t_s: gnss.position_noise.fault),
+            ("gnss", "contradicted", lambda t_s: gnss.velocity.noise.fault),
+        )
 
     def move(self, t_s: float) -> None:
         """Note that the robot moves."""
@@ -72,81 +98,52 @@ class Doubts:
         self._agreement.expire(t_s)
 
     @property
-    def of_plants(self) -> str:
-        """Why no tool may work by what the camera calls weed and crop; empty where it may."""
+    def of_plants(self) -> Fact | None:
+        """Why no tool may work by what the camera calls weed and crop; None where it may."""
         return self._fitness.fault or self.crop.fault
 
     @property
-    def contradiction(self) -> str:
+    def contradiction(self) -> Fact | None:
         """Two sensors that cannot both be right, a row that may be another, or nothing."""
         agreement, jump = self._agreement, self._gnss.jump
-        if self._lines.fault:
-            return self._lines.fault
+        if (moved := self._lines.fault) is not None:
+            return moved
         if agreement.must_halt:
-            return f"{agreement.fault}; {BELIEVE_CAMERA}"
+            return CameraAndGnssDisagree(agreement.doubted_m, is_left_open=True)
         if 0.0 < jump.off_m <= MAX_JUMP_M and self._is_seen:
-            return f"camera and GNSS disagree by {jump.off_m:.2f} m; {BELIEVE_CAMERA}"
+            return CameraAndGnssDisagree(jump.off_m, is_left_open=True)
         fixes = jump.fault or self._gnss.drift.fault
         # A robot whose compass is wrong seems to be carried.
         is_judged = self._pose.first_heading.check.is_under_way
-        carried = "" if is_judged else self._gnss.velocity.carry.fault
+        carried = None if is_judged else self._gnss.velocity.carry.fault
         return fixes or carried or self.heading.fault or self._aside or self._identity.doubt
 
     @property
-    def _aside(self) -> str:
-        """Why fixes that claim centimetres put the robot beside its rows; empty where they do not.
+    def _aside(self) -> Fact | None:
+        """Why fixes that claim centimetres put the robot beside its rows; None where they do not.
 
         A receiver without corrections is off by more, whatever its antenna is.
         """
-        antenna, is_fixed = self._gnss.velocity.antenna, self._gnss.quality is GnssQuality.RTK_FIXED
-        return f"{antenna.fault}, then resume" if is_fixed and antenna.fault else ""
+        is_fixed = self._gnss.quality is GnssQuality.RTK_FIXED
+        return self._gnss.velocity.antenna.find(is_left_open=True) if is_fixed else None
 
     def find(self, t_s: float) -> Iterator[Finding]:
         """Find what is wrong with the sensors, although there is a pose without them."""
-        gnss, agreement = self._gnss, self._agreement
-        if gnss.jump.off_m or gnss.drift.is_drifting:
-            yield Finding("gnss", "contradicted", self.contradiction)
-        elif gnss.drift.suspicion:
-            yield Finding("gnss", "contradicted", gnss.drift.suspicion)
-        if gnss.repeats.fault:
-            yield Finding("gnss", "frozen", gnss.repeats.fault)
-        yield from self._find_camera(t_s)
-        if agreement.fault:
-            yield Finding("camera", "contradicted", agreement.fault)
-            yield Finding("gnss", "contradicted", agreement.fault)
-        if gnss.rejected_in_a_row >= SUSPICIOUS_REJECTIONS:
-            yield Finding("gnss", "contradicted", self._say_rejected())
-        if fault := gnss.velocity.antenna.fault:
-            yield Finding("gnss", "contradicted", fault)
-        if fault := gnss.velocity.spin_fault(t_s):
-            yield Finding("wheels", "contradicted", fault)
-        for noise in (gnss.position_noise, gnss.velocity.noise):
-            if noise.fault:
-                yield Finding("gnss", "contradicted", noise.fault)
+        for sensor, state, find in self._witnesses:
+            if (fact := find(t_s)) is not None:
+                yield Finding(sensor, state, fact)
 
-    def _find_camera(self, t_s: float) -> Iterator[Finding]:
-        if silence := self._camera.silence(t_s):
-            yield Finding("camera", "silent", silence)
-        elif self._pictures.fault:
-            yield Finding("camera", "frozen", self._pictures.fault)
-        elif self._flow.fault:
-            yield Finding("camera", "contradicted", self._flow.fault)
-        elif self._mirror.fault:
-            yield Finding("camera", "contradicted", self._mirror.fault)
-        elif self._lines.fault:
-            yield Finding("camera", "contradicted", self._lines.fault)
-        elif self._pose.line_noise.fault:
-            yield Finding("camera", "contradicted", self._pose.line_noise.fault)
-        elif self._camera.lateness:
-            yield Finding("camera", "late", self._camera.lateness)
-        elif self.of_plants:
-            yield Finding("camera", "contradicted", self.of_plants)
+    def _find_moved_fixes(self) -> Fact | None:
+        """Find fixes that jumped or crept, by what is asked of a person where something is."""
+        gnss = self._gnss
+        is_moved = gnss.jump.off_m or gnss.drift.is_drifting
+        return self.contradiction if is_moved else gnss.drift.suspicion
 
-    def _say_rejected(self) -> str:
-        return (
-            f"GNSS contradicts the odometry: {self._gnss.rejected_in_a_row} fixes rejected in a "
-            f"row; after {self._pose.config.recover_after} a robot that has not driven follows GNSS"
-        )
+    def _count_rejected(self) -> Fact | None:
+        count = self._gnss.rejected_in_a_row
+        if count < SUSPICIOUS_REJECTIONS:
+            return None
+        return FixesRejected(count, self._pose.config.recover_after)
 
     def decide(self) -> bool:
         """Go on as a person decided on the spot; False: nothing was in doubt.
@@ -154,7 +151,7 @@ class Doubts:
         A robot on a row that the camera saw goes on along it, and what GNSS says otherwise counts
         as an error of the receiver; anywhere else GNSS is believed.
         """
-        if not self.contradiction:
+        if self.contradiction is None:
             return False
         agreement, gnss, ekf = self._agreement, self._gnss, self._pose.ekf
         is_seen = self._is_seen

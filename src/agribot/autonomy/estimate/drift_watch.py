@@ -17,6 +17,7 @@ from collections import deque
 from typing import NamedTuple
 
 from agribot.autonomy.estimate.velocity_way import MAX_GAP_S, summed_variance_m2
+from agribot.core.facts import GnssCrept, GnssParts
 
 WINDOWS_S = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 40.0)
 STEP_S = 0.1  # nearer fixes are not kept
@@ -97,7 +98,7 @@ class DriftWatch:
         self._over_s = 0.0
         # How far fixes and velocity are apart, whatever the wheels say: one of the two lies.
         self.apart_m = (0.0, 0.0)
-        self.suspicion = ""  # that said, once it has lasted
+        self.suspicion: GnssParts | None = None  # the same, once it has lasted
         self._apart_since_s: float | None = None
         self._apart_t_s = -math.inf
 
@@ -106,14 +107,8 @@ class DriftWatch:
         return self.off_m != (0.0, 0.0)
 
     @property
-    def fault(self) -> str:
-        if not self.is_drifting:
-            return ""
-        return (
-            f"GNSS crept by {math.hypot(*self.off_m):.2f} m in {self._over_s:.0f} s against its "
-            "own velocity, wheels and gyro; look where the robot stands, then resume to believe "
-            "GNSS"
-        )
+    def fault(self) -> GnssCrept | None:
+        return GnssCrept(math.hypot(*self.off_m), self._over_s) if self.is_drifting else None
 
     def restart(self) -> None:
         """Forget all fixes and what was said of them."""
@@ -149,14 +144,11 @@ class DriftWatch:
             self.apart_m, self._apart_t_s = (found.apart_m.real, found.apart_m.imag), t_s
         if self._apart_since_s is None:
             self._apart_since_s = t_s
-        elif not self.suspicion and t_s - self._apart_since_s >= APART_LASTS_S:
-            self.suspicion = (
-                f"GNSS positions and velocity part by {abs(found.apart_m):.2f} m in "
-                f"{found.window_s:.0f} s; check the receiver and its corrections"
-            )
+        elif self.suspicion is None and t_s - self._apart_since_s >= APART_LASTS_S:
+            self.suspicion = GnssParts(abs(found.apart_m), found.window_s)
 
     def _clear_suspicion(self) -> None:
-        self.apart_m, self.suspicion, self._apart_since_s = (0.0, 0.0), "", None
+        self.apart_m, self.suspicion, self._apart_since_s = (0.0, 0.0), None, None
 
     def straighten(self, since_s: float, rate_radps: float) -> None:
         """Take back that the gyro has turned too fast since then, as is known only now."""

@@ -15,6 +15,7 @@ from agribot.autonomy.estimate.motion_heading import (
     WayPlace,
 )
 from agribot.autonomy.estimate.start import StartMark
+from agribot.core.facts import Fact, HeadingAwaited, HeadingUnknown
 from agribot.core.geo import wrap_rad
 
 # 1 sigma of a heading that is good enough to begin with; measurements go on to correct it.
@@ -44,7 +45,7 @@ class FirstHeading:
     """
 
     def __init__(self, ekf: Ekf, start: StartMark, known: set[Known], *, has_compass: bool) -> None:
-        self.misplaced = ""  # why the robot cannot face as it is marked to; empty where it can
+        self.misplaced: Fact | None = None  # why the robot cannot face as it is marked to
         self._ekf, self._start, self._known = ekf, start, known
         self._has_compass = has_compass
         self._motion, self._course = MotionHeading(), CourseHeading()
@@ -134,18 +135,12 @@ class FirstHeading:
             self._is_unconfirmed = off.std_rad > CHECK_STD_RAD
 
     @property
-    def reason(self) -> str:
-        """Why the heading is not known, and what to do."""
+    def reason(self) -> HeadingAwaited | HeadingUnknown:
+        """Why the heading is not known."""
         if self.is_compass_awaited:
-            return "no heading yet: waiting for the magnetometer"
-        known = "" if self._turn is None else f" to {math.degrees(self._turn.std_rad):.0f} deg"
-        driven_m = self._motion.extent_m
-        after = f", known{known} after {driven_m:.1f} m" if known else ""
-        silent = ", the magnetometer is silent" if self._has_compass else ""
-        return (
-            f"no heading yet{after}{silent}; drive {DRIVE_M:.0f} m straight ahead by hand, or "
-            "start on a mark with field.start_yaw_deg"
-        )
+            return HeadingAwaited()
+        std_rad = None if self._turn is None else self._turn.std_rad
+        return HeadingUnknown(self._has_compass, DRIVE_M, self._motion.extent_m, std_rad)
 
 
 def _join(of_places: Turn | None, of_courses: Turn | None) -> Turn | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from agribot.core.facts import PictureUnfit
 from agribot.core.messages import Scene
 
 PICTURES = 3  # one after the other, before it counts, and before it is over
@@ -12,12 +13,12 @@ class FitnessWatch:
 
     def __init__(self) -> None:
         self._unfit = self._fit = 0
-        self.fault = ""
+        self.fault: PictureUnfit | None = None
 
     def hear(self, scene: Scene) -> None:
         self._unfit = self._unfit + 1 if scene.unfit else 0
         self._fit = 0 if scene.unfit else self._fit + 1
         if self._unfit >= PICTURES:
-            self.fault = f"camera: {scene.unfit}"
+            self.fault = PictureUnfit(scene.unfit)
         elif self._fit >= PICTURES:
-            self.fault = ""
+            self.fault = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from agribot.core.facts import GnssJumped, GnssJumpedFar, GnssRepeats
 from agribot.core.messages import GnssFix
 
 # A receiver that tells one place again says nothing; with four decimals of a minute, the coarsest
@@ -35,13 +36,8 @@ class RepeatWatch:
         return self._way_m >= REPEAT_M
 
     @property
-    def fault(self) -> str:
-        if self._way_m < NAMED_REPEAT_M:
-            return ""
-        return (
-            f"GNSS repeats its position while the wheels turned {self._way_m:.1f} m; check the "
-            "receiver, its static hold and its cable"
-        )
+    def fault(self) -> GnssRepeats | None:
+        return GnssRepeats(self._way_m) if self._way_m >= NAMED_REPEAT_M else None
 
 
 class JumpWatch:
@@ -81,18 +77,10 @@ class JumpWatch:
         return off_m > BACK_RATIO * self.off_m > 0.0
 
     @property
-    def fault(self) -> str:
+    def fault(self) -> GnssJumped | GnssJumpedFar | None:
         if self.off_m > MAX_JUMP_M:
-            return (
-                f"GNSS jumped by {self.off_m / 1000.0:.0f} km, which is never followed; check the "
-                "receiver"
-            )
-        if self.off_m:
-            return (
-                f"GNSS jumped by {self.off_m:.2f} m against wheels and gyro, or the robot was "
-                "carried; look where it stands, then resume to believe GNSS"
-            )
-        return ""
+            return GnssJumpedFar(self.off_m)
+        return GnssJumped(self.off_m) if self.off_m else None
 
     def forget(self) -> None:
         """Believe the fixes again: a person has decided."""

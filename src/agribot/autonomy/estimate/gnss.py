@@ -44,6 +44,7 @@ from agribot.autonomy.estimate.sensor_ranges import MAX_ALT_M, MAX_POS_STD_M
 from agribot.autonomy.estimate.spin_watch import ahead_and_aside
 from agribot.autonomy.estimate.velocity_way import VelocityMark
 from agribot.core.arithmetic import clamp
+from agribot.core.facts import FarFromMap
 from agribot.core.geo import MapFrame, is_place, rotation_from_rpy
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch, Vec3
 from agribot.core.pose import Pose2
@@ -103,7 +104,7 @@ class Gnss(Correction[GnssFix]):
         self._noise: FixNoise | None = None
         self._is_corrected = self._is_differential = self._is_wide = False
         self._sure: _Sure | None = None
-        self.elsewhere = ""  # why the first fixes are too far from the map; empty if they are not
+        self.elsewhere: FarFromMap | None = None  # where the first fixes are not of this map
 
     @property
     def rejected_in_a_row(self) -> int:
@@ -156,23 +157,20 @@ class Gnss(Correction[GnssFix]):
     def objection(self, sample: GnssFix) -> str:
         if "position" not in self.pose.known:
             self.elsewhere = self._compare_with_datum(sample)
-            if self.elsewhere:
+            if self.elsewhere is not None:
                 return "far from the map"
         self.pose.is_receiver_frozen = self.repeats.is_repeat(sample, self._driven_m)
         return "repeats itself" if self.pose.is_receiver_frozen else ""
 
-    def _compare_with_datum(self, fix: GnssFix) -> str:
-        """Say where receiver and map are if they are too far apart; empty if they are not."""
+    def _compare_with_datum(self, fix: GnssFix) -> FarFromMap | None:
+        """Find where receiver and map are if they are too far apart."""
         datum = self._frame.datum
         place_m = self._frame.map_from_geodetic(fix.lat_deg, fix.lon_deg, datum.alt_m)
         away_m = math.hypot(*place_m)
         if away_m <= MAX_FROM_DATUM_M:
-            return ""
-        return (
-            f"the receiver is at {fix.lat_deg:.5f}, {fix.lon_deg:.5f}, {away_m / 1e3:.0f} km in a "
-            f"straight line from the map's origin at {datum.lat_deg:.5f}, {datum.lon_deg:.5f}, "
-            f"more than {MAX_FROM_DATUM_M / 1e3:.0f} km; start again with --origin auto, or with "
-            "the right place"
+            return None
+        return FarFromMap(
+            fix.lat_deg, fix.lon_deg, away_m, datum.lat_deg, datum.lon_deg, MAX_FROM_DATUM_M
         )
 
     def measure(self, sample: GnssFix, epoch: Epoch) -> Measurements:

@@ -12,6 +12,7 @@ import msgspec
 
 from agribot.autonomy.estimate.ekf import GNSS_BIAS_X, GNSS_BIAS_Y
 from agribot.autonomy.estimate.models import SURE_NOISE_RATIO, repeats
+from agribot.core.facts import PositionsScatter, VelocityScatters
 from agribot.core.messages import GnssFix, GnssQuality
 
 CORRECTED = (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
@@ -134,13 +135,10 @@ class PositionNoise:
             self.std_m = math.sqrt(statistics.median(self._bends2) / BEND2_MEDIAN)
 
     @property
-    def fault(self) -> str:
+    def fault(self) -> PositionsScatter | None:
         if self.std_m < max(NAMED_SCATTER_RATIO * self._stated_m, NAMED_SCATTER_M):
-            return ""
-        return (
-            f"GNSS positions scatter by {self.std_m:.2f} m, stated are {self._stated_m:.3f}; "
-            "check antenna and sky view"
-        )
+            return None
+        return PositionsScatter(self.std_m, self._stated_m)
 
 
 class VelocityNoise:
@@ -184,10 +182,7 @@ class VelocityNoise:
         return self.std_mps if is_more else self._stated_mps
 
     @property
-    def fault(self) -> str:
+    def fault(self) -> VelocityScatters | None:
         if self.std_mps < max(NAMED_NOISE_RATIO * self._stated_mps, NAMED_NOISE_MPS):
-            return ""
-        return (
-            f"GNSS velocity scatters by {self.std_mps:.2f} m/s, stated are {self._stated_mps:.2f}; "
-            "check antenna and sky view"
-        )
+            return None
+        return VelocityScatters(self.std_mps, self._stated_mps)

@@ -27,6 +27,7 @@ from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.sensor_ranges import MAX_SPEED_MPS
 from agribot.autonomy.estimate.spin_watch import SpinWatch, ahead_and_aside, doubts
 from agribot.autonomy.estimate.velocity_way import MAX_GAP_S, VelocityWay
+from agribot.core.facts import WheelsSlip
 from agribot.core.messages import GnssFix
 from agribot.core.pose import Pose2
 
@@ -67,15 +68,9 @@ class GnssVelocity:
         self._told: ToldWay | None = None
         self._lost_t_s = -math.inf
 
-    def spin_fault(self, t_s: float) -> str:
-        """Say that wheels turn and the robot hardly moves, or did so a moment ago."""
-        if t_s - self._spun_t_s > SPUN_S:
-            return ""
-        claimed_mps, shown_mps = self._spun_mps
-        return (
-            f"wheels slip: they turn for {claimed_mps:.2f} m/s, GNSS shows {shown_mps:.2f}; look "
-            "whether the robot is stuck or the ground soft"
-        )
+    def spin_fault(self, t_s: float) -> WheelsSlip | None:
+        """Find that wheels turn and the robot hardly moves, or did so a moment ago."""
+        return None if t_s - self._spun_t_s > SPUN_S else WheelsSlip(*self._spun_mps)
 
     def measure(
         self,

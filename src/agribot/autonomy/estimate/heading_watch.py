@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
+from agribot.core.facts import HeadingJumped
 from agribot.core.geo import wrap_rad
 
 WINDOW_S = 1.0
@@ -39,12 +40,6 @@ class HeadingWatch:
         self._jump_rad = 0.0
 
     @property
-    def fault(self) -> str:
-        """Say by how much it jumped, until a person has looked."""
-        if not self._jump_rad:
-            return ""
-        return (
-            f"the heading jumped by {math.degrees(self._jump_rad):+.0f} deg though the gyro knows "
-            "of no turn, or the robot was carried; look how it stands, then resume to believe the "
-            "new heading"
-        )
+    def fault(self) -> HeadingJumped | None:
+        """By how much it jumped, until a person has looked."""
+        return HeadingJumped(self._jump_rad) if self._jump_rad else None

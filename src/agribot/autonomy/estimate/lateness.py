@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from agribot.core.facts import ClockLeapt, ImuLate
+
 # An IMU at the end of a cable is read within some hundredths of a second.
 IMU_LATE_S, LASTS_S = 0.05, 0.5
 NAMED_S = 15.0
@@ -23,10 +25,9 @@ class Lateness:
         if self.age_s <= IMU_LATE_S or math.isinf(self._new_s):
             self._new_s = now_s
 
-    def fault(self, now_s: float) -> str:
-        if now_s - self._new_s < LASTS_S or math.isinf(self.age_s):
-            return ""
-        return f"IMU samples come {self.age_s:.2f} s late; check its cable and the computer's load"
+    def fault(self, now_s: float) -> ImuLate | None:
+        is_new = now_s - self._new_s < LASTS_S or math.isinf(self.age_s)
+        return None if is_new else ImuLate(self.age_s)
 
 
 class LeapWatch:
@@ -45,10 +46,5 @@ class LeapWatch:
         if abs(distance_m) < LOST_RATIO * abs(mean_mps) * dt_s:
             self._leapt_s, self._t_s = dt_s - abs(distance_m / mean_mps), t_s
 
-    def fault(self, now_s: float) -> str:
-        if now_s - self._t_s > NAMED_S:
-            return ""
-        return (
-            f"the clock jumped by {self._leapt_s:.2f} s while the wheels turned on evenly; check "
-            "the time source"
-        )
+    def fault(self, now_s: float) -> ClockLeapt | None:
+        return None if now_s - self._t_s > NAMED_S else ClockLeapt(self._leapt_s)

@@ -29,8 +29,28 @@ from agribot.autonomy.estimate.stem_map import StemMap
 from agribot.autonomy.estimate.verdicts import SILENT_S, Finding, SensorName, VerdictTable
 from agribot.core.arithmetic import clamp
 from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.core.fact_text import render
+from agribot.core.facts import (
+    Check,
+    DeadReckoning,
+    Fact,
+    GnssSilent,
+    NoDataYet,
+    NoFixesYet,
+    PoseClockWentBack,
+    SensorSilent,
+    Unspoken,
+)
 from agribot.core.geo import wrap_rad
-from agribot.core.messages import Estimate, GnssQuality, OperatorEvent, RowLine, Scene, SensorBatch
+from agribot.core.messages import (
+    Estimate,
+    GnssQuality,
+    OperatorEvent,
+    RowLine,
+    Scene,
+    SensorBatch,
+    SensorState,
+)
 from agribot.core.pose import Pose2
 from agribot.core.robot import RobotSpec
 
@@ -297,8 +317,9 @@ class Localizer:
         doubts = (*self._doubts.find(t_s), *self._find_odd(t_s))
         findings = (*doubts, *self._find_silence(t_s))
         contradiction = self._doubts.contradiction
-        doubt = contradiction or next((each.reason for each in doubts), "")
-        ok, reason = self._health(t_s, pos_std_m, doubt)
+        doubt = contradiction or next((each.fact for each in doubts), None)
+        ok, fact = self._health(t_s, pos_std_m, doubt)
+        contradiction, of_plants = contradiction if ok else None, self._doubts.of_plants
         bounds = self._integrity.bound(t_s, pos_std_m, is_ok=ok, is_held=self._doubts.is_held(t_s))
         return Estimate(
             t_s=t_s,
@@ -313,17 +334,20 @@ class Localizer:
             yaw_std_rad=math.sqrt(tt),
             quality=self._quality(t_s),
             ok=ok,
-            reason=reason,
+            reason=render(fact),
             protection_m=bounds.anywhere_m,
             row_seen=self._sight.is_seen(t_s),
             across_protection_m=bounds.across_m,
             across_plain_m=bounds.across_plain_m,
             across_unknown_m=bounds.across_unknown_m,
             rows_off_m=self.pose.rows_off_m,
-            contradiction=contradiction if ok else "",
-            plants_doubt=self._doubts.of_plants,
+            contradiction=render(contradiction),
+            plants_doubt=render(of_plants),
             verdicts=self._verdicts.judge(t_s, findings),
             row_certainty=self.pose.identity.certainty,
+            fact=fact,
+            contradiction_fact=contradiction,
+            plants_fact=of_plants,
         )
 
     def _quality(self, t_s: float) -> GnssQuality:
@@ -334,65 +358,64 @@ class Localizer:
         """Find what is wrong with the sensors of the robot's own motion."""
         turns, odometry = self.pose.turns, self._odometry
         self._imu_lateness.add(t_s, odometry.imu_t_s)
-        if fault := turns.gyro_fault(t_s):
-            yield Finding("gyro", "contradicted", fault)
-        if fault := self._imu_lateness.fault(t_s):
-            yield Finding("gyro", "late", fault)
-        if fault := turns.compass_fault(t_s):
-            yield Finding("compass", "contradicted", fault)
-        if fault := self._leaps.fault(t_s):
-            yield Finding("clock", "contradicted", fault)
+        found: tuple[tuple[SensorName, SensorState, Fact | None], ...] = (
+            ("gyro", "contradicted", turns.gyro_fault(t_s)),
+            ("gyro", "late", self._imu_lateness.fault(t_s)),
+            ("compass", "contradicted", turns.compass_fault(t_s)),
+            ("clock", "contradicted", self._leaps.fault(t_s)),
+        )
+        yield from (Finding(name, state, fact) for name, state, fact in found if fact is not None)
 
     def _find_silence(self, t_s: float) -> Iterator[Finding]:
         """Find sensors that were heard once and are no more."""
         config, odometry = self._config, self._odometry
-        heard: tuple[tuple[SensorName, str, float, float], ...] = (
-            ("wheels", "wheel encoders", odometry.wheel_t_s, config.wheel_timeout_s),
-            ("gyro", "IMU", odometry.imu_t_s, config.imu_timeout_s),
-            ("gnss", "GNSS", self._gnss.last_t_s, SILENT_S),
+        heard: tuple[tuple[SensorName, Unspoken, float, float], ...] = (
+            ("wheels", "wheels", odometry.wheel_t_s, config.wheel_timeout_s),
+            ("gyro", "imu", odometry.imu_t_s, config.imu_timeout_s),
+            ("gnss", "gnss", self._gnss.last_t_s, SILENT_S),
             ("compass", "compass", self._compass.last_t_s, SILENT_S),
         )
         for sensor, name, last_s, timeout_s in heard:
             if timeout_s < t_s - last_s < math.inf:
-                yield Finding(sensor, "silent", _silent(name, t_s - last_s, timeout_s, name))
+                silent = SensorSilent(name, t_s - last_s, timeout_s, name)
+                yield Finding(sensor, "silent", silent)
 
-    def _health(self, t_s: float, pos_std_m: float, doubt: str) -> tuple[bool, str]:
-        fault = self._fault(t_s)
-        if fault:
+    def _health(self, t_s: float, pos_std_m: float, doubt: Fact | None) -> tuple[bool, Fact | None]:
+        if (fault := self._fault(t_s)) is not None:
             return False, fault
         silent_s = t_s - self._gnss.last_t_s
         if silent_s <= self._config.gnss_timeout_s:
             self._fix_std_m = pos_std_m
             return True, doubt
         limit_m = max(self._config.dead_reckoning_std_m, LOST_RATIO * self._fix_std_m)
-        ok = pos_std_m <= limit_m
-        what = doubt or f"GNSS silent for {silent_s:.1f} s"
-        return ok, (
-            f"{what}, dead reckoning with {pos_std_m:.2f} m "
-            f"{'of' if ok else '>'} {limit_m:.2f} m; check antenna, sky view and receiver"
+        is_lost = pos_std_m > limit_m
+        return not is_lost, DeadReckoning(
+            doubt or GnssSilent(silent_s), pos_std_m, limit_m, is_lost
         )
 
-    def _fault(self, t_s: float) -> str:
-        """Why there is no pose at all; empty when there is one."""
+    def _fault(self, t_s: float) -> Fact | None:
+        """Why there is no pose at all; None when there is one."""
         config, odometry = self._config, self._odometry
         wheels_s, imu_s = t_s - odometry.wheel_t_s, t_s - odometry.imu_t_s
         if wheels_s < -config.wheel_timeout_s:
-            return f"clock went back by {-wheels_s:.2f} s; restart, the pose cannot follow it"
+            return PoseClockWentBack(-wheels_s)
         if not wheels_s <= config.wheel_timeout_s:
-            return _silent("wheel encoders", wheels_s, config.wheel_timeout_s, "motor board")
+            return _find_silence("wheels", wheels_s, config.wheel_timeout_s, "board")
         if not imu_s <= config.imu_timeout_s:
-            return _silent("IMU", imu_s, config.imu_timeout_s, "IMU and its cable")
+            return _find_silence("imu", imu_s, config.imu_timeout_s, "imu_cable")
         return self._misplacement()
 
-    def _misplacement(self) -> str:
-        """Why it is not known where the robot is, or why it cannot be there; empty otherwise."""
+    def _misplacement(self) -> Fact | None:
+        """Why it is not known where the robot is, or why it cannot be there; None otherwise."""
         first = self.pose.first_heading
-        if self._gnss.elsewhere or not first.is_known:
-            return self._gnss.elsewhere or first.reason
+        if self._gnss.elsewhere is not None:
+            return self._gnss.elsewhere
+        if not first.is_known:
+            return first.reason
         if "position" not in self.pose.known:
-            return "no position yet: waiting for GNSS fixes"
-        of_sensors = (each.misplaced for each in self._corrections if each.misplaced)
-        return first.misplaced or next(of_sensors, "")
+            return NoFixesYet()
+        of_sensors = (each.misplaced for each in self._corrections if each.misplaced is not None)
+        return first.misplaced or next(of_sensors, None)
 
 
 def is_pose(numbers: tuple[float, ...]) -> bool:
@@ -400,7 +423,7 @@ def is_pose(numbers: tuple[float, ...]) -> bool:
     return len(numbers) == 5 and math.isfinite(sum(numbers)) and min(numbers[3:]) > 0.0
 
 
-def _silent(sensor: str, silent_s: float, timeout_s: float, check: str) -> str:
+def _find_silence(sensor: Unspoken, silent_s: float, timeout_s: float, check: Check) -> Fact:
     if math.isinf(silent_s):
-        return f"no data from the {sensor} yet; check the {check}"
-    return f"{sensor} silent for {silent_s:.2f} s > {timeout_s:.2f} s; check the {check}"
+        return NoDataYet(sensor, check)
+    return SensorSilent(sensor, silent_s, timeout_s, check)

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from agribot.autonomy.estimate.history import Motion
+from agribot.core.facts import PictureMirrored
 from agribot.core.messages import Scene
 
 # The mean of so many directions counts; besides its noise a row bends by so much.
@@ -73,13 +74,8 @@ class MirrorWatch:
         self.is_mirrored = self._against >= (1.0 if self.is_mirrored else NEEDED)
 
     @property
-    def fault(self) -> str:
-        if not self.is_mirrored:
-            return ""
-        return (
-            "camera picture turns against the robot's turns; check whether its left and right are "
-            "swapped"
-        )
+    def fault(self) -> PictureMirrored | None:
+        return PictureMirrored() if self.is_mirrored else None
 
 
 def _take_mean(looks: Sequence[_Look]) -> _Look:

@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 from agribot.autonomy.estimate.history import Motion
+from agribot.core.facts import PictureReversed
 from agribot.core.messages import GroundPlant, Scene
 
 # A plant is the nearest one of its kind to where it was, and no other is nearer to that one.
@@ -74,10 +75,8 @@ class PictureFlow:
         self.is_reversed = self._votes >= (1 if self.is_reversed else NEEDED)
 
     @property
-    def fault(self) -> str:
-        if not self.is_reversed:
-            return ""
-        return "camera picture moves against the robot's way; check whether it is upside down"
+    def fault(self) -> PictureReversed | None:
+        return PictureReversed() if self.is_reversed else None
 
 
 def _way_m(a: Motion, b: Motion) -> float:

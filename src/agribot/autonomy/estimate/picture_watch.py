@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from agribot.autonomy.estimate.history import Motion
+from agribot.core.facts import PictureFrozen
 from agribot.core.messages import Scene
 
 # No two pictures of moving ground are alike to the last bit.
@@ -34,7 +35,5 @@ class PictureWatch:
         return self.is_frozen
 
     @property
-    def fault(self) -> str:
-        if not self.is_frozen:
-            return ""
-        return f"camera picture has not changed over {STALE_M:.2f} m of way; check the camera"
+    def fault(self) -> PictureFrozen | None:
+        return PictureFrozen(STALE_M) if self.is_frozen else None

@@ -23,6 +23,7 @@ from agribot.autonomy.estimate.plant_match import MatchedPlace, Prior
 from agribot.autonomy.estimate.pose_filter import PoseFilter
 from agribot.autonomy.estimate.row_lines import moved_row
 from agribot.autonomy.estimate.stem_map import StemMap
+from agribot.core.facts import PlantsElsewhere
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray, Scene
 from agribot.core.pose import Pose2
@@ -71,7 +72,7 @@ class PlantPlaces(Correction[Scene]):
         """Forget what was seen: the robot may stand anywhere."""
         if self._belief is not None:
             self._belief.restart()
-        self._elsewhere, self.pose.identity.elsewhere = None, ""
+        self._elsewhere, self.pose.identity.elsewhere = None, None
 
     def accept(self) -> bool:
         """Go over to where the plants say that the robot is, if they do: a person has seen it."""
@@ -155,7 +156,7 @@ class PlantPlaces(Correction[Scene]):
         if abs(right_m) > min(limits[1], here.pitch_m / 2.0) or abs(along_m) > ALONG_M:
             self._tell_elsewhere(best, along_m, right_m, epoch)
             return
-        self._elsewhere, self.pose.identity.elsewhere = None, ""
+        self._elsewhere, self.pose.identity.elsewhere = None, None
         yield Measurement(
             (along_m,), (moved_row(here.forward, epoch),), STD_M**2, self._gate,
             lasting_variance=STD_M**2 * 2.0 * MEMORY_M / LOOK_M,
@@ -173,11 +174,13 @@ class PlantPlaces(Correction[Scene]):
             self._set(best, epoch)
             return
         self._elsewhere = best, epoch
-        self.pose.identity.elsewhere = (
-            f"the plants in view stand {_say(along_m, right_m)} of where the pose has them "
-            f"(certainty {best.share:.4f}, {best.matched} plants); look where the robot stands, "
-            "then resume to believe the plants"
-        )
+        self.pose.identity.elsewhere = PlantsElsewhere(
+            best.share, best.matched,
+            abs(along_m) if abs(along_m) >= HERE_M else None,
+            "ahead" if along_m > 0.0 else "behind",
+            abs(right_m) if abs(right_m) >= HERE_M else None,
+            "right" if right_m > 0.0 else "left",
+        )  # fmt: skip
 
     def _set(self, place: MatchedPlace, epoch: Epoch) -> None:
         """Set the pose to a place at which the robot was when it saw the plants."""
@@ -191,12 +194,3 @@ class PlantPlaces(Correction[Scene]):
         self.pose.known.add("position")
         self.restart()
         self.found += 1
-
-
-def _say(along_m: float, right_m: float) -> str:
-    parts = []
-    if abs(along_m) >= HERE_M:
-        parts.append(f"{abs(along_m):.2f} m {'ahead' if along_m > 0.0 else 'behind'}")
-    if abs(right_m) >= HERE_M:
-        parts.append(f"{abs(right_m):.2f} m to the {'right' if right_m > 0.0 else 'left'}")
-    return " and ".join(parts)

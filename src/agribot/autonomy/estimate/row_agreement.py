@@ -6,6 +6,8 @@ import math
 import statistics
 from collections import deque
 
+from agribot.core.facts import CameraAndGnssDisagree
+
 # Medians over so long stand above single outliers, weeds taken for crop and leaves in the wind.
 WINDOW_S, MIN_LOOKS, MIN_FIXES = 2.0, 8, 8
 # A camera that is mounted 3 cm and 1.5 degrees wrong, and fixes that are 2 cm off, differ by less.
@@ -116,8 +118,9 @@ class RowAgreement:
         return _middle(self._looks), _middle(self._fixes)
 
     @property
-    def fault(self) -> str:
-        return f"camera and GNSS disagree by {self.doubted_m:.2f} m" if self.doubted_m else ""
+    def fault(self) -> CameraAndGnssDisagree | None:
+        off_m = self.doubted_m
+        return CameraAndGnssDisagree(off_m, is_left_open=False) if off_m else None
 
     def expire(self, t_s: float) -> None:
         """Drop a disagreement that was told long ago, unless a person has to decide."""

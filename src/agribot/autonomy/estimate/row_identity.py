@@ -16,6 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from agribot.autonomy.estimate.field_rows import RowFrame, Rows
+from agribot.core.facts import PlantsElsewhere, Side, WhichRow
 from agribot.core.messages import CropCover
 from agribot.core.pose import Pose2
 
@@ -56,7 +57,7 @@ class RowIdentity:
         self._least = least_certainty
         self._said: dict[tuple[int, Strip, int], float] = {}
         self._began: tuple[float, float] | None = None
-        self.elsewhere = ""  # what plants of a map say of where the robot is instead
+        self.elsewhere: PlantsElsewhere | None = None  # by the plants of a map
         self._by_plants: dict[int, float] = {}
         self._certainty: float | None = None
         self.restart()
@@ -69,20 +70,15 @@ class RowIdentity:
         return self._certainty
 
     @property
-    def doubt(self) -> str:
-        """The question for a person; empty while the row is sure enough, or once it is told."""
-        if self.elsewhere:
+    def doubt(self) -> PlantsElsewhere | WhichRow | None:
+        """The question for a person; None while the row is sure enough, or once it is told."""
+        if self.elsewhere is not None:
             return self.elsewhere
         if self.certainty >= self._least:
-            return ""
+            return None
         shift = max((s for s in self._log if s), key=self._share)
-        side = "right" if shift > 0 else "left"
-        rows = "one row" if abs(shift) == 1 else f"{abs(shift)} rows"
-        return (
-            f"which row? The crop that the camera sees fits better {rows} to the {side} (certainty "
-            f"of this row {self.certainty:.2f} < {self._least:.2f}); look where the robot stands "
-            "and whether its picture is mirrored, then set its place, or resume if it is right"
-        )
+        side: Side = "right" if shift > 0 else "left"
+        return WhichRow(abs(shift), side, self.certainty, self._least)
 
     def restart(self) -> None:
         """Forget what was seen: these are other rows."""
@@ -90,7 +86,7 @@ class RowIdentity:
         self._certainty = None
         self._said.clear()
         self._by_plants = {}
-        self.elsewhere = ""
+        self.elsewhere = None
         self._end_look()
 
     def weigh(self, shares: dict[int, float]) -> None:

@@ -9,6 +9,7 @@ from collections import deque
 import msgspec
 
 from agribot.autonomy.estimate import row_model as model
+from agribot.core.facts import RowHeadingsScatter, RowLinesScatter
 from agribot.core.messages import RowLine
 
 # The median of the squared jumps of one number, over its variance: 2 x 0.4549 for normal noise.
@@ -73,13 +74,10 @@ class RowLineNoise:
         )
 
     @property
-    def fault(self) -> str:
+    def fault(self) -> RowLinesScatter | RowHeadingsScatter | None:
         std_m, std_rad = self._offset.ratio * self._stated_m, self._heading.ratio * self._stated_rad
         if self._offset.ratio >= NAMED_RATIO and std_m >= NAMED_M:
-            scatter = f"{std_m:.2f} m, stated are {self._stated_m:.3f}"
-        elif self._heading.ratio >= NAMED_RATIO and std_rad >= NAMED_RAD:
-            stated_deg = math.degrees(self._stated_rad)
-            scatter = f"{math.degrees(std_rad):.1f} deg, stated are {stated_deg:.1f}"
-        else:
-            return ""
-        return f"the camera's row lines scatter by {scatter}; check its mount, lens and light"
+            return RowLinesScatter(std_m, self._stated_m)
+        if self._heading.ratio >= NAMED_RATIO and std_rad >= NAMED_RAD:
+            return RowHeadingsScatter(std_rad, self._stated_rad)
+        return None

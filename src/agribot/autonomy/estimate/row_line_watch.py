@@ -16,6 +16,8 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from agribot.core.facts import RowLineMoved
+
 # Of so many lines the median counts: weeds taken for crop make single ones.
 LINES = 5
 STEP_M = 0.1
@@ -125,14 +127,8 @@ class RowLineWatch:
         return self._doubt is not None
 
     @property
-    def fault(self) -> str:
-        if self.led is None:
-            return ""
-        return (
-            f"the camera's row line moved by {abs(self.led.off_m):.2f} m though neither wheels nor "
-            "gyro know of it; look whether the camera was knocked or the robot pushed, then resume "
-            "to believe the camera"
-        )
+    def fault(self) -> RowLineMoved | None:
+        return None if self.led is None else RowLineMoved(abs(self.led.off_m))
 
     def add(self, told: LineTold) -> None:
         """Hold a line against those before it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from agribot.core.facts import NoPicture, PicturesComeLate
 from agribot.core.messages import Scene
 
 # Cameras give ten pictures a second or more: so many missing are no drop-out, and a robot at 0.4
@@ -33,19 +34,12 @@ class SceneWatch:
         is_late = now_s - scene.ready_s > LATE_S
         self._late = min(self._late + 1, LATE_PICTURES) if is_late else 0
 
-    def silence(self, now_s: float) -> str:
-        """Say that no picture comes any more; empty while they do."""
+    def silence(self, now_s: float) -> NoPicture | None:
+        """Find that no picture comes any more."""
         silent_s = now_s - self._heard_s
         usual_s = 0.0 if math.isinf(self._interval_s) else self._interval_s
-        if silent_s <= max(SILENT_S, MISSING * usual_s):
-            return ""
-        return (
-            f"no picture seen for {silent_s:.1f} s; check the camera, its cable and the network "
-            "that looks at it"
-        )
+        return NoPicture(silent_s) if silent_s > max(SILENT_S, MISSING * usual_s) else None
 
     @property
-    def lateness(self) -> str:
-        if self._late < LATE_PICTURES:
-            return ""
-        return f"camera pictures come {self._age_s:.2f} s late; check the camera and the computer"
+    def lateness(self) -> PicturesComeLate | None:
+        return PicturesComeLate(self._age_s) if self._late >= LATE_PICTURES else None

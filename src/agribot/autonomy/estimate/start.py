@@ -8,6 +8,7 @@ import math
 import msgspec
 
 from agribot.core.config import FieldConfig
+from agribot.core.facts import StartAside, StartTurned
 
 # Largest distance to the mark, in joint sigmas; without fixed ambiguities at least in metres, too.
 MISPLACED_SIGMA = 4.0
@@ -42,8 +43,8 @@ class StartMark(msgspec.Struct, frozen=True, kw_only=True):
 
     def position_fault(
         self, off_m: complex, gnss_std_m: float, driven_m: float = 0.0, *, is_fixed: bool
-    ) -> str:
-        """Why GNSS says that the robot is not at the mark; empty when it may well be.
+    ) -> StartAside | None:
+        """Find that by GNSS the robot is not at the mark; None when it may well be.
 
         `off_m` leads east and north from the mark to where GNSS has the robot, which may have moved
         by `driven_m` since. A receiver with fixed ambiguities (`is_fixed`) is right to centimetres,
@@ -53,24 +54,15 @@ class StartMark(msgspec.Struct, frozen=True, kw_only=True):
         if not is_fixed:
             limit_m = max(self.misplaced_m, limit_m)
         if abs(off_m) - driven_m <= limit_m:
-            return ""
-        return (
-            f"the robot does not stand at the marked start: GNSS is {abs(off_m):.2f} m "
-            f"{_name_direction(off_m)} of it, more than {limit_m + driven_m:.2f} m; put it there, "
-            "or correct field.start_map_m or field.start_std_m; if it does stand there, the base "
-            "may have moved or field.datum is wrong"
-        )
+            return None
+        return StartAside(abs(off_m), _name_direction(off_m), limit_m + driven_m)
 
-    def heading_fault(self, off_rad: float, std_rad: float, source: str = "compass") -> str:
-        """Why a source says that the robot looks elsewhere; empty when it may well not."""
+    def heading_fault(
+        self, off_rad: float, std_rad: float, source: str = "compass"
+    ) -> StartTurned | None:
+        """Find that by a source the robot looks elsewhere; None when it may well not."""
         limit_rad = MISPLACED_SIGMA * math.hypot(self.yaw_std_rad, std_rad)
-        if abs(off_rad) <= limit_rad:
-            return ""
-        return (
-            f"the robot does not face as marked at the start: the {source} is "
-            f"{math.degrees(abs(off_rad)):.0f} deg > {math.degrees(limit_rad):.0f} deg off; "
-            "turn it, or correct field.start_yaw_deg"
-        )
+        return StartTurned(source, abs(off_rad), limit_rad) if abs(off_rad) > limit_rad else None
 
 
 def _name_direction(off_m: complex) -> str:

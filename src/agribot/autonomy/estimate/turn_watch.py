@@ -12,6 +12,7 @@ import statistics
 from collections import deque
 from typing import NamedTuple
 
+from agribot.core.facts import CompassTurned, GyroTurns
 from agribot.core.geo import wrap_rad
 
 WINDOWS_S = (1.0, 2.0, 4.0)
@@ -60,7 +61,8 @@ class TurnWatch:
         self._gyro_rad = self._wheels_rad = self._by_wheels_rad = self._all_rad = 0.0
         self._compass: deque[float] = deque(maxlen=MEDIAN_OF)
         self._compass_var = 0.0
-        self._gyro_text = self._compass_text = ""
+        self._gyro: GyroTurns | None = None
+        self._turned: CompassTurned | None = None
         self._gyro_s = self._compass_s = -math.inf
 
     def add_compass(self, beside_rad: float, variance_rad2: float) -> None:
@@ -96,11 +98,11 @@ class TurnWatch:
             self._turns.clear()
         return fault
 
-    def gyro_fault(self, t_s: float) -> str:
-        return self._gyro_text if t_s - self._gyro_s <= NAMED_S else ""
+    def gyro_fault(self, t_s: float) -> GyroTurns | None:
+        return self._gyro if t_s - self._gyro_s <= NAMED_S else None
 
-    def compass_fault(self, t_s: float) -> str:
-        return self._compass_text if t_s - self._compass_s <= NAMED_S else ""
+    def compass_fault(self, t_s: float) -> CompassTurned | None:
+        return self._turned if t_s - self._compass_s <= NAMED_S else None
 
     def _compare(self, here: _Turned) -> GyroFault | None:
         index = len(self._turns) - 1
@@ -137,18 +139,12 @@ class TurnWatch:
 
     def _name_gyro(self, t_s: float, by_rad: float, std_rad: float, lasted_s: float) -> GyroFault:
         self._gyro_s = t_s
-        self._gyro_text = (
-            f"the gyro turns by {by_rad / lasted_s:+.3f} rad/s that neither compass nor wheels "
-            "know of; check the IMU"
-        )
+        self._gyro = GyroTurns(by_rad / lasted_s)
         return GyroFault(by_rad / lasted_s, std_rad / lasted_s, by_rad, t_s - lasted_s)
 
     def _name_compass(self, t_s: float, by_rad: float) -> None:
         if t_s - self._compass_s > NAMED_S:
-            self._compass_text = (
-                f"the compass turned by {math.degrees(by_rad):+.0f} deg that neither gyro nor "
-                "wheels know of; look for magnets, iron and motor cables beside it"
-            )
+            self._turned = CompassTurned(by_rad)
         self._compass_s = t_s
 
 

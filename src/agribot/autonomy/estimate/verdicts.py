@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
+from agribot.core.fact_text import render
+from agribot.core.facts import Fact
 from agribot.core.messages import ALL_FINE, FINE, SensorState, SensorVerdict, SensorVerdicts
 
 SensorName = Literal["gnss", "compass", "gyro", "wheels", "camera", "clock"]
@@ -16,7 +18,7 @@ class Finding(NamedTuple):
 
     sensor: SensorName
     state: SensorState
-    reason: str
+    fact: Fact
 
 
 class VerdictTable:
@@ -27,11 +29,13 @@ class VerdictTable:
 
     def judge(self, t_s: float, findings: Iterable[Finding]) -> SensorVerdicts:
         found: dict[str, SensorVerdict] = {}
-        for sensor, state, reason in findings:
+        for sensor, state, fact in findings:
             if sensor not in found:
                 before: SensorVerdict = getattr(self._table, sensor)
                 since_s = before.since_s if before.state == state else t_s
-                found[sensor] = SensorVerdict(state=state, since_s=since_s, reason=reason)
+                found[sensor] = SensorVerdict(
+                    state=state, since_s=since_s, reason=render(fact), fact=fact
+                )
         if found or self._table is not ALL_FINE:
             # The very struct FINE, which takes no room in a recording.
             verdicts = {name: found.get(name, FINE) for name in SensorVerdicts.__struct_fields__}

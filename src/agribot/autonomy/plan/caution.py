@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from agribot.core.config import MissionConfig
+from agribot.core.facts import MayBeOffRow
 from agribot.core.geo import std_along_m
 from agribot.core.messages import Estimate, GnssQuality
 from agribot.core.robot import DriveSpec
@@ -75,27 +76,24 @@ class CropGuard:
         """Forget what was: there is no crop beside the wheels."""
         self._since_s, self._is_granted, self.ratio = None, False, 1.0
 
-    def judge(self, estimate: Estimate, limit_m: float) -> str:
-        """Say why the robot must stand, empty where it need not; `ratio` tells the rest."""
+    def judge(self, estimate: Estimate, limit_m: float) -> MayBeOffRow | None:
+        """Find why the robot must stand, None where it need not; `ratio` holds the rest."""
         level_m = estimate.across_protection_m
         if level_m <= limit_m:
             self.leave()
-            return ""
+            return None
         self._since_s = estimate.t_s if self._since_s is None else self._since_s
         lasts_s = estimate.t_s - self._since_s
         is_unsure = estimate.across_unknown_m >= UNSURE_RATIO * level_m
         is_unsure = is_unsure and lasts_s < UNSURE_PATIENCE_S
-        is_unsure = is_unsure and not estimate.reason  # no sensor is known to fail
+        is_unsure = is_unsure and estimate.fact is None  # no sensor is known to fail
         is_near = self._is_granted or level_m <= MAX_RATIO * limit_m
         may_creep = self._is_granted or _finds_row(estimate)
         if may_creep and (is_unsure or (is_near and lasts_s < PATIENCE_S)):
             self.ratio = CREEP_RATIO
-            return ""
+            return None
         self.ratio = 0.0
-        return (
-            f"may be {level_m:.2f} m off the row > {limit_m:.2f} m from wheels to crop; wait for "
-            "GNSS with corrections or the camera, or look where the robot stands and resume"
-        )
+        return MayBeOffRow(level_m, limit_m)
 
 
 def _finds_row(estimate: Estimate) -> bool:
@@ -121,5 +119,5 @@ class LostRow:
     def creep(self, estimate: Estimate) -> float:
         """Return the share of its speed at which it may go on and look; 0 where it must stand."""
         self._since_s = estimate.t_s if self._since_s is None else self._since_s
-        looks = estimate.row_seen is not None and not estimate.reason
+        looks = estimate.row_seen is not None and estimate.fact is None
         return CREEP_RATIO if looks and estimate.t_s - self._since_s < PATIENCE_S else 0.0

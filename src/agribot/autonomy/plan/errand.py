@@ -25,7 +25,6 @@ STANDING_MPS = 0.02
 OWN_PATH_ONLY = "this mission drives its own path only"
 # Shown as who asked for an errand for which no person did.
 BATTERY, LOST, STUCK, MISSION = "the battery", "the lost row", "the ground", "the mission"
-CAME_TO_BE_CHARGED = "returned home to be charged, called by the battery"
 CHECKING = "checks the plan"  # the leg while a field plan is judged
 STOPPING = "stops first"  # the leg until the robot stands and its errand is planned
 

@@ -20,6 +20,14 @@ from agribot.autonomy.plan.saved_mission import PoseTuple, SavedMission, name_ta
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import (
+    Fact,
+    RowsSkipped,
+    RowsUndriven,
+    RowsUnproven,
+    Said,
+    WaypointsMissed,
+)
 from agribot.core.messages import Estimate, MissionState, Path
 from agribot.core.pose import Pose2
 from agribot.core.row_shape import chord_yaw_rad
@@ -236,7 +244,7 @@ class MissionJob:
     def _make_route(self, path: Path) -> Route:
         return Route(path, self.rows.indices, self._config, self._waypoints, self.task.tool)
 
-    def finish(self, t_s: float) -> tuple[Ending, str]:
+    def finish(self, t_s: float) -> tuple[Ending, Fact | None]:
         """Close the account at the end of the route: how the job ended, and why."""
         self.rows.work(-1, 0.0, self.route.progress.s_m, t_s)
         missed = self.route.visits.list_missed()
@@ -244,19 +252,13 @@ class MissionJob:
         left = self.rows.open_rows(self.route.planned_rows)
         undone = [row for row in left if row not in unproven]
         if missed:
-            return "failed", (
-                f"waypoints {missed} were passed at more than mission.waypoint_radius_m "
-                f"{self._config.waypoint_radius_m:.2f} m"
-            )
+            return "failed", WaypointsMissed(tuple(missed), self._config.waypoint_radius_m)
         if self.task.explorer is not None and self.task.explorer.unfinished:
-            return "failed", self.task.explorer.unfinished
+            return "failed", Said(self.task.explorer.unfinished)
         if undone:
-            return "failed", f"the path ended with rows {undone} not driven"
+            return "failed", RowsUndriven(tuple(undone))
         if unproven:
-            named = "; ".join(self.rows.missing(row) for row in unproven[:MOST_NAMED])
-            more = f" and {len(unproven) - MOST_NAMED} more" * (len(unproven) > MOST_NAMED)
-            return "failed", (
-                f"{named}{more}: not counted as done; check the start mark and the camera"
-            )
-        skipped = list(self.rows.skipped)
-        return "done", f"rows {skipped} were skipped, as asked" if skipped else ""
+            named = tuple(self.rows.missing(row) for row in unproven[:MOST_NAMED])
+            return "failed", RowsUnproven(named, len(unproven) - len(named))
+        skipped = tuple(self.rows.skipped)
+        return "done", RowsSkipped(skipped) if skipped else None

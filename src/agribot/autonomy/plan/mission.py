@@ -12,7 +12,6 @@ import msgspec
 from agribot.autonomy.plan.answers import MEANWHILE, Answers
 from agribot.autonomy.plan.errand import (
     BATTERY,
-    CAME_TO_BE_CHARGED,
     CHECKING,
     STANDING_MPS,
     Errand,
@@ -53,6 +52,37 @@ from agribot.autonomy.plan.task import NewTasks, Task, read_places
 from agribot.autonomy.plan.watch import Watch
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
+from agribot.core.fact_text import render
+from agribot.core.facts import (
+    AtGoal,
+    AwayFromWork,
+    Both,
+    CameToBeCharged,
+    CancelledBy,
+    CutOff,
+    ErrandRefused,
+    EstimateNotReady,
+    Fact,
+    FirstEstimateAwaited,
+    FoundRowAside,
+    GoalAwaited,
+    NewTask,
+    NotResumed,
+    OnErrandOf,
+    OnVisit,
+    PausedBy,
+    PlanningWay,
+    PositionAwaited,
+    PositionLost,
+    ResumeAwaited,
+    ReturnedHome,
+    Said,
+    Settling,
+    StopsForGoal,
+    StopsToBackOut,
+    StopsToReturn,
+    StopToResume,
+)
 from agribot.core.latch import Latch
 from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
 
@@ -98,7 +128,8 @@ class Mission:
         self._saved = saved
         self._desk = PlanningDesk(planning or PlanningAtOnce())
         self._watch, self._recovery = Watch(config), RowRecovery()
-        self._freeing, self._stuck = Freeing(), ""
+        self._freeing = Freeing()
+        self._stuck: Fact | None = None
         self._new_tasks = new_tasks
         self._last: Estimate | None = None
         self._is_located = False
@@ -108,11 +139,11 @@ class Mission:
         self._stays_open = config.waits_for_goals
         self._latch = Latch() if latch is None else latch
         self._has_stood_for_stop = False  # the latch holds, and the mission has paused for it
-        self._warning = ""
+        self._warning: Fact | None = None
         self._is_heeded = False  # the warning sent it home, or stopped it
         self._is_resumed = False  # somebody bade the work begin, and is there to read a refusal
         self._is_away = False  # the robot was driven elsewhere since the work stopped
-        self._state: State = Waiting("waiting for the first estimate")
+        self._state: State = Waiting(FirstEstimateAwaited())
         self._handlers = self._list_handlers()
         self._take_up(saved)
 
@@ -150,7 +181,11 @@ class Mission:
     def snapshot(self) -> SavedMission | None:
         """Take down all that is needed to go on later; None before there is anything."""
         errand, last = find_errand(self._state), self._last
-        kept = {"stopped": self._latch.reason, "paused": find_stood(self._state)}
+        stopped, paused = self._latch.cause, find_stood(self._state)
+        kept = {
+            "stopped": render(stopped), "paused": render(paused),
+            "stopped_fact": stopped, "paused_fact": paused,
+        }  # fmt: skip
         if last is None or not (self._job or errand or self._is_away):
             return msgspec.structs.replace(self._saved, **kept) if self._saved else None
         name = name_state(self._state)
@@ -163,37 +198,43 @@ class Mission:
         """Take the requests of the column "open" from now on, also after the end."""
         self._stays_open = True
 
-    def heed(self, warning: str) -> None:
+    def heed(self, warning: Fact | None) -> None:
         """Go home for a warning once the robot drives; where no way home is known, stand still.
 
         It is heeded once: whoever then bids the robot go on decides.
         """
         self._warning = warning
-        self._is_heeded = self._is_heeded and bool(warning)
-        drives = isinstance(self._state, Driving | OnErrand | Waiting) and not self._latch.reason
-        if not warning or self._is_heeded or not drives:
+        self._is_heeded = self._is_heeded and warning is not None
+        drives = isinstance(self._state, Driving | OnErrand | Waiting) and not self._latch.cause
+        if warning is None or self._is_heeded or not drives:
             return
         self._is_heeded = True
         self._refusal = ""
         self._turn_home(BATTERY, ErrandKind.CHARGE)
         if self._refusal:
-            self._pause(f"{warning}; {self._refusal}", by_itself=True)
+            self._pause(Both(warning, Said(self._refusal)), by_itself=True)
 
-    def free(self, stuck: str) -> None:
-        """Back out and try again where the robot is stuck, as the gate says; empty: it gets on.
+    def free(self, stuck: Fact | None) -> None:
+        """Back out and try again where the robot is stuck, as the gate says; None: it gets on.
 
         Where it cannot, or has tried often enough, the gate stops it for a person.
         """
-        is_told, self._stuck = bool(stuck) and not self._stuck, stuck
+        is_new, self._stuck = self._stuck is None, stuck
         state, last = self._state, self._last
-        if not is_told or last is None or not self._frees_itself or isinstance(state, Stopping):
+        if (
+            stuck is None
+            or not is_new
+            or last is None
+            or not self._frees_itself
+            or isinstance(state, Stopping)
+        ):
             return
         back_m = self._freeing.begin(last)
         if isinstance(state, OnErrand):
             self._try_again(state)  # held on its way back, it tries forwards
             return
         errand = make_free_errand(self._freeing.trail, back_m)
-        self._stop_for(errand, f"{stuck}; {errand.leg}")
+        self._stop_for(errand, StopsToBackOut(stuck, "free"))
 
     @property
     def _frees_itself(self) -> bool:
@@ -233,7 +274,7 @@ class Mission:
     def _make_goal(self) -> Goal:
         status = describe(
             self._task, self._job, self._state, self._refusal,
-            stopped=self._latch.reason, warning=self._warning,
+            stopped=self._latch.cause, warning=self._warning,
         )  # fmt: skip
         if self._desk.is_checking:
             status = msgspec.structs.replace(status, leg=CHECKING)
@@ -256,7 +297,7 @@ class Mission:
         reaction = react(
             event.action,
             self._state,
-            is_stopped=bool(self._latch.reason),
+            is_stopped=self._latch.cause is not None,
             stays_open=self._stays_open,
         )
         if isinstance(reaction, Refuse):
@@ -273,7 +314,7 @@ class Mission:
         return {
             Do.HOLD: self._turn_latch,
             Do.RELEASE: self._turn_latch,
-            Do.PAUSE: lambda event: self._pause(f"paused by {event.source}"),
+            Do.PAUSE: lambda event: self._pause(PausedBy(event.source)),
             Do.RESUME: lambda event: self._resume(),
             Do.BEGIN_ANEW: lambda event: self._begin_anew(),
             Do.CANCEL: self._cancel,
@@ -293,18 +334,18 @@ class Mission:
 
     def _heed_latch(self) -> None:
         """Stand still while the latch holds, whoever closed it."""
-        holds = bool(self._latch.reason)
-        if holds and not self._has_stood_for_stop:
-            self._pause(f"{self._latch.reason}; clear the stop, then resume")
+        cause, holds = self._latch.cause, self._latch.cause is not None
+        if cause is not None and not self._has_stood_for_stop:
+            self._pause(StopToResume(cause))
         elif self._has_stood_for_stop and not holds:
-            self._pause("stop cleared; waiting for resume")
+            self._pause(ResumeAwaited())
         self._has_stood_for_stop = holds
 
     def _cancel(self, event: OperatorEvent) -> None:
         """End; a run that goes on with this one stands as this one stood, and has its errand."""
         self._end(
             "cancelled",
-            f"cancelled by {event.source}",
+            CancelledBy(event.source),
             stood=find_stood(self._state),
             errand=find_errand(self._state),
         )
@@ -349,9 +390,9 @@ class Mission:
                 limit_m = self._config.resume_limit_m
                 check_not_carried_away(self._last, self._way.place, limit_m)
         except MissionError as error:
-            refusal = self._refuse(f"not resumed: {error}")
-            self._state = msgspec.structs.replace(state, reason=refusal)
-            return refusal
+            reason = NotResumed(Said(str(error)))
+            self._state = msgspec.structs.replace(state, reason=reason)
+            return self._refuse(render(reason))
         self._is_resumed = True
         self._recovery.restart()
         self._freeing.restart()
@@ -388,7 +429,7 @@ class Mission:
             errand = make_home_errand(self._task, self._job, asked_by, kind)
         except MissionError as error:
             return self._refuse(f"cannot return home: {error}")
-        self._stop_for(errand, f"stops to return home, as {asked_by} wants")
+        self._stop_for(errand, StopsToReturn(asked_by))
         return ""
 
     def _turn_to_goal(self, event: OperatorEvent) -> str:
@@ -396,17 +437,17 @@ class Mission:
             errand = make_goal_errand(self._task, event.source, event.numbers)
         except MissionError as error:
             return self._refuse(f"goal refused: {error}")
-        self._stop_for(errand, f"stops for a goal of {event.source}")
+        self._stop_for(errand, StopsForGoal(event.source))
         return ""
 
-    def _stop_for(self, errand: Errand, reason: str) -> None:
+    def _stop_for(self, errand: Errand, reason: Fact) -> None:
         """Stop; the way is planned from where the robot comes to rest."""
         state = self._state
         self._ended = state if isinstance(state, Ended) else self._ended
         self._drop()
         self._refusal = ""
         self._answers.await_errand(errand)
-        held = state.held if isinstance(state, Stopping | Paused) else ""
+        held = state.held if isinstance(state, Stopping | Paused) else None
         self._state = Stopping(errand, reason, find_stood(state), held)
 
     def _take_plan(self, event: OperatorEvent) -> str:
@@ -440,9 +481,9 @@ class Mission:
         self._answers.settle_check()
         self._take_task(task)
         self._refusal = ""
-        reason = f"new {event.action} from {event.source}; resume begins it"
+        reason = NewTask(event.action, event.source)
         self._state = Paused(reason, stood=reason)
-        if event.action == "visit" and not self._latch.reason:
+        if event.action == "visit" and self._latch.cause is None:
             self._run_on(Waiting())
 
     def _take_task(self, task: Task) -> None:
@@ -468,48 +509,47 @@ class Mission:
 
     def _take_up(self, saved: SavedMission | None) -> None:
         """Stand as the mission that was cut off stood, or until there is a goal."""
-        if saved is not None and saved.stopped:
-            self._latch.hold(saved.stopped)
+        why = None if saved is None else saved.stop or saved.pause
+        if saved is not None and saved.stop:
+            self._latch.hold(saved.stop)
         if saved is not None and saved.asks_first:
             if saved.planned_from is None:
                 self._wait_for_an_answer(saved)
-        elif saved is not None and (saved.stopped or saved.paused):
-            why = saved.stopped or saved.paused
-            # in its own words, however often the run is cut off
-            self._state = Paused(f"was cut off: {why}; resume goes on with it", stood=why)
+        elif why is not None:
+            # of its own cause, however often the run is cut off
+            self._state = Paused(CutOff(why), stood=why)
         elif self._config.waits_for_goals:
-            self._state = Paused("waits for a goal; resume begins its mission")
+            self._state = Paused(GoalAwaited())
 
     def _wait_for_an_answer(self, saved: SavedMission) -> None:
         """Wait: what an operator sent the robot to goes on only when an operator says so."""
         self._is_away, cut_off = saved.is_away, None
-        what = "away from its work" if saved.is_away else f"its visit '{saved.visit_name}'"
+        what: Fact = AwayFromWork() if saved.is_away else OnVisit(saved.visit_name)
         if saved.errand is not None:
             cut_off = restore_errand(saved.errand, self._task, self._job)
-            what = f"{cut_off.leg}, as {saved.errand.source} asked"
-        reason = f"was cut off: {what}; resume goes on with it"
-        self._state = Paused(reason, cut_off=cut_off)
+            what = OnErrandOf(cut_off.kind.value, saved.errand.source)
+        self._state = Paused(CutOff(what), cut_off=cut_off)
 
     def _wait(self, state: Waiting, estimate: Estimate) -> None:
         if lack := self._find_lack(estimate):
-            self._state = Waiting(f"waiting for position: {lack}")
+            self._state = Waiting(PositionAwaited(lack))
             if lost := self._watch.check_position(estimate.t_s, lack):
                 self._end("failed", lost)
             return
         steady_since_s = state.steady_since_s
         steady_since_s = estimate.t_s if steady_since_s is None else steady_since_s
         if self._desk.is_busy:
-            self._state = Waiting("planning the way", steady_since_s)
+            self._state = Waiting(PlanningWay(), steady_since_s)
         elif estimate.t_s - steady_since_s < SETTLE_S:
-            self._state = Waiting("waiting for the estimate to settle", steady_since_s)
+            self._state = Waiting(Settling(), steady_since_s)
         else:
             self._state = Waiting(state.reason, steady_since_s)
             self._begin(estimate)
 
-    def _find_lack(self, estimate: Estimate) -> str:
-        """Say what the pose lacks for this task; empty where it may begin."""
+    def _find_lack(self, estimate: Estimate) -> Fact | None:
+        """Find what the pose lacks for this task; None where it may begin."""
         if not self._is_located:
-            return estimate.reason or "no estimate"
+            return estimate.fact or EstimateNotReady()
         rows = self._task.rows if self._task.has_crop else ()
         return self._watch.check_start(rows, estimate, self._config)
 
@@ -529,10 +569,11 @@ class Mission:
 
         def fail(error: MissionError) -> None:
             if self._is_resumed and not self._task.name:
-                self._pause(f"not resumed: {error}")
-                self._refusal = f"not resumed: {error}"
+                reason = NotResumed(Said(str(error)))
+                self._pause(reason)
+                self._refusal = render(reason)
             else:
-                self._end("failed", str(error))
+                self._end("failed", Said(str(error)))
 
         work = partial(plan_job, self._task, self._config, estimate, self._begun)
         self._desk.ask(estimate.t_s, work, self._task.planning_s, begin, fail)
@@ -551,16 +592,16 @@ class Mission:
             self._run_on(OnErrand(errand, route))
 
         def stay(error: MissionError) -> None:
-            why = f"{errand.refusal}: {error}"
+            why = ErrandRefused(errand.kind.value, Said(str(error)))
             if errand.kind is ErrandKind.FREE:
-                self._pause(f"{state.reason}; {why}", by_itself=True)
+                self._pause(Both(state.reason, why), by_itself=True)
             elif errand.kind is ErrandKind.CHARGE or errand.kind.leaves_row:
                 # nobody asked for it, and may not be there to resume
-                both = "; ".join(filter(None, (self._warning, why)))
-                self._pause(both, by_itself=True)
+                warning = self._warning
+                self._pause(Both(warning, why) if warning else why, by_itself=True)
             else:
                 self._pause(why)
-            self._answers.settle_errand(self._refuse(why))
+            self._answers.settle_errand(self._refuse(render(why)))
 
         latency_s = self._task.errand_planning_s
         if errand.kind is ErrandKind.FREE:
@@ -569,8 +610,8 @@ class Mission:
         self._desk.ask(estimate.t_s, work, latency_s, leave, stay)
 
     def _drive(self, state: Driving | OnErrand, estimate: Estimate) -> None:
-        if estimate.contradiction:
-            self._pause(estimate.contradiction, by_itself=True)
+        if estimate.contradiction_fact is not None:
+            self._pause(estimate.contradiction_fact, by_itself=True)
             return
         if isinstance(state, Driving) and not self._lead_on(state.job):
             return
@@ -578,7 +619,7 @@ class Mission:
         if self._is_located:
             reason = self._advance(state, route, estimate)
         else:
-            reason = f"position lost: {estimate.reason or 'not finite'}"
+            reason = PositionLost(estimate.fact)
         if self._state is not state:
             return
         self._state = state = msgspec.structs.replace(state, reason=reason)
@@ -598,7 +639,7 @@ class Mission:
         try:
             job.lead_on()
         except MissionError as error:
-            self._end("failed", str(error))
+            self._end("failed", Said(str(error)))
             return False
         return True
 
@@ -611,25 +652,26 @@ class Mission:
         step = self._recovery.judge(route, estimate, is_held=is_held, is_lost=watch.is_row_lost)
         if step is not None:
             errand = make_back_errand(state.job, *step)
-            reason = state.reason or "found its row aside"
-            self._stop_for(errand, f"{reason}; {errand.leg}")
+            reason = state.reason or FoundRowAside()
+            leg: Literal["out", "back"] = "out" if step[0] is ErrandKind.OUT else "back"
+            self._stop_for(errand, StopsToBackOut(reason, leg))
 
-    def _advance(self, state: Driving | OnErrand, route: Route, estimate: Estimate) -> str:
-        """Move on and say why the robot is held back there; empty where nothing is wrong."""
+    def _advance(self, state: Driving | OnErrand, route: Route, estimate: Estimate) -> Fact | None:
+        """Move on and find why the robot is held back there; None where nothing is wrong."""
         self._watch.caution = 1.0
         route.progress.advance(estimate.x_map_m, estimate.y_map_m)
         if strayed := self._watch.check_path(route, estimate, self._config.off_path_limit_m):
             self._end("failed", strayed)
-            return ""
+            return None
         if isinstance(state, Driving):
             state.job.work(estimate)
         if route.progress.s_m >= route.progress.length_m - END_TOLERANCE_M:
             self._arrive(state, estimate.t_s)
-            return ""
-        reason = ""
+            return None
+        reason: Fact | None = None
         has_crop = self._task.has_crop
         if isinstance(state, OnErrand) and state.errand.kind.is_as_it_came:
-            return ""  # as it came, slowly: backwards
+            return None  # as it came, slowly: backwards
         if isinstance(state, Driving) and route.is_beside_row and has_crop:
             reason = self._watch.check_row(route, estimate, self._config)
         rows = self._task.rows if has_crop else ()
@@ -660,21 +702,21 @@ class Mission:
             self._state = Driving(self._job)
         else:
             by = state.errand.asked_by
-            self._stand(f"at the goal of {by}; resume goes on with the mission", away=None)
+            self._stand(AtGoal(by), away=None)
 
     def _run_on(self, state: Waiting | Driving | OnErrand) -> None:
         self._drop()
         self._state, self._refusal = state, ""
         self._watch.restart()
 
-    def _pause(self, reason: str, *, by_itself: bool = False) -> None:
+    def _pause(self, reason: Fact, *, by_itself: bool = False) -> None:
         """Pause; `by_itself`, without having been asked: a person has to look, and to resume it.
 
         An errand that has not begun is given up.
         """
         self._stand(reason, find_away(self._state), by_itself=by_itself)
 
-    def _stand(self, reason: str, away: OnErrand | None, *, by_itself: bool = False) -> None:
+    def _stand(self, reason: Fact, away: OnErrand | None, *, by_itself: bool = False) -> None:
         """Pause; what had ended before an errand is ended again."""
         self._drop()
         state = self._state
@@ -684,10 +726,14 @@ class Mission:
             self._state = Ended(self._ended.ending, self._ended.reason)
             return
         cut_off = state.cut_off if isinstance(state, Paused) else None
-        self._state = Paused(reason, reason, reason if by_itself else "", away, cut_off)
+        self._state = Paused(reason, reason, reason if by_itself else None, away, cut_off)
 
     def _end(
-        self, ending: Ending, reason: str, stood: str = "", errand: Errand | None = None
+        self,
+        ending: Ending,
+        reason: Fact | None,
+        stood: Fact | None = None,
+        errand: Errand | None = None,
     ) -> None:
         self._drop()
         self._state = Ended(ending, reason, stood, find_away(self._state), errand)
@@ -699,7 +745,6 @@ class Mission:
         self._desk.drop()
 
 
-def _describe_return(errand: Errand) -> str:
-    if errand.kind is ErrandKind.CHARGE:
-        return CAME_TO_BE_CHARGED
-    return f"returned home, called by {errand.asked_by}"
+def _describe_return(errand: Errand) -> CameToBeCharged | ReturnedHome:
+    is_to_charge = errand.kind is ErrandKind.CHARGE
+    return CameToBeCharged() if is_to_charge else ReturnedHome(errand.asked_by)

@@ -86,7 +86,7 @@ class RowRecovery:
             self._held_since_s = estimate.t_s
         has_looked = self._held_since_s is not None
         has_looked = has_looked and estimate.t_s - (self._held_since_s or 0.0) >= LOOK_S
-        may_try = estimate.row_seen is not None and not estimate.reason
+        may_try = estimate.row_seen is not None and estimate.fact is None
         if not may_try or not (has_looked or found_aside):
             return None
         is_told = estimate.quality is GnssQuality.RTK_FIXED or route.row_here in self._seen

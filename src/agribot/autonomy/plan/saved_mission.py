@@ -12,6 +12,7 @@ from agribot.autonomy.plan.covered import WorkedStretch
 from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.core.errors import MissionError
+from agribot.core.facts import AnyFact, Said
 from agribot.core.messages import Estimate, MissionState, Path
 
 PoseTuple = tuple[float, float, float]
@@ -36,8 +37,9 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     again; None where none was yet. `detours` are the points of the path from which a row was left
     out, and the rows. `task` tells one task from another. `is_away` says that the robot was driven
     elsewhere since the work stopped; `visit` are the places of a visit that took the place of the
-    mission, which `visit_name` names. `stopped` is the stop that nobody had cleared, `paused` why
-    the robot stood still; both are empty where it drove.
+    mission, which `visit_name` names. `stopped_fact` is the stop that nobody had cleared,
+    `paused_fact` why the robot stood still; both are None where it drove. `stopped` and `paused`
+    are their texts, and all that earlier versions saved.
     """
 
     task: str
@@ -60,6 +62,24 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     stopped: str = ""
     paused: str = ""
     format: int = 1
+    stopped_fact: AnyFact | None = None
+    paused_fact: AnyFact | None = None
+
+    def release(self) -> SavedMission:
+        """Return it without its stop and without what it paused for: a person has looked."""
+        return msgspec.structs.replace(
+            self, stopped="", paused="", stopped_fact=None, paused_fact=None
+        )
+
+    @property
+    def stop(self) -> AnyFact | None:
+        """The stop that nobody had cleared."""
+        return self.stopped_fact or (Said(self.stopped) if self.stopped else None)
+
+    @property
+    def pause(self) -> AnyFact | None:
+        """Why the robot stood still."""
+        return self.paused_fact or (Said(self.paused) if self.paused else None)
 
     @property
     def asks_first(self) -> bool:

@@ -7,13 +7,14 @@ import msgspec
 from agribot.autonomy.plan.errand import Errand
 from agribot.autonomy.plan.job import Ending, MissionJob
 from agribot.autonomy.plan.route import Route
+from agribot.core.facts import Fact
 from agribot.core.messages import MissionState
 
 
 class Waiting(msgspec.Struct, frozen=True, eq=False):
     """For a position that holds, and for the way that is planned from it."""
 
-    reason: str = ""
+    reason: Fact | None = None
     steady_since_s: float | None = None
 
 
@@ -21,7 +22,7 @@ class Driving(msgspec.Struct, frozen=True, eq=False):
     """Along the route of its job, at work."""
 
     job: MissionJob
-    reason: str = ""
+    reason: Fact | None = None
 
 
 class OnErrand(msgspec.Struct, frozen=True, eq=False):
@@ -29,7 +30,7 @@ class OnErrand(msgspec.Struct, frozen=True, eq=False):
 
     errand: Errand
     route: Route
-    reason: str = ""
+    reason: Fact | None = None
 
 
 class Stopping(msgspec.Struct, frozen=True, eq=False):
@@ -39,22 +40,22 @@ class Stopping(msgspec.Struct, frozen=True, eq=False):
     """
 
     errand: Errand
-    reason: str
-    stood: str = ""
-    held: str = ""
+    reason: Fact
+    stood: Fact | None = None
+    held: Fact | None = None
 
 
 class Paused(msgspec.Struct, frozen=True, eq=False):
     """It stands until somebody resumes it.
 
-    `stood` is why, in the words that a saved mission keeps; `held` is the same where it paused by
-    itself. Resumed, it goes on with `away`, the errand that it was on, or begins `cut_off`, that
-    of an earlier run; else it goes on with its job.
+    `stood` is why, as a saved mission keeps it; `held` is the same where it paused by itself.
+    Resumed, it goes on with `away`, the errand that it was on, or begins `cut_off`, that of an
+    earlier run; else it goes on with its job.
     """
 
-    reason: str
-    stood: str = ""
-    held: str = ""
+    reason: Fact
+    stood: Fact | None = None
+    held: Fact | None = None
     away: OnErrand | None = None
     cut_off: Errand | None = None
 
@@ -63,8 +64,8 @@ class Ended(msgspec.Struct, frozen=True, eq=False):
     """`away` is the errand that it was on, `errand` one that it had not begun."""
 
     ending: Ending
-    reason: str
-    stood: str = ""
+    reason: Fact | None
+    stood: Fact | None = None
     away: OnErrand | None = None
     errand: Errand | None = None
 
@@ -105,6 +106,6 @@ def find_errand(state: State) -> Errand | None:
             return None
 
 
-def find_stood(state: State) -> str:
-    """Find why the robot stands, as a saved mission keeps it; empty where it drives."""
-    return state.stood if isinstance(state, Stopping | Paused | Ended) else ""
+def find_stood(state: State) -> Fact | None:
+    """Find why the robot stands, as a saved mission keeps it; None where it drives."""
+    return state.stood if isinstance(state, Stopping | Paused | Ended) else None

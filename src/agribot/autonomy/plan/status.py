@@ -7,6 +7,8 @@ from agribot.autonomy.plan.job import MissionJob
 from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.states import Ended, Paused, State, Stopping, find_away, name_state
 from agribot.autonomy.plan.task import Task
+from agribot.core.fact_text import render
+from agribot.core.facts import Fact
 from agribot.core.messages import Goal, MissionStatus
 
 
@@ -23,16 +25,17 @@ def describe(
     state: State,
     refusal: str,
     *,
-    stopped: str,
-    warning: str,
+    stopped: Fact | None,
+    warning: Fact | None,
 ) -> MissionStatus:
     """Describe a mission; `stopped` is why the latch holds, `warning` what calls it home."""
+    held = state.held if isinstance(state, Stopping | Paused) else None
     way = find_way(state, job)
     progress = way.progress if way else None
     reached = job.waypoints_reached if job else (False,) * len(task.waypoints)
     return MissionStatus(
         state=name_state(state),
-        reason=state.reason,
+        reason=render(state.reason),
         row=job.rows.here if job and not find_away(state) else -1,
         rows_total=len(task.rows),
         rows_done=job.rows.done if job else (),
@@ -48,9 +51,13 @@ def describe(
         goal_map_m=way.goal if way else None,
         rows_unproven=job.rows.unproven if job else (),
         row_nudged_m=job.rows.nudged_m(job.rows.here) if job and not find_away(state) else 0.0,
-        stopped=stopped,
-        held=state.held if isinstance(state, Stopping | Paused) else "",
-        warning=warning,
+        stopped=render(stopped),
+        held=render(held),
+        warning=render(warning),
+        fact=state.reason,
+        stopped_fact=stopped,
+        held_fact=held,
+        warning_fact=warning,
     )
 
 

@@ -10,6 +10,16 @@ from agribot.autonomy.plan.caution import CropGuard, LostRow, across_std_m, caut
 from agribot.autonomy.plan.route import Route
 from agribot.autonomy.plan.stall import StallWatch
 from agribot.core.config import MissionConfig
+from agribot.core.facts import (
+    EstimateNotReady,
+    Fact,
+    MayBeOffRow,
+    NoHeadway,
+    NoPositionFor,
+    OffPath,
+    RowLost,
+    StartUnsure,
+)
 from agribot.core.messages import Estimate, Path, Row
 from agribot.core.row_shape import project_on_row, row_length_m
 
@@ -20,7 +30,7 @@ OFF_PATH_SIGMA = 3.0
 
 
 class Watch:
-    """Each method says in words what is wrong, and nothing where all is well."""
+    """Each method finds what is wrong, None where all is well."""
 
     def __init__(self, config: MissionConfig) -> None:
         self._stall = StallWatch(config.stall_timeout_s)
@@ -54,56 +64,46 @@ class Watch:
         """Whether the robot stands because it may be off its row."""
         return self._guard.ratio == 0.0
 
-    def check_start(self, rows: Sequence[Row], estimate: Estimate, config: MissionConfig) -> str:
-        """Say why the robot must not set off: neither its pose nor a camera knows the rows."""
+    def check_start(
+        self, rows: Sequence[Row], estimate: Estimate, config: MissionConfig
+    ) -> StartUnsure | None:
+        """Find why the robot must not set off: neither its pose nor a camera knows the rows."""
         std_m, limit_m = estimate.pos_std_m, config.max_row_std_m
         if not rows or estimate.row_seen is not None or std_m <= limit_m:
-            return ""
-        return (
-            f"pose known to {std_m:.2f} m, rows need {limit_m:.2f} m without a camera; start on a "
-            "mark (field.start_map_m), set the place on the page, switch the camera on or use a "
-            "receiver with corrections"
-        )
+            return None
+        return StartUnsure(std_m, limit_m)
 
-    def check_path(self, route: Route, estimate: Estimate, limit_m: float) -> str:
-        """Say that the robot has left its path: it is farther off than its pose may be wrong."""
+    def check_path(self, route: Route, estimate: Estimate, limit_m: float) -> OffPath | None:
+        """Find that the robot has left its path: it is farther off than its pose may be wrong."""
         x_map_m, y_map_m = estimate.x_map_m, estimate.y_map_m
         limit_m = max(limit_m, OFF_PATH_SIGMA * across_std_m(estimate, route.yaw_map_rad))
         if route.progress.off_path_m <= limit_m:
-            return ""
+            return None
         off_m = route.progress.off_driven_path_m(x_map_m, y_map_m)
-        if off_m <= limit_m:
-            return ""
-        return (
-            f"off path by {off_m:.2f} m > {limit_m:.2f} m at East {x_map_m:.2f} m, North "
-            f"{y_map_m:.2f} m; check the position source, then plan again from here"
-        )
+        return OffPath(off_m, limit_m, x_map_m, y_map_m) if off_m > limit_m else None
 
-    def check_row(self, route: Route, estimate: Estimate, config: MissionConfig) -> str:
+    def check_row(self, route: Route, estimate: Estimate, config: MissionConfig) -> RowLost | None:
         """Slow down in and next to the rows where the robot knows less well where they are."""
         std_m = across_std_m(estimate, route.yaw_map_rad)
         self.caution = caution_ratio(std_m, config)
         if self.caution > 0.0:
             self._lost.find()
-            return ""
+            return None
         self.caution = self._lost.creep(estimate)
-        return (
-            f"row lost: known across it to {std_m:.2f} m > {config.max_row_std_m:.2f} m; "
-            "check camera and crop, or use a receiver with corrections"
-        )
+        return RowLost(std_m, config.max_row_std_m)
 
     def check_crop(
         self, route: Route, estimate: Estimate, rows: Sequence[Row], limit_m: float
-    ) -> str:
+    ) -> MayBeOffRow | None:
         """Slow down in crop where the robot may drive over it, and stop it there.
 
         A robot one of whose sensors fails may be farther on than it believes: it stands before its
         way leads into crop, on the headland, and waits there.
         """
-        ahead_m = estimate.protection_m if estimate.reason else 0.0
+        ahead_m = 0.0 if estimate.fact is None else estimate.protection_m
         if not self._crosses_crop(route, rows, ahead_m):
             self._guard.leave()
-            return ""
+            return None
         reason = self._guard.judge(estimate, limit_m)
         self.caution = min(self.caution, self._guard.ratio)
         return reason
@@ -117,18 +117,17 @@ class Watch:
         last = int(np.searchsorted(s_m, s_m[first] + ahead_m)) if ahead_m else first
         return any(known[2][first : last + 1])
 
-    def check_headway(self, route: Route, t_s: float, reason: str) -> str:
-        if not self._stall.is_stalled(route.progress.s_m, t_s):
-            return ""
-        where = f"after {route.progress.s_m:.1f} m of {route.progress.length_m:.1f} m"
-        why = f" ({reason})" if reason else ""
-        return f"no headway for {self._limit_s:g} s {where}{why}"
+    def check_headway(self, route: Route, t_s: float, cause: Fact | None) -> NoHeadway | None:
+        progress = route.progress
+        if not self._stall.is_stalled(progress.s_m, t_s):
+            return None
+        return NoHeadway(self._limit_s, progress.s_m, progress.length_m, cause)
 
-    def check_position(self, t_s: float, reason: str) -> str:
-        """Say that the robot has waited too long for its position."""
+    def check_position(self, t_s: float, cause: Fact | None) -> NoPositionFor | None:
+        """Find that the robot has waited too long for its position."""
         if not self._stall.is_stalled(0.0, t_s):
-            return ""
-        return f"no position for {self._limit_s:g} s ({reason})"
+            return None
+        return NoPositionFor(self._limit_s, cause or EstimateNotReady())
 
 
 def _find_crop(path: Path, rows: Sequence[Row]) -> list[bool]:

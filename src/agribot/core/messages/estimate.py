@@ -7,17 +7,22 @@ from typing import Literal
 
 import msgspec
 
+from agribot.core.facts import AnyFact
 from agribot.core.messages.sensors import GnssQuality
 
 SensorState = Literal["fine", "silent", "late", "frozen", "contradicted"]
 
 
 class SensorVerdict(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What the estimate thinks of one sensor, since when, and why; fine needs no reason."""
+    """What the estimate thinks of one sensor, since when, and why; fine needs no reason.
+
+    `reason` is the text of `fact`.
+    """
 
     state: SensorState = "fine"
     since_s: float | None = None
     reason: str = ""
+    fact: AnyFact | None = None
 
 
 FINE = SensorVerdict()
@@ -50,6 +55,8 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     row this is: `row_certainty` is the probability that it is the one that the pose says.
     `verdicts` say of every sensor whether it is believed. `plants_doubt` is why the tool must not
     work by what the camera calls weed and crop, though the pose is good.
+    `fact`, `contradiction_fact` and `plants_fact` are what the program decides by; `reason`,
+    `contradiction` and `plants_doubt` are their texts, for recordings and other programs.
     """
 
     t_s: float
@@ -75,6 +82,9 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     verdicts: SensorVerdicts = ALL_FINE
     row_certainty: float = 1.0
     plants_doubt: str = ""
+    fact: AnyFact | None = None
+    contradiction_fact: AnyFact | None = None
+    plants_fact: AnyFact | None = None
 
     def relate_to_rows(self) -> Estimate:
         """Return the pose in a map whose rows lie where those of the field stand."""

@@ -6,15 +6,21 @@ from typing import Literal
 
 import msgspec
 
+from agribot.core.facts import AnyFact
+
 GateState = Literal["standby", "checking", "driving", "slowed", "held", "stopped", "by hand"]
 
 
 class Check(msgspec.Struct, frozen=True, kw_only=True):
-    """One item of the list that is gone through before the first motion of a mission."""
+    """One item of the list that is gone through before the first motion of a mission.
+
+    `fact` is what is wrong; of one that is good, what is to be known of it. `text` is its text.
+    """
 
     name: str
     is_ok: bool
-    text: str = ""  # what is wrong; of one that is good, what is to be known of it
+    text: str = ""
+    fact: AnyFact | None = None
 
 
 class GateStatus(msgspec.Struct, frozen=True, kw_only=True):
@@ -22,9 +28,12 @@ class GateStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     `told` is what is wrong though the robot may drive. `checks` is the list before the start, in
     the tick in which it was gone through with another outcome than before; else it is empty.
+    `reason` and `told` are the texts of `fact` and `told_fact`.
     """
 
     state: GateState = "standby"
     reason: str = ""
     told: str = ""
     checks: tuple[Check, ...] = ()
+    fact: AnyFact | None = None
+    told_fact: AnyFact | None = None

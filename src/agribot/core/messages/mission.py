@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from agribot.core.facts import AnyFact
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages.arrays import FloatArray
 from agribot.core.messages.gate import GateStatus
@@ -47,7 +48,11 @@ class RequestAnswer(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """Progress: `row` is the row being worked, -1 between rows; `rows_done` those finished."""
+    """Progress: `row` is the row being worked, -1 between rows; `rows_done` those finished.
+
+    `fact`, `stopped_fact`, `held_fact` and `warning_fact` are what the program decides by;
+    `reason`, `stopped`, `held` and `warning` are their texts.
+    """
 
     state: MissionState
     reason: str
@@ -71,6 +76,10 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     answers: tuple[RequestAnswer, ...] = ()  # to the requests that were settled in this tick
     row_nudged_m: float = 0.0  # by hand, to the left of the row's direction; of the row here
     gate: GateStatus = GateStatus()  # of the supervisor, the last gate before the motors
+    fact: AnyFact | None = None
+    stopped_fact: AnyFact | None = None
+    held_fact: AnyFact | None = None
+    warning_fact: AnyFact | None = None
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):

@@ -7,6 +7,8 @@ from typing import Literal, TypeVar
 
 import msgspec
 
+from agribot.core.facts import AnyFact, Part
+
 T = TypeVar("T")
 
 # "start" begins a mission that has ended once more; one that is paused it resumes.
@@ -47,12 +49,18 @@ class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
     value: float = 0.0
     numbers: tuple[float, ...] = ()
     id: str = ""
+    parts: tuple[Part, ...] = ()  # that a note on a sensor is about
+    fact: AnyFact | None = None  # why the program itself asks for a stop; `text` is its text
 
 
-def make_sensor_note(t_s: float, text: str, *, is_fault: bool) -> OperatorEvent:
+def make_sensor_note(
+    t_s: float, text: str, *, is_fault: bool, parts: tuple[Part, ...] = ()
+) -> OperatorEvent:
     """Make the note of a fault of a sensor or its line, or that it is over."""
     value = float(is_fault)
-    return OperatorEvent(t_s=t_s, action="sensor", source=SENSOR_WATCH, text=text, value=value)
+    return OperatorEvent(
+        t_s=t_s, action="sensor", source=SENSOR_WATCH, text=text, value=value, parts=parts
+    )
 
 
 class HandDrive(msgspec.Struct, frozen=True, kw_only=True):

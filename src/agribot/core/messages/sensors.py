@@ -12,6 +12,7 @@ from typing import Literal
 
 import msgspec
 
+from agribot.core.facts import Part
 from agribot.core.messages.arrays import ByteArray, FloatArray, Four, Vec3
 from agribot.core.messages.operator import HandDrive, OperatorEvent
 
@@ -227,7 +228,8 @@ class BoardSample(msgspec.Struct, frozen=True, kw_only=True):
 
     `inputs` are those that it reads at this moment; one that it has lost is left out, and is a
     fault where the robot must have it. `stopped` says why it drives no motor until it is told that
-    a person cleared the stop. `faults` are in words; both are empty where it is well.
+    a person cleared the stop. `faults` are in words; both are empty where it is well. The parts
+    that these speak of are `fault_parts`.
     """
 
     t_s: float
@@ -235,6 +237,7 @@ class BoardSample(msgspec.Struct, frozen=True, kw_only=True):
     is_button_pressed: bool = False
     stopped: str = ""
     faults: tuple[str, ...] = ()
+    fault_parts: tuple[Part, ...] = ()
 
 
 class ContactorSample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

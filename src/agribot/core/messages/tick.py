@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
+from agribot.core.facts import AnyFact
 from agribot.core.messages.command import RobotCommand
 from agribot.core.messages.estimate import Estimate
 from agribot.core.messages.mission import MissionStatus
@@ -22,8 +23,8 @@ class Tracking(msgspec.Struct, frozen=True, kw_only=True):
 class TickRecord(msgspec.Struct, frozen=True, kw_only=True):
     """All that one tick saw and decided: log line, display update and replay key.
 
-    `reason` says why the supervisor changed the command, or that wheels turn on though they are
-    to stand; empty where neither is so. `is_plan_late` says that a way was due in this tick and was
+    `fact` is why the supervisor changed the command, or that wheels turn during a stop; `reason` is
+    its text. `is_plan_late` says that a way was due in this tick and was
     not there: a robot that cannot wait goes on without, and so does a replay.
     """
 
@@ -35,3 +36,4 @@ class TickRecord(msgspec.Struct, frozen=True, kw_only=True):
     command: RobotCommand
     reason: str = ""
     is_plan_late: bool = False
+    fact: AnyFact | None = None

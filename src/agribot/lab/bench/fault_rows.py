@@ -15,9 +15,10 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from agribot.core.facts import Said
 from agribot.lab.bench.faults import ENDED, PRESET, FaultScenario, leave_out_fault
 from agribot.lab.sweep.plan import SweepJob
-from agribot.record.report import FaultReport, Report
+from agribot.record.report import FaultReport, Report, SafetyEvent
 
 HARMLESS_RATIO = 2.0
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
@@ -152,10 +153,16 @@ def _leave_out_usual(fault: FaultReport, usual: Report | None) -> FaultReport:
     """Return a fault as not noticed where all that was told is told without it, too."""
     if usual is None:
         return fault
-    told = {_mask(told.reason) for told in (*usual.safety.stops, *usual.safety.noticed)}
-    if _mask(fault.reason) not in told:
+    told = {_name_kind(told) for told in (*usual.safety.stops, *usual.safety.noticed)}
+    if _name_kind(fault) not in told:
         return fault
     return FaultReport(name=fault.name, t_s=fault.t_s, fault=fault.fault)
+
+
+def _name_kind(told: SafetyEvent | FaultReport) -> tuple[object, ...]:
+    """Return what stays the same while numbers change; words only where there is no code."""
+    is_said = told.code in ("", Said.__struct_config__.tag)
+    return told.code, told.parts, told.reason if is_said else ""
 
 
 def _add_verdicts(row: FaultRow, faults: Sequence[FaultReport]) -> FaultRow:

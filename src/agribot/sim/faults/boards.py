@@ -108,4 +108,5 @@ def _tell_reset(t_s: float) -> BoardSample:
         t_s=t_s,
         stopped="it was switched on, or reset",
         faults=("it hung, and its watchdog reset it",),
+        fault_parts=("motors",),
     )

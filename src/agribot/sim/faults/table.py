@@ -8,14 +8,11 @@ from typing import Any, Literal, NamedTuple
 import msgspec
 
 from agribot.core.errors import ConfigError
+from agribot.core.facts import Part
 from agribot.core.messages import WHEEL_NAMES
 from agribot.core.plugins import FAULTS as GROUP
 from agribot.core.plugins import find_plugin, list_names
 from agribot.core.suggestions import suggest_name
-
-Part = Literal["gnss", "compass", "imu", "wheels", "motors", "ground", "camera", "network",
-               "bumper", "button", "contactor", "battery", "clock", "link", "disk", "start",
-               "robot", "crop", "inputs", "program"]  # fmt: skip
 
 
 class Span(msgspec.Struct, frozen=True, kw_only=True):

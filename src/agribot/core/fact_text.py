@@ -1,0 +1,112 @@
+"""The only place that makes text of facts: one table for each language, read when it is needed.
+
+A section of a table is the code of a fact: `text` says what is so, `do` what to do about it, each
+one template or, where the fact has variants, one for each of them. A template names the fact's
+fields as a format string does. Beside the formats of Python it knows `!d` (radians as degrees),
+`!k` (metres as kilometres) and `!l` (a list, divided by semicolons). Words in a field are looked up
+in `words.<field>`; a fact in a field is rendered in its place.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from string import Formatter
+from typing import Any
+
+import msgspec
+
+from agribot.core.errors import ConfigError
+from agribot.core.facts import Fact
+
+LANGUAGES = ("en", "de")
+UNKNOWN = "?"  # a value that is not known
+_SCALES = {"d": math.degrees(1.0), "k": 1e-3}
+
+Template = str | dict[str, str]  # one, or one for each variant
+
+
+class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The texts of one fact."""
+
+    text: Template
+    do: Template = ""
+
+
+class Table(msgspec.Struct, frozen=True):
+    """The texts of a language."""
+
+    facts: Mapping[str, Entry]
+    words: Mapping[str, Mapping[str, str]]
+
+
+@cache
+def load_table(language: str) -> Table:
+    """Read the table of a language.
+
+    Raises: ConfigError: there is none.
+    """
+    if language not in LANGUAGES:
+        raise ConfigError(f"no texts in '{language}'; choose one of {', '.join(LANGUAGES)}")
+    text = files("agribot.core").joinpath(f"facts.{language}.toml").read_text("utf-8")
+    sections = tomllib.loads(text)
+    words = sections.pop("words")
+    return Table(msgspec.convert(sections, dict[str, Entry]), words)
+
+
+def render(fact: Fact | None, language: str = "en") -> str:
+    """Make the text of a fact, and what to do about it; empty where there is none."""
+    if fact is None:
+        return ""
+    table = load_table(language)
+    entry = table.facts[fact.code]
+    text = _fill(choose(entry.text, fact), fact, language)
+    advice = _fill(choose(entry.do, fact), fact, language)
+    return f"{text}; {advice}" if advice else text
+
+
+def choose(template: Template, fact: Fact) -> str:
+    """Choose the template of the fact's variant."""
+    return template if isinstance(template, str) else template[fact.variant]
+
+
+def _fill(template: str, fact: Fact, language: str) -> str:
+    filled = []
+    for literal, name, spec, conversion in _split(template):
+        filled.append(literal)
+        if name is not None:
+            value = getattr(fact, name)
+            filled.append(_write(value, name, spec or "", conversion, language))
+    return "".join(filled)
+
+
+@cache
+def _split(template: str) -> tuple[tuple[str, str | None, str | None, str | None], ...]:
+    return tuple(Formatter().parse(template))
+
+
+def _write(value: Any, name: str, spec: str, conversion: str | None, language: str) -> str:
+    """Write one value of a fact."""
+    if isinstance(value, Fact):
+        return render(value, language)
+    if value is None:
+        return UNKNOWN
+    words = load_table(language).words
+    known = words.get(name, {})
+    if isinstance(value, str):
+        return known.get(value, value)
+    if isinstance(value, tuple):
+        return _join(value, known, "; " if conversion == "l" else f" {words['list']['and']} ")
+    return format(value if conversion is None else value * _SCALES[conversion], spec)
+
+
+def _join(values: tuple[Any, ...], known: Mapping[str, str], divider: str) -> str:
+    """Join words, or take the word for all of them; numbers stand in brackets."""
+    if not all(isinstance(value, str) for value in values):
+        return str(list(values))
+    together = known.get("+".join(values))
+    each = [known.get(value, value) for value in values]
+    return divider.join(each) if together is None else together

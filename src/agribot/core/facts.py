@@ -1,0 +1,1335 @@
+"""Facts: what is found at run time, as small typed values, from where it is found to the edge.
+
+A fault, a doubt, a contradiction, a hazard, a stop's cause and a state's reason are each one
+`Fact`: a frozen struct of a closed, tagged union (`AnyFact`). It says
+
+- its `code`, which is its class's name in snake case and never changes its meaning,
+- its `parts`: those of the robot that are at fault, more than one where it leaves open which,
+  those of the facts inside it included; a part that it is only compared with is not among them,
+- its `severity`, and
+- numbers in fields that name their units.
+
+`None` stands for "nothing found". Nothing inside the program compares, masks or parses text: two
+facts are the same while their `kind` is, which leaves out the numbers, and what a fact is about is
+asked by `parts`, its class or its code. `fact_text.render` alone makes text, from one table for
+each language (`facts.en.toml`, `facts.de.toml`): at the edge, for the page, logs, reports, ROS and
+the text fields of messages. A new fact is a class here and a section in each table; a test compares
+codes and placeholders.
+
+`Said` holds words from outside (a person, a device, an error of a planner): nothing looks into it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Union
+
+import msgspec
+
+Part = Literal["gnss", "compass", "imu", "wheels", "motors", "ground", "camera", "network",
+               "bumper", "button", "contactor", "battery", "clock", "link", "disk", "start",
+               "robot", "crop", "inputs", "program"]  # fmt: skip
+# note: nothing is wrong; warning: the robot goes on; fault: it must not, or not by itself.
+Severity = Literal["note", "warning", "fault"]
+Wheel = Literal["right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F"]
+Side = Literal["left", "right"]
+Where = Literal["left", "right", "ahead", "behind"]
+End = Literal["front", "behind"]  # of the robot
+Unspoken = Literal["wheels", "imu", "gnss", "compass"]  # a sensor that may fall silent
+Motion = Literal["stand", "backwards", "fast", "slow"]  # of wheels, against what they were told
+Check = Literal["board", "imu", "imu_cable", "cable", "gnss", "compass", "wheels"]
+
+_CAPITAL = re.compile(r"(?<!^)(?=[A-Z])")
+
+
+def _make_code(name: str) -> str:
+    return _CAPITAL.sub("_", name).lower()
+
+
+class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", tag=_make_code):
+    """What was found; see the module."""
+
+    about: ClassVar[tuple[Part, ...]] = ()
+    severity: ClassVar[Severity] = "fault"
+
+    @property
+    def code(self) -> str:
+        """Its stable name."""
+        return str(self.__struct_config__.tag)
+
+    @property
+    def values(self) -> tuple[tuple[str, Any], ...]:
+        """Its fields by name."""
+        return tuple((name, getattr(self, name)) for name in self.__struct_fields__)
+
+    @property
+    def inner(self) -> tuple[Fact, ...]:
+        """The facts that it holds."""
+        return tuple(value for _, value in self.values if isinstance(value, Fact))
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The parts at fault, those of the facts inside it included."""
+        found = dict.fromkeys(self.about)
+        for fact in self.inner:
+            found.update(dict.fromkeys(fact.parts))
+        return tuple(found)
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """What stays the same while only its numbers change."""
+        values = (value.kind if isinstance(value, Fact) else value for _, value in self.values)
+        return (self.code, *(value for value in values if not _is_number(value)))
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Its finite numbers by name, and those of the facts inside it under names of their own."""
+        found: dict[str, float] = {}
+        for fact in self.inner:
+            found.update(fact.numbers)
+        own = {name: value for name, value in self.values if _is_number(value)}
+        found.update({name: float(value) for name, value in own.items() if math.isfinite(value)})
+        return found
+
+    @property
+    def variant(self) -> str:
+        """Which of several texts fits; empty where there is one."""
+        return ""
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """The codes of the facts inside it, the nearest first."""
+        return tuple(code for fact in self.inner for code in (fact.code, *fact.causes))
+
+    def holds(self, other: Fact) -> bool:
+        """Whether it is the same but for numbers as another, or a fact inside it is."""
+        return self.kind == other.kind or any(fact.holds(other) for fact in self.inner)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def find_kind(fact: Fact | None) -> tuple[object, ...]:
+    """Return what stays the same of a fact while its numbers change; empty where there is none."""
+    return () if fact is None else fact.kind
+
+
+# --- words from outside ---
+
+
+class Said(Fact, frozen=True):
+    """Words of a person, a device or an error; `by` is who said it, where that matters."""
+
+    text: str
+    by: str = ""
+
+
+# --- sensors that say nothing, too late, or no numbers ---
+
+
+_UNSPOKEN: dict[str, Part] = {
+    "wheels": "wheels", "imu": "imu", "gnss": "gnss", "compass": "compass",
+}  # fmt: skip
+
+
+class _OfSensor(Fact, frozen=True):
+    """About one sensor that it names."""
+
+    sensor: Unspoken
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (_UNSPOKEN[self.sensor],)
+
+
+class SensorSilent(_OfSensor, frozen=True):
+    """A sensor was heard and is no more; `check` is where to look."""
+
+    silent_s: float
+    limit_s: float
+    check: Check
+
+
+class NoDataYet(_OfSensor, frozen=True):
+    """A sensor has sent nothing that the estimate could use."""
+
+    severity: ClassVar[Severity] = "note"
+    check: Check
+
+
+class NotHeardYet(_OfSensor, frozen=True):
+    """A sensor has not reported since the start."""
+
+    severity: ClassVar[Severity] = "note"
+
+    @property
+    def variant(self) -> str:
+        return "many" if self.sensor == "wheels" else "one"
+
+
+class SensorNotFinite(_OfSensor, frozen=True):
+    """A sensor sends NaN or infinity."""
+
+    @property
+    def variant(self) -> str:
+        return "many" if self.sensor == "wheels" else "one"
+
+
+class ImuSpoilt(Fact, frozen=True):
+    """A number of the IMU is beyond the range of any such sensor."""
+
+    about: ClassVar[tuple[Part, ...]] = ("imu",)
+    severity: ClassVar[Severity] = "warning"
+    value: float
+
+
+class ImuLineSpoilt(Fact, frozen=True):
+    """Several numbers of the IMU were beyond its range within seconds."""
+
+    about: ClassVar[tuple[Part, ...]] = ("imu",)
+    count: int
+    within_s: float
+    limit_s: float
+
+
+class ImuLate(Fact, frozen=True):
+    """Samples of the IMU come late."""
+
+    about: ClassVar[tuple[Part, ...]] = ("imu",)
+    severity: ClassVar[Severity] = "warning"
+    late_s: float
+
+
+class ImuFrozen(Fact, frozen=True):
+    """The IMU repeats itself while the wheels turn."""
+
+    about: ClassVar[tuple[Part, ...]] = ("imu",)
+    same_s: float
+
+
+class Tilted(Fact, frozen=True):
+    """The robot is tilted too far."""
+
+    about: ClassVar[tuple[Part, ...]] = ("robot",)
+    tilt_rad: float
+    limit_rad: float
+
+
+class TiltUnknown(Fact, frozen=True):
+    """The IMU measures no acceleration, so that no tilt is watched."""
+
+    about: ClassVar[tuple[Part, ...]] = ("imu", "robot")
+    severity: ClassVar[Severity] = "warning"
+
+
+# --- the clock ---
+
+
+class _OfClock(Fact, frozen=True):
+    about: ClassVar[tuple[Part, ...]] = ("clock",)
+
+
+class PoseClockWentBack(_OfClock, frozen=True):
+    """The clock went back by more than the pose can follow."""
+
+    back_s: float
+
+
+class ClockUnreadable(_OfClock, frozen=True):
+    """The clock reads no finite time."""
+
+    t_s: float
+
+
+class ClockWentBack(_OfClock, frozen=True):
+    """The clock went back."""
+
+    back_s: float
+
+
+class ClockJumped(_OfClock, frozen=True):
+    """The clock jumped, or the program stood still."""
+
+    about: ClassVar[tuple[Part, ...]] = ("clock", "program")
+    off_s: float
+    limit_s: float
+
+
+class ClockStands(_OfClock, frozen=True):
+    """The clock stands still."""
+
+    t_s: float
+
+
+class ClockLeapt(_OfClock, frozen=True):
+    """The clock jumped between two readings of wheels that turned evenly."""
+
+    severity: ClassVar[Severity] = "warning"
+    off_s: float
+
+
+# --- where the robot is ---
+
+
+class EstimateNotReady(Fact, frozen=True):
+    """There is no estimate yet."""
+
+    severity: ClassVar[Severity] = "note"
+
+
+class NoFixesYet(Fact, frozen=True):
+    """No position yet: fixes are awaited."""
+
+    about: ClassVar[tuple[Part, ...]] = ("gnss",)
+    severity: ClassVar[Severity] = "note"
+
+
+class HeadingAwaited(Fact, frozen=True):
+    """No heading yet: the magnetometer is awaited."""
+
+    severity: ClassVar[Severity] = "note"
+
+
+class HeadingUnknown(Fact, frozen=True):
+    """No heading yet; how well the way driven shows it, where it does."""
+
+    severity: ClassVar[Severity] = "note"
+    is_compass_silent: bool
+    way_m: float
+    driven_m: float = 0.0
+    std_rad: float | None = None
+
+    @property
+    def variant(self) -> str:
+        known = "unknown" if self.std_rad is None else "known"
+        return f"{known}_silent" if self.is_compass_silent else known
+
+
+class FarFromMap(Fact, frozen=True):
+    """The first fixes are too far from the origin of the map."""
+
+    lat_deg: float
+    lon_deg: float
+    away_m: float
+    origin_lat_deg: float
+    origin_lon_deg: float
+    limit_m: float
+
+
+class StartAside(Fact, frozen=True):
+    """The robot does not stand at the marked start."""
+
+    about: ClassVar[tuple[Part, ...]] = ("start",)
+    off_m: float
+    direction: str
+    limit_m: float
+
+
+class StartTurned(Fact, frozen=True):
+    """The robot does not face as marked at the start."""
+
+    about: ClassVar[tuple[Part, ...]] = ("start",)
+    source: str
+    off_rad: float
+    limit_rad: float
+
+
+class CourseOff(Fact, frozen=True):
+    """The sensor of the first heading disagrees with the way driven."""
+
+    source: Literal["compass", "second antenna"]
+    off_rad: float
+    limit_rad: float
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return ("compass",) if self.source == "compass" else ("gnss",)
+
+    @property
+    def variant(self) -> str:
+        return "compass" if self.source == "compass" else "antenna"
+
+
+class GnssSilent(Fact, frozen=True):
+    """No fix comes any more."""
+
+    about: ClassVar[tuple[Part, ...]] = ("gnss",)
+    severity: ClassVar[Severity] = "warning"
+    silent_s: float
+
+
+class DeadReckoning(Fact, frozen=True):
+    """The pose goes on without GNSS, or has done so for too long; `cause` is why."""
+
+    cause: AnyFact
+    std_m: float
+    limit_m: float
+    is_lost: bool
+
+    @property
+    def variant(self) -> str:
+        return "lost" if self.is_lost else "known"
+
+
+class CameraAndGnssDisagree(Fact, frozen=True):
+    """Camera and GNSS put the robot at different places; `is_left_open`: a person decides."""
+
+    about: ClassVar[tuple[Part, ...]] = ("camera", "gnss")
+    off_m: float
+    is_left_open: bool
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        return (self.code,)
+
+    @property
+    def variant(self) -> str:
+        return "open" if self.is_left_open else "told"
+
+
+class _OfGnss(Fact, frozen=True):
+    about: ClassVar[tuple[Part, ...]] = ("gnss",)
+
+
+class GnssJumped(_OfGnss, frozen=True):
+    """Fixes jumped away from wheels and gyro, or the robot was carried."""
+
+    about: ClassVar[tuple[Part, ...]] = ("gnss", "robot")
+    off_m: float
+
+
+class GnssJumpedFar(_OfGnss, frozen=True):
+    """Fixes jumped farther than any robot is carried."""
+
+    off_m: float
+
+
+class GnssRepeats(_OfGnss, frozen=True):
+    """The receiver repeats its position while the wheels turn."""
+
+    way_m: float
+
+
+class GnssCrept(_OfGnss, frozen=True):
+    """Fixes crept away from their own velocity, wheels and gyro."""
+
+    off_m: float
+    over_s: float
+
+
+class GnssParts(_OfGnss, frozen=True):
+    """Positions and velocity of the receiver part."""
+
+    severity: ClassVar[Severity] = "warning"
+    off_m: float
+    over_s: float
+
+
+class FixesRejected(_OfGnss, frozen=True):
+    """Fixes contradict the odometry one after the other."""
+
+    severity: ClassVar[Severity] = "warning"
+    count: int
+    limit: int
+
+
+class PositionsScatter(_OfGnss, frozen=True):
+    """Fixes scatter by more than they state."""
+
+    severity: ClassVar[Severity] = "warning"
+    std_m: float
+    stated_m: float
+
+
+class VelocityScatters(_OfGnss, frozen=True):
+    """Velocities of the receiver scatter by more than they state."""
+
+    severity: ClassVar[Severity] = "warning"
+    std_mps: float
+    stated_mps: float
+
+
+class AntennaElsewhere(_OfGnss, frozen=True):
+    """The antenna does not sit where the robot's description has it."""
+
+    severity: ClassVar[Severity] = "warning"
+    off_m: float
+    sits: Where
+    is_left_open: bool
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        return (self.code,)
+
+    @property
+    def variant(self) -> str:
+        return "open" if self.is_left_open else "told"
+
+
+class WheelsSlip(Fact, frozen=True):
+    """Wheels turn and the robot hardly moves."""
+
+    about: ClassVar[tuple[Part, ...]] = ("ground",)
+    severity: ClassVar[Severity] = "warning"
+    claimed_mps: float
+    shown_mps: float
+
+
+class RobotCarried(Fact, frozen=True):
+    """The robot moved without its wheels."""
+
+    about: ClassVar[tuple[Part, ...]] = ("robot",)
+    off_m: float
+    moved: Where
+
+
+class HeadingJumped(Fact, frozen=True):
+    """The heading was corrected by more than a turn explains."""
+
+    about: ClassVar[tuple[Part, ...]] = ("compass", "robot")
+    off_rad: float
+
+
+class GyroTurns(Fact, frozen=True):
+    """The gyro tells a turn that compass and wheels contradict."""
+
+    about: ClassVar[tuple[Part, ...]] = ("imu",)
+    severity: ClassVar[Severity] = "warning"
+    off_radps: float
+
+
+class CompassTurned(Fact, frozen=True):
+    """The compass tells a turn that gyro and wheels contradict."""
+
+    about: ClassVar[tuple[Part, ...]] = ("compass",)
+    severity: ClassVar[Severity] = "warning"
+    off_rad: float
+
+
+class WhichRow(Fact, frozen=True):
+    """The crop in view fits another row better."""
+
+    about: ClassVar[tuple[Part, ...]] = ("start",)
+    rows: int
+    side: Side
+    certainty: float
+    least: float
+
+    @property
+    def variant(self) -> str:
+        return "one" if self.rows == 1 else "many"
+
+
+class PlantsElsewhere(Fact, frozen=True):
+    """The plants in view are those of another place of the map; None: not off that way."""
+
+    certainty: float
+    plants: int
+    along_m: float | None = None
+    along: Literal["ahead", "behind"] = "ahead"
+    aside_m: float | None = None
+    side: Side = "left"
+
+    @property
+    def variant(self) -> str:
+        if self.along_m is not None and self.aside_m is not None:
+            return "both"
+        return "along" if self.along_m is not None else "aside"
+
+
+# --- the camera ---
+
+
+class _OfCamera(Fact, frozen=True):
+    about: ClassVar[tuple[Part, ...]] = ("camera",)
+    severity: ClassVar[Severity] = "warning"
+
+
+class NoPicture(_OfCamera, frozen=True):
+    """No picture was seen for some time."""
+
+    silent_s: float
+
+
+class PicturesComeLate(_OfCamera, frozen=True):
+    """Pictures come late to the estimate."""
+
+    late_s: float
+
+
+class PictureFrozen(_OfCamera, frozen=True):
+    """The picture has not changed while the robot moved."""
+
+    way_m: float
+
+
+class PictureReversed(_OfCamera, frozen=True):
+    """The picture moves against the way of the robot."""
+
+
+class PictureMirrored(_OfCamera, frozen=True):
+    """The picture turns against the turns of the robot."""
+
+
+class PictureUnfit(_OfCamera, frozen=True):
+    """Pictures show nothing to go by; `why` is what the perception says of them."""
+
+    why: str
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        return (self.code,)
+
+
+class CropUnknown(_OfCamera, frozen=True):
+    """The network sees no crop where the rows are."""
+
+    share_ratio: float
+    way_m: float
+    row: int
+
+
+class RowLineMoved(_OfCamera, frozen=True):
+    """The row line moved without the robot."""
+
+    severity: ClassVar[Severity] = "fault"
+    off_m: float
+
+
+class RowLinesScatter(_OfCamera, frozen=True):
+    """Row lines scatter aside by more than they state."""
+
+    std_m: float
+    stated_m: float
+
+
+class RowHeadingsScatter(_OfCamera, frozen=True):
+    """The directions of row lines scatter by more than they state."""
+
+    std_rad: float
+    stated_rad: float
+
+
+class CameraSilent(_OfCamera, frozen=True):
+    """The camera sends no picture."""
+
+    silent_s: float
+    limit_s: float
+
+
+class CameraLate(_OfCamera, frozen=True):
+    """The camera's pictures are old when they come."""
+
+    late_s: float
+    limit_s: float
+
+
+class NetworkSilent(_OfCamera, frozen=True):
+    """The network says nothing of the pictures."""
+
+    about: ClassVar[tuple[Part, ...]] = ("network", "camera")
+    silent_s: float
+    limit_s: float
+
+
+# --- wheels, motors, ground ---
+
+
+class MotorsReportFault(Fact, frozen=True):
+    """The board flags motors."""
+
+    about: ClassVar[tuple[Part, ...]] = ("motors",)
+    wheels: tuple[str, ...]
+
+    @property
+    def variant(self) -> str:
+        return "one" if len(self.wheels) == 1 else "many"
+
+
+class MotorDead(Fact, frozen=True):
+    """A motor gives no torque while the others work."""
+
+    about: ClassVar[tuple[Part, ...]] = ("motors",)
+    wheel: Wheel
+
+
+class WheelsWrong(Fact, frozen=True):
+    """Wheels do something else than they were told."""
+
+    about: ClassVar[tuple[Part, ...]] = ("wheels",)
+    wheels: tuple[Wheel, ...]
+    motion: Motion
+    speed_radps: float
+    wanted_radps: float
+
+    @property
+    def variant(self) -> str:
+        return f"{self.motion}_{ {1: 'one', 4: 'all'}.get(len(self.wheels), 'many') }"
+
+
+class WheelsSwapped(Fact, frozen=True):
+    """The robot turns the other way than told."""
+
+    about: ClassVar[tuple[Part, ...]] = ("motors", "wheels")
+
+
+class Runaway(Fact, frozen=True):
+    """Wheels turn that are to stand, and what to do about it."""
+
+    about: ClassVar[tuple[Part, ...]] = ("motors",)
+    cause: AnyFact
+    is_cut: bool
+    is_contactor_stuck: bool
+
+    @property
+    def variant(self) -> str:
+        return "stuck" if self.is_contactor_stuck else "cut" if self.is_cut else "driven"
+
+
+class TurnsDisagree(Fact, frozen=True):
+    """Gyro and wheels contradict each other."""
+
+    about: ClassVar[tuple[Part, ...]] = ("imu", "wheels")
+    gyro_radps: float
+    wheels_radps: float
+
+
+class HeldInTurn(Fact, frozen=True):
+    """The robot does not turn with its wheels."""
+
+    about: ClassVar[tuple[Part, ...]] = ("ground",)
+    gyro_radps: float
+    wheels_radps: float
+
+
+class Stuck(Fact, frozen=True):
+    """The robot stays behind its wheels."""
+
+    about: ClassVar[tuple[Part, ...]] = ("ground",)
+    way_m: float
+    lasted_s: float
+    moved_m: float
+
+
+# --- motor board, contactor, battery, bumper ---
+
+
+class BoardReports(Fact, frozen=True):
+    """The motor board reports faults, in its words; `of` are the parts that it names."""
+
+    said: tuple[str, ...]
+    of: tuple[Part, ...] = ("motors",)
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return self.of
+
+
+class BoardHoldsStop(Fact, frozen=True):
+    """The motor board holds a stop of its own, for a reason in its words."""
+
+    said: str
+
+
+class ButtonPressed(Fact, frozen=True):
+    """The red button is pressed."""
+
+    about: ClassVar[tuple[Part, ...]] = ("button",)
+
+
+_INPUTS: dict[str, Part] = {
+    "red button": "button", "bumper": "bumper", "battery": "battery", "motors": "motors",
+}  # fmt: skip
+
+
+class _OfInput(Fact, frozen=True):
+    """About a safety input of the board that it names."""
+
+    input: str
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return ("inputs", _INPUTS[self.input]) if self.input in _INPUTS else ("inputs",)
+
+
+class InputNotHeardYet(_OfInput, frozen=True):
+    """A safety input that must be there has not been reported."""
+
+
+class InputSilent(_OfInput, frozen=True):
+    """A safety input that must be there is reported no more."""
+
+    silent_s: float
+    limit_s: float
+
+
+class ContactorSilent(Fact, frozen=True):
+    """The contactor is not heard."""
+
+    about: ClassVar[tuple[Part, ...]] = ("contactor",)
+    silent_s: float
+    limit_s: float
+
+
+class ContactorInTrouble(Fact, frozen=True):
+    """The contactor cannot do what it is told, in the words of its driver."""
+
+    about: ClassVar[tuple[Part, ...]] = ("contactor",)
+    said: str
+
+
+class ContactorStaysClosed(Fact, frozen=True):
+    """The contactor was told to open and did not; `is_told`: it says so itself."""
+
+    about: ClassVar[tuple[Part, ...]] = ("contactor",)
+    is_told: bool
+
+    @property
+    def variant(self) -> str:
+        return "told" if self.is_told else "seen"
+
+
+class ContactorStaysOpen(Fact, frozen=True):
+    """The contactor was told to close and did not."""
+
+    about: ClassVar[tuple[Part, ...]] = ("contactor",)
+
+
+class ContactorWelded(Fact, frozen=True):
+    """One of two contactors stayed closed."""
+
+    about: ClassVar[tuple[Part, ...]] = ("contactor",)
+
+
+class NoContactor(Fact, frozen=True):
+    """The robot has none."""
+
+    severity: ClassVar[Severity] = "note"
+
+
+class MotorsUnpowered(Fact, frozen=True):
+    """The motors have no power yet."""
+
+    severity: ClassVar[Severity] = "note"
+
+
+class WheelsTurnUnpowered(Fact, frozen=True):
+    """Wheels turn though the motors have no power."""
+
+    about: ClassVar[tuple[Part, ...]] = ("motors", "wheels")
+    speed_radps: float
+
+
+class _OfBattery(Fact, frozen=True):
+    """By its charge where that is known, else by its voltage."""
+
+    about: ClassVar[tuple[Part, ...]] = ("battery",)
+    left_percent: float | None = None
+    limit_percent: float | None = None
+    left_v: float | None = None
+    limit_v: float | None = None
+
+    @property
+    def variant(self) -> str:
+        return "voltage" if self.left_percent is None else "charge"
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        return self.code, self.variant
+
+
+class BatteryLow(_OfBattery, frozen=True):
+    """Enough is left to go home."""
+
+    severity: ClassVar[Severity] = "warning"
+
+
+class BatteryEmpty(_OfBattery, frozen=True):
+    """Too little is left to drive."""
+
+
+class Touched(Fact, frozen=True):
+    """The bumper touches something, here on the robot."""
+
+    about: ClassVar[tuple[Part, ...]] = ("bumper",)
+    end: End
+    ahead_m: float
+    aside_m: float
+    side: Side
+
+
+class StillTouches(Fact, frozen=True):
+    """The bumper still touches something."""
+
+    about: ClassVar[tuple[Part, ...]] = ("bumper",)
+    ends: tuple[End, ...]
+
+
+class OnlyAway(Fact, frozen=True):
+    """A hand may only drive straight away from what the bumper touches."""
+
+    about: ClassVar[tuple[Part, ...]] = ("bumper",)
+    ends: tuple[End, ...]
+
+
+# --- the gate ---
+
+
+class CommandNotFinite(Fact, frozen=True):
+    """A drive command is no number."""
+
+    v_mps: float
+    yaw_rate_radps: float
+
+
+class ImplementNotFinite(Fact, frozen=True):
+    """A command to the implement is no number."""
+
+    setpoints: str
+
+
+class NoPosition(Fact, frozen=True):
+    """There is no position to drive by."""
+
+    cause: AnyFact
+
+
+class PositionNotFinite(Fact, frozen=True):
+    """The position is no number."""
+
+
+class PositionOld(Fact, frozen=True):
+    """The position is of another time."""
+
+    old_s: float
+    limit_s: float
+
+
+class PositionUnsure(Fact, frozen=True):
+    """The position is too uncertain."""
+
+    std_m: float
+    limit_m: float
+
+
+class HeadingUnsure(Fact, frozen=True):
+    """The heading is too uncertain."""
+
+    std_rad: float
+    limit_rad: float
+
+
+class LeavesBox(Fact, frozen=True):
+    """The robot is about to leave the box around its path, or has left it."""
+
+    x_map_m: float
+    y_map_m: float
+    is_inside: bool
+
+    @property
+    def variant(self) -> str:
+        return "inside" if self.is_inside else "outside"
+
+
+class BeyondField(Fact, frozen=True):
+    """The robot is beyond the edge of the field."""
+
+    x_map_m: float
+    y_map_m: float
+
+
+class LeavesField(Fact, frozen=True):
+    """The robot is about to leave the field; `is_by_hand`: a person takes it there."""
+
+    x_map_m: float
+    y_map_m: float
+    is_by_hand: bool
+
+    @property
+    def variant(self) -> str:
+        return "hand" if self.is_by_hand else "plan"
+
+
+class NearEdgeAndDoubted(Fact, frozen=True):
+    """Too near to the edge for sensors that contradict each other."""
+
+    x_map_m: float
+    y_map_m: float
+    aside_m: float
+
+
+class NearEdgeAndUnsure(Fact, frozen=True):
+    """Too near to the edge for a position of this sigma."""
+
+    x_map_m: float
+    y_map_m: float
+    std_m: float
+
+
+class _AtKeepOut(Fact, frozen=True):
+    """Where an area to keep out of is touched, and where the robot is."""
+
+    area_x_map_m: float
+    area_y_map_m: float
+    x_map_m: float
+    y_map_m: float
+
+
+class EntersKeepOut(_AtKeepOut, frozen=True):
+    """The robot is about to enter an area to keep out of."""
+
+
+class InKeepOut(_AtKeepOut, frozen=True):
+    """The robot is in an area to keep out of."""
+
+
+class MissionIdle(Fact, frozen=True):
+    """No mission drives the robot."""
+
+    severity: ClassVar[Severity] = "note"
+    state: str
+    cause: AnyFact | None = None
+
+    @property
+    def variant(self) -> str:
+        return "plain" if self.cause is None else "why"
+
+
+class ToolEarly(Fact, frozen=True):
+    """The tool works before the robot drives."""
+
+
+class ToolAtRest(Fact, frozen=True):
+    """The tool must not work: the robot stands, or no mission drives it."""
+
+    severity: ClassVar[Severity] = "note"
+
+
+class ToolBackwards(Fact, frozen=True):
+    """The tool does not work backwards."""
+
+    severity: ClassVar[Severity] = "note"
+
+
+class SpeedLimited(Fact, frozen=True):
+    """A command was too fast."""
+
+    severity: ClassVar[Severity] = "note"
+    speed_mps: float
+    limit_mps: float
+
+
+class YawRateLimited(Fact, frozen=True):
+    """A command turned too fast."""
+
+    severity: ClassVar[Severity] = "note"
+    yaw_rate_radps: float
+    limit_radps: float
+
+
+class StoppedBy(Fact, frozen=True):
+    """Somebody pressed STOP."""
+
+    by: str
+
+
+class Disarmed(Fact, frozen=True):
+    """A machine begins stopped."""
+
+
+class NotCleared(Fact, frozen=True):
+    """A stop of an earlier run, which nobody has cleared since a date and time."""
+
+    cause: AnyFact
+    since: str
+
+
+class StopToClear(Fact, frozen=True):
+    """The robot stands until the stop is cleared."""
+
+    cause: AnyFact
+
+
+class StopCleared(Fact, frozen=True):
+    """A person cleared the stop; `then` is why the robot still stands."""
+
+    severity: ClassVar[Severity] = "note"
+    by: str
+    then: AnyFact | None = None
+
+    @property
+    def variant(self) -> str:
+        return ("known" if self.by else "unknown") if self.then is None else "then"
+
+
+class DrivenByHand(Fact, frozen=True):
+    """Somebody drives."""
+
+    severity: ClassVar[Severity] = "note"
+    by: str
+
+
+class MissionSetsOff(Fact, frozen=True):
+    """All that is checked before the start is good."""
+
+    severity: ClassVar[Severity] = "note"
+
+
+class MissionGoesOn(Fact, frozen=True):
+    """The mission drives again."""
+
+    severity: ClassVar[Severity] = "note"
+
+
+class Over(Fact, frozen=True):
+    """What held the robot is over."""
+
+    severity: ClassVar[Severity] = "note"
+    cause: AnyFact | None = None
+
+
+# --- the mission ---
+
+
+class _MissionNote(Fact, frozen=True):
+    severity: ClassVar[Severity] = "note"
+
+
+class FirstEstimateAwaited(_MissionNote, frozen=True):
+    """The mission waits for the first estimate."""
+
+
+class PositionAwaited(_MissionNote, frozen=True):
+    """The mission waits for a position."""
+
+    cause: AnyFact
+
+
+class Settling(_MissionNote, frozen=True):
+    """The mission waits for the estimate to settle."""
+
+
+class PlanningWay(_MissionNote, frozen=True):
+    """The way is being planned."""
+
+
+class StartUnsure(Fact, frozen=True):
+    """Neither the pose nor a camera knows the rows."""
+
+    std_m: float
+    limit_m: float
+
+
+class OffPath(Fact, frozen=True):
+    """The robot has left its path."""
+
+    off_m: float
+    limit_m: float
+    x_map_m: float
+    y_map_m: float
+
+
+class RowLost(Fact, frozen=True):
+    """The robot does not know well enough where its row is."""
+
+    std_m: float
+    limit_m: float
+
+
+class MayBeOffRow(Fact, frozen=True):
+    """The protection level is more than from wheels to crop."""
+
+    level_m: float
+    limit_m: float
+
+
+class NoHeadway(Fact, frozen=True):
+    """The robot does not get on."""
+
+    limit_s: float
+    s_m: float
+    length_m: float
+    cause: AnyFact | None = None
+
+    @property
+    def variant(self) -> str:
+        return "plain" if self.cause is None else "why"
+
+
+class NoPositionFor(Fact, frozen=True):
+    """The mission has waited too long for its position."""
+
+    limit_s: float
+    cause: AnyFact
+
+
+class PositionLost(Fact, frozen=True):
+    """The position was lost on the way."""
+
+    cause: AnyFact | None = None
+
+    @property
+    def variant(self) -> str:
+        return "plain" if self.cause is None else "why"
+
+
+class PausedBy(_MissionNote, frozen=True):
+    """Somebody paused the mission."""
+
+    by: str
+
+
+class CancelledBy(_MissionNote, frozen=True):
+    """Somebody ended the mission."""
+
+    by: str
+
+
+class StopToResume(Fact, frozen=True):
+    """The mission stands for a stop."""
+
+    cause: AnyFact
+
+
+class ResumeAwaited(_MissionNote, frozen=True):
+    """The stop was cleared, and nobody has resumed the mission."""
+
+
+class GoalAwaited(_MissionNote, frozen=True):
+    """The mission waits for a goal."""
+
+
+class AtGoal(_MissionNote, frozen=True):
+    """The robot is at the goal of somebody."""
+
+    by: str
+
+
+class StopsToReturn(_MissionNote, frozen=True):
+    """The robot stops to return home."""
+
+    by: str
+
+
+class StopsForGoal(_MissionNote, frozen=True):
+    """The robot stops for a goal."""
+
+    by: str
+
+
+class StopsToBackOut(Fact, frozen=True):
+    """The robot backs out, for a cause."""
+
+    cause: AnyFact
+    leg: Literal["back", "out", "free"]
+
+
+class FoundRowAside(_MissionNote, frozen=True):
+    """The robot found its row aside."""
+
+
+class ReturnedHome(_MissionNote, frozen=True):
+    """The robot is at home, called by somebody."""
+
+    by: str
+
+
+class CameToBeCharged(_MissionNote, frozen=True):
+    """The robot is at home to be charged."""
+
+
+class NewTask(_MissionNote, frozen=True):
+    """Somebody sent a new task."""
+
+    action: str
+    by: str
+
+
+class CutOff(_MissionNote, frozen=True):
+    """The mission was cut off; what held it, or what it was doing."""
+
+    cause: AnyFact
+
+
+class AwayFromWork(_MissionNote, frozen=True):
+    """The robot was away from its work."""
+
+
+class OnVisit(_MissionNote, frozen=True):
+    """The robot was on a visit."""
+
+    name: str
+
+
+class OnErrandOf(_MissionNote, frozen=True):
+    """The robot was on an errand that somebody asked for."""
+
+    leg: str
+    by: str
+
+
+class NotResumed(_MissionNote, frozen=True):
+    """The mission was not resumed."""
+
+    cause: AnyFact
+
+
+class ErrandRefused(_MissionNote, frozen=True):
+    """There is no way for an errand."""
+
+    errand: Literal["home", "charge", "goal", "work", "back", "out", "free"]
+    cause: AnyFact
+
+
+class Both(Fact, frozen=True):
+    """One fact and then another."""
+
+    first: AnyFact
+    second: AnyFact
+
+
+class RowsSkipped(_MissionNote, frozen=True):
+    """Rows were skipped, as asked."""
+
+    rows: tuple[int, ...]
+
+
+class RowsUndriven(Fact, frozen=True):
+    """The path ended with rows that were not driven."""
+
+    rows: tuple[int, ...]
+
+
+class RowsUnproven(Fact, frozen=True):
+    """Rows were driven without evidence: what each lacks, and how many more there are."""
+
+    said: tuple[str, ...]
+    more: int
+
+    @property
+    def variant(self) -> str:
+        return "more" if self.more else "all"
+
+
+class WaypointsMissed(Fact, frozen=True):
+    """Waypoints were passed at too great a distance."""
+
+    waypoints: tuple[int, ...]
+    limit_m: float
+
+
+if TYPE_CHECKING:
+    AnyFact = Fact
+else:
+
+    def _list_kinds(base: type[Fact]) -> list[type[Fact]]:
+        found = []
+        for kind in base.__subclasses__():
+            found += _list_kinds(kind) or [kind]
+        return found
+
+    AnyFact = Union[tuple(_list_kinds(Fact))]  # noqa: UP007 (a type made at run time)
+
+KINDS: tuple[type[Fact], ...] = tuple(AnyFact.__args__) if not TYPE_CHECKING else ()
