@@ -21,7 +21,7 @@ def test_every_tile_of_the_gallery_shows_something_else(
     width_px, height_px = WIDTH_PX // reduction, HEIGHT_PX // reduction
     monkeypatch.setattr(gallery, "WIDTH_PX", width_px)
     monkeypatch.setattr(gallery, "HEIGHT_PX", height_px)
-    out = tmp_path / "gallery.png"
+    out = tmp_path / "new" / "folder" / "gallery.png"
     assert main(("world", "gallery", "-o", str(out))) == 0
     sheet = np.asarray(Image.open(out)).astype(float)
     rows = (sheet.shape[0] - GAP_PX) // (height_px + CAPTION_PX + GAP_PX)

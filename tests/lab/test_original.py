@@ -67,6 +67,8 @@ def test_patterns_and_values_of_the_table_can_be_read() -> None:
 
 def test_a_command_whose_output_shows_what_is_expected_passes() -> None:
     assert _end_of(_proof("agribot --version", expect=[r"^agribot \d"])) == ("pass", "")
+    in_a_list = _proof("agribot describe --json", values=["links.1.mass_kg > 1"])
+    assert _end_of(in_a_list) == ("pass", "")
 
 
 @pytest.mark.parametrize(

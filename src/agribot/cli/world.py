@@ -314,6 +314,7 @@ def _save(image_rgb: ByteArray, path: Path) -> None:
     from PIL import Image
 
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(image_rgb).save(path)
     except (OSError, ValueError) as error:  # ValueError: a file type that is no picture's
         raise RecordingError(

@@ -175,7 +175,10 @@ def _check_value(rule: str, text: str) -> str:
     path, sign, limit = rule.split()
     found: Any = _find_last_object(text)
     for key in path.split("."):
-        found = found.get(key) if isinstance(found, dict) else None
+        if isinstance(found, list) and key.isdecimal() and int(key) < len(found):
+            found = found[int(key)]
+        else:
+            found = found.get(key) if isinstance(found, dict) else None
     if not isinstance(found, int | float):
         return f"{path} is {found}, not a number"
     return "" if _COMPARE[sign](found, float(limit)) else f"{path} is {found:g}, not {sign} {limit}"
