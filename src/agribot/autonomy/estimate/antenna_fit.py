@@ -1,8 +1,8 @@
 """Where the GNSS antenna sits, from turns on the spot and the straight legs between them.
 
-While the robot turns in place its antenna draws a circle: p = c + R(turned) a. Radius and phase of
-it are the lever arm in the map at the beginning; a straight leg tells the heading there. What is
-found is the arm from the point about which the robot turns; its height does not show.
+While the robot turns in place its antenna draws a circle: p = c + R(turned) a. Its radius and phase
+give the lever arm in the map at the start; a straight leg gives the heading there. The fitted arm
+starts at the point about which the robot turns; its height cannot be observed.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class AntennaFit(msgspec.Struct, frozen=True, kw_only=True):
 def fit_antenna(log: DriveLog, stretches: Sequence[Stretch]) -> AntennaFit:
     """Fit the antenna's place on the body to the circles that it drew.
 
-    Raises: MissionError: no full turn with fixes in it, or no leg that tells the heading.
+    Raises: MissionError: no full turn with fixes in it, or no leg that gives the heading.
     """
     start_s = stretches[0].start_s
     features, places = _circles(log, stretches, start_s)
@@ -99,7 +99,7 @@ def _circles(
 
 
 def _heading(log: DriveLog, stretches: Sequence[Stretch], start_s: float) -> tuple[float, float]:
-    """At the start of the drive, from the directions of its legs; and 1 sigma."""
+    """Find the heading at the start from the directions of the legs, and its 1 sigma."""
     total, weight = 0j, 0.0
     for number, stretch in enumerate(stretches):
         moved = log.displacement(number) if stretch.is_leg else None

@@ -1,4 +1,4 @@
-"""Whether somebody carries the robot, or pushes it aside, while its wheels know nothing of it.
+"""Whether a person carries the robot, or pushes it aside, without a turn of its wheels.
 
 The velocity of the receiver shows it at once, before the fixes have left the pose far enough to be
 rejected, and also where they are vague. What wheels that slip can do is no sign of it.
@@ -34,7 +34,7 @@ class CarryWatch:
 
         `driven` is what wheels and gyro say of it: m/s and rad/s.
         """
-        if std_mps > MAX_STD_MPS:  # it tells nothing
+        if std_mps > MAX_STD_MPS:  # too noisy to show a push
             return
         ahead_mps, aside_mps = find_beyond_wheels(shown_mps, driven, std_mps)
         self._moved.append((t_s, ahead_mps * step_s, aside_mps * step_s))

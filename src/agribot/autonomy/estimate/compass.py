@@ -1,4 +1,4 @@
-"""Heading from the magnetometer: tilt, declination, hard iron and noise that nobody specified."""
+"""Heading from the magnetometer: tilt, declination, hard iron and noise of unknown size."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NOISE_WEIGHT = 0.1
 MAX_JUMP_RAD = 1.0
 # Heading good enough to learn iron from: the compass alone never gets there.
 REFERENCE_STD_RAD = math.radians(2.0)
-# On a slope the field's vertical part and the iron's come in as well, and the ellipse is none.
+# On a slope the vertical parts of field and iron enter too, and the curve is not an ellipse.
 LEVEL_COSINE = math.cos(math.radians(4.0))
 # Without iron the heading is off by how the sensor is mounted.
 MOUNT_STD_RAD = math.radians(3.0)

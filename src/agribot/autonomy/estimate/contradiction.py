@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-# So many sightings, and so large a part of the last ones, must agree on how far off the rows lie:
-# weeds taken for crop stand anywhere, and any offset finds a quarter of them by chance.
+# Sightings, and share of the last ones, that must agree on the offset of the rows: weeds taken for
+# crop stand anywhere, and any offset fits a quarter of them by chance.
 NEEDED = 8
 MAJORITY_RATIO = 0.7
 AGREEMENT_M = 0.12
@@ -15,7 +15,7 @@ MEMORY = 40
 
 
 class Contradiction:
-    """Collects sightings that fit no row until several plants tell of the same offset.
+    """Collects sightings that fit no row until several plants show the same offset.
 
     A single plant out of place never overrules the pose, however often it is seen. A plant that
     fits takes the weight off what was collected before.

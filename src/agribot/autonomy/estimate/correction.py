@@ -31,7 +31,7 @@ class Timed(Protocol):
 
 Sample = TypeVar("Sample", bound=Timed)
 
-# A sensor yields one measurement after the other, and is told what became of each.
+# A sensor yields one measurement after the other, and receives the verdict on each.
 Measurements = Generator[Measurement, Verdict, None]
 
 
@@ -56,7 +56,7 @@ class Correction(ABC, Generic[Sample]):
         return ()
 
     def is_usable(self, sample: Sample) -> bool:
-        """Tell whether the sample's numbers can be worked with at all."""
+        """Return whether the sample's numbers are valid."""
         return True
 
     def objection(self, sample: Sample) -> str:

@@ -11,7 +11,7 @@ from agribot.core.geo import wrap_rad
 
 # 1 sigma of a heading from courses that is good enough to judge by.
 JUDGE_STD_RAD = math.radians(5.0)
-# 1 sigma of a compass that nobody calibrated, which the filter takes out by itself while driving.
+# 1 sigma of an uncalibrated compass, which the filter corrects by itself while driving.
 SENSOR_STD_RAD = math.radians(7.5)
 # Largest difference of sensor and courses, in joint sigmas.
 AGREE_SIGMA = 4.0

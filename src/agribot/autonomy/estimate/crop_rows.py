@@ -1,9 +1,9 @@
 """Crop plants that the camera sees, as corrections of the pose: they stand on known rows.
 
-One plant on a row tells how far off the row the robot believes it is; several, or one seen from
-two places, tell its heading too. Where the field knows its plant spacing, or a row's end is in
-view, plants also tell how far along the row the robot is. Rows look alike: whoever is off by
-half a pitch counts the wrong one, so plants are only used while the pose can tell rows apart.
+One plant on a row shows the error of the pose across the row; several, or one seen from two places,
+show the error of the heading too. Where the field states its plant spacing, or a row's end is in
+view, plants also show the place along the row. Rows look alike: a pose that is off by half a pitch
+matches the wrong one, so plants are used only while the pose can distinguish rows.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from agribot.core.pose import Pose2
 PLANTING_STD_M = 0.02
 # Pitch and roll of the robot shift all plants of a frame together: 0.3 degrees at 1.3 m.
 FRAME_STD_M = 0.015
-# News comes with distance, not with frames: what the network makes of a plant changes soon as the
-# robot moves, how far the plant stands off its place not before the plant has passed by.
+# Distance, not frames, brings new information: the network's error on a plant changes soon as the
+# robot moves, the plant's offset from its place only once the plant has passed by.
 LOOK_MEMORY_M, PLANTING_MEMORY_M = 0.05, 0.4
 MIN_MOVED_M = 0.005
-# The pose can tell plants of a row apart up to this share of their distance, 1 sigma.
+# Largest 1 sigma of a pose that distinguishes plants of a row, as a share of their distance.
 TELLS_PLANTS_APART_RATIO = 0.2
 # Fragments of weeds taken for crop are smaller than the crop of the field by far.
 MIN_SIZE_RATIO, SIZE_WEIGHT = 0.2, 0.1
 # What is too small counts a little all the same, so that a few giants cannot shut out the crop.
 SMALL_WEIGHT = 0.002
-# A plant farther outside the rows than this is none of theirs.
+# A plant farther outside the rows than this belongs to no row.
 BEYOND_M = 0.6
 # A row ends where nothing more grows for this long within the view.
 END_GAP_M = 0.4
@@ -168,7 +168,7 @@ class CropRows(Correction[Scene]):
         return False
 
     def _ahead(self, seen: CropSighting) -> tuple[Row, float] | None:
-        """How far ahead the plant's place in its row lies, where the pose tells which that is."""
+        """How far ahead the plant's place in its row lies, where the pose determines that place."""
         at, spacing_m = seen.at, self.pose.rows.spacing_m
         if spacing_m is None:
             return None
@@ -178,7 +178,7 @@ class CropRows(Correction[Scene]):
         return along, (find_slot(at, spacing_m)[1] - at.along_m) * at.stretch
 
     def _recover(self, seen: CropSighting, across: Row, off_m: float) -> Measurements:
-        """When plant after plant is off by the same amount, it is the pose that is wrong."""
+        """Correct the pose where plant after plant is off by the same amount."""
         wrong_m = self._contradiction.add(seen.at.along_m, seen.at.right_m, off_m)
         if wrong_m is None:
             return

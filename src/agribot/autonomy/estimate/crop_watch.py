@@ -1,8 +1,8 @@
 """Plants that stand in the rows of the map, and that the network does not call crop.
 
-The rows are known, so that what stands in them is crop. Where a network calls nearly none of it
-crop, it does not know this crop, and takes it for weeds. The plants show where their row runs: a
-pose that is decimetres off, or a crop that the network does not know, does not hide them.
+The rows are known, so plants in them are crop. A network that calls nearly none of them crop does
+not know this crop, and takes it for weeds. The plants show where their row runs, even with a pose
+that is decimetres off or a crop that the network does not know.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from agribot.core.pose import Pose2
 
 Counts = npt.NDArray[np.int64]
 
-# So much of a row decides: four plants where they stand 25 cm apart, three of wider ones.
+# Length of row that decides, m and in plant spacings: four plants 25 cm apart, three of wider ones.
 MEMORY_M, MEMORY_SPACINGS = 1.0, 3.0
 LOOK_M, LEAST_LOOKS = 0.05, 5  # way between two looks that count, and how many decide
 SLOT_M, BIN_M = 0.1, 0.025  # along the row and across it
-REACH_M = 0.3  # so far beside the line of the map its plants are looked for
+REACH_M = 0.3  # search for plants to either side of the mapped line
 BINS = round(2.0 * REACH_M / BIN_M)
 BAND_BINS = 2  # of a row, to either side of its middle
 MAX_ASLANT_RAD = math.radians(20.0)
 LEAST_FILLED = 0.1  # of the band of a slot in which a plant stands
 LEAST_SLOTS = 4  # with plants
 LEAST_CONTRAST = 2.0  # of plants in the row against those beside it
-# Of the cells with plants in the row so many are crop to a network that knows it, and to one that
-# does not.
+# Least share of crop in the row's plant cells for a network that knows the crop, and largest share
+# for one that does not.
 AGREES_RATIO, STRANGE_RATIO = 0.4, 0.2
 
 

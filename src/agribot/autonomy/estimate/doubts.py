@@ -94,7 +94,7 @@ class Doubts:
         return self._agreement.is_held(t_s)
 
     def expire(self, t_s: float) -> None:
-        """Drop doubts that nothing has told again for long."""
+        """Drop doubts that were not reported again for a long time."""
         self._agreement.expire(t_s)
 
     @property

@@ -1,9 +1,9 @@
 """A position that creeps away: fixes held against their own velocity, and against the wheels.
 
-Three witnesses tell how far the antenna moved since some seconds ago: the fixes, the velocity of
-the receiver summed up (which comes from the carrier's Doppler shift and knows nothing of wrong
-ambiguities), and wheels with gyro. Fixes that differ from both of the others lie. Several windows
-are held against each other, since a fast creep shows in a short one and a slow one in a long one.
+Three witnesses show how far the antenna moved in the last seconds: the fixes, the integrated
+velocity of the receiver (from the carrier's Doppler shift, independent of wrong ambiguities), and
+wheels with gyro. Fixes that differ from both of the others are wrong. Several windows are compared,
+since a fast creep shows in a short one and a slow one in a long one.
 Source: solution separation with a bank of windows; Blanch et al. 2015 (see `integrity`); Joerger
 and Pervan 2013, "Kalman filter-based integrity monitoring against sensor faults", Journal of
 Guidance, Control, and Dynamics 36(2).
@@ -25,13 +25,13 @@ STEP_S = 0.1  # nearer fixes are not kept
 LAG_STD_S = 0.1
 # Two normal errors exceed this squared distance once in a million times.
 ALARM2 = -2.0 * math.log(1e-6)
-# For so long the fixes must be off: a single one is an outlier, and the gate's affair.
+# Least duration of an error of the fixes: a single one is an outlier, which the gate rejects.
 LASTS_S = 0.5
-# Where the wheels cannot tell who lies, that is said after so long, and held on to for so long.
+# Delay of the report, and its duration, where the wheels cannot show which of the two is wrong.
 APART_LASTS_S = 2.0
 # Wheels and gyro bear it out: beyond two sigmas themselves, and nearer to the velocity.
 BORNE_OUT2 = 4.0
-FAR_M = 0.3  # so far apart, it is enough that they are nearer to the velocity
+FAR_M = 0.3  # beyond this gap it is enough that they are nearer to the velocity
 # On soil wheels slip by 2 to 5 %, in turns they lose up to 0.3 m for each radian.
 SOIL_RATIO, TURN_LOSS_M_PER_RAD = 0.03, 0.3
 # More than this share of the wheels' way is not lost by slip.
@@ -39,7 +39,7 @@ MAX_LOST_RATIO = 0.1
 
 
 class Told(NamedTuple):
-    """What the witnesses tell at a fix; vectors of the map are complex, East + i North.
+    """What the witnesses report at a fix; vectors of the map are complex, East + i North.
 
     `driven_mps` is the velocity of the wheels along the heading that the gyro has summed up, and
     `turn` what makes the robot's true way of it, as the filter has it then: a rotation, and the
@@ -71,7 +71,7 @@ class Trust(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """A fix with the ways so far by velocity and by wheels, and the squares of its gaps, s^2."""
+    """A fix with the ways up to it by velocity and by wheels, and the squares of its gaps, s^2."""
 
     told: Told
     flown_m: complex
@@ -96,7 +96,7 @@ class DriftWatch:
         self._since_s: float | None = None
         self.off_m = (0.0, 0.0)  # how far the fixes have crept; zero while they are believed
         self._over_s = 0.0
-        # How far fixes and velocity are apart, whatever the wheels say: one of the two lies.
+        # How far fixes and velocity are apart, whatever the wheels say: one of the two is wrong.
         self.apart_m = (0.0, 0.0)
         self.suspicion: GnssParts | None = None  # the same, once it has lasted
         self._apart_since_s: float | None = None

@@ -105,7 +105,7 @@ class _Equations:
 def fit_drive(batches: Sequence[SensorBatch], stretches: Sequence[Stretch]) -> DriveFit:
     """Fit the geometry to a drive; `stretches` are in the order they were driven.
 
-    Raises: MissionError: a sensor was silent, or the drive cannot tell the geometry.
+    Raises: MissionError: a sensor was silent, or the drive does not determine the geometry.
     """
     log = DriveLog(batches, stretches)
     equations = _Equations()
@@ -155,7 +155,7 @@ def _check_moved(
 ) -> None:
     """Refuse a leg in which the wheels turned and the robot stood.
 
-    Raises: MissionError: by the best that is known of the leg's length, it is none.
+    Raises: MissionError: the best measurement of the leg's length shows no motion.
     """
     if not lengths or rolled_rad <= MIN_TURN_RAD:
         return

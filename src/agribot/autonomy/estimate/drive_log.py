@@ -12,7 +12,7 @@ from agribot.core.errors import MissionError
 from agribot.core.geo import MapFrame, make_datum
 from agribot.core.messages import FloatArray, GnssFix, SensorBatch
 
-# After the command to stop it still brakes, rocks and untwists on its tyres for so long.
+# Time after the stop command in which the robot brakes, rocks and untwists on its tyres, s.
 SETTLE_S = 1.0
 
 

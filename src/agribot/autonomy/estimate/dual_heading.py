@@ -16,7 +16,7 @@ from agribot.autonomy.estimate.sensor_ranges import MAX_YAW_STD_RAD
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import GnssHeading, SensorBatch
 
-# Multipath bends the baseline for some seconds; the receiver's sigma tells of single epochs.
+# Multipath bends the baseline for some seconds; the receiver's sigma covers single epochs only.
 STD_FACTOR = 1.1
 # The first heading is the median of this many.
 FIRST_HEADINGS = 5

@@ -48,11 +48,11 @@ class Ekf:
     """The filter of the pose and of what sensors get wrong.
 
     States: x_map_m, y_map_m, yaw_map_rad, gyro bias (rad/s), wheel scale (share of the wheel
-    speed lost), slip, gyro scale (share that it tells too much), GNSS bias east and north (m),
+    speed lost), slip, gyro scale (share that it reads too high), GNSS bias east and north (m),
     magnetometer bias (rad), offset of the row sensor (m, to the left of the robot), offset of the
-    field's rows from where the map has them (m, to the right of the rows), error of the way that
-    wheels and gyro have told since the receiver's last velocity, east and north (m): known to be 0
-    but while a velocity tells better (`doubt_way`).
+    field's rows from the map (m, to the right of the rows), error of the way by wheels and gyro
+    since the receiver's last velocity, east and north (m): 0 except while a velocity measures that
+    way better (`doubt_way`).
 
     Slip belongs to the slope, so its sign is kept in the map and not in the body: driving along
     the rows in either direction the robot crabs to the same side of the field. In the body it is
@@ -92,14 +92,14 @@ class Ekf:
         self.cov[state, state] = variance
 
     def doubt_way(self, variance_m2: float) -> None:
-        """Doubt the way that was last told: what it is off by, the position is off by, too."""
+        """Add variance to the last way, whose error is also one of the position."""
         for place, way in ((X, WAY_X), (Y, WAY_Y)):
             self._doubt_together(place, way, variance_m2, variance_m2)
 
     def doubt_fixes(self, ratio: float) -> None:
-        """Believe that fixes vary by `ratio` as much as before, and the position that they gave.
+        """Scale the variance of fixes, and of the position that they gave, by `ratio`.
 
-        A position that is known better than by fixes, from a mark or a row, loses next to nothing.
+        A position that is known better than by fixes, from a mark or a row, hardly changes.
         """
         for place, bias in ((X, GNSS_BIAS_X), (Y, GNSS_BIAS_Y)):
             variance_m2 = (ratio - 1.0) * self.cov[place, place]

@@ -49,7 +49,7 @@ class Rows(Protocol):
     def has_rows(self) -> bool: ...
 
     def at(self, x_map_m: float, y_map_m: float) -> RowFrame:
-        """Resolve a place of the map, by the row next to it; of -1 where there is none."""
+        """Resolve a place of the map by the row next to it, whose index is -1 without any row."""
         ...
 
 

@@ -70,7 +70,7 @@ class FirstHeading:
         return self._has_compass and not self._now_s - self._since_s >= COMPASS_PATIENCE_S
 
     def wait(self, t_s: float, turned_rad: float) -> None:
-        """Go on until `t_s` without a heading; the robot has turned so far since the start."""
+        """Go on until `t_s` without a heading; `turned_rad` is the turn since the start."""
         self._now_s, self._since_s = t_s, min(self._since_s, t_s)
         self._turned_rad = turned_rad
         if self.is_compass_awaited:

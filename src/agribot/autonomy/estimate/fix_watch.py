@@ -1,34 +1,34 @@
-"""Fixes that cannot be: a place that is repeated while the robot drives, and a jump beside it."""
+"""Invalid fixes: a place that repeats while the robot drives, and a jump that it did not make."""
 
 from __future__ import annotations
 
 from agribot.core.facts import GnssJumped, GnssJumpedFar, GnssRepeats
 from agribot.core.messages import GnssFix
 
-# A receiver that tells one place again says nothing; with four decimals of a minute, the coarsest
-# in use, another place is told after 0.19 m.
+# A receiver that repeats one place gives no information; with four decimals of a minute, the
+# coarsest format in use, the place changes after 0.19 m.
 REPEAT_M, NAMED_REPEAT_M = 0.05, 0.3
 # Fixes that agreed with wheels and gyro in a row, before and after: those were in order.
 AGREE_FIXES = 25
 # A robot whose wheels moved it less while the fixes disagreed may have been carried.
 CARRIED_M = 0.1
-# Nobody carries a robot farther than this while it is switched on.
+# Longest distance over which a person carries a robot that is switched on, m.
 MAX_JUMP_M = 1000.0
 # Nearer than this part of the jump, fixes are taken for those from before it.
 BACK_RATIO = 0.5
-# Receivers tell one fix a second or more, with a jitter, and a single one may be an outlier.
+# Receivers give one fix a second or more, with jitter, and a single one may be an outlier.
 MAX_GAP_S = 3.0
 
 
 class RepeatWatch:
-    """Call `is_repeat` with every fix and the wheels' distance so far."""
+    """Call `is_repeat` with every fix and the wheels' distance up to it."""
 
     def __init__(self) -> None:
         self._place: tuple[float, float] | None = None
         self._since_m = self._way_m = 0.0
 
     def is_repeat(self, fix: GnssFix, driven_m: float) -> bool:
-        """Whether the fix tells the very place that it told before the robot drove on."""
+        """Whether the fix repeats exactly the place from before the robot drove on."""
         place = (fix.lat_deg, fix.lon_deg)
         if place != self._place:
             self._place, self._since_m = place, driven_m
@@ -41,11 +41,11 @@ class RepeatWatch:
 
 
 class JumpWatch:
-    """Tells a receiver that jumped from a robot that was carried.
+    """Distinguishes a receiver that jumped from a robot that was carried.
 
     Wheels and gyro are good to centimetres over the seconds of a run of rejected fixes. If they
-    agreed with the fixes before, and drove on meanwhile, it is the fixes that jumped; whether they
-    are right now, a person has to say: wheels of a lifted robot turn on in the air, which looks
+    agreed with the fixes before, and drove on meanwhile, the fixes jumped. Whether the fixes are
+    right now, a person has to decide: the wheels of a lifted robot turn in the air, which looks
     the same.
     """
 

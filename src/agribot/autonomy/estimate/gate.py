@@ -11,8 +11,8 @@ Verdict = Literal["accept", "reject", "recover"]
 class Gate:
     """Judges squared normalised innovations; after a run of rejections the filter is to blame.
 
-    `outlier` is what a rejection is counted as, `recovery` the end of a run of them; empty where
-    nobody counts.
+    `outlier` is the name under which a rejection is counted, `recovery` that of the end of a run;
+    empty where it is not counted.
     """
 
     def __init__(

@@ -54,14 +54,14 @@ FIRST_FIXES = 5
 UNKNOWN_M2 = 1e6
 SUSPICIOUS_REJECTIONS = 5  # in a row
 MAX_FROM_DATUM_M = 10e3  # of a first position; a map is flat, and a field is no larger
-# While a robot turns so fast, and so far at least, fixes that lie within three sigmas of where
-# velocities lead are right. On the straight its swerves and the gyro's noise add up to half of it:
-# there they are where the wheels have lost some of their way ahead, and none aside.
+# From this turn rate and turn on, fixes within three sigmas of where velocities lead are right.
+# On the straight, swerves and the gyro's noise add up to half of that turn: there they are right
+# where the wheels have lost some of their way ahead, but not aside.
 VOUCHED_TURN_RADPS, VOUCHED_TURN_RAD, VOUCHED_SIGMA2 = 0.1, 0.1, 9.0
 
 
 class _Sure(NamedTuple):
-    """A fix that was believed: mark of the velocities, way and turns so far, filter's variance."""
+    """A fix that was believed: mark of the velocities, way and turns to it, filter's variance."""
 
     mark: VelocityMark
     driven_m: float
@@ -81,7 +81,7 @@ class Gnss(Correction[GnssFix]):
     def __init__(self, pose: PoseFilter) -> None:
         super().__init__(pose)
         config, robot = pose.config, pose.robot
-        # How far off the last rejected fix was, and how far robot and receiver have jumped so far.
+        # Offset of the last rejected fix, and sum of the jumps of robot and receiver.
         self.rejected_m, self.moved_m = (0.0, 0.0), (0.0, 0.0)
         self.off_m = (0.0, 0.0)  # where the last fix puts the robot, from where the filter has it
         self.repeats, self.jump, self.drift = RepeatWatch(), JumpWatch(), DriftWatch()
@@ -144,7 +144,7 @@ class Gnss(Correction[GnssFix]):
         self._position_gate.rejected_in_a_row = 0
 
     def shift(self, by_m: tuple[float, float]) -> None:
-        """Believe the receiver to be off by so much more from now on."""
+        """Add `by_m` to the error that the receiver is believed to have."""
         self._receiver_m = _sum(self._receiver_m, by_m)
 
     def samples(self, batch: SensorBatch) -> Sequence[GnssFix]:
@@ -218,7 +218,7 @@ class Gnss(Correction[GnssFix]):
         self.wander.add(fix.t_s, apart_m, self._driven_m, lost_ratio, math.sqrt(noise.variance_m2))
         widened = self._widen(fix, noise, is_vouched=is_vouched)
         if self._is_wide and "position" in self.pose.known:
-            # What was believed of the fixes so far was too much.
+            # The fixes until now were believed too much.
             widest_m2 = max(self._widest_m2, float(widened.bias_std_m) ** 2)
             self.pose.ekf.doubt_fixes(widest_m2 / self._widest_m2)
             self._widest_m2 = widest_m2

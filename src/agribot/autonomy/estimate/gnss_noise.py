@@ -30,9 +30,9 @@ FLOAT_STD_M = 0.3
 JUMP2_MEDIAN = 4.0 * math.log(2.0)
 # The same of second differences, which have six times the variance of one place.
 BEND2_MEDIAN = 12.0 * math.log(2.0)
-# So many jumps are the receiver's noise to a third; fewer than half of them say nothing.
+# Jumps that give the receiver's noise to a third, and the fewest that are used.
 MOST_JUMPS, LEAST_JUMPS = 21, 11
-# So many velocities in a row have to show one and the same error before it is that of the robot.
+# Velocities in a row that have to show the same error before it is one of the pose.
 STEADY_FIXES = 6
 # Soil that shakes the antenna makes it twice as much as stated, no more.
 NAMED_NOISE_RATIO, NAMED_NOISE_MPS = 3.0, 0.1
@@ -84,7 +84,7 @@ def bias_ageing(noise: FixNoise, dt_s: float) -> list[tuple[int, float, float]]:
 
 
 def is_steady(residuals: Sequence[tuple[float, float]]) -> bool:
-    """Tell whether residuals, east and north, show an error that stays, and not only noise.
+    """Return whether residuals, east and north, show a lasting error and not only noise.
 
     Of noise alone the mean of six is as large as the scatter from one to the next in one case of
     several hundred; a wrong heading or spinning wheels leave the same residual every time.
@@ -106,7 +106,7 @@ def widen(noise: FixNoise, learnt_m: float) -> FixNoise:
 
 
 def is_even(before_s: float, step_s: float) -> bool:
-    """Tell whether two steps of time are so alike that second differences mean something."""
+    """Return whether two time steps are similar enough for second differences."""
     return abs(step_s - before_s) <= EVEN_STEP_RATIO * before_s
 
 

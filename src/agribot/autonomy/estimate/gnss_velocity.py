@@ -31,11 +31,11 @@ from agribot.core.facts import WheelsSlip
 from agribot.core.messages import GnssFix
 from agribot.core.pose import Pose2
 
-SPUN_S = 5.0  # so long wheels that slipped are named
+SPUN_S = 5.0  # duration of the report on wheels that slipped
 
 
 def has_usable_velocity(fix: GnssFix) -> bool:
-    """Whether a fix tells a velocity in numbers that can be."""
+    """Return whether a fix has a velocity with valid numbers."""
     if fix.velocity_mps is None:
         return False
     values = (*fix.velocity_mps[:2], fix.velocity_std_mps)

@@ -54,8 +54,8 @@ class GnssWander:
     ) -> None:
         """Take the place of a fix less the way, east and north as one complex number.
 
-        `way_m` is the length of the way so far, `lost_ratio` the 1 sigma of what wheels and gyro
-        get wrong of it, as a share, and `white_m` the scatter of the fix.
+        `way_m` is the length of the way up to it, `lost_ratio` the 1 sigma of the error of wheels
+        and gyro as a share of it, and `white_m` the scatter of the fix.
         """
         self._seen.append(_Seen(t_s, apart_m, way_m))
         while len(self._seen) > 1 and self._seen[1].t_s <= t_s - LAG_S:

@@ -16,15 +16,15 @@ import numpy as np
 from agribot.core.messages import FloatArray, Vec3
 
 GRAVITY_MPS2 = 9.81
-# Without so much acceleration in the mean, an IMU subtracts gravity itself, m/s^2.
+# Mean acceleration below which an IMU subtracts gravity itself, m/s^2.
 LEAST_GRAVITY_MPS2 = 0.7 * GRAVITY_MPS2
-# 1 sigma of an angle that counts as found: a third of what tells two square mounts apart, rad.
+# 1 sigma of an angle that counts as found: a third of the angle that separates square mounts, rad.
 SURE_RAD = math.radians(15.0)
 # Gravity and turns that disagree by more contradict each other, rad.
 AGREE_RAD = math.radians(35.0)
-# An IMU so near to square is mounted square: ground and soil tilt the mean by some degrees, rad.
+# Angle to square up to which an IMU is mounted square: soil tilts the mean by some degrees, rad.
 SQUARE_RAD, SQUARE_SIGMA = math.radians(12.0), 2.0
-# Accelerations of soil and vibration last over some samples: their variance counts so often.
+# Factor on the variance of accelerations by soil and vibration, which last over some samples.
 LASTING = 4.0
 # Of the wheels' acceleration, the share that an IMU must show to have measured it.
 LEAST_GAIN, MOST_GAIN = 0.3, 2.0
@@ -64,7 +64,7 @@ class ImuMount(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class ImuMountFit:
-    """Sums over a drive of which the mount follows; memory does not grow."""
+    """Sums over a drive that determine the mount; memory does not grow."""
 
     def __init__(self) -> None:
         self._count = self._standing = 0

@@ -31,13 +31,13 @@ ANCHOR_PERIOD_S, ANCHOR_AGE_S = 1.0, 5.0
 # Wrong fixes and multipath last minutes; then a jump that nothing took back is believed.
 MEMORY_S = 300.0
 # Wheels that are dragged aside by a turn lose more of their way than they do ahead: 15 % on tilled
-# soil in turns tighter than 2 m, as measured in the simulator, 1 % on hard ground. How much is
-# learnt, over so much turning way, while the receiver shows a loss and nothing else; what is left
-# of it has this share of the way as 1 sigma, and as much again as turns have cost.
+# soil in turns tighter than 2 m, as measured in the simulator, 1 % on hard ground. The share is
+# learnt over LEARNING_WAY_M of turning while the receiver shows a loss and nothing else; the rest
+# has this share of the way as 1 sigma, and as much again as turns have cost.
 TURN_RADIUS_M, TURN_LOSS_STD_RATIO = 2.0, 0.05
 LEARNING_WAY_M, LEARNING_GAIN = 0.2, 0.02
 LOSS_RESIDUAL_RATIO, LOSS_RESIDUAL_M = 0.3, 0.03
-# So much way in turns, and the velocities of the receiver tell as well where the robot is.
+# Way in turns from which the velocities of the receiver show where the robot is, too.
 VOUCHED_TURNING_M = 0.2
 # Where nothing holds the filter better than this it follows the wheels and shows no loss.
 LEARNING_STD_M = 0.03
@@ -166,7 +166,7 @@ class Integrity:
         self._aside_y_m += slips_m * cos
 
     def find_turn_loss_m(self, distance_m: float, turn_rad: float) -> float:
-        """Find how much less the robot gets on than its wheels turn, as turns have shown so far."""
+        """Find the way that the wheels lose in a turn, as learnt from the turns until now."""
         return self._turn_loss_ratio * _measure_turning_m(distance_m, turn_rad)
 
     def restart(self) -> None:
@@ -177,7 +177,7 @@ class Integrity:
         self._hold = None
 
     def bound(self, t_s: float, pos_std_m: float, *, is_ok: bool, is_held: bool) -> Bounds:
-        """Bound the error of the present pose; without end where that is none.
+        """Bound the error of the present pose; infinite where there is no pose.
 
         `is_held`: the camera holds it on its row, so that no fault of the GNSS moves it aside.
         """
@@ -277,7 +277,7 @@ class Integrity:
 
     @property
     def _cov_m2(self) -> Cov2:
-        """Of the position against the field's rows, wherever these truly stand."""
+        """Covariance of the position against the true places of the field's rows."""
         cov, x = self._ekf.cov, self._ekf.x
         xx, xy, yy = float(cov[X, X]), float(cov[X, Y]), float(cov[Y, Y])
         off_m2 = float(cov[ROW_OFFSET, ROW_OFFSET])
@@ -318,7 +318,7 @@ class Integrity:
         """Where else the robot may be: at the fixes that are rejected, or before it followed them.
 
         A jump that is taken back leaves nothing of this. A receiver whose positions and velocity
-        part may have led the filter off by so much.
+        differ may have led the filter off by the difference.
         """
         gnss = self._gnss
         rejected_m = math.hypot(*gnss.rejected_m) if self._is_off else 0.0

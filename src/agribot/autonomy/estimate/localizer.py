@@ -64,8 +64,8 @@ BLIND_YAW_RAD_PER_SQRT_S = 0.05
 # Dead reckoning also counts as lost when it has lost half as much again as was known.
 LOST_RATIO = 1.5
 STANDING_MPS = 0.02
-# Half seconds of standstill after which a rate that a gyro cannot tell for its bias is that after
-# all; before, the robot turns though its wheels stand: soft ground gives way.
+# Half seconds of standstill after which a rate that is implausible as a bias is taken for one;
+# before, the robot turns though its wheels stand: soft ground gives way.
 STANDING_WINDOWS = 60
 
 Kind = TypeVar("Kind", bound=Correction[Any])
@@ -169,7 +169,7 @@ class Localizer:
         self._look_for_crop(scene)
         self._sight.observe(scene.t_s, self._crop_rows.fitted + self._row_lines.fitted)
         epoch = self._history.epoch(scene.t_s)
-        is_told = self._gnss.quality is GnssQuality.RTK_FIXED  # the fixes tell rows apart
+        is_told = self._gnss.quality is GnssQuality.RTK_FIXED  # fixes that distinguish rows
         if scene.crop_cover is not None and epoch is not None and not is_told:
             self.pose.identity.look(scene.crop_cover, self.pose.place(epoch), self.pose.rows)
 
@@ -187,7 +187,7 @@ class Localizer:
             self._integrity.restart()
 
     def place(self, t_s: float) -> Pose2 | None:
-        """Say where the robot was at a time, as the filter sees it now; None where nobody knows."""
+        """Return the pose at a time, as the filter sees it now; None where it is unknown."""
         epoch = self._history.epoch(t_s)
         return (
             self.pose.place(epoch) if epoch is not None and "position" in self.pose.known else None
@@ -277,7 +277,7 @@ class Localizer:
         self._gives_way = verdict == "reject" and self._bias_gate.rejected_in_a_row > 1
 
     def _watch_turn(self, step: Step, yaw_rad: float) -> None:
-        """Hold the step's turn against the other sensors; a gyro that they outvote is mended."""
+        """Compare the step's turn with the other sensors, and correct a gyro that they outvote."""
         self._leaps.move(step.t_s, step.dt_s, step.distance_m, step.speed_mps)
         fault = self.pose.turns.move(step.t_s, yaw_rad, step.wheel_turn_rad)
         if fault is not None:

@@ -1,8 +1,8 @@
 """Where wheels lose their way, the velocities of the receiver lead: on clods, and in turns on them.
 
-Wheels and gyro tell the way to millimetres for as long as the wheels grip. Where they do not, the
-robot is elsewhere by a decimetre after some metres, and fixes without fixed ambiguities are too
-far off to tell. The velocities come from the carrier's Doppler shift: the mean of two of them,
+Wheels and gyro measure the way to millimetres as long as the wheels grip. Where they do not, the
+robot is off by a decimetre after some metres, and fixes without fixed ambiguities are too far off
+to show it. The velocities come from the carrier's Doppler shift: the mean of two of them,
 times the time in between, is the way of the antenna to millimetres or a centimetre, whatever the
 wheels do.
 """
@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 from agribot.autonomy.estimate.spin_watch import CORNER_M, SLIDE_MPS
 
-# 1 sigma of what wheels may be off by where they have lost their way: so much that nothing else is
-# learnt from it. A clod pushes for seconds, which a heading must not be blamed for.
+# 1 sigma of the error of wheels that have lost their way: large, so that nothing else is learnt
+# from it. A clod pushes for seconds, which a heading must not be blamed for.
 LOST_MPS = 10.0
 # Wheels that are off by three sigmas of a velocity have lost it, and for a while they are believed
 # only where they agree with it: what they lose ahead is soon learnt, and then they still slide
@@ -23,7 +23,7 @@ LOST_SIGMA2, LOST_S, STILL_SIGMA2 = 9.0, 2.0, 4.0
 # Velocities of a larger 1 sigma lead nowhere that wheels do not, even where these slip. Nor do
 # those of receivers that state none (0.1 m/s, times models.VELOCITY_FACTOR): many smooth them.
 MAX_STD_MPS = 0.13
-# Soft ground takes a third of its way and more from a robot that turns so fast.
+# Turn rate from which soft ground takes a third of the way and more.
 TURNING_RADPS = 0.1
 
 
@@ -36,7 +36,7 @@ class ToldWay(NamedTuple):
 
 
 def have_lost_way(off_ahead_mps: float, variance: float, *, is_steady: bool) -> bool:
-    """Tell whether wheels are off by more than noise, `is_steady` where they were so for a while.
+    """Return whether wheels are off by more than noise; `is_steady`: they were so for a while.
 
     `off_ahead_mps` is what they lack of the velocity of the receiver, along the robot: to the side
     a wrong heading would look the same.
@@ -45,10 +45,10 @@ def have_lost_way(off_ahead_mps: float, variance: float, *, is_steady: bool) -> 
 
 
 def are_fixes_vague(rate_radps: float, *, is_corrected: bool, is_float: bool) -> bool:
-    """Tell whether fixes say less of the way of some seconds than velocities do.
+    """Return whether fixes measure the way of some seconds worse than velocities do.
 
-    Float ambiguities never tell. Nor does a receiver without corrections, but its velocities are
-    no better than wheels that grip: they count where the robot turns.
+    Fixes with float ambiguities always do. So do those without corrections, but their velocities
+    are no better than wheels that grip: they count where the robot turns.
     """
     return is_float if is_corrected else abs(rate_radps) > TURNING_RADPS
 
@@ -75,6 +75,6 @@ def find_beyond_wheels(
 def can_be_of_wheels(
     shown_mps: tuple[float, float], driven: tuple[float, float], std_mps: float
 ) -> bool:
-    """Tell whether velocities are sure that wheels move the robot: nobody carries it."""
+    """Return whether velocities show that the wheels move the robot: it is not carried."""
     ahead_mps, aside_mps = find_beyond_wheels(shown_mps, driven, std_mps)
     return std_mps <= MAX_STD_MPS and ahead_mps == 0.0 and aside_mps == 0.0

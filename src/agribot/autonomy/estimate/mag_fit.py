@@ -4,7 +4,7 @@ The levelled field of a robot that turns draws an ellipse: its centre is the fie
 own magnets (hard iron), its shape the iron that bends the Earth's field (soft iron). With the
 heading known to a few degrees this is linear: h = M (cos a, sin a) + o, where a is the bearing of
 magnetic North from the robot's nose, counter-clockwise. Of M = S R only the symmetric S is used:
-a rotation R cannot be told from a wrong reference, and the filter keeps a bias for it.
+a rotation R looks like a wrong reference, and the filter keeps a bias for it.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def sector_of(north_rad: float) -> int:
 
 
 class MagFit:
-    """Adds up readings; of each direction only so many, so that standing does not outweigh."""
+    """Adds up readings, up to a limit for each direction, so that standing does not outweigh."""
 
     def __init__(self) -> None:
         self._counts = [0] * SECTORS

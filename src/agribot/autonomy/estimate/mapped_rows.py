@@ -12,7 +12,7 @@ from agribot.autonomy.estimate.field_rows import RowFrame, find_axes
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import MapPoint
 
-# A row does not turn on the spot where its line has a corner, but over so much way on either side.
+# Way on either side of a corner of its line over which a row turns.
 BLEND_M = 0.5
 # Points of a line nearer to each other than this are one.
 SAME_POINT_M = 1e-3

@@ -14,13 +14,13 @@ class Measurement(NamedTuple):
 
     `rows` are the derivatives of the expected values by the state, `variance` is the residuals'
     own. `opens` are the states, with the variances to add, that a measurement blames once a run of
-    its kind was rejected; `is_retaken` tells whether it is then taken itself.
+    its kind was rejected; `is_retaken`: it is then taken itself.
     """
 
     residuals: tuple[float, ...]
     rows: tuple[Row, ...]
     variance: float
-    gate: Gate | None = None  # without one it opens and is taken as it comes
+    gate: Gate | None = None  # without one it opens and is taken unchecked
     opens: tuple[tuple[int, float], ...] = ()
     is_retaken: bool = True
     # Something else says that the state is wrong: the filter opens, whatever the gate says.

@@ -17,14 +17,14 @@ from agribot.autonomy.estimate.history import Motion
 from agribot.core.facts import PictureMirrored
 from agribot.core.messages import Scene
 
-# The mean of so many directions counts; besides its noise a row bends by so much.
+# Directions in a mean, and bend of a row besides its noise.
 LINES, BEND_RAD = 5, math.radians(0.7)
 # Neighbouring pictures show the same leaves: two of three looks are new.
 NEW_RATIO = 2.0 / 3.0
 TURN_RAD = math.radians(1.5)  # that a vote needs
 # A direction that was seen longer ago, in way or turn, is that of another row or piece of it.
 MAX_WAY_M, MAX_TURN_RAD = 1.0, math.radians(10.0)
-# Three looks at least must err, and nobody gets farther ahead than two take back.
+# At least three looks must err, and no lead is larger than two looks take back.
 MOST_VOTE, NEEDED, MOST = 4.0, 12.0, 20.0
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-# Receivers state their velocity noise too well, and wheels do not tell all of the motion.
+# Receivers understate their velocity noise, and wheels do not measure all of the motion.
 VELOCITY_FACTOR = 1.4
 VELOCITY_FLOOR_MPS = 0.02
-# A noise that is learnt scatters by a third; so much more than stated is no chance.
+# Ratio of learnt to stated noise that is not chance: what is learnt scatters by a third.
 SURE_NOISE_RATIO = 1.5
 # Far less than any step of the wheels.
 NO_STEP_M2 = 1e-18
@@ -26,8 +26,8 @@ def motion(
 ) -> tuple[float, float, tuple[tuple[float, ...], tuple[float, ...]]]:
     """Move the body's centre in the map by a step with the yaw `middle_rad` on average.
 
-    `turn_rad` is the step's turn as the gyro tells it without its bias, and `turn_s` minus the
-    derivative of the true turn by the bias.
+    `turn_rad` is the step's turn by the gyro without its bias, and `turn_s` minus the derivative
+    of the true turn by the bias.
     Returns: dx, dy, and their derivatives by yaw, gyro bias, wheel scale, slip and gyro scale.
     """
     cos, sin = math.cos(middle_rad), math.sin(middle_rad)

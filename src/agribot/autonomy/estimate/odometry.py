@@ -17,7 +17,7 @@ from agribot.core.robot import DriveSpec
 # A wheel cannot turn farther than this between two readings, whatever the ground does;
 # more is an encoder that restarted from zero.
 MAX_WHEEL_FACTOR, MAX_WHEEL_SLACK_RAD = 2.0, 0.3
-# Gravity is told from driving accelerations by averaging; a rover pitches slower than this.
+# Averaging separates gravity from driving accelerations; a rover pitches slower than this.
 TILT_AVERAGE_S = 0.5
 # Outside it the averaged acceleration is not gravity: free fall, shocks, or an IMU that
 # subtracts gravity itself. The robot then counts as level, as with an IMU that has none.

@@ -17,12 +17,12 @@ from agribot.core.messages import GroundPlant, Scene
 
 # A plant is the nearest one of its kind to where it was, and no other is nearer to that one.
 SAME_M = 0.12
-# It votes after so much way; it must have gone back by a part of it, or come by most of it.
+# Way after which it votes, and shares of it by which it must have gone back or come nearer.
 VOTE_M, BACK_RATIO, AHEAD_RATIO = 0.08, -0.15, 0.5
 # A turn moves what stands aside as well; beyond this share of the way plants have no vote.
 ASIDE_M, TURN_RATIO = 0.5, 0.5
-# So many more votes for back than for ahead. Of 179 votes on rendered pictures none erred, so that
-# fewer than 2 % do (95 %), and so many in a row by chance are one case in 1e8.
+# Lead of votes for back over ahead. Of 179 votes on rendered pictures none erred, so that fewer
+# than 2 % do (95 %), and this lead by chance is one case in 1e8.
 NEEDED, MOST = 5, 10
 # A place that was seen longer ago is followed no more.
 MAX_GAP_M = 0.1

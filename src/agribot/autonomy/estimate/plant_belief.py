@@ -18,11 +18,11 @@ from agribot.autonomy.estimate.plant_window import PlantWindow
 from agribot.autonomy.estimate.stem_map import StemMap
 from agribot.core.messages import FloatArray, Scene
 
-# So long is a piece of way, and so far the robot has moved between two looks at all of it.
+# Length of a piece of way, and motion between two looks at all of it.
 PIECE_M, LOOK_M = 2.0, 0.25
-# Fewer plants than these tell nothing.
+# Fewest plants that are judged.
 FEWEST = 4
-# So well wheels and gyro tell the way over a piece, 1 sigma.
+# Error of the way by wheels and gyro over a piece, 1 sigma.
 PIECE_STD_M = 0.06
 # That the robot is at none of the places that were likely before, against at the likeliest.
 LOST_RATIO = 1e-5

@@ -20,14 +20,14 @@ from agribot.core.messages import FloatArray
 
 # How far a plant is seen from where the map has it, 1 sigma: both looks, and the odometry between.
 SEEN_STD_M = 0.04
-# A plant of the map in view is seen with this probability; so many things on a square metre are
-# taken for crop that are not on the map.
+# Probability that a mapped plant in view is seen, and things on a square metre that are taken for
+# crop but are not on the map.
 SEEN_RATIO, STRAY_PER_M2 = 0.85, 1.0
 MATCHED_GAIN = math.log(
     SEEN_RATIO / (1.0 - SEEN_RATIO) / STRAY_PER_M2 / (2.0 * math.pi * SEEN_STD_M**2)
 )
 MISSED_GAIN = math.log(1.0 - SEEN_RATIO)
-# Looks at one field share errors: of a log likelihood so much counts.
+# Share of a log likelihood that counts: looks at one field share errors.
 SHARE = 0.6
 # Places nearer to each other than this are one.
 SAME_M, SAME_RAD = 0.1, math.radians(4.0)

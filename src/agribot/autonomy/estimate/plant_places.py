@@ -1,8 +1,8 @@
 """Crop plants that an earlier run mapped, as corrections of the pose: they stand where they stood.
 
-Along the rows they tell the place as a receiver with carrier corrections would. Where they say that
-the robot is in another row, or elsewhere in the row, it takes their word before it has moved, and
-under way it asks a person. Without any position they give the first one.
+Along the rows they give the place as a receiver with carrier corrections would. Where they put the
+robot in another row, or elsewhere in the row, the pose follows them before the robot has moved, and
+under way a person is asked. Without any position they give the first one.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray, Scene
 from agribot.core.pose import Pose2
 
-# A place is sure that so many plants and this probability speak for.
+# Probability and number of plants that make a place sure.
 SURE, FEWEST_SURE = 0.999, 8
 # Once a place is that likely, it counts which row it is in.
 TELLS_ROW = 0.99
-# Plants nearer to where the pose has them than this, and so many sigma, are where they are to be;
-# so far along the row the pose follows them unasked.
+# Offset from the pose, m and in sigmas, up to which plants are in place; offset along the row up to
+# which the pose follows them unasked.
 HERE_M, HERE_SIGMA, ALONG_M = 0.12, 3.5, 1.0
 # A robot may be two rows aside of where it is believed to be, or that far along.
 ROWS_ASIDE, LEAST_REACH_M = 2.3, 1.5
 # Against the likeliest place along the row, one anywhere else that is looked at.
 FAR_RATIO, LEAST_ALONG_M = 1e-3, 0.1
-# The mapped place of plants, and looks at them, 1 sigma; errors that last for so much way.
+# 1 sigma of the mapped place of plants and looks at them, and the way over which errors last.
 STD_M, MEMORY_M = 0.03, 1.0
 # Headings are tried in such steps, where the heading is known worse than that.
 TURN_RAD, MOST_TURNS = math.radians(1.5), 8
@@ -109,7 +109,7 @@ class PlantPlaces(Correction[Scene]):
     def _reach(self, pose: Pose2, here: RowFrame) -> tuple[tuple[float, float, float], Prior]:
         """Say where to look for the robot, and how likely it is there: in any row, but here along.
 
-        Rows look alike to whoever put the robot down, so that none of them is likelier.
+        Rows look alike to the person who put the robot down, so all are equally likely.
         """
         along_m = max(self._project_std_m(here.forward), LEAST_ALONG_M)
         pitch_m = here.pitch_m if math.isfinite(here.pitch_m) else 0.0
@@ -146,7 +146,7 @@ class PlantPlaces(Correction[Scene]):
         return shares
 
     def _hold(self, best: MatchedPlace, pose: Pose2, here: RowFrame, epoch: Epoch) -> Measurements:
-        """Correct the pose along the row, or tell that the robot is elsewhere."""
+        """Correct the pose along the row, or report that the robot is elsewhere."""
         off_m = best.x_map_m - pose.x_m, best.y_map_m - pose.y_m
         along_m = off_m[0] * here.forward[0] + off_m[1] * here.forward[1]
         right_m = off_m[0] * here.right[0] + off_m[1] * here.right[1]

@@ -13,9 +13,9 @@ from agribot.autonomy.estimate.stem_map import COUNT_CELL_M
 from agribot.core.messages import FloatArray, MapPoint, PlantClass, Scene
 from agribot.core.pose import Pose2
 
-# Looks nearer to each other than this are of one plant; it counts once so many pictures show it.
+# Looks nearer to each other than this are of one plant; pictures after which it counts.
 SAME_M, LOOKS = 0.09, 3
-# Ground is seen once so many pictures show it, and more than this within their edges.
+# Pictures that must show ground, and its least distance within their edges.
 VIEWS, INSIDE_M = 3, 0.08
 
 

@@ -23,7 +23,7 @@ def is_place(place: Geodetic) -> bool:
 
 
 class PoleOrigin:
-    """Tell it the pole's fixes; then it says where others are. `frame` is None until it knows."""
+    """Takes the pole's fixes and corrects others by them; `frame` is None until it is known."""
 
     def __init__(self, known: Datum | None = None, first_fixes: int = FIRST_FIXES) -> None:
         self.frame = None if known is None else MapFrame(known)

@@ -81,7 +81,7 @@ class PoseFilter:
             self.ekf.reset(ROW_OFFSET, 0.0, self.field.row_map_std_m**2)
 
     def doubt_rows(self, off_m: float, turned_rad: float) -> None:
-        """Take back what wrong looks at the rows made sure: they may have led so far astray."""
+        """Add the variance of wrong looks at the rows, which may have led the pose this far off."""
         for state, std in ((X, off_m), (Y, off_m), (YAW, turned_rad)):
             self.ekf.inflate(state, std**2)
         self.ekf.reset(ROW_BIAS, 0.0, float(self.ekf.cov[ROW_BIAS, ROW_BIAS]))

@@ -11,7 +11,7 @@ from agribot.core.config import EstimateConfig
 TURN_CENTRE_M_PER_SQRT_RAD = 0.03
 # MEMS gyros are good to about 1 % of the rate: a half turn then ends 1.8 degrees off, 1 sigma.
 GYRO_SCALE_STD_RATIO = 0.01
-# How far a metre was, wheels tell but for their slip.
+# Wheels measure the length of a way except for their slip.
 ALONG_WALK_M_PER_SQRT_M = 0.005
 GYRO_BIAS_WALK_RADPS_PER_SQRT_S = 7e-5
 # The grip of the wheels changes with every patch of soil, the slope under the robot slowly.

@@ -8,7 +8,7 @@ from collections import deque
 
 from agribot.core.facts import CameraAndGnssDisagree
 
-# Medians over so long stand above single outliers, weeds taken for crop and leaves in the wind.
+# Window of the medians, which suppress outliers, weeds taken for crop and leaves in the wind.
 WINDOW_S, MIN_LOOKS, MIN_FIXES = 2.0, 8, 8
 # A camera that is mounted 3 cm and 1.5 degrees wrong, and fixes that are 2 cm off, differ by less.
 NAMED_M = 0.10
@@ -16,11 +16,11 @@ NAMED_M = 0.10
 HALT_M = 0.15
 LASTS_S, SETTLED_RATIO = 1.0, 0.8
 # Rows that stand beside their map do so from the first look at a row on, within what fixes wander.
-# They are believed after so much way; farther off it is left to a person, as a wheel is near crop.
+# They are believed after CONFIRM_M of way; beyond BESIDE_M a person decides: a wheel is near crop.
 STEADY_M, CONFIRM_M, BESIDE_M = 0.06, 1.5, 0.28
-# What nothing has told again for so long is past: two plants 2 m apart are passed in 10 s.
+# Time after which a report that is not repeated expires: two plants 2 m apart are passed in 10 s.
 NAMED_S = 15.0
-# A row that was seen so lately still holds the robot across it.
+# Time after its last sighting for which a row holds the robot across it.
 HELD_S = 2.0
 
 Told = deque[tuple[float, float]]
@@ -41,7 +41,7 @@ class RowAgreement:
         self._held_t_s = -math.inf
         self._way_m = 0.0
         self._entry_m: tuple[float, float, float] | None = None  # way, least and most since
-        self.apart_m = 0.0  # of lasting disagreement, 0 while there is none
+        self.apart_m = 0.0  # lasting disagreement, 0 without one
         self.must_halt = False
 
     def add_look(self, t_s: float, off_m: float) -> None:
@@ -49,7 +49,7 @@ class RowAgreement:
         self._evaluate(t_s)
 
     def testify(self, t_s: float, off_m: float) -> None:
-        """Take what several plants of a row told together: it needs no more witnesses."""
+        """Take what several plants of a row show together: it needs no more witnesses."""
         _drop_old(self._fixes, t_s)
         if len(self._fixes) < MIN_FIXES:
             return
@@ -88,7 +88,7 @@ class RowAgreement:
 
     @property
     def doubted_m(self) -> float:
-        """How far camera and fixes are apart, as long as nobody knows which of them is right."""
+        """How far camera and fixes are apart, as long as it is open which of them is right."""
         return 0.0 if self._is_beside else self.apart_m
 
     @property
@@ -123,7 +123,7 @@ class RowAgreement:
         return CameraAndGnssDisagree(off_m, is_left_open=False) if off_m else None
 
     def expire(self, t_s: float) -> None:
-        """Drop a disagreement that was told long ago, unless a person has to decide."""
+        """Drop a disagreement that was reported long ago, unless a person has to decide."""
         if self.apart_m and not self.must_halt and t_s - self._named_t_s > NAMED_S:
             self._since_s, self.apart_m = None, 0.0
 

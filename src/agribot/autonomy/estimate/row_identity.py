@@ -2,9 +2,9 @@
 
 Rows look alike, but not what lies beside them: left of the first row and right of the last one
 nothing grows. The pose may be right to a centimetre across its row and yet be a whole row off.
-The probability that it is so many rows off is kept for each such number and follows from every
-stretch of way by Bayes' rule; stretches of one row share their causes, a gap or a patch of weeds
-taken for crop, so that what one row can say is limited.
+The probability of each number of rows off is kept, and updated with every stretch of way by Bayes'
+rule; stretches of one row share their causes, a gap or a patch of weeds taken for crop, so that the
+weight of one row is limited.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from agribot.core.pose import Pose2
 PRIOR: dict[int, float] = {-2: 0.002, -1: 0.008, 0: 0.98, 1: 0.008, 2: 0.002}
 LEAST_SHARE = 1e-9  # of a row in which no plant of the map fits
 TOLD = 1e-6  # of every other row, once a person has said which it is
-# A stretch so long is one look, ahead of the robot by so much.
+# Length of the stretch that is one look, and its distance ahead of the robot.
 LOOK_M, AHEAD_M = 0.5, 1.2
-# So far to either side of a row its crop is looked for; as much must be in view.
+# Search for crop to either side of a row, and cells of it that must be in view.
 HALF_STRIP_M, MIN_CELLS = 0.2, 60
-# Crop covers so much of a strip where a row grows, and less than that where none does.
+# Least share of crop in a strip where a row grows, and largest where none does.
 CROP_RATIO, BARE_RATIO = 0.05, 0.01
 # How likely a look is at crop where no row is, and at bare ground where one is, against looks as
 # they are to be; and the most that all looks at one strip of a row can say.
@@ -71,7 +71,7 @@ class RowIdentity:
 
     @property
     def doubt(self) -> PlantsElsewhere | WhichRow | None:
-        """The question for a person; None while the row is sure enough, or once it is told."""
+        """The question for a person; None while the row is sure enough, or once it is answered."""
         if self.elsewhere is not None:
             return self.elsewhere
         if self.certainty >= self._least:
@@ -90,9 +90,9 @@ class RowIdentity:
         self._end_look()
 
     def weigh(self, shares: dict[int, float]) -> None:
-        """Take in how likely each number of rows aside is by the plants of a map, all so far.
+        """Take in how likely each number of rows aside is, by all mapped plants until now.
 
-        What is missing to 1 is that the plants that were seen are not on the map.
+        The rest to 1 is the probability that the plants that were seen are not on the map.
         """
         missing = max(1.0 - sum(shares.values()), 0.0)
         self._by_plants = {shift: shares.get(shift, 0.0) + missing for shift in self._log}
@@ -140,7 +140,7 @@ class RowIdentity:
         self._shares, self._began = dict.fromkeys(STRIPS, _Share()), None
 
     def _conclude(self, place: tuple[float, float], here: RowFrame, rows: Rows) -> None:
-        """Hold one look against where each row would be, the robot so many rows aside."""
+        """Compare one look with where each row would be, for each number of rows aside."""
         for strip in STRIPS:
             crop, seen = self._shares[strip]
             ratio = crop / seen if seen else math.nan
@@ -173,7 +173,7 @@ class RowIdentity:
 
 
 def _grows(place: tuple[float, float], here: RowFrame, rows: Rows, rows_right: int) -> bool | None:
-    """Whether the map has a row so many rows to the right of a place; None where that is unsure."""
+    """Whether the map has a row `rows_right` rows right of a place; None where that is unsure."""
     aside_m = here.off_m + rows_right * here.pitch_m
     x_m, y_m = place[0] + aside_m * here.right[0], place[1] + aside_m * here.right[1]
     at = rows.at(x_m, y_m)

@@ -14,8 +14,8 @@ from agribot.core.messages import RowLine
 
 # The median of the squared jumps of one number, over its variance: 2 x 0.4549 for normal noise.
 JUMP2_MEDIAN = 0.9099
-# So many of them tell it to a fifth. Where every tenth line is an outlier they show a third more
-# than the noise; beyond this it is surely more than stated.
+# Jumps that give the ratio to a fifth, and the ratio that is surely more than stated: with every
+# tenth line an outlier they show a third more than the noise.
 MOST_JUMPS, SURE_RATIO = 61, 1.75
 # Lines farther apart are no neighbours: the robot, and the row below it, have moved on.
 MAX_GAP_S = 0.5
@@ -36,7 +36,7 @@ class NoiseRatio:
         self.ratio = 1.0
 
     def add(self, t_s: float, residual: float, variance: float) -> None:
-        """Take what a line tells less what the pose expects, and the variance that it states."""
+        """Take what a line shows less what the pose expects, and the variance that it states."""
         last, self._last = self._last, (t_s, residual, variance)
         if last is None or not 0.0 < t_s - last[0] <= MAX_GAP_S:
             return

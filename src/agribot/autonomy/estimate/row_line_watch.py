@@ -1,10 +1,10 @@
 """A camera that was knocked or slides off: its row line held against wheels, gyro and itself.
 
-Two witnesses tell how the robot moved across the row since some way ago: wheels with gyro, aligned
-as the filter believed then, and the line's own direction along the way. A line that has moved
-aside against both of them is a fault of the camera; where a row bends that the map has straight,
-the line's direction bends with it. Several windows are held against each other, since a jump shows
-in a short one and a creep in a long one (see `drift_watch`, which does the same with fixes).
+Two witnesses show how the robot moved across the row over the last metres: wheels with gyro,
+aligned as the filter believed then, and the line's own direction along the way. A line that has
+moved aside against both of them is a fault of the camera; where a row bends that the map has
+straight, the line's direction bends with it. Several windows are compared, since a jump shows in a
+short one and a creep in a long one (see `drift_watch`, which does the same with fixes).
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from typing import NamedTuple
 
 from agribot.core.facts import RowLineMoved
 
-# Of so many lines the median counts: weeds taken for crop make single ones.
+# Lines in a median: weeds taken for crop make single outliers.
 LINES = 5
 STEP_M = 0.1
 WINDOWS_M = (0.1, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
-# Before so many lines have fitted the pose there is nothing to hold others against.
+# Lines that must have fitted the pose before others are compared with them.
 FITTED_LINES = 10
 # Lines farther apart, in way or turn, are of two visits to a row.
 MAX_GAP_M, MAX_TURN_RAD = 1.5, math.radians(20.0)
@@ -32,7 +32,7 @@ ALARM_SIGMA, LEAST_M = 4.5, 0.1
 BORNE_OUT_SIGMA, OWN_COURSE_RAD = 2.0, math.radians(1.5)
 # Patches of soil push a robot aside, and in turns wheels lose way, in m for each radian.
 SOIL_RATIO, TURN_LOSS_M_PER_RAD = 0.01, 0.1
-# So long it must last, over as many lines: leaves in the wind and drop-outs do not.
+# Least duration of a move, s: leaves in the wind and drop-outs are shorter.
 LASTS_S = 0.5
 AGREE_RATIO = 0.5
 
@@ -66,7 +66,7 @@ class _Point(NamedTuple):
     """A line, and what wheels and gyro have summed up until it came.
 
     `beside_m` is how far left of the row the body stands, less what the line's direction along the
-    way makes of that: it stays the same while the line is right, wherever the row leads.
+    way makes of that: it stays the same while the line is right, whatever the course of the row.
     """
 
     told: LineTold

@@ -1,7 +1,7 @@
 """The line of the crop row under the robot as a correction of offset, heading and place along it.
 
-A sensor of the line cannot tell which row it sees: the pose tells, so lines are only used while
-it can, and after a run of lines that do not fit the filter opens up for them.
+A line does not show which row it is. The pose determines the row, so lines are used only while it
+can, and after a run of lines that do not fit the filter opens up for them.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ GAP_M = 0.6
 # The outermost plant of a row may be missing, which every look at that end repeats: 1 sigma in
 # plant spacings, and how many looks share it.
 END_STD_SPACINGS, LOOKS_AT_END = 0.35, 16
-# How far a row stands off the map follows from the rows before it, which took so long.
+# Time over which earlier rows show how far the next one stands off the map.
 ROW_MEMORY_S = 100.0
-USUAL_SPACING_M = 0.2  # of plants that make up a line, where the field does not tell
+USUAL_SPACING_M = 0.2  # of plants that make up a line, if the field states none
 MAX_HEADING_RAD, MAX_DISAGREEMENT_RAD = math.radians(30.0), math.radians(15.0)
 
 
@@ -187,7 +187,7 @@ class RowLines(Correction[RowLine]):
         return 1.0 if math.cos(self._yaw_then_rad(epoch) - frame.yaw_rad) >= 0.0 else -1.0
 
     def _arm_m(self, line: RowLine, epoch: Epoch) -> tuple[float, float]:
-        """From the robot to the place ahead for which the line tells its offset."""
+        """Return the vector from the robot to the place ahead where the line's offset applies."""
         yaw_rad = self._yaw_then_rad(epoch)
         return line.at_ahead_m * math.cos(yaw_rad), line.at_ahead_m * math.sin(yaw_rad)
 
@@ -214,7 +214,7 @@ class RowLines(Correction[RowLine]):
     def _offset(
         self, line: RowLine, off_m: float, sign: float, epoch: Epoch, frame: RowFrame
     ) -> Measurement | None:
-        """How far off its row the robot is; None where the pose cannot tell which row this is."""
+        """How far off its row the robot is; None where the pose does not determine the row."""
         ekf = self.pose.ekf
         arm_m = self._arm_m(line, epoch)
         seen: Row = ((ROW_BIAS, -sign), (ROW_OFFSET, -1.0))
@@ -244,7 +244,7 @@ class RowLines(Correction[RowLine]):
         return (*_opens(frame.right, model.RECOVERY_OFFSET_M), (YAW, model.RECOVERY_YAW_RAD**2))
 
     def _tell(self, line: RowLine, off_m: float, frame: RowFrame) -> LineTold:
-        """Say what the line tells at the pose that the filter has now."""
+        """Return the line at the pose that the filter has now."""
         ekf, offset_m, heading_rad = self.pose.ekf, line.offset_m or 0.0, line.heading_rad or 0.0
         x, cov = ekf.x, ekf.cov
         return LineTold(
@@ -259,7 +259,7 @@ class RowLines(Correction[RowLine]):
         )  # fmt: skip
 
     def _tells_row(self, off_m: float, std_m: float, pitch_m: float) -> bool:
-        """Whether the pose tells of which row a line is; a rest of doubt goes to its identity."""
+        """Whether the pose determines a line's row; a rest of doubt goes to its identity."""
         if std_m <= model.TELLS_APART_RATIO * pitch_m:
             return True
         left, right = model.neighbour_shares(off_m, std_m, pitch_m)
@@ -296,7 +296,7 @@ def _fade(state: int, std_m: float, part: float) -> tuple[int, float, float]:
 
 
 def _opens(direction: tuple[float, float], by_m: float) -> tuple[tuple[int, float], ...]:
-    """Return the variances of a position that may be wrong so far in a direction."""
+    """Return the variances of a position that may be wrong by `by_m` in a direction."""
     return tuple((state, (part * by_m) ** 2) for state, part in zip((X, Y), direction, strict=True))
 
 

@@ -11,9 +11,9 @@ HEADING_LASTING_RAD = math.radians(0.3)
 OFFSET_FLOOR_M = 0.006
 # Degrees of freedom of Student's t: what a gate lets in may still be an outlier.
 TAIL_DEGREES = 4.0
-# The pose can tell rows apart up to this share of their distance, 1 sigma.
+# Largest 1 sigma of a pose that distinguishes rows, as a share of their distance.
 TELLS_APART_RATIO = 0.25
-# Beyond it a line still tells which row it is of, where the next row would be so much less likely.
+# Beyond it a line is still of the nearest row where that has at least this probability.
 SURE_RATIO = 0.93
 # Lines that do not fit come in runs only when the pose is wrong.
 GATE_SIGMA, RECOVER_AFTER = 3.5, 6

@@ -6,9 +6,9 @@ import math
 
 from agribot.core.config import FieldConfig
 
-# What was seen holds for so much way: the row in view, a gap in it, or the way to the next plant.
+# Way for which a sighting holds: the row in view, a gap in it, or the way to the next plant.
 MEMORY_M, MEMORY_SPACINGS = 1.0, 1.5
-SILENT_S = 2.0  # without a picture for so long, nobody looks
+SILENT_S = 2.0  # longest time without a picture while a camera looks
 
 
 class RowSight:

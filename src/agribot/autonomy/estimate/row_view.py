@@ -20,7 +20,7 @@ MIN_LINES, MIN_SEEN_RATIO = 40, 0.5
 MAX_POSE_STD_M = 0.03
 # A robot on the wrong side of a row's middle sees another row.
 MAX_OFFSET_RATIO = 0.3
-# Neighbouring pictures show the same leaves: so many count as one.
+# Neighbouring pictures that count as one, since they show the same leaves.
 PICTURES_ALIKE = 10
 MAX_OFFSET_BIAS_M, MAX_HEADING_BIAS_RAD = 0.02, math.radians(0.7)
 NORMAL_MAD = 1.4826

@@ -7,9 +7,9 @@ import math
 from agribot.core.facts import NoPicture, PicturesComeLate
 from agribot.core.messages import Scene
 
-# Cameras give ten pictures a second or more: so many missing are no drop-out, and a robot at 0.4
-# m/s has driven half of what its last picture showed.
-SILENT_S, MISSING = 1.5, 3.0  # of a slower one so many pictures
+# Longest silence of a camera: at ten pictures a second or more it is no drop-out, and a robot at
+# 0.4 m/s has driven half of what its last picture showed.
+SILENT_S, MISSING = 1.5, 3.0  # in pictures for a slower one
 # Later than the network promises: at 0.4 m/s a weed is then 8 cm from where the nozzle opens.
 LATE_S, LATE_PICTURES = 0.2, 5
 
@@ -17,7 +17,7 @@ LATE_S, LATE_PICTURES = 0.2, 5
 class SceneWatch:
     """Call `hear` with every scene and the time at which it came.
 
-    A camera is in use from its first picture on; a robot without one is not told of.
+    A camera is in use from its first picture on; a robot without one gets no report.
     """
 
     def __init__(self) -> None:

@@ -10,10 +10,10 @@ from agribot.core.messages import Vec3
 LEAST_LEVEL_RATIO = 0.1
 # Less tilt than this is as likely the bias of the IMU or the crumbs under a wheel.
 LEVEL_SINE = math.sin(math.radians(2.0))
-# Wheels that are dragged sideways by a turn hold no side force, so that the robot gives way
-# downhill by so much per radian of turn and unit of slope. And the axle that carries more holds
-# better: the robot turns about a point so far towards it per unit of slope. Both in wheelbases and
-# as measured in the simulator, at any speed and rate; the grip of soils differs.
+# Slide downhill per radian of turn and unit of slope: wheels that a turn drags sideways hold no
+# side force. Shift of the turning centre per unit of slope towards the axle that carries more and
+# holds better. Both in wheelbases and as measured in the simulator, at any speed and rate; the grip
+# of soils differs.
 SLIDE_WHEELBASES, CENTRE_WHEELBASES = 1.3, 1.3
 # 1 sigma of what is expected, for a radian.
 SLIDE_STD_RATIO = 0.5

@@ -1,4 +1,4 @@
-"""Wheels that turn on the spot, seen by a receiver too noisy for its single velocities to tell."""
+"""Wheels that spin on the spot, seen by a receiver whose single velocities are too noisy."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ IndexArray = npt.NDArray[np.int32]
 
 
 class StemMap:
-    """Stems of crop, (N, 2) in the map. What asks for places outside of them gets none."""
+    """Stems of crop, (N, 2) in the map. Places outside of them have no plants."""
 
     def __init__(self, stems_map_m: FloatArray) -> None:
         self.stems_map_m = np.asarray(stems_map_m, dtype=np.float64).reshape(-1, 2)

@@ -1,8 +1,8 @@
-"""Gyro, compass and wheels held against each other: which of them tells another turn.
+"""Gyro, compass and wheels compared: which of them reports another turn than the others.
 
-Over windows of some seconds each tells how far the robot turned. What a step of the gyro's bias
-adds shows against wheels and compass alike, a magnet that comes near the compass shows against
-gyro and wheels. The one that two others outvote is named (parity of three, as in `integrity`).
+Over windows of some seconds each measures the robot's turn. A step of the gyro's bias shows
+against wheels and compass alike, a magnet that comes near the compass against gyro and wheels.
+The one that two others outvote is named (parity of three, as in `integrity`).
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from agribot.core.geo import wrap_rad
 
 WINDOWS_S = (1.0, 2.0, 4.0)
 STEP_S = 0.1
-# Wheels on soil turn the robot by this share more or less than told, and by themselves: 1 sigma
-# of a rate that lasts, and of one that wanders. Measured on tilled and sloping ground.
+# Error of the wheels' turn on soil, 1 sigma: as a share, as a rate that lasts, and as one that
+# wanders. Measured on tilled and sloping ground.
 GAIN_RATIO, DRAG_RADPS, DRAG_RAD_PER_SQRT_S = 0.15, 0.01, 0.01
 GYRO_SIGMAS, COMPASS_SIGMAS = 4.0, 5.0
-# A compass turn is the difference of two medians of so many samples.
+# Samples in each of the two medians whose difference is a compass turn.
 MEDIAN_OF, MEDIAN_FACTOR = 5, math.pi / 2.0
 # Turns off which the compass's iron says something else, and a wander in place over two minutes.
 IRON_MEMORY_S = 120.0
@@ -29,7 +29,7 @@ NAMED_S = 15.0
 
 
 class _Turned(NamedTuple):
-    """Turns so far.
+    """Turns until now.
 
     By gyro and by wheels, those of the wheels and the larger of both without their signs, and the
     compass's beyond the gyro's.
@@ -44,7 +44,7 @@ class _Turned(NamedTuple):
 
 
 class GyroFault(NamedTuple):
-    """A rate that the gyro tells too much, 1 sigma, since when, and how far that has led it off."""
+    """Error of the gyro's rate, its 1 sigma, since when, and how far that has led it off."""
 
     bias_radps: float
     std_radps: float
@@ -53,7 +53,7 @@ class GyroFault(NamedTuple):
 
 
 class TurnWatch:
-    """Call `move` with every step, `add_compass` with what the compass tells beside the gyro."""
+    """Call `move` with every step, `add_compass` with the compass less the gyro."""
 
     def __init__(self, iron_std_rad: float) -> None:
         self._iron_std_rad = iron_std_rad
@@ -79,7 +79,7 @@ class TurnWatch:
         self._compass.clear()
 
     def move(self, t_s: float, gyro_rad: float, wheel_turn_rad: float) -> GyroFault | None:
-        """Take a step: the gyro's turn so far, and that of the wheels in it."""
+        """Take a step: the gyro's turn until now, and that of the wheels in the step."""
         self._wheels_rad += wheel_turn_rad
         self._by_wheels_rad += abs(wheel_turn_rad)
         self._all_rad += max(abs(wheel_turn_rad), abs(gyro_rad - self._gyro_rad))

@@ -20,7 +20,7 @@ def summed_variance_m2(noise_mps: float, gaps2_s2: float, lasted_s: float) -> fl
 
 
 class VelocityMark(NamedTuple):
-    """At a fix: where the filter has the antenna less where the velocities have led so far.
+    """At a fix: where the filter has the antenna less where the velocities have led until then.
 
     Vectors of the map are complex, East + i North. Marks of another `part` cannot be compared: the
     receiver was silent in between. `gaps2_s2` sums the squares of the gaps between fixes.
@@ -33,7 +33,7 @@ class VelocityMark(NamedTuple):
 
 
 class VelocityWay:
-    """Call `add` with every velocity; only marks that are at most MAX_GAP_S old tell anything."""
+    """Call `add` with every velocity; only marks that are at most MAX_GAP_S old are used."""
 
     def __init__(self) -> None:
         self._last: VelocityMark | None = None

@@ -12,7 +12,7 @@ from agribot.core.config import EstimateConfig
 from agribot.core.messages import WheelSample
 from agribot.core.robot import DriveSpec
 
-# 1 sigma of the way that wheels lose on soil nobody has measured. Simulated, the worlds of
+# 1 sigma of the way that wheels lose on soil that was not measured. Simulated, the worlds of
 # `sim.preset` "field" cost 5 to 8 % straight ahead, those of "hard" 20 to 27 %.
 SLIP_STD_RATIO = 0.1
 # 1 sigma of the turn lost: 6 to 9 % in "field", about 30 % in "hard".
@@ -126,7 +126,7 @@ class WheelOdometry:
         self._walk.move(dx_m, dy_m, place_m2, self._find_yaw_walk_rad2(way_m))
 
     def _find_yaw_walk_rad2(self, way_m: float) -> float:
-        """Find the variance of the turn where both sides walk, so that their mean walks as told."""
+        """Find the variance of the turn where both sides walk, so that their mean walks as set."""
         return 4.0 * self._walk_m2_per_m * way_m / self._drive.effective_separation_m**2
 
     def _read(
