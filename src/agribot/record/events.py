@@ -42,7 +42,7 @@ EventKind = Literal[
     "truth",
 ]
 
-NAMED_BESIDE_M = 0.05  # a row that stands so far beside its line in the map is told of
+NAMED_BESIDE_M = 0.05  # a row that stands this far beside its line in the map is reported
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
@@ -62,7 +62,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     check     what the list before the start of a mission found
     truth     what only the simulator knows: a crop was crushed, a person was touched
     lost      the recording is damaged: what happened from then on for a while is not known
-    injected  a fault of the simulator began or ended, which the robot itself is not told
+    injected  a fault of the simulator began or ended, which the robot itself does not know
     """
 
     t_s: float
@@ -220,7 +220,7 @@ class EventSieve:
             self._add(t_s, "fault", gate.told)
 
     def _note_verdicts(self, t_s: float, verdicts: SensorVerdicts) -> None:
-        """Note whose verdict is fine no more, where nothing else tells why, and whose is again."""
+        """Note whose verdict is fine no more, where nothing else shows why, and whose is again."""
         before, self._verdicts = self._verdicts, verdicts
         if verdicts is before:
             return
