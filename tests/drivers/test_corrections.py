@@ -189,7 +189,10 @@ def test_chunks_of_any_size_reach_the_receiver_as_whole_messages() -> None:
         (b"HTTP/1.1 503 Full\r\n\r\n", "answers 'HTTP/1.1 503 Full'"),
         (b"SSH-2.0-OpenSSH_9.2\r\n", "no NTRIP caster; check host and port"),
         (b"HTTP/1.1 200 OK\r\nContent-Type: text/html\r\n\r\n<html>", "no NTRIP caster"),
-        (YES + b"Transfer-Encoding: chunked\r\n\r\nxyz\r\n", "a chunk whose length is none"),
+        (
+            YES + b"Transfer-Encoding: chunked\r\n\r\nxyz\r\n",
+            "a chunk whose length is not a number",
+        ),
         (YES + b"Transfer-Encoding: chunked\r\n\r\nffffffff\r\n", "the limit is 1048576"),
         (YES + b"\r\n" + b"\x55" * 3000, "3000 bytes came that are no RTCM 3"),
         (YES + b"\r\n", "nothing came for 0.4 s"),
@@ -269,7 +272,7 @@ def test_a_base_that_measures_no_satellite_gives_no_corrections(message: bytes, 
 
     rover = Rover()
     with casting(repeat) as caster, rover.fed_by(caster.port, timing=BRISK) as link:
-        rover.wait_told(f"the base told of itself only (RTCM {kind}) and measured no satellite")
+        rover.wait_told(f"the base reported itself only (RTCM {kind}) and measured no satellite")
         assert message in rover.taken, "the receiver needs it beside the measurements"
         assert link.state().age_s is None
 
@@ -304,7 +307,7 @@ def test_a_caster_that_wants_another_form_of_the_request_gets_it(
     ("base", "why"),
     [
         (EXAMPLE, "stand at latitude 38.80, longitude -77.06, 5959 km from here; the limit is 200"),
-        (make_station((0.0, 0.0, 0.0)), "inside of the Earth: it does not know its own place"),
+        (make_station((0.0, 0.0, 0.0)), "inside of the Earth: its own place is not set"),
     ],
 )
 def test_a_base_that_stands_where_it_corrects_nothing_is_told_once_and_not_passed_on(

@@ -130,7 +130,7 @@ def test_of_two_receivers_of_a_gpsd_one_is_taken_and_the_other_told_once() -> No
     data = "".join(line.format("AB"[k % 2], k // 2, 52.0 + k % 2) for k in range(8))
     fixes = [sample for _, sample in decoder.feed(data.encode())]
     assert {fix.lat_deg for fix in fixes} == {52.0} and len(fixes) == 4  # type: ignore[union-attr]
-    assert told == ["gpsd tells of /dev/ttyB too; taken is /dev/ttyA"]
+    assert told == ["gpsd reports /dev/ttyB too; taken is /dev/ttyA"]
 
 
 def test_a_receiver_of_a_gpsd_whose_clock_steps_back_goes_on_and_an_epoch_counts_once() -> None:

@@ -165,7 +165,7 @@ def test_commands_and_goals_of_a_peer_reach_the_inbox() -> None:
         assert first(lambda: ask("command", "stop"), "a command").action == "stop"
         goal = first(lambda: ask("goal", "map", 2.5, -1.0), "a goal")
         assert (goal.action, goal.numbers, goal.source) == ("goto", (2.5, -1.0), "DDS")
-        refusal = "frame 'moon' is none of map, odom, wgs84"
+        refusal = "frame 'moon' is not one of map, odom, wgs84"
 
         def is_refused() -> bool:
             talk("goal", "moon", 0.0, 0.0)

@@ -42,7 +42,7 @@ def test_neighbours_lie_in_the_same_order_so_that_arrows_do_not_cross() -> None:
 def test_the_text_names_who_hears_what_and_what_nobody_says() -> None:
     text = format_graph(select_topics(CHAIN))
     assert "-> /scan [sensor_msgs/msg/LaserScan]  (/driver)" in text
-    assert "<- /wanted  (nobody)" in text
+    assert "<- /wanted  (no node)" in text
     assert "/rosout" not in text
     assert "/alone\n  (no topics)" in text
     assert "/rosout" in format_graph(select_topics(CHAIN, all_topics=True))

@@ -117,7 +117,7 @@ def test_a_goal_of_the_earth_is_longitude_and_latitude() -> None:
 @pytest.mark.parametrize(
     ("frame", "x", "turn", "why"),
     [
-        ("base_link", 1.0, {}, "none of map, odom, wgs84"),
+        ("base_link", 1.0, {}, "not one of map, odom, wgs84"),
         ("map", math.inf, {}, "not finite"),
         ("map", math.nan, {}, "not finite"),
         ("map", 1.0, {"w": math.nan}, "has not the length 1"),
@@ -220,7 +220,7 @@ def test_a_command_is_the_name_of_a_service() -> None:
         assert event.action == action
     assert [e.action for e in robot.hear(COMMAND, "pause")] == ["pause"]
     assert robot.hear(COMMAND, "self_destruct") == []
-    assert "'self_destruct' is none of" in robot.said[-1]
+    assert "'self_destruct' is not one of" in robot.said[-1]
     watched = Robot(allow_drive=False)
     assert watched.hear(COMMAND, "resume") == []
     assert [e.action for e in watched.hear(COMMAND, "stop")] == ["stop"]

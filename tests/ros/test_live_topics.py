@@ -113,7 +113,7 @@ def test_an_encoding_that_is_not_read_is_named_once_with_those_that_are(
     with camera(ros1, "/bayer/image_raw", "bayer_rggb8", PICTURE[..., 0].tobytes()):
         assert main(["live", f"ros1://{master}/bayer/image_raw", "--patience", "3"]) == 1
     said = capsys.readouterr().err
-    assert "encoding bayer_rggb8 is none of rgb8, bgr8" in said
+    assert "encoding bayer_rggb8 is not one of rgb8, bgr8" in said
     assert len([line for line in said.splitlines() if line.startswith("agribot live: frames")]) == 1
     assert "no frame for 3.0 s after 0 frames; what comes cannot be shown" in said
 
@@ -124,7 +124,7 @@ def test_a_topic_that_no_one_publishes_names_those_that_have_pictures(
     with camera(ros1, "/front/image_raw", "rgb8", PICTURE.tobytes()):
         assert main(["live", f"ros1://{master}/image_raw", "--patience", "0.5"]) == 1
     said = capsys.readouterr().err
-    assert "nobody publishes it, topics with pictures: " in said and "/front/image_raw" in said
+    assert "no node publishes it, topics with pictures: " in said and "/front/image_raw" in said
 
 
 @pytest.fixture(scope="module")
@@ -156,4 +156,4 @@ def test_of_ros_2_too_the_topics_with_pictures_are_named(
 ) -> None:
     assert main(["live", f"ros2://{ros2_camera}/image_raw", "--patience", "0.5"]) == 1
     said = capsys.readouterr().err
-    assert "nobody publishes it, topics with pictures: /camera/image_raw; start" in said
+    assert "no node publishes it, topics with pictures: /camera/image_raw; start" in said

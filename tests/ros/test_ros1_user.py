@@ -117,7 +117,7 @@ def test_a_patrol_with_actionlib_drives_from_goal_to_goal(user: User) -> None:
     lines = user.run(SYSTEM_PYTHON, script, *places).splitlines()
     assert [line.partition(" ")[0] for line in lines] == ["3", "3", "4", "5"]
     assert "beyond the fence" in lines[2]
-    assert "none of map, odom, wgs84" in lines[3]
+    assert "not one of map, odom, wgs84" in lines[3]
     poses = "poses: [{position: {x: -2.0, y: 1.0}}, {position: {x: -2.0, y: 3.0}}]"
     user.publish(
         "/agribot/visit", "geometry_msgs/PoseArray", f"{{header: {{frame_id: map}}, {poses}}}"

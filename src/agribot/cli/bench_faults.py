@@ -127,7 +127,7 @@ def _name(options: argparse.Namespace) -> str:
 
 
 def _find_ending(options: argparse.Namespace) -> str:
-    """Tell campaigns apart in the names of their folders."""
+    """Distinguish campaigns by the ends of their folders' names."""
     is_free = options.fault_free is not None
     words = ["free"] if is_free else ["special"] if options.special else []
     words += [options.platform] if options.platform != "sim" else []
@@ -137,7 +137,7 @@ def _find_ending(options: argparse.Namespace) -> str:
 
 
 def _tell_command(options: argparse.Namespace) -> str:
-    """Tell the command that repeats a campaign."""
+    """Write the command that repeats a campaign."""
     words = ["agribot bench faults"]
     words += [f"--platform {options.platform}"] if options.platform != "sim" else []
     words += ["--special"] if options.special else []

@@ -20,7 +20,7 @@ PLAN = "plan.geojson"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--km", type=float, default=50.0, metavar="KM",
-        help="about so long is the way of each mission (default: %(default)g)",
+        help="approximate length of the way of each mission (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
         "--mps", type=float, metavar="MPS", help="speed along the swaths (default: as of a mission)"

@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--perfect", action="append", default=[], choices=("fixes", "heading"),
-        help="tell the robot the truth instead of what this sensor says",
+        help="give the robot the truth instead of what this sensor says",
     )  # fmt: skip
     parser.add_argument(
         "--baseline", action="store_true", help="also drive the original robot's controller"

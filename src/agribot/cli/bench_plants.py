@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=seed, default=0, metavar="N", help="default: %(default)s")
     parser.add_argument(
         "--range", type=above(0.0, 10.0), default=PerceptionConfig().max_range_m, metavar="M",
-        help="judge plants up to so far from the point below the camera (default: %(default)s)",
+        help="judge plants up to M from the point below the camera (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="write plants.md and plants.json there"

@@ -20,11 +20,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--growth", type=finite, default=0.0, metavar="S",
-        help="then measure for so long how much memory grows; 300 is what the limits are for",
+        help="then measure for S seconds how much memory grows; 300 is what the limits are for",
     )  # fmt: skip
     parser.add_argument(
         "--links", default="10,1", metavar="MBIT,MBIT",
-        help="then see the camera over lines of so many Mbit/s; none: leave them out",
+        help="then see the camera over lines of these speeds, Mbit/s; none: leave them out",
     )  # fmt: skip
     parser.add_argument("--no-camera", action="store_true", help="states alone")
     parser.add_argument("--json", action="store_true", help="print the result as the last line")

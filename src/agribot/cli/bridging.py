@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser, *, has_stack: bool = True) ->
         type=finite,
         default=DEFAULT_IMAGE_RATE_HZ,
         metavar="HZ",
-        help=f"of camera images to peers (default: {DEFAULT_IMAGE_RATE_HZ:g}; 0 is none)",
+        help=f"of camera images to peers (default: {DEFAULT_IMAGE_RATE_HZ:g}; 0 sends none)",
     )
     group.add_argument("--raw-images", action="store_true", help="uncompressed images as well")
     add_ros2_arguments(group)

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--lens-deg", type=float, metavar="DEG",
         help="horizontal angle of the lens (default: the robot's camera)",
     )  # fmt: skip
-    group.add_argument("--model", default=DEFAULT_MODEL, help="network that tells plants from soil")
+    group.add_argument("--model", default=DEFAULT_MODEL, help="network that finds plants on soil")
 
 
 def calibrate_by_rows(options: argparse.Namespace) -> tuple[RowMountResult, str]:

@@ -44,7 +44,7 @@ def add_import(actions: Any) -> None:
     parser.add_argument(
         "--keep-empty",
         action="store_true",
-        help="pictures without a label show bare soil (default: nobody has labelled them yet)",
+        help="pictures without a label show bare soil (default: they are not labelled yet)",
     )
     add_misplaced_option(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a new folder")

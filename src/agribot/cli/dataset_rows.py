@@ -47,7 +47,7 @@ def add_label_by_rows(actions: Any) -> None:
     parser.add_argument(
         "--rows",
         choices=("down", "across"),
-        help="of photographs: how the rows run through them (default: as the network's crops tell)",
+        help="of photographs: how the rows run through them (default: as the network's crops show)",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="a new folder")
     parser.add_argument("--json", action="store_true", help="print the report as the last line")

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--probe",
         action="store_true",
-        help="open each serial line and camera that nobody uses, and say what answers; this resets "
+        help="open each serial line and camera not in use, and say what answers; this resets "
         "Arduinos",
     )
     parser.add_argument(
@@ -80,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
         print_line(format_line(findings[-1]))
     probe = _probe(options, findings) if options.probe else None
     ok = all(finding.state != "bad" for finding in findings)
-    print_line("OK" if ok else "NOT OK: mend what is called bad above")
+    print_line("OK" if ok else "NOT OK: fix what is called bad above")
     if options.json:
         _print_json(ok, machine, findings, probe)
     elif options.udev and probe is not None:

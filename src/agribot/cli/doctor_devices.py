@@ -70,7 +70,7 @@ def check_gpsd(
 
 
 def _tell_contactor(chips: Sequence[FoundDevice]) -> CheckResult:
-    """Tell what may be a contactor's relay: it says nothing, so that only a person knows."""
+    """Name what may be a contactor's relay: it says nothing, so that only a person knows."""
     detail = "nothing but the red button takes the motors' power unless a run names a relay: "
     if not chips:
         detail += "--source contactor=lcus:PATH"
@@ -78,7 +78,7 @@ def _tell_contactor(chips: Sequence[FoundDevice]) -> CheckResult:
     paths = ", ".join(chip.node for chip in chips)
     detail += (
         f"--source contactor=lcus:PATH; {paths} may be one, or a board with the same chip: two of "
-        "them are told apart by /dev/serial/by-path"
+        "them differ by /dev/serial/by-path"
     )
     return CheckResult(what="contactor", state="missing", detail=detail)
 

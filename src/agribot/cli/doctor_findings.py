@@ -1,4 +1,4 @@
-"""What a check of `agribot doctor` finds, and how it is told."""
+"""What a check of `agribot doctor` finds, and its printed form."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ State = Literal["ok", "missing", "warning", "bad"]
 class CheckResult(msgspec.Struct, frozen=True, kw_only=True):
     """What one check found; `detail` ends with what to do about it.
 
-    "missing" is what nobody must have, a "warning" what will trouble somebody, and only what is
+    "missing" is what a robot can do without, a "warning" what will cause trouble, and only what is
     "bad" makes the doctor's answer no.
     """
 

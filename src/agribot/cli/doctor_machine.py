@@ -145,7 +145,7 @@ def check_declination(day: datetime.date | None = None) -> Iterator[CheckResult]
 
 
 def is_clock_steered() -> bool | None:
-    """Ask the kernel, which every time service tells; None where it does not answer.
+    """Ask the kernel, which every time service informs; None where it does not answer.
 
     Source: adjtimex(2).
     """

@@ -101,7 +101,7 @@ def check_weights() -> Iterator[CheckResult]:
         detail = f"{width} x {height} px, {digest[:12]}" + ("" if known else ", no card beside it")
         yield CheckResult(what=f"network {name}", state="ok", detail=detail)
     if not names:
-        detail = "there are none in the package; make them: agribot train --out DIR"
+        detail = "the package has no networks; make them: agribot train --out DIR"
         yield CheckResult(what="networks", state="bad", detail=detail)
 
 

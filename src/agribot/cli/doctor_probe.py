@@ -60,7 +60,7 @@ class DeviceProbe:
         self.found: list[Probed] = []
 
     def check_lines(self) -> Iterator[CheckResult]:
-        """Open each serial line that nobody else has, and say what answers."""
+        """Open each serial line that no other program has, and say what answers."""
         lines = [one for one in find_serial_lines(self._root, self._access) if one.is_usable]
         if lines and not extras.has("hardware"):
             detail = f"were not opened: {extras.format_install('hardware')}"
@@ -85,7 +85,7 @@ class DeviceProbe:
             yield self._note(device, answer)
 
     def check_cameras(self, take: TakePictures | None = None) -> Iterator[CheckResult]:
-        """Take pictures with each camera that nobody else has."""
+        """Take pictures with each camera that no other program has."""
         cameras = [one for one in find_cameras(self._root, self._access) if one.is_usable]
         if cameras and take is None:
             if not extras.has("camera"):
@@ -132,7 +132,7 @@ class DeviceProbe:
         return any(one.answer and one.answer.kind == "motor board" for one in self.found)
 
     def write_rules(self) -> list[str]:
-        """Write the rules of udev that name what was found; a comment where one cannot be told."""
+        """Write the rules of udev that name what was found; a comment where one cannot."""
         known = {
             one.node: udev_names.read_properties(one.node, self._root)
             for one in find_serial_lines(self._root, self._access)
@@ -148,11 +148,11 @@ class DeviceProbe:
             others = [known[node] for node in known if node != one.node]
             rule = udev_names.write_rule(name, known.get(one.node, {}), others)
             given.add(name)
-            rules.append(rule or f"# {one.node}: udev tells no serial number and no socket of it")
+            rules.append(rule or f"# {one.node}: udev states no serial number and no socket of it")
         return rules
 
     def _explain_taken(self, device: FoundDevice) -> tuple[State, str] | None:
-        """Say who has a device, with the state of the finding; None where nobody does."""
+        """Say which program has a device, with the state of the finding; None where none has it."""
         real = os.path.realpath(self._root / device.node.lstrip("/"))
         paths = self._gpsd.paths if self._gpsd is not None else ()
         named = {os.path.realpath(self._root / path.lstrip("/")) for path in paths}

@@ -65,7 +65,7 @@ class TwistScript:
 class LiveTwists:
     """Twist lines as they arrive, the newest of each tick; with `hold` until the next one.
 
-    A line that is no twist is reported to `complain` and passed over: whoever drives by hand
+    A line that is no twist is reported to `complain` and passed over: a person who drives
     must not lose the robot to a typing error.
     """
 

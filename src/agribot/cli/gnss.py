@@ -1,4 +1,4 @@
-"""`agribot gnss`: what a receiver tells, and a u-blox receiver set up for driving."""
+"""`agribot gnss`: what a receiver reports, and a u-blox receiver set up for driving."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from agribot.core.messages import GnssFix, GnssHeading, GnssStatus
 
 PERIOD_S = 1.0  # of a line
 POLL_S = 0.05
-SILENT_S = 3.0  # a fix of a second that is older is none of now
+SILENT_S = 3.0  # a fix of a second that is older is not current
 PATIENCE_S = 10.0  # for the answers to all settings
 RATES_HZ = 1.0, 20.0
 
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     show = actions.add_parser(
         "show", help="a line a second: state, accuracy, satellites, heading, corrections",
-        description="Show what a receiver tells, a line a second.",
+        description="Show what a receiver reports, a line a second.",
         epilog="example: agribot gnss show serial:/dev/ttyACM0?ntrip=ntrip://HOST:2101/MOUNT",
     )  # fmt: skip
     show.add_argument("uri", metavar="URI", help="as of --source gnss=URI")

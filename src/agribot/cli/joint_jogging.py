@@ -63,7 +63,7 @@ def open_jogger(options: argparse.Namespace, hand: TableHand) -> ExitStack:
 
 
 def _check_step(step: JointStep, limits: Mapping[str, JogJoint], robot: str) -> None:
-    """Refuse a joint that has no ends. Raises: ConfigError: it is none of those."""
+    """Refuse a joint that has no ends. Raises: ConfigError: it is not in `limits`."""
     for name in step.joints:
         if name in limits:
             continue

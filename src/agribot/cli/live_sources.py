@@ -122,7 +122,7 @@ class TopicFrames:
         return self._waiting.popleft() if self._waiting else None
 
     def explain_silence(self) -> str:
-        """Name what is refused, or the topics that have pictures where nobody publishes this one.
+        """Name what is refused, or the topics that have pictures if no node publishes this one.
 
         Raises: BridgeError: the network is gone.
         """
@@ -136,7 +136,7 @@ class TopicFrames:
             )
         others = sorted(name for name, kind in found.items() if kind in PICTURES)
         named = f"topics with pictures: {', '.join(others)}" if others else "nor any other picture"
-        return f"nobody publishes it, {named}; start the camera's node, or name another topic"
+        return f"no node publishes it, {named}; start the camera's node, or name another topic"
 
     def stop(self) -> None:
         """Let a thread that waits in `read` end."""

@@ -26,7 +26,7 @@ COMMANDS = {
     ),
     "sim": (
         "agribot.cli.sim",
-        "simulate the world alone: sensors out, drive commands in, nobody thinking",
+        "simulate the world alone: sensors out, drive commands in, no autonomy",
         "agribot sim --world empty --drive=0.4,0.2 --for 20 --speed max",
     ),
     "report": (
@@ -111,7 +111,7 @@ COMMANDS = {
     ),
     "gnss": (
         "agribot.cli.gnss",
-        "show what a receiver tells, and set up a u-blox receiver for driving",
+        "show what a receiver reports, and set up a u-blox receiver for driving",
         "agribot gnss show serial:/dev/ttyACM0",
     ),
     "plugins": (

@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _describe_all(folder: Path, troubles: list[str]) -> list[dict[str, Any]]:
-    """Describe the maps; of those that are none, `troubles` says why."""
+    """Describe the maps; `troubles` says why a file is not one."""
     found = []
     for name, path in find_maps(folder).items():
         try:
@@ -152,7 +152,7 @@ def _parse_zooms(text: str) -> tuple[int, int]:
 
 
 def _remove(name: str, folder: Path) -> list[dict[str, Any]]:
-    """Delete a map, also a broken one; gives what it was, as far as it can be told."""
+    """Delete a map, also a broken one; returns what it was, as far as that can be read."""
     path = find_maps(folder).get(name)
     if path is None:
         raise ConfigError(f"there is no map '{name}'; see agribot map list")

@@ -102,7 +102,7 @@ def _add_gpsd_arguments(client: argparse._ArgumentGroup) -> None:
     )  # fmt: skip
     client.add_argument(
         "--check-fix-by-variance", action=argparse.BooleanOptionalAction, default=True,
-        help="no NavSatFix whose accuracy gpsd does not tell",
+        help="no NavSatFix whose accuracy gpsd does not state",
     )  # fmt: skip
 
 

@@ -30,7 +30,7 @@ from agribot.drivers.schemes import open_source, read_uri
 FILE_NAME = "origins.toml"
 FIRST_FIX_FILE_NAME = "first-fix.toml"  # the origin of a real robot that was given none
 PATIENCE_S = 60.0  # for the first good fix; a cold receiver needs half of that
-# For the first good fix where nobody asked for it; the robot may stand in its workshop.
+# For the first good fix where the command asked for none; the robot may stand in its workshop.
 UNASKED_PATIENCE_S = 10.0
 PERIOD_S = 0.05
 FIRST_FIX = "first fix"
@@ -126,7 +126,7 @@ def _find_datum(wanted: str, config: RunConfig, options: argparse.Namespace) -> 
     if ":" in uri:
         return _wait_for_fix(uri, options, PATIENCE_S), f"{FIRST_FIX} of {uri}"
     if "," in wanted:
-        return _parse_place(wanted), "as told"
+        return _parse_place(wanted), "as given"
     return _find_named(wanted), wanted
 
 

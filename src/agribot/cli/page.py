@@ -73,7 +73,7 @@ def add_address_arguments(group: argparse._ActionsContainer) -> None:
         "--token-file",
         default="",
         metavar="FILE",
-        help="keep the tokens over restarts, in this file; it is made where there is none",
+        help="keep the tokens over restarts, in this file; a missing file is made",
     )
     group.add_argument("--open", action="store_true", help="open the page in a browser")
 
@@ -83,7 +83,7 @@ def has_page(options: argparse.Namespace) -> bool:
 
 
 def is_kept_open(options: argparse.Namespace) -> bool:
-    """Tell whether a person at a terminal goes on looking; a script goes on."""
+    """Return whether a person at a terminal goes on looking; a script goes on."""
     return bool(options.stay) or sys.stderr.isatty()
 
 

@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--start", metavar="LON,LAT", help="where the robot stands")
     parser.add_argument("--turns", choices=get_args(TurnStyle), default="auto",
                         help="between swaths: arcs where they fit and are quicker (auto), in "
-                             "place, arcs or three-point turns wherever they fit")  # fmt: skip
+                             "place, arcs or three-point turns where they fit")  # fmt: skip
     parser.add_argument("--margin", type=float, metavar="M",
                         help="from the footprint to every edge (default: as the file "
                              "says, else 0.05)")  # fmt: skip

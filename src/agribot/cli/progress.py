@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 BAR_WIDTH = 24
 BAR_EVERY_S = 0.5  # simulated
 LINE_EVERY_S = 20.0
-UNEXPLAINED_S = 3.0  # people wait so long without an explanation
+UNEXPLAINED_S = 3.0  # longest wait without an explanation
 
 
 @contextmanager
@@ -34,7 +34,7 @@ def explain_wait(text: str, after_s: float = UNEXPLAINED_S) -> Iterator[None]:
 
 
 class RunProgress:
-    """A tap that shows row, speed, cross-track error and the weeds found so far."""
+    """A tap that shows row, speed, cross-track error and the weeds found until now."""
 
     def __init__(self, weed_map: WeedMap, stream: TextIO | None = None) -> None:
         self._weed_map = weed_map

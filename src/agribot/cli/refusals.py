@@ -28,7 +28,7 @@ def refuse(program: str, error: Exception) -> int:
         return BROKEN_PIPE
     if os.environ.get(TRACEBACK):
         traceback.print_exception(error)
-    with contextlib.suppress(OSError):  # nobody reads it
+    with contextlib.suppress(OSError):  # no program reads it
         sys.stderr.write(f"{program}: {describe_error(error)}\n")
     _drop_output()
     return 2
@@ -90,7 +90,7 @@ def _one_line(text: str) -> str:
 
 
 def _has_reader_gone() -> bool:
-    """Tell whether stdout or stderr is a pipe that nobody reads any more."""
+    """Return whether stdout or stderr is a pipe without a reader."""
     if not hasattr(select, "poll"):
         return True
     ended = select.poll()

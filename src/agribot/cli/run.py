@@ -82,7 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--clear-stop",
         action="store_true",
         help="with --resume: clear the stop or pause in which that run ended; on hardware: the "
-        "stop that nobody has cleared",
+        "stop that is not yet cleared",
     )
     parser.add_argument(
         "--speed",
@@ -123,7 +123,7 @@ def run(options: argparse.Namespace) -> int:
     pace = parse_pace(options.speed or ("1" if is_live else "max"))
     with (
         _open_run(options, config, kind) as session,
-        stop_on_signal() as stop,  # before a page tells its address
+        stop_on_signal() as stop,  # before a page states its address
         ExitStack() as parts,
     ):
         sys.stderr.writelines(f"{note}\n" for note in session.notes)
@@ -186,7 +186,7 @@ def _open_run(options: argparse.Namespace, config: RunConfig, kind: PlatformKind
 
 
 def _has_operator(options: argparse.Namespace) -> bool:
-    """Tell whether somebody can clear a stop and resume: on the page, or over a bridge."""
+    """Return whether an operator can clear a stop and resume: on the page, or over a bridge."""
     return has_page(options) or (bridging.is_wanted(options) and options.allow_drive)
 
 
@@ -230,23 +230,23 @@ def _check(options: argparse.Namespace, config: RunConfig) -> None:
 
 
 def _check_arming(options: argparse.Namespace, config: RunConfig, out_dir: Path) -> None:
-    """Refuse a machine that begins stopped where nobody could clear the stop.
+    """Refuse a machine that begins stopped where no operator could clear the stop.
 
-    Raises: AgribotError: it does, and nobody can.
+    Raises: AgribotError: it does, and no operator can.
     """
     if _has_operator(options):
         return
     remembered = StopMemory(config.platform, out_dir).read()
     if remembered is not None and not options.clear_stop:
         raise MissionError(
-            f"platform = {config.platform!r} was stopped, and nobody has cleared it since "
+            f"platform = {config.platform!r} was stopped, and the stop is not cleared since "
             f"{remembered.since}: {remembered.stopped}; look after the robot, then add --clear-stop"
             ", or --ui and clear it on the page"
         )
     if not options.arm:
         raise MissionError(
-            f"platform = {config.platform!r} begins disarmed, and nobody could arm it; add --ui "
-            "and clear the stop on the page, or --arm when nobody is near the robot"
+            f"platform = {config.platform!r} begins disarmed without an operator to arm it; add "
+            "--ui and clear the stop on the page, or --arm when no person is near the robot"
         )
 
 

@@ -18,8 +18,8 @@ from agribot.core.signals import HANG_UP
 def stop_on_signal() -> Iterator[list[int]]:
     """Yield a list that a first Ctrl-C or SIGTERM makes true; the second one interrupts.
 
-    So does a terminal that is closed, unless that is ignored (nohup): what still is to be told
-    then reaches nobody, and the program goes on to its end.
+    So does a terminal that is closed, unless that is ignored (nohup): later messages have no
+    reader then, and the program goes on to its end.
     """
     received: list[int] = []
     terminals = [number for number in (1, 2) if os.isatty(number)]

@@ -60,8 +60,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="of a key, and of a mouse whose terminal is silent")  # fmt: skip
     stick = parser.add_argument_group("joystick")
     stick.add_argument("--joy", default="/dev/input/js0", metavar="DEVICE")
-    stick.add_argument("--deadman", type=int, metavar="BUTTON", help=f"{DEADMAN} unless told")
-    stick.add_argument("--axes", metavar="FORWARD,LEFT", help=f"{AXES} unless told")
+    stick.add_argument("--deadman", type=int, metavar="BUTTON", help=f"default: {DEADMAN}")
+    stick.add_argument("--axes", metavar="FORWARD,LEFT", help=f"default: {AXES}")
     stick.add_argument("--dead-zone", type=finite, default=0.1)
     stick.add_argument(
         "--config",

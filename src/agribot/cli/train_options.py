@@ -30,7 +30,7 @@ def add_recipe_options(group: argparse._ArgumentGroup) -> None:
         type=finite,
         default=1.0,
         metavar="SHARE",
-        help="with --start: write weights that lie so far from those begun with to those learned, "
+        help="with --start: write weights at SHARE of the way from its own to those learned, "
         "0.5 half-way, which know nearly all of both (default: 1)",
     )
     group.add_argument(
@@ -118,7 +118,7 @@ def check_recipe_options(args: argparse.Namespace) -> None:
 
 
 def _check_blend(args: argparse.Namespace) -> None:
-    """Refuse a blend that nobody can make.
+    """Refuse a blend that cannot be made.
 
     Raises: ConfigError: no share of the way, or nothing to begin at.
     """
@@ -248,7 +248,7 @@ def add_drawn_options(group: argparse._ArgumentGroup) -> None:
         type=int,
         default=0,
         metavar="N",
-        help="so many more of the fields of --variety standard, half along rows and half in turns, "
+        help="N more of the fields of --variety standard, half along rows and half in turns, "
         "which another variety forgets; half of --validate then are such pictures, too",
     )
     group.add_argument(
@@ -256,7 +256,7 @@ def add_drawn_options(group: argparse._ArgumentGroup) -> None:
         type=int,
         default=0,
         metavar="N",
-        help="so many more of young carrots or parsley among weeds, from close above, half in red "
+        help="N more of young carrots or parsley among weeds, from close above, half in red "
         "and near infrared",
     )
     group.add_argument(
@@ -264,8 +264,7 @@ def add_drawn_options(group: argparse._ArgumentGroup) -> None:
         type=int,
         default=0,
         metavar="N",
-        help="so many more of rows from the camera to the horizon, on stony or bare fields in any "
-        "light",
+        help="N more of rows from the camera to the horizon, on stony or bare fields in any light",
     )
     group.add_argument("--test-images", type=int, default=120, help="of each test set")
     group.add_argument("--cache", type=Path, help="where they lie (default: OUT/images)")

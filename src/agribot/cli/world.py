@@ -181,7 +181,7 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _list_plants_unknown(name_or_path: str) -> list[FileFinding]:
-    """List the plants of a world that nobody can draw; none where it cannot be read at all."""
+    """List the plants of a world that cannot be drawn; none where it cannot be read at all."""
     from agribot.description.elements import FileFinding
     from agribot.description.worlds_sdf import load_world
 

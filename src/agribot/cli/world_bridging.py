@@ -42,7 +42,7 @@ _OUT = {
 
 
 def take_twist(hand: Sequence[HandDrive]) -> DriveCommand | None:
-    """Take the newest request of a peer; one that is not finite stops. None where there is none."""
+    """Take the newest request of a peer; one that is not finite stops. None without a request."""
     if not hand:
         return None
     newest = hand[-1]

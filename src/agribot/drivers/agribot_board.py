@@ -76,8 +76,8 @@ class AgribotBoard:
         """`counts_per_turn` of a wheel; the bumper is `bumper_x_m` ahead of the robot's middle.
 
         `axes` says which of the IMU's axes point forward, left and up. `pack_v` are the voltages
-        of the empty and the full battery, from which its charge follows; 0 where nobody knows.
-        `motors` is None where no current is measured, or nobody knows the windings.
+        of the empty and the full battery, from which its charge follows; 0 where they are unknown.
+        `motors` is None where no current is measured, or the windings are unknown.
         """
         self._pack_v, self._motors = pack_v, motors
         self._config, self._counts_per_rad = config, counts_per_turn / math.tau
@@ -259,7 +259,7 @@ def _read_board(state: BoardState, *, has_battery: bool, is_config_refused: bool
         t_s=0.0,
         inputs=("red button", "bumper", "motors", *(("battery",) if has_battery else ())),
         is_button_pressed=BoardFlag.ESTOP_PRESSED in flags,
-        stopped=(told or "for a reason that it does not tell")
+        stopped=(told or "for a reason that it does not state")
         if BoardFlag.STOP_LATCHED in flags
         else "",
         faults=tuple(found),
@@ -281,7 +281,7 @@ def _name_reversed(motor_faults: int) -> str:
 def make_board(robot: RobotSpec, options: UriOptions) -> AgribotBoard:
     """Make it for a robot; the options say what its description does not.
 
-    Raises: ConfigError: an option that is none, motors that nobody stated, or speeds that the
+    Raises: ConfigError: an invalid option, motors that are not stated, or speeds that the
         frames cannot carry.
     """
     drive = robot.drive
@@ -323,7 +323,7 @@ def make_board(robot: RobotSpec, options: UriOptions) -> AgribotBoard:
 
 
 def _read_pack(options: UriOptions) -> tuple[float, float]:
-    """Read the voltages of the empty and the full battery; 0 where they are not told."""
+    """Read the voltages of the empty and the full battery; 0 where they are not stated."""
     empty_v = options.pop_number("battery_empty_v", 0.0, 0.0, 65.0)
     full_v = options.pop_number("battery_full_v", 0.0, 0.0, 65.0)
     if bool(empty_v) != bool(full_v) or (full_v and full_v <= empty_v):

@@ -162,7 +162,7 @@ class BoardDecoder:
 
     `bad` counts what stood between two zeros and was no frame, `unknown` frames that are whole but
     of no type or length of the table, `lost` the gaps in the sequence numbers. What was in the line
-    before the first whole frame is none of these: nobody knows where it began.
+    before the first whole frame counts as none of these: where it began is unknown.
     """
 
     def __init__(self, sender: Sender = "board") -> None:

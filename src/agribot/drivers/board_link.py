@@ -31,7 +31,7 @@ from agribot.drivers.motor_board import (
     StampedReport,
 )
 
-# A person cleared the stop: the board is told so until it has let go, but no longer.
+# longest time for which the board gets the command to clear its stop, until it lets go
 CLEARING_S = 2.0
 # A board that speaks first has missed ten of its words: it hung or begins anew, and its bootloader
 # must hear nothing. A watchdog resets it 0.12 s after its last one.
@@ -71,7 +71,7 @@ class BoardLink:
         return is_heard or not isinstance(self.board, SpeaksFirst)
 
     def open(self) -> bytes:
-        """Begin with a board whose line was just opened; makes what it is told at once."""
+        """Begin with a board whose line was just opened; makes what is sent to it at once."""
         self.has_spoken, self._bytes_heard = False, 0
         self._first_s, self._heard_s = math.inf, -math.inf
         return self.board.open()
@@ -127,7 +127,7 @@ class BoardLink:
     def clear(
         self, t_s: float, events: tuple[OperatorEvent, ...], told: tuple[BoardSample, ...]
     ) -> bytes:
-        """Make what tells the board that a person cleared the stop, until it has let go."""
+        """Make the command that clears the board's stop, sent until the board has let go."""
         actions = [event.action for event in events]
         if "clear_stop" in actions:
             self._clearing_until_s = t_s + CLEARING_S
@@ -148,7 +148,7 @@ class BoardLink:
         if not math.isfinite(left + right):
             raise PlatformError(
                 f"drive command v = {drive.v_mps} m/s, yaw rate = {drive.yaw_rate_radps} rad/s "
-                "is not finite; the motor board is not told"
+                "is not finite; nothing is sent to the motor board"
             )
         speeds = (right, left, right, left)
         return self.board.poll() + self.board.drive(speeds, command.implement)

@@ -24,7 +24,7 @@ from agribot.drivers.imu_devices import ASK_AGAIN_S, BEGINS_S
 LONGEST_LINE = 200
 PATIENCE_S = 5.0  # a bootloader lets the program begin after one
 BAUDS = {BoardKind.MOTOR: 250_000, BoardKind.IMU: 57_600}
-_LINE = re.compile(rb"A-?\d+B-?\d+C-?\d+D")  # of an IMU board that nobody has asked
+_LINE = re.compile(rb"A-?\d+B-?\d+C-?\d+D")  # of an IMU board that was not asked
 
 
 class FoundBoard(msgspec.Struct, frozen=True, kw_only=True):
@@ -80,7 +80,7 @@ class BoardListener:
         self.has_framed = False
 
     def find(self) -> FoundBoard | None:
-        """Tell what it is; None before it told its version."""
+        """Return what the board is; None before it reported its version."""
         version = self._said.get(BoardVersion)
         state, imu = self._said.get(BoardState), self._said.get(BoardImu)
         if not isinstance(version, BoardVersion):
@@ -115,7 +115,7 @@ class BoardProbe:
         return self._board.find()
 
     def listen(self, seconds: float) -> FoundBoard | None:
-        """Go on hearing for a while, and tell what was said in it; None where nothing was.
+        """Go on reading for a while and return what the board said; None if it said nothing.
 
         Raises: OSError: the line broke.
         """

@@ -23,7 +23,7 @@ from agribot.core.messages import Four, Vec3
 PROTOCOL = 1
 BAUD = 250_000  # which 16 MHz divide without an error
 TELEMETRY_HZ = 100
-COMMAND_TIMEOUT_S = 0.3  # without a command for so long, wheels and tool are off
+COMMAND_TIMEOUT_S = 0.3  # longest time without a command before wheels and tool go off
 CLEAR_KEY = 0x5AFE
 GRAVITY_MPS2 = 9.80665
 # What the boards set the MPU-9250 to, and the 16 bits of its AK8963.

@@ -10,7 +10,7 @@ from agribot.drivers.board_protocol import BoardFlag, BoardKind
 from agribot.drivers.line_answers import LineAnswer
 from agribot.drivers.rosserial import STRING, RosserialHost
 
-FRAMES_S = 1.5  # a board of ours that told its version goes on in frames within that
+FRAMES_S = 1.5  # a board of ours that reported its version goes on in frames within that
 ANSWER_S = 4.0  # a board is asked after two seconds, and again after one; nothing then is no answer
 LISTEN_S = 3.0  # to the topics of a rosserial device
 _PACKET = re.compile(rb"\xff\xfe(..)(.)", re.DOTALL)
@@ -61,7 +61,7 @@ class BoardSpeaker:
             )  # fmt: skip
         return LineAnswer(
             kind="unknown", baud=baud, is_good=False,
-            detail=f"frames of a board of ours at {baud} baud, but it does not tell its version",
+            detail=f"frames of a board of ours at {baud} baud, but it does not report its version",
             advice=("flash it: agribot board flash motor, or imu",),
         )  # fmt: skip
 
@@ -84,7 +84,7 @@ def _tell_board(found: FoundBoard, baud: int) -> LineAnswer:
 
 
 class RosserialSpeaker:
-    """An Arduino that publishes for ROS; one that nobody asked is silent.
+    """An Arduino that publishes for ROS; it is silent until a host asks it.
 
     It is asked for its topics once it speaks, or with `may_ask` where it is silent.
     """

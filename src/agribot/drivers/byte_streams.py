@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import ssl
 
 READ_BYTES = 4096
-POLL_S = 0.2  # a read returns after so long without a byte
+POLL_S = 0.2  # a read without a byte returns after this time
 WRITE_S = 1.0  # a device that takes nothing for longer is given up on
 LINE_HELP = (
     "check that it is plugged in, switched on and used by no other program, and that you may read "
@@ -107,7 +107,7 @@ class SerialStream:
 
 
 class UnreachableError(OSError):
-    """Nobody answers at a host and port."""
+    """No program answers at a host and port."""
 
 
 def describe_failure(error: OSError) -> str:
@@ -117,7 +117,7 @@ def describe_failure(error: OSError) -> str:
 
 
 class TcpStream:
-    """A TCP connection. Raises: OSError: nobody answers there."""
+    """A TCP connection. Raises: OSError: no program answers there."""
 
     def __init__(self, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
         """With `tls` the connection is encrypted, and the other end proves that it is `host`."""
@@ -155,8 +155,8 @@ class StreamReader:
     """Reads a line in a thread of its own until it is closed.
 
     `on_bytes(data, arrived_s)` gets what came, in that thread, and with `hears_silence` also that
-    nothing came for POLL_S; `on_open(stream)` may write what the device has to be told. `tell`
-    hears of each loss and of each return, once.
+    nothing came for POLL_S; `on_open(stream)` may write what the device needs first. `tell`
+    gets each loss and each return, once.
     """
 
     def __init__(
@@ -199,7 +199,7 @@ class StreamReader:
                 if self._stream is not None:
                     self._stream.write(data)
                     return True
-            except OSError:  # the reading thread finds out, and tells
+            except OSError:  # the reading thread finds out, and reports it
                 pass
         return False
 

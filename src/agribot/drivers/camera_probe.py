@@ -1,4 +1,4 @@
-"""Whether a camera gives pictures, of which size and how many a second."""
+"""Whether a camera gives pictures, their size and their rate."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import threading
 import time
 from typing import Any, NamedTuple
 
-LIMIT_S = 8.0  # a driver that hangs holds nobody up for longer
+LIMIT_S = 8.0  # longest wait for a driver that hangs
 PICTURES = 8  # whose times are measured, after the first
 
 

@@ -27,7 +27,7 @@ from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.schemes import SourceContext, SourceUri
 from agribot.drivers.uri_options import UriOptions
 
-MOST_WAITING = 4  # pictures that nobody took; a loop that stands still keeps no more
+MOST_WAITING = 4  # pictures not yet taken; a loop that stands still keeps no more
 CLOSING_S = 2.0  # a driver that hangs keeps no program from ending
 # From the middle of the exposure until the picture is there, at least.
 LATENCY_S = {"v4l2": 0.05, "rtsp": 0.2, "video": 0.0, "pipe": 0.05}

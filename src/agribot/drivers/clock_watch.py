@@ -1,4 +1,4 @@
-"""How well are the times of a device known? It is told once, and where that is too badly."""
+"""Reports once how well the times of a device are known, and when they are known too badly."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from collections.abc import Callable
 from agribot.core.messages import OperatorEvent, make_sensor_note
 from agribot.core.stamp_clock import WINDOW_S
 
-UNSURE_S = 0.02  # capture times that are off by more are told
+UNSURE_S = 0.02  # capture times that are off by more are reported
 PERIOD_S = 1.0  # between two looks
 
 
 class ClockWatch:
     """Notes once how far the times of a device may be off, then when that becomes too far or not.
 
-    `name` is the device's. `uncertainty_s` is asked once a second; infinite where nobody knows.
+    `name` is the device's. `uncertainty_s` is asked once a second; infinite where it is unknown.
     """
 
     def __init__(self, name: str, uncertainty_s: Callable[[], float]) -> None:

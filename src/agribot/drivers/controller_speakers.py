@@ -28,7 +28,7 @@ ODRIVE_S, FLUSH_S = 1.0, 0.2
 NO_PROPERTY = "invalid property"
 MUST_REPORT = "--set 'safety.must_report=[\"motors\"]'"
 BUTTON_ADVICE = (
-    f"it tells of no red button: cut the motors' supply by the button, then add {MUST_REPORT}"
+    f"it reports no red button: cut the motors' supply by the button, then add {MUST_REPORT}"
 )
 
 
@@ -139,7 +139,7 @@ class OdriveSpeaker:
         left = [name for name in self._QUESTIONS if name not in self._said]
         if not self._may_ask or now_s < self._next_s or not left:
             return b""
-        if not self._is_flushed:  # an answer to what came half, or from others, is none of ours
+        if not self._is_flushed:  # an answer to what came half, or from others, is not ours
             self._is_flushed, self._next_s = True, now_s + FLUSH_S
             return b"\n"
         if self._asked:

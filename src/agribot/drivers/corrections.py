@@ -1,7 +1,7 @@
 """Corrections of a base station on their way from a caster to a receiver.
 
-A thread of its own asks the caster, passes whole RTCM messages on, tells it every ten seconds
-where the receiver is (virtual base stations want to know), and asks again after a loss. A base
+A thread of its own asks the caster, passes whole RTCM messages on, sends the caster the place of
+the receiver every ten seconds (virtual base stations need it), and asks again after a loss. A base
 that says to stand where it corrects nothing here is not passed on. Neither the control loop nor
 the thread that reads the receiver waits for it.
 """
@@ -36,8 +36,8 @@ from agribot.drivers.rtcm import RtcmDecoder, RtcmMessage, corrects_ranges, read
 if TYPE_CHECKING:
     import ssl
 
-_CLOSE_S = 1.0  # a name that nobody resolves holds the thread up for longer; it ends by itself
-# No base corrects a receiver so far away: networks of them carry over 50 to 70 km (Swift
+_CLOSE_S = 1.0  # a name that does not resolve holds the thread up for longer; it ends by itself
+# No base corrects a receiver beyond this: networks of them carry over 50 to 70 km (Swift
 # Navigation, "What is an RTK baseline"), and the millimetre per kilometre that makers of receivers
 # state (u-blox, ZED-F9P data sheet: 1 cm + 1 ppm) is 20 cm by then.
 _FARTHEST_BASE_M = 200e3
@@ -83,9 +83,9 @@ def make_tls(authority: str = "") -> ssl.SSLContext:
 class CorrectionLink:
     """Feeds a receiver from a caster until it is closed.
 
-    `write` gives bytes to the receiver and tells whether it took them, `last_fix` is where that is,
-    None before it knows. `tell` hears once that corrections come (and true), are
-    lost, and why there are none (and false).
+    `write` gives bytes to the receiver and returns whether it took them, `last_fix` is where that
+    is, None before it knows. `tell` gets a message once when corrections come (and true), are
+    lost, or cannot be had, with the reason (and false).
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class CorrectionLink:
         self._thread.start()
 
     def state(self) -> CorrectionState:
-        """Tell how fresh the corrections are; any thread may ask."""
+        """Return how fresh the corrections are; any thread may ask."""
         last_s = self._last_s
         return CorrectionState(
             None if last_s is None else max(self._now_s() - last_s, 0.0), dict(self._counts.copy())
@@ -228,16 +228,16 @@ class CorrectionLink:
         if beside:
             kinds = ", ".join(map(str, sorted(beside)))
             return (
-                f"for {self._timing.stall_s:g} s the base told of itself only (RTCM {kinds}) and "
+                f"for {self._timing.stall_s:g} s the base reported itself only (RTCM {kinds}) and "
                 "measured no satellite; check its antenna, or choose another mountpoint"
             )
         if junk and not self._is_flowing:
             return f"{junk} bytes came that are no RTCM 3; choose a mountpoint in that format"
-        lacks_fix = "" if self._last_fix() else "; the receiver has no position yet to tell it"
+        lacks_fix = "" if self._last_fix() else "; the receiver has no position yet to send to it"
         return f"nothing came for {self._timing.stall_s:g} s{lacks_fix}"
 
     def _tell_why(self, why: str) -> None:
-        """Tell each reason once, until corrections come again."""
+        """Report each reason once, until corrections come again."""
         if why == self._told:
             return
         self._told = why
@@ -251,7 +251,7 @@ def _doubt_base(base_m: Vec3, fix: GnssFix) -> str:
     """Say why a base at that place, Earth-centred, corrects nothing at a fix; empty if it may."""
     if math.hypot(*base_m) < _LEAST_RADIUS_M:
         return (
-            "the base says to stand inside of the Earth: it does not know its own place; tell it, "
+            "the base says to stand inside of the Earth: its own place is not set; set it, "
             "or choose another mountpoint"
         )
     alt_m = fix.alt_m if math.isfinite(fix.alt_m) else 0.0  # nothing beside 200 km
@@ -262,7 +262,7 @@ def _doubt_base(base_m: Vec3, fix: GnssFix) -> str:
     return (
         f"the base says to stand at latitude {lat_deg:.2f}, longitude {lon_deg:.2f}, "
         f"{distance_m / 1e3:.0f} km from here; the limit is {_FARTHEST_BASE_M / 1e3:.0f} km; "
-        "choose a mountpoint nearby, or tell the base its place"
+        "choose a mountpoint nearby, or set the base's place"
     )
 
 

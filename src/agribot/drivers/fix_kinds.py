@@ -1,4 +1,4 @@
-"""How a receiver came to a place: by satellites, of which quality, or without any."""
+"""How a receiver came to a place: by satellites, with their quality, or without any."""
 
 from __future__ import annotations
 

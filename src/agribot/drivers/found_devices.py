@@ -146,8 +146,8 @@ def _read_stable_names(root: Path, folder: str, pattern: str = ".+") -> dict[str
 def _name_serial_lines(root: Path, lines: list[str]) -> dict[str, str]:
     """Return the lasting name of each line: one of a rule for boards, by its number, or its socket.
 
-    Two devices of one kind without serial numbers have the same name by-id, of which the one
-    plugged in last has the link; their sockets tell them apart.
+    Two devices of one kind without serial numbers have the same name by-id, which links to the
+    one plugged in last; their sockets distinguish them.
     """
     by_id = _read_stable_names(root, "dev/serial/by-id")
     by_path = _read_stable_names(root, "dev/serial/by-path")

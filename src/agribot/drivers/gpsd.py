@@ -1,6 +1,6 @@
 """Fixes from gpsd, the receiver daemon of Linux: lines of JSON over TCP.
 
-Source: gpsd_json(5), classes TPV and GST, as of gpsd 3.22. It does not tell whether the carrier's
+Source: gpsd_json(5), classes TPV and GST, as of gpsd 3.22. It does not state whether the carrier's
 ambiguities of a u-blox receiver are fixed; a fix that claims centimetres has them fixed.
 """
 
@@ -39,7 +39,7 @@ def write_watch(device: str = "") -> bytes:
 
 
 class JsonLineDecoder:
-    """Finds JSON objects in a stream of lines; what is none is counted in `bad` and left out."""
+    """Finds JSON objects in a stream of lines; a line without one is counted in `bad`."""
 
     def __init__(self) -> None:
         self._line = bytearray()
@@ -67,9 +67,9 @@ class JsonLineDecoder:
 
 
 class GpsdFixes:
-    """Makes fixes of TPV, with the accuracy of the last GST where the receiver tells one.
+    """Makes fixes of TPV, with the accuracy of the last GST where the receiver states one.
 
-    gpsd tells a GST after the position of its epoch, or with it.
+    gpsd sends a GST after the position of its epoch, or with it.
     """
 
     def __init__(self, refuse: Callable[[str], None]) -> None:
@@ -147,9 +147,9 @@ def _is_nan(value: Any) -> bool:
 
 
 def _read_altitude_m(report: Mapping[str, Any]) -> float:
-    """Read the altitude above the ellipsoid; NaN where it is not told.
+    """Read the altitude above the ellipsoid; NaN where it is not stated.
 
-    gpsd before 3.20 tells the one above mean sea level, and how far the geoid is above the
+    gpsd before 3.20 states the one above mean sea level, and how far the geoid is above the
     ellipsoid.
     """
     if _tells(report, "altHAE"):

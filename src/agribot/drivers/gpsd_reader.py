@@ -12,13 +12,13 @@ from agribot.drivers.gpsd import write_watch
 from agribot.drivers.receiver import GpsdDecoder
 from agribot.ros.nodes.gpsd_client import GpsdReport
 
-_MOST_REPORTS = 100  # that nobody took yet
+_MOST_REPORTS = 100  # that were not taken yet
 
 
 class GpsdReader:
-    """Reads the first receiver that a gpsd tells of, until it is closed.
+    """Reads the first receiver that a gpsd reports, until it is closed.
 
-    `tell` hears what cannot be read, and of each loss and return of the line.
+    `tell` gets what cannot be read, and each loss and return of the line.
     """
 
     def __init__(
@@ -27,7 +27,7 @@ class GpsdReader:
     ) -> None:  # fmt: skip
         """Open the line; `now_s` is since 1970.
 
-        Raises: ConfigError: nobody answers there.
+        Raises: ConfigError: no gpsd answers there.
         """
         self._decoder, self._now_s = GpsdDecoder(tell), now_s
         self._status = GnssStatus(t_s=0.0)
@@ -46,7 +46,7 @@ class GpsdReader:
         self._reader.close()
 
     def _hear(self, data: bytes, arrived_s: float) -> None:
-        """Decode line by line: what is told of a fix is told before the next one."""
+        """Decode line by line: all that is stated of a fix comes before the next one."""
         now_s = self._now_s()
         for line in data.splitlines(keepends=True):
             for stamp_s, sample in self._decoder.feed(line, arrived_s):

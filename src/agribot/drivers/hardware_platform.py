@@ -37,7 +37,7 @@ class HardwarePlatform:
     """`read` waits for the next tick of `tick_hz`; ticks that were missed are left out.
 
     Every command goes to the board at once and none is sent again: a board that hears none for its
-    timeout stops by itself. One that speaks first is told nothing until it does.
+    timeout stops by itself. One that speaks first is sent nothing until it does.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class HardwarePlatform:
         self._reader.close()
 
     def _await_board(self) -> None:
-        """Wait for the first report, for a while: so many polls, however slow the machine is."""
+        """Wait for the first report: a fixed count of polls, however slow the machine is."""
         for _ in range(round(FIRST_REPORT_S / POLL_S)):
             if self._link.has_spoken:
                 return

@@ -132,7 +132,7 @@ class Heard:
         return tuple(kind for kind, _ in self.unread.most_common(MOST_NAMED))
 
     def is_patient(self, arrived_s: float) -> bool:
-        """Tell whether fixes come, or it began to speak a moment ago."""
+        """Return whether fixes come, or it began to speak a moment ago."""
         return arrived_s - max(self._fix_s, self._begun_s) < PATIENCE_S
 
     def explain(self) -> str:

@@ -1,4 +1,4 @@
-"""IMUs on a line of bytes: what each is told, and what it answers.
+"""IMUs on a line of bytes: what each is sent, and what it answers.
 
 `letters` are the printed lines of the original's Arduino, `rosserial` the same lines as the text
 of a topic, `agribot` the frames of the IMU board of `firmware/`, which bring the magnetometer too.

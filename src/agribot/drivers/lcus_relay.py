@@ -1,7 +1,7 @@
 """A USB relay of the LCUS family as the robot's contactor, or what holds its coil: `lcus:/dev/...`.
 
 Four bytes at 9600 baud switch a channel: 0xA0, the channel, 1 or 0, and the sum of the three. The
-relay answers nothing and has no watchdog: it stays as it is when nobody speaks to it. It falls off
+relay answers nothing and has no watchdog: without a command it keeps its state. It falls off
 when it loses its supply, which is that of its USB plug.
 """
 
@@ -22,7 +22,7 @@ from agribot.drivers.uri_options import UriOptions
 BAUD, HEAD = 9600, 0xA0
 CHANNELS = 8  # of the largest of the family
 REPEAT_S = 0.1  # what was lost on the line is said again
-STUCK_S = 1.0  # a line that takes nothing for so long is lost
+STUCK_S = 1.0  # a line that takes nothing for this time is lost
 
 
 def make_switch(channel: int, *, is_on: bool) -> bytes:
@@ -61,7 +61,7 @@ class LcusContactor:
         self._writer = StreamWriter(f"contactor on {name}", self._write, now_s)
 
     def take(self, t_s: float) -> tuple[ContactorSample, ...]:
-        """Tell what the relay was told last, and whether its line took that."""
+        """Report the last command to the relay, and whether its line took that."""
         silent_s = self._now_s() - self._written_s
         trouble = f"its line {self.name} is lost" if self._is_lost else ""
         if not trouble and self._asked_s > self._written_s and silent_s > STUCK_S:

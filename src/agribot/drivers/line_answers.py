@@ -1,4 +1,4 @@
-"""What speaks at a line, and the speakers that tell it by their bytes: they read no line."""
+"""What speaks at a line, and the speakers that know it by its bytes: they read no line."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ AnswerKind = Literal[
     "vesc", "odrive", "unknown", "silent",
 ]  # fmt: skip
 Use = Literal["base", "imu", "gnss", ""]
-# What a run takes where its URI tells no speed.
+# What a run takes where its URI states no speed.
 USUAL_BAUD: dict[Use, int] = {"base": 115_200, "imu": 57_600, "gnss": 38_400}
 
 
@@ -62,7 +62,7 @@ class Speaker(Protocol):
         ...
 
     def is_done(self, now_s: float) -> bool:
-        """Whether it has told all that it will tell."""
+        """Whether it has said all that it will say."""
         ...
 
     def answer(self, baud: int) -> LineAnswer:

@@ -1,7 +1,7 @@
 """What is at a serial line: heard at one speed after the other, asked only where that is safe.
 
 A board in its bootloader takes a byte for the first of a new program, so that what is silent is
-told nothing, unless its USB name says that it has no such bootloader, or a person says so. The
+sent nothing, unless its USB name says that it has no such bootloader, or a person says so. The
 line is opened once: opening it resets an Arduino.
 """
 
@@ -24,7 +24,7 @@ ALL_BAUDS = (*BAUDS.values(), *RECEIVER_BAUDS)
 FIRST_S, NEXT_S = 3.5, 1.3
 ASKING_S = 6.0  # of a line that is asked while it is silent, for all who wait for a question
 ASKED_BAUDS = (115_200, 57_600)
-ODRIVE_LATER_S = 1.2  # than a VESC, whose bytes are none to an ODrive
+ODRIVE_LATER_S = 1.2  # than a VESC, whose bytes mean nothing to an ODrive
 # Bytes at a far lower speed may be no bytes at all at a higher one, but a broken line.
 SLOW_BAUD = 38_400
 LIMIT_S = 40.0  # of a line that does not stop to talk
@@ -48,7 +48,7 @@ def order_bauds(what: str) -> tuple[int, ...]:
 
 
 def may_ask_silent(what: str) -> bool:
-    """Tell whether a silent device has no bootloader of an Arduino, by its USB name."""
+    """Return whether a silent device has no bootloader of an Arduino, by its USB name."""
     return "VESC" in what or what == "ODrive"
 
 
@@ -60,7 +60,7 @@ class LineProbe:
         tell: Callable[[str], None] = lambda text: None, *, may_ask: bool = False,
         limit_s: float = LIMIT_S,
     ) -> None:  # fmt: skip
-        """`tell` hears what is being tried; with `may_ask` also a silent device is asked."""
+        """`tell` gets what is being tried; with `may_ask` also a silent device is asked."""
         self._line, self._now_s, self._tell = line, now_s, tell
         self._may_ask, self._opened_s = may_ask, now_s()
         self._until_s = self._opened_s + limit_s
@@ -84,7 +84,7 @@ class LineProbe:
         return self._give_up()
 
     def _is_silent(self, bauds: tuple[int, ...], baud: int) -> bool:
-        """Tell whether a speed need not be tried: nothing has come at the first, nor a slow one."""
+        """Return whether a speed need not be tried: none came at the first or a slow one."""
         tried = (bauds[0], SLOW_BAUD, *(ASKED_BAUDS if self._may_ask else ()))
         return not self._bytes and baud not in tried
 

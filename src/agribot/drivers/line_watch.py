@@ -1,4 +1,4 @@
-"""Is a line noisy? Frames whose checksums are wrong are dropped, and many of them are told."""
+"""Is a line noisy? Frames whose checksums are wrong are dropped, and many of them are reported."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ Value = TypeVar("Value")
 
 
 class FreshValues(Generic[Value]):
-    """What each of several controllers told last, for as long as it is not older than `STATE_S`."""
+    """The last values of each of several controllers, while they are not older than `STATE_S`."""
 
     def __init__(self, now_s: Callable[[], float]) -> None:
         self._now_s = now_s
@@ -49,12 +49,12 @@ class FreshValues(Generic[Value]):
         self._told.clear()
 
     def __len__(self) -> int:
-        """Count those that told something since it was cleared, however long ago."""
+        """Count those that reported since it was cleared, however long ago."""
         return len(self._told)
 
 
 class BoardReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What a board measured at one moment; whatever it does not measure is None.
+    """What a board measured at one moment; what it does not measure is None.
 
     The times of the parts are those of the report, which the platform puts in. Inertial and
     magnetic readings come in reports of their own.
@@ -88,11 +88,11 @@ class MotorBoard(Protocol):
     trouble: str
 
     def open(self) -> bytes:
-        """Begin with a board that was just connected; returns what it is to be told at once."""
+        """Begin with a board that was just connected; returns what is to be sent to it at once."""
         ...
 
     def poll(self) -> bytes:
-        """Make what the board is to be asked or told now; called once a tick."""
+        """Make the questions and commands that are now due; called once a tick."""
         ...
 
     def feed(self, data: bytes) -> list[StampedReport]:
@@ -104,13 +104,13 @@ class MotorBoard(Protocol):
         ...
 
     def clear_stop(self) -> bytes:
-        """Make what tells the board that a person cleared the stop."""
+        """Make the command that clears the board's stop, once a person cleared it."""
         ...
 
 
 @runtime_checkable
 class SpeaksFirst(Protocol):
-    """A board that tells its state unasked, and is told nothing before.
+    """A board that reports its state unasked, and is sent nothing before.
 
     Opening its line resets an Arduino, whose bootloader takes a byte within its first second for
     the first of a new program, and then waits for the rest of it instead of starting the old one.
@@ -128,5 +128,5 @@ class CountsBroken(Protocol):
 
     @property
     def broken(self) -> int:
-        """How many of its messages, and of those to it where it tells, were broken so far."""
+        """Count its broken messages, and those to it where it reports them."""
         ...

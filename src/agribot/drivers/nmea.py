@@ -152,7 +152,7 @@ def read_degrees(text: str, side: str, sides: str, limit_deg: float) -> float:
 
 
 def read_finite(text: str) -> float:
-    """Read a number. Raises: ValueError: it is none, or not finite."""
+    """Read a number. Raises: ValueError: not a number, or not finite."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(f"{text} is not finite")

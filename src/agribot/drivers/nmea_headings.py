@@ -26,7 +26,7 @@ class SentenceHeading(NamedTuple):
 
 
 def is_about_heading(sentence: Sentence) -> bool:
-    """Tell whether it is a sentence that this file reads."""
+    """Return whether it is a sentence that this file reads."""
     kind, fields = sentence.kind, sentence.fields
     if kind == "PTNL":
         return fields[:1] == ("AVR",)
@@ -34,7 +34,7 @@ def is_about_heading(sentence: Sentence) -> bool:
 
 
 def read_heading(sentence: Sentence) -> SentenceHeading | None:
-    """Read the heading; None where there is none, or its ambiguities are not fixed.
+    """Read the heading; None without one, or if its ambiguities are not fixed.
 
     Raises: ValueError, IndexError: what stands there is no heading.
     """

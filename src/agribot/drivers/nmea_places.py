@@ -59,7 +59,7 @@ Parts = dict[str, tuple[str, ...]]
 
 
 class Place(NamedTuple):
-    """What a sentence says of the place; `quality` is None where it states none.
+    """What a sentence says of the place; `quality` is None where it states no quality.
 
     `resolution_m` is the last digit of its latitude.
     """
@@ -121,7 +121,7 @@ def read_place(kind: str, fields: tuple[str, ...]) -> Place:
 def _read_where(
     fields: tuple[str, ...], quality: FixKind | None
 ) -> tuple[tuple[float, float] | None, FixKind | None, float]:
-    """Read latitude and longitude, unless the sentence says itself that they are none."""
+    """Read latitude and longitude, unless the sentence itself says that they are invalid."""
     lat, north, lon, east = fields
     if not lat or not lon or quality is GnssQuality.NONE:
         return None, quality, 0.0
@@ -140,7 +140,7 @@ def _read_quectel(fields: tuple[str, ...]) -> Place:
 
 
 def lacks_fix(sentence: Sentence) -> bool:
-    """Tell whether a sentence is one of a receiver that has no position yet, or no more.
+    """Return whether a sentence is one of a receiver that has no position yet, or no more.
 
     Raises: ValueError, IndexError: a quality that is no number, or too few fields.
     """

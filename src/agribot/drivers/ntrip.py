@@ -25,8 +25,8 @@ LOGIN_VARIABLE = "AGRIBOT_NTRIP_LOGIN"
 LOGIN_HELP = f"'machine HOST login USER password WORD' in ~/.netrc, or {LOGIN_VARIABLE}=USER:WORD"
 _AGENT = f"NTRIP agribot/{__version__}"
 _LONGEST_HEAD, _LONGEST_TABLE, _LONGEST_CHUNK = 16_384, 1 << 20, 1 << 20
-_LONGEST_LINE = 80  # of a caster's words that are told
-_NAMES = 8  # of mountpoints that are told
+_LONGEST_LINE = 80  # characters of a caster's words that are shown
+_NAMES = 8  # mountpoints that are listed
 _EMPTY_LINE = re.compile(rb"\r?\n\r?\n")  # RFC 9112, section 2.2: a line may end in a bare LF
 _CHUNK_LENGTH = re.compile(rb"\A[0-9A-Fa-f]+(?:;[^\n]*)?\r?\n")
 _TABLE_BEGINS = (b"STR;", b"CAS;", b"NET;", b"ENDSOURCETABLE")
@@ -137,14 +137,14 @@ def find_login(host: str, environment: Mapping[str, str], home: Path) -> CasterL
     except netrc.NetrcParseError as error:  # its text may repeat a password
         raise ConfigError(f"{path}, line {error.lineno}: it is no netrc; see man netrc") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} cannot be read ({type(error).__name__}); mend it") from None
+        raise ConfigError(f"{path} cannot be read ({type(error).__name__}); fix it") from None
     return CasterLogin(found[0], found[2] or "") if found else None
 
 
 def write_request(
     caster: Caster, login: CasterLogin | None, form: RequestForm = FORMS[0], gga: bytes = b""
 ) -> bytes:
-    """Write the request for a mountpoint; `gga` tells version 2 at once where the rover is."""
+    """Write the request for a mountpoint; `gga` gives version 2 the rover's place at once."""
     version, accept = form
     lines = [f"GET /{caster.mount} HTTP/1.{version - 1}"]
     if version == 2:
@@ -167,7 +167,7 @@ class AnswerDecoder:
         self._waiting = bytearray()
         self._chunks: _Chunks | None = None
         self._is_table = False
-        self._is_text = False  # of which only its beginning will tell whether it is a table
+        self._is_text = False  # its beginning will show whether it is a table
         self.is_open = False  # the caster said yes
 
     def feed(self, data: bytes) -> bytes:
@@ -207,7 +207,7 @@ class AnswerDecoder:
         raise CasterRefusal(f"the caster closed the line without an answer{hint}", is_of_form=True)
 
     def _read_head(self) -> bool:
-        """Read the first line and, of HTTP, those up to the empty one; tell whether it is there."""
+        """Read the first line and, of HTTP, those to the empty one; return whether it is there."""
         first, newline, rest = bytes(self._waiting).partition(b"\n")
         line = _clean(first)
         if not newline:
@@ -232,7 +232,7 @@ class AnswerDecoder:
         return True
 
     def _read_text(self) -> bool:
-        """Tell from its beginning what a text is, once there is enough of it.
+        """Find out from its beginning what a text is, once there is enough of it.
 
         Raises: CasterRefusal: neither a source table nor RTCM.
         """
@@ -317,7 +317,7 @@ class _Chunks:
         try:
             length = int.from_bytes(binascii.unhexlify(word.rjust(len(word) + len(word) % 2, b"0")))
         except binascii.Error:
-            raise CasterRefusal("a chunk whose length is none") from None
+            raise CasterRefusal("a chunk whose length is not a number") from None
         if not word:
             raise CasterRefusal("a chunk without a length")
         if length > _LONGEST_CHUNK:
@@ -332,7 +332,7 @@ def _is_redirect(line: str) -> bool:
 
 
 def _may_begin(first: bytes) -> bool:
-    """Tell whether bytes without a line's end may be the beginning of an answer."""
+    """Return whether bytes without a line's end may be the beginning of an answer."""
     known = (b"HTTP/1.", b"ICY 200", b"SOURCETABLE", b"ERROR")
     return any(word.startswith(first[: len(word)]) for word in known)
 
@@ -343,6 +343,6 @@ def _read_fields(head: bytes) -> dict[str, str]:
 
 
 def _clean(line: bytes) -> str:
-    """Make a caster's words fit to be told: printable ASCII, not too many."""
+    """Make a caster's words fit to be shown: printable ASCII, cut to the longest line."""
     text = line.decode("latin-1").strip()
     return "".join(c if c.isascii() and c.isprintable() else "?" for c in text)[:_LONGEST_LINE]

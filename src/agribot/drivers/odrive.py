@@ -39,7 +39,7 @@ WATCHDOG_EXPIRED = {"error": 0x800, "active_errors": 0x0100_0000}
 
 
 class OdriveBoard:
-    """`axes` are those of the right and the left side. It tells no time, and of no red button.
+    """`axes` are those of the right and the left side. It reports no time and no red button.
 
     It drives no wheel before both axes are in closed loop, which an ODrive is not when it was just
     switched on, nor after an error: it holds a stop until then. What the axes do that was asked
@@ -82,7 +82,7 @@ class OdriveBoard:
         self._asked_polls, self._round_polls = 0, -ROUND_TICKS  # at the newest round, and answered
         self._states: dict[int, AxisState] = {}
         self._voltage_v, self._states_s = math.nan, -math.inf
-        self._is_changing = False  # axes were told to go to closed loop, and have not answered
+        self._is_changing = False  # axes got the command for closed loop, and have not answered
         self._is_change_asked = False
         return b"\n"
 
@@ -117,8 +117,8 @@ class OdriveBoard:
     def clear_stop(self) -> bytes:
         """Clear the errors of axes that stand, and put them in closed loop.
 
-        Their watchdogs are fed first, which have expired where nobody drove. What the axes made of
-        it is asked next, and they are told nothing more before they have answered: one that is in
+        Their watchdogs are fed first, since they expire while no command drives. What the axes made
+        of it is asked next, and nothing more is sent before they have answered: one that is in
         closed loop already would let go of its motor for a moment.
         """
         if self._is_changing or not self._states:
@@ -160,7 +160,7 @@ class AxisState(NamedTuple):
 
 
 class SideAxes:
-    """What two axes, right and left, tell of the robot; a wheel is the wheel of its side."""
+    """What two axes, right and left, report of the robot; a wheel is the wheel of its side."""
 
     def __init__(
         self, axes: tuple[int, int], gear_ratio: float, expired: int, word: str = "axis"
@@ -174,7 +174,7 @@ class SideAxes:
     ) -> BoardReport:  # fmt: skip
         """Make a reading of positions and velocities in turns.
 
-        States that are not known are None, and a voltage NaN: neither is then reported.
+        States that are not known are None, and a voltage NaN: they are then not reported.
         """
         right, left = (motion[axis] for axis in self._axes)
         to_rad = math.tau / self._gear
@@ -203,7 +203,7 @@ class SideAxes:
         )  # fmt: skip
 
     def is_standing(self, state: AxisState | None) -> bool:
-        """Tell whether an axis does not drive its wheels, as far as is known."""
+        """Return whether an axis does not drive its wheels, as far as is known."""
         return state is None or bool(state.error) or state.state != CLOSED_LOOP
 
     def _name_error(self, axis: int, state: AxisState) -> str:
@@ -223,7 +223,7 @@ class SideAxes:
 def make_board(robot: RobotSpec, options: UriOptions) -> OdriveBoard:
     """Make it of `axes`, `gear` and `errors`.
 
-    Raises: ConfigError: an option that is none.
+    Raises: ConfigError: an invalid option.
     """
     text = options.pop_text("axes", "0,1")
     if text not in ("0,1", "1,0"):
@@ -235,7 +235,7 @@ def make_board(robot: RobotSpec, options: UriOptions) -> OdriveBoard:
 def read_machine(options: UriOptions) -> tuple[float, str]:
     """Read `gear`, turns of a motor for one of its wheel, and what the firmware calls `errors`.
 
-    Raises: ConfigError: a gear that nobody stated or out of range, or no such firmware.
+    Raises: ConfigError: a gear that is not stated or out of range, or no such firmware.
     """
     error = options.pop_text("errors", "error")
     if error not in WATCHDOG_EXPIRED:

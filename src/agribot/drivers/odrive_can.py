@@ -61,7 +61,7 @@ class OdriveCanBoard:
         self._states = FreshValues[AxisState](self._now_s)
         self._motion = FreshValues[tuple[float, float]](self._now_s)
         self._volts = FreshValues[float](self._now_s)
-        self._told_s: set[int] = set()  # nodes whose heartbeat came since they were last told
+        self._told_s: set[int] = set()  # nodes whose heartbeat came since the last command
         self._polls, self._is_changing, self._is_known = 0, False, False
         return b""
 
@@ -95,7 +95,7 @@ class OdriveCanBoard:
     def clear_stop(self) -> bytes:
         """Clear the errors of nodes that stand, and put them in closed loop.
 
-        They are told nothing more before both have told their state again.
+        No further command goes to them before both have reported their state again.
         """
         if self._is_changing:
             return b""
@@ -110,7 +110,7 @@ class OdriveCanBoard:
         )
 
     def _make_report(self) -> BoardReport | None:
-        """Make a reading once both have told their motion, and both had told their states once."""
+        """Make a reading once both have reported their motion, and each its state at least once."""
         motion, states = self._motion.take(), self._states.take()
         self._is_known |= len(states) == 2
         if len(motion) < 2 or not self._is_known:
@@ -141,7 +141,7 @@ class OdriveCanBoard:
 def make_board(robot: RobotSpec, options: UriOptions) -> OdriveCanBoard:
     """Make it of `nodes`, `gear` and `errors`.
 
-    Raises: ConfigError: an option that is none.
+    Raises: ConfigError: an invalid option.
     """
     text = options.pop_text("nodes", "0,1")
     words = text.split(",")

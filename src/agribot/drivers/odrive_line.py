@@ -94,7 +94,7 @@ class OdriveLine:
             self._word = () if self._is_sure else _make_word(1 + self._lost % MOST_LOST)
             self._sizes.clear()
             self._questions, self._answers, self._asked_s = tuple(questions), [], now_s
-            # What came half before the word breaks the answer to a question that nobody needs.
+            # What came half before the word breaks an answer that is not needed.
             sizes = (ONE, *self._word) if self._word else ()
             asked = (*(self._motion if size == TWO else VOLTAGE for size in sizes), *questions)
         return "".join(map(write_line, asked)).encode()

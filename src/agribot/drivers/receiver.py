@@ -25,13 +25,13 @@ from agribot.drivers.sky import Sky
 if TYPE_CHECKING:
     import ssl
 
-_MOST_OTHERS = 8  # receivers that are told of
+_MOST_OTHERS = 8  # receivers that are reported
 _SILENT_REPORTS = 20  # of another receiver; two seconds and more
 _MOST_NOTES = 32  # that wait for a tick
 
 
 class GpsdDecoder:
-    """Reports of gpsd about one receiver; that of `device`, or the first that it tells of.
+    """Reports of gpsd about one receiver; that of `device`, or the first that it reports.
 
     Without `device` another one takes its place that speaks while the first is silent: a receiver
     that was unplugged may come back under another name.
@@ -79,7 +79,7 @@ class GpsdDecoder:
         return found
 
     def _is_ours(self, report: Mapping[str, Any]) -> bool:
-        """Tell whether a report is of our receiver: positions of two make no way of one."""
+        """Return whether a report is of our receiver: positions of two make no way of one."""
         device = report.get("device")
         if not isinstance(device, str) or report.get("class") not in ("TPV", "GST", "SKY"):
             return True
@@ -91,7 +91,7 @@ class GpsdDecoder:
         is_ours = device == self._device or not self._device
         if not is_ours and device not in self._others and len(self._others) < _MOST_OTHERS:
             self._others.add(device)
-            self._refuse(f"gpsd tells of {device} too; taken is {self._device}")
+            self._refuse(f"gpsd reports {device} too; taken is {self._device}")
         return is_ours
 
 

@@ -1,6 +1,6 @@
 """Bytes of a receiver in any of its languages, to fixes, headings and states.
 
-UBX, SBF, Unicore's and NMEA are told apart by the bytes. Of those that state one place at once, the
+UBX, SBF, Unicore's and NMEA differ by their bytes. Of those that state one place at once, the
 one that states most counts.
 """
 

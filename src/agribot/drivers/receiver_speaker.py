@@ -140,13 +140,13 @@ class ReceiverSpeaker:
             found.append("no fix yet: give its antenna the open sky, and some minutes")
         is_slow = self.rate_hz < LEAST_RATE_HZ
         if is_slow or heard.language == "NMEA" or (is_ublox and "NAV-PVT" not in heard.read):
-            why = f"{self.rate_hz:.0f} Hz is slow for driving" if is_slow else "UBX tells more"
+            why = f"{self.rate_hz:.0f} Hz is slow for driving" if is_slow else "UBX states more"
             how = "agribot gnss configure URI --rate 10 --save"
             found.append(
                 f"{why}: {how if is_ublox else 'set its rate by the program of its maker'}"
             )
         if heard.language == "NMEA" and not {"GST", "PQTMEPE"} & set(heard.read):
-            found.append("it tells no accuracy: switch on its sentence GST")
+            found.append("it states no accuracy: switch on its sentence GST")
         if not self._has_corrections and quality not in (
             GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT,
         ):  # fmt: skip

@@ -14,7 +14,7 @@ SYNC = b"\xff\xfe"
 LONGEST_CONTENT = 2048
 PUBLISHER, SUBSCRIBER, LOG, TIME = 0, 1, 7, 10
 FIRST_TOPIC = 100  # below are the protocol's own
-# While no topic has been told, and after a silence: longer than the second in which the bootloader
+# While no topic is known, and after a silence: longer than the second in which the bootloader
 # of an Arduino would take the question for a program to flash.
 ASK_AGAIN_S = 2.0
 STRING = "std_msgs/String"
@@ -106,7 +106,7 @@ class RosserialHost:
             return packet
 
     def _drop(self) -> None:
-        """Go on behind a start that was none, which may hide a whole packet."""
+        """Go on behind a false start, which may hide a whole packet."""
         self.bad += 1
         del self._waiting[:2]
 
@@ -126,7 +126,7 @@ class RosserialHost:
         return None
 
     def _find_message(self, topic: int, content: bytes) -> TopicMessage | None:
-        """Ask again where the topic is unknown: the device was told to begin by another host."""
+        """Ask again where the topic is unknown: another host started the device's topics."""
         known = self.topics.get(topic)
         if known is not None:
             return TopicMessage(known, content)

@@ -1,4 +1,4 @@
-"""RTCM 3 of a base station: bytes to whole messages, which go on as they came.
+"""RTCM 3 of a base station: bytes to whole messages, which are passed on unchanged.
 
 Source: RTCM 10403.3, transport layer: preamble 0xD3, ten bits of length, CRC-24Q.
 """
@@ -35,7 +35,7 @@ class RtcmMessage(NamedTuple):
 
 
 def corrects_ranges(message: RtcmMessage) -> bool:
-    """Tell whether a receiver corrects with a message, or only needs it beside.
+    """Return whether a receiver corrects with a message, or only needs it beside.
 
     One about observations that counts no satellite corrects nothing: a base sends such that hears
     none. Source: RTCM 10403.3, tables 3.5-2, 3.5-11 and 3.5-78.

@@ -60,7 +60,7 @@ class SbfBlock(NamedTuple):
 
 
 class SbfHeading(NamedTuple):
-    """Of the line between two antennas; `std_deg` is None without AttCovEuler."""
+    """The heading of the line between two antennas; `std_deg` is None without AttCovEuler."""
 
     stamp_s: float
     heading_deg: float
@@ -120,7 +120,7 @@ class SbfFixes:
 
 
 def lacks_fix(block: SbfBlock) -> bool:
-    """Tell whether a block is a PVTGeodetic of a receiver without a position."""
+    """Return whether a block is a PVTGeodetic of a receiver without a position."""
     is_pvt = block.number == PVT and len(block.body) >= PVT_BODY.size
     return is_pvt and _read_fix({PVT: block.body}) is None
 

@@ -48,7 +48,7 @@ class SourceUri(NamedTuple):
 class RosNetwork(NamedTuple):
     """Where ROS 2 and ROS 1 are, if a URI does not say; asked when a source needs it.
 
-    Each raises a ConfigError where what was asked for is none.
+    Each raises a ConfigError if its setting is invalid.
     """
 
     domain: Callable[[], int]

@@ -43,9 +43,9 @@ Key = tuple[str, int]
 
 
 class Sky:
-    """Gathers what reports tell beside positions, and makes a status of it once a second.
+    """Gathers what reports state beside positions, and makes a status of it once a second.
 
-    `corrections` tells of a caster's, where the receiver is fed by one.
+    `corrections` gives the state of a caster's, where one feeds the receiver.
     """
 
     def __init__(self, heard: Heard | None = None) -> None:
@@ -117,9 +117,9 @@ class Sky:
             self._seen = {("", ""): [_read_ubx_satellite(payload, k) for k in range(count)]}
 
     def add_sky(self, report: Mapping[str, Any]) -> None:
-        """Add a SKY of gpsd, which tells satellites, dilutions, or both.
+        """Add a SKY of gpsd, which states satellites, dilutions, or both.
 
-        Raises: ValueError, TypeError, KeyError, OverflowError: it is none.
+        Raises: ValueError, TypeError, KeyError, OverflowError: not a SKY.
         """
         for name in _DOP_NAMES:
             if name in report:
@@ -176,8 +176,8 @@ class Sky:
 class CorrectionUse:
     """Counts the corrections that a receiver says to have used, and those that it has not.
 
-    A newer one tells of each twice, in RXM-RTCM and in RXM-COR: the latter counts then. Both are
-    None before it has told of any.
+    A newer receiver reports each twice, in RXM-RTCM and in RXM-COR: the latter counts then. Both
+    are None before its first report.
     """
 
     def __init__(self) -> None:
@@ -186,7 +186,7 @@ class CorrectionUse:
         self._tells_cor = False
 
     def add(self, frame: UbxFrame) -> None:
-        """Add a frame of UBX; what is none of the two is left out."""
+        """Add a frame of UBX; other kinds are left out."""
         kind, payload = frame
         if kind == RXM_COR and len(payload) >= _COR_BYTES:
             self._begin_cor()
@@ -215,7 +215,7 @@ def _mark_used(satellite: Satellite) -> Satellite:
 
 
 def _guess_system(talker: str, number: int) -> str:
-    """Tell whose number it is, by NMEA's ranges where the talker is GN."""
+    """Guess whose number it is, by NMEA's ranges where the talker is GN."""
     if talker in ("GP", "GN") and number in _SBAS_NUMBERS:
         return "SB"
     if talker == "GN":

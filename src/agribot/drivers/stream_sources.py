@@ -45,7 +45,7 @@ def open_serial_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -
 def open_tcp_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> SensorSource:
     """Open a device whose bytes come over TCP, such as a receiver behind ser2net.
 
-    Raises: ConfigError: nobody answers, a wrong option, or a sensor that has no codec.
+    Raises: ConfigError: no program answers, a wrong option, or a sensor that has no codec.
     """
     host, port = read_address(uri, None)
     return _open_stream(sensor, uri, context, UriOptions(uri), lambda: TcpStream(host, port))
@@ -54,12 +54,12 @@ def open_tcp_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> S
 def open_gpsd_source(sensor: Sensor, uri: SourceUri, context: SourceContext) -> ReceiverSource:
     """Open a receiver of a gpsd: `gpsd:` on this machine, `gpsd://HOST:PORT` elsewhere.
 
-    `gpsd://HOST:PORT/dev/ttyACM0` is one of several receivers; else the first that it tells of is
+    `gpsd://HOST:PORT/dev/ttyACM0` is one of several receivers; else the first that it reports is
     taken.
     Raises: ConfigError: no gpsd answers, a wrong option, or another sensor than the receiver.
     """
     if sensor != "gnss":
-        raise ConfigError(f"{sensor} from gpsd: it tells of receivers only; use gnss=gpsd:")
+        raise ConfigError(f"{sensor} from gpsd: it reports receivers only; use gnss=gpsd:")
     host, port = read_address(uri, gpsd.PORT)
     device = uri.path.rstrip("/")
     options = UriOptions(uri)

@@ -83,7 +83,7 @@ class UbxDecoder:
                 del waiting[:2]
 
     def _find_frame_within(self, size: int) -> int:
-        """Find the begin of the first whole frame within one of this size, 0 where there is none.
+        """Find the begin of the first whole frame within one of this size; 0 without one.
 
         A false bit in its length may make a frame seem to reach over seconds of those after it. No
         message holds another; so what is found does not depend on how the stream is cut.
@@ -218,7 +218,7 @@ def read_fix_type(payload: bytes) -> tuple[int, bool]:
 
 
 def lacks_fix(frame: UbxFrame) -> bool:
-    """Tell whether a frame is a NAV-PVT of a receiver that has no position yet, or no more."""
+    """Return whether a frame is a NAV-PVT of a receiver that has no position yet, or no more."""
     is_pvt = frame.kind == NAV_PVT and len(frame.payload) >= PVT.size
     return is_pvt and read_pvt(frame.payload) is None
 

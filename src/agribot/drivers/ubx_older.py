@@ -1,4 +1,4 @@
-"""Fixes of u-blox receivers without NAV-PVT: LEA-4, 5 and 6, and timing receivers as they come.
+"""Fixes of u-blox receivers without NAV-PVT: LEA-4, 5 and 6, and timing receivers as delivered.
 
 Sources: u-blox 6 receiver description (GPS.G6-SW-10018), NAV-SOL, NAV-POSLLH, NAV-VELNED,
 NAV-STATUS, NAV-TIMEUTC and NAV-TIMEGPS; those of the fourth generation have the same layout.
@@ -100,7 +100,7 @@ class OlderFixes:
         return StampedFix(self._offset_s + i_tow_ms * 1e-3, fix)
 
     def _read_quality(self, parts: Parts) -> FixKind | None:
-        """Read whether there is a fix, and of which kind; None where there is none."""
+        """Read whether there is a fix, and its kind; None without one."""
         if NAV_SOL in parts:
             _, _, _, gps_fix, flags, *_ = _SOL.unpack_from(parts[NAV_SOL])
         elif NAV_STATUS in parts:

@@ -102,7 +102,7 @@ class Version(NamedTuple):
 
 
 def read_version(payload: bytes) -> Version:
-    """Read MON-VER; a receiver that tells no protocol version is of the oldest."""
+    """Read MON-VER; a receiver that states no protocol version is of the oldest."""
     words = [_read_text(payload[:30]), _read_text(payload[30:40])]
     words += [
         _read_text(payload[k : k + _VERSION_WORDS]) for k in range(40, len(payload), _VERSION_WORDS)

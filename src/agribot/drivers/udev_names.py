@@ -32,7 +32,7 @@ def read_properties(node: str, root: Path = Path("/")) -> dict[str, str]:
 
 
 def write_rule(name: str, properties: Properties, others: Sequence[Properties] = ()) -> str:
-    """Write the rule that gives a device the name /dev/NAME; empty where nothing tells it apart.
+    """Write the rule that gives a device the name /dev/NAME; empty where nothing identifies it.
 
     It goes by the serial number, if that is one and none of `others` has it, else by the socket.
     """

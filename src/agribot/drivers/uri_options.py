@@ -24,7 +24,7 @@ class UriOptions:
     def pop_number(self, name: str, default: float, least: float, most: float) -> float:
         """Take a number out.
 
-        Raises: ConfigError: it is none, or out of range.
+        Raises: ConfigError: not a number, or out of range.
         """
         text = self.pop_text(name, "")
         try:
@@ -41,7 +41,7 @@ class UriOptions:
     def pop_stated(self, name: str, least: float, most: float, how: str) -> float:
         """Take a number out that has no default; `how` says where to find and state it.
 
-        Raises: ConfigError: nobody stated it, it is none, or out of range.
+        Raises: ConfigError: it is not stated, not a number, or out of range.
         """
         if name not in self._left and name not in self._settings:
             raise ConfigError(
@@ -51,7 +51,7 @@ class UriOptions:
         return self.pop_number(name, math.nan, least, most)
 
     def check_empty(self) -> None:
-        """Refuse what nobody took out.
+        """Refuse options that the source did not take.
 
         Raises: ConfigError: an option that the source does not know.
         """

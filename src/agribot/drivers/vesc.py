@@ -51,8 +51,8 @@ LOCAL = -1
 class VescBoard:
     """Two controllers for the two sides, or four for the wheels in the order of WHEEL_NAMES.
 
-    `ids` are their CAN ids, right before left; LOCAL is the one on the line. They tell no time, and
-    nothing of a red button or a bumper. Questions that follow a pause are marked, so that answers
+    `ids` are their CAN ids, right before left; LOCAL is the one on the line. They report no time,
+    red button or bumper. Questions that follow a pause are marked, so that answers
     which the line held back meanwhile are known as old.
     """
 
@@ -116,7 +116,7 @@ class VescBoard:
     def _add(self, values: VescValues) -> BoardReport | None:
         """Take an answer in; it is a reading once every controller has answered.
 
-        The id of the controller on the line is whatever is none of the others'.
+        The controller on the line has whatever id is not one of the others'.
         """
         known = set(self._ids) - {LOCAL}
         one = values.controller if values.controller in known else LOCAL
@@ -171,7 +171,7 @@ class CounterOf32Bits:
 def make_board(robot: RobotSpec, options: UriOptions) -> VescBoard:
     """Make it of `ids`, `pole_pairs` and `gear`.
 
-    Raises: ConfigError: an option that is none.
+    Raises: ConfigError: an invalid option.
     """
     ids = read_ids(options.pop_text("ids", "local"), "ids=local,12")
     return VescBoard(ids, *read_gearing(options))
@@ -180,7 +180,7 @@ def make_board(robot: RobotSpec, options: UriOptions) -> VescBoard:
 def read_gearing(options: UriOptions) -> tuple[int, float]:
     """Read `pole_pairs` of the motors and `gear`, turns of a motor for one of its wheel.
 
-    Raises: ConfigError: a number that nobody stated, or out of range.
+    Raises: ConfigError: a number that is not stated, or out of range.
     """
     pole_pairs = options.pop_stated(
         "pole_pairs", 1.0, 100.0, "write pole_pairs=N, half of the motor's magnets"
@@ -190,7 +190,7 @@ def read_gearing(options: UriOptions) -> tuple[int, float]:
 
 
 def read_ids(text: str, example: str) -> tuple[int, ...]:
-    """Read two or four controllers of which each is named once.
+    """Read two or four controllers, each named once.
 
     Raises: ConfigError: it names others.
     """

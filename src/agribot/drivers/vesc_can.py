@@ -1,9 +1,9 @@
 """VESC motor controllers on a CAN bus: `can:can0?board=vesc&ids=11,12`.
 
-Each tells its status by itself, as often as it is set up to; wheel speeds go out as electrical
+Each reports its status by itself, as often as it is set up to; wheel speeds go out as electrical
 revolutions a minute. Source: the CAN packets of VESC firmware 5 and later (vedderb/bldc:
 comm/comm_can.c): CAN_PACKET_SET_RPM, STATUS, STATUS_4 and STATUS_5, in identifiers of 29 bits whose
-lowest eight are the controller's; numbers have their high byte first. They tell no faults there.
+lowest eight are the controller's; numbers have their high byte first. They report no faults there.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _SPEED, _CURRENT, _COUNT = struct.Struct(">i"), struct.Struct(">4xh"), struct.St
 class VescCanBoard:
     """Two controllers, right and left, or four for the wheels in the order of WHEEL_NAMES.
 
-    A reading is whole when each has told its speed, its tachometer and its voltage anew: one that
+    A reading is whole when each has reported its speed, tachometer and voltage anew: one that
     is silent makes the board silent.
     """
 
@@ -67,7 +67,7 @@ class VescCanBoard:
         return b""
 
     def poll(self) -> bytes:
-        return b""  # they tell without being asked
+        return b""  # they report without being asked
 
     def feed(self, data: bytes) -> list[StampedReport]:
         found = []
@@ -124,7 +124,7 @@ class VescCanBoard:
 def make_board(robot: RobotSpec, options: UriOptions) -> VescCanBoard:
     """Make it of `ids`, `pole_pairs` and `gear`.
 
-    Raises: ConfigError: an option that is none, or no ids.
+    Raises: ConfigError: an invalid option, or no ids.
     """
     ids = read_ids(options.pop_text("ids", ""), "ids=11,12")
     if LOCAL in ids:

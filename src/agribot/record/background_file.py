@@ -13,7 +13,7 @@ WAITING_BYTES = 256_000_000  # minutes of a stalled disk; more is a fault
 # On a disk that is full the recording gives back its end, at most half of it: the state and the
 # report of the run are worth more than its last seconds.
 ROOM_BYTES = 1_000_000
-STALLED_S = 30.0  # a disk that takes nothing for so long at the end takes nothing more
+STALLED_S = 30.0  # a disk that takes nothing for this time at the end takes nothing more
 
 
 class BackgroundFile:
@@ -58,7 +58,7 @@ class BackgroundFile:
         self._raise_failure()
 
     def drain(self) -> None:
-        """Wait until everything so far is written, or cannot be."""
+        """Wait until all bytes taken until now are written, or cannot be."""
         with self._wake:
             while self._waiting_bytes and self._thread.is_alive():
                 self._wake.wait(0.1)

@@ -13,7 +13,7 @@ from agribot.core.row_shape import project_on_row, row_length_m
 
 BESIDE_ROW_M = 0.15  # farther off the line it is no plant of the row
 GAP_RATIO = 1.5  # of the spacing: a longer way between two plants is a gap
-# Fewer plants than this share of what the camera saw as crop: their leaves touch, nobody can count.
+# Fewer plants than this share of what the camera saw as crop: they touch, and cannot be counted.
 COUNTABLE_RATIO, LEAST_SEEN_M = 0.5, 1.0
 
 
@@ -21,7 +21,7 @@ class RowStand(NamedTuple):
     """A crop row by its index: places of its plants along it, (N,), and gaps from and to, (G, 2).
 
     `spacing_m` is that of the field, or the median between its plants; None with fewer than two.
-    `is_countable` is false where the camera saw crop of which the map has too few plants to tell.
+    `is_countable` is false where the map has too few plants for the crop that the camera saw.
     """
 
     row: int
@@ -45,7 +45,7 @@ def find_stand(
 ) -> RowStand:
     """Find plants and gaps of a row between its ends.
 
-    `seen_m` of the row the camera saw as crop, None where nobody knows.
+    `seen_m` of the row the camera saw as crop, None where that is unknown.
     """
     rows = table.rows[is_crop(table.rows)]
     along_m, left_m, _ = project_on_row(row, rows["x_map_m"], rows["y_map_m"])
@@ -68,7 +68,7 @@ def find_stand(
 
 
 def sum_gaps_m(stand: RowStand) -> float:
-    """Sum the length of a row without plants, each gap less the one spacing that is none."""
+    """Sum the length of a row without plants: each gap, less one spacing."""
     if stand.spacing_m is None or not len(stand.gaps_m):
         return 0.0
     return max(float(np.diff(stand.gaps_m, axis=1).sum()) - stand.spacing_m * len(stand.gaps_m), 0)

@@ -18,7 +18,7 @@ class Damage(msgspec.Struct, frozen=True, kw_only=True):
 
     Messages may be missing between `after_ns` and `before_ns`, log times of the recorder; None
     where the recording has no sound message on that side. `begin_ns` is the log time at which the
-    recording begins. `lost_messages` is None where nothing in the file says how many there were.
+    recording begins. `lost_messages` is None where nothing in the file states how many there were.
     `is_end`: nothing sound follows, as where a recorder lost power. `what` is the damage in words.
     """
 

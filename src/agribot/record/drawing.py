@@ -18,7 +18,7 @@ RED = "#d6382b"
 GREEN = "#2c9a47"
 GREY = "#8a8f98"
 ORANGE = "#d98324"
-# Crops and weeds differ by shape, because colour alone does not tell them apart for everybody.
+# Crops and weeds differ by shape, because not everybody can distinguish their colours.
 CROP_MARKER, WEED_MARKER = "^", "o"
 # Stands for text and axes; in SVG it becomes the page's own text colour.
 INK = "#1f2328"

@@ -42,7 +42,8 @@ EventKind = Literal[
     "truth",
 ]
 
-NAMED_BESIDE_M = 0.05  # a row that stands so far beside its line in the map is told of
+# Least distance of a row from its line in the map that is reported, m.
+NAMED_BESIDE_M = 0.05
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -65,7 +66,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     check     what the list before the start of a mission found
     truth     what only the simulator knows: a crop was crushed, a person was touched
     lost      the recording is damaged: what happened from then on for a while is not known
-    injected  a fault of the simulator began or ended, which the robot itself is not told
+    injected  a fault of the simulator began or ended, which the robot itself does not know
     """
 
     t_s: float
@@ -255,7 +256,7 @@ class EventSieve:
             self._add(t_s, "fault", gate.told, gate.told_fact)
 
     def _note_verdicts(self, t_s: float, verdicts: SensorVerdicts) -> None:
-        """Note whose verdict is fine no more, where nothing else tells why, and whose is again."""
+        """Note whose verdict is fine no more, where nothing else shows why, and whose is again."""
         before, self._verdicts = self._verdicts, verdicts
         if verdicts is before:
             return

@@ -153,7 +153,7 @@ def find_damage(path: Path) -> tuple[Damage, ...]:
 
 
 def check_whole(path: Path) -> None:
-    """Refuse a recording of which messages or files are missing.
+    """Refuse a recording with missing messages or files.
 
     Raises: RecordingError: it cannot stand for the whole drive.
     """

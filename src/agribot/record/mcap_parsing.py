@@ -219,7 +219,7 @@ def read_footer(file: IO[bytes], size: int) -> Footer | None:
 
 
 def read_summary(file: IO[bytes], size: int) -> Summary | None:
-    """Read the index; None where there is none, or its checksum is wrong.
+    """Read the index; None if it is missing, or its checksum is wrong.
 
     In a file that lost bytes it lies elsewhere than the file says: behind the end of the data.
     """

@@ -1,6 +1,6 @@
 """The records of an MCAP file in file order, outside of chunks; behind damage the next sound one.
 
-A chunk and an attachment carry a checksum: bytes that pass it are one, wherever they lie. Records
+A chunk and an attachment carry a checksum: bytes that pass it are one, at any place. Records
 without a checksum count where several follow one another.
 """
 
@@ -93,7 +93,7 @@ class McapWalk:
         return None if record is None else Outer(offset, offset + HEAD.size + len(body), record)
 
     def _belongs(self, index: MessageIndex) -> bool:
-        """Tell whether an index is of the chunk before it, or of a damaged one."""
+        """Return whether an index is of the chunk before it, or of a damaged one."""
         if self._chunk is None or self._is_behind_damage or not index.messages:
             return True
         start_ns, end_ns = self._chunk.message_start_time, self._chunk.message_end_time
@@ -132,7 +132,7 @@ class McapWalk:
         return self._read_head(offset)[0] in _CHECKED and self._parse_at(offset) is not None
 
     def _is_chain(self, offset: int) -> bool:
-        """Tell whether several records follow one another here, or the last ones of the file."""
+        """Return whether several records follow one another here, or the last ones of the file."""
         opcode, _ = self._read_head(offset)
         if not opcode or (opcode in _INNER and self._chunk is not None):
             return False
@@ -154,6 +154,6 @@ def _fits(record: Any, channel_ids: set[int]) -> bool:
 
 
 def _tell_from_index(message: Message, body: bytes) -> Message | MessageIndex | None:
-    """Tell a message from a message index whose opcode is damaged."""
+    """Distinguish a message from a message index whose opcode is damaged."""
     index = parse_record(Opcode.MESSAGE_INDEX, body)
     return message if index is None else index

@@ -206,11 +206,11 @@ def _render_events(data: RunData) -> str:
 
 
 def _render_conditions(report: Report) -> str:
-    """Render what the seed drew of the simulated world, which the robot is not told."""
+    """Render what the seed drew of the simulated world, which the robot does not know."""
     if report.conditions is None:
         return ""
     body = [[name.replace("_", " "), _format_drawn(v)] for name, v in report.conditions.items()]
-    heads = ("What the robot is not told", "Drawn")
+    heads = ("What the robot does not know", "Drawn")
     return "<h2>Conditions</h2>\n" + render_table(heads, body)
 
 

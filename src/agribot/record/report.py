@@ -202,7 +202,7 @@ class CrushReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
-    """`noticed` are the faults that the robot told of, `faults` those that were injected.
+    """`noticed` are the faults that the robot reported, `faults` those that were injected.
 
     `gate` are the changes of the supervisor's state, `checks` what the list before a start found.
     By the truth of a simulator: `outside_m_max` is how far any place of the robot, implement
@@ -233,7 +233,7 @@ class SafetyReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BeliefReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What the robot believes beside what a simulator knows; null where nobody can tell.
+    """What the robot believes beside what a simulator knows; null where the truth is unknown.
 
     What is believed of an error is the root mean square of the 1 sigma that the robot stated.
     """

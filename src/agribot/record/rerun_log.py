@@ -71,7 +71,7 @@ def write_rerun(recording: Path, target: Path | None) -> int:
 def _start_viewer(stream: Any) -> None:
     """Start the viewer that was installed with this program, else that of the PATH.
 
-    Raises: ConfigError: there is none, or no screen for it.
+    Raises: ConfigError: no viewer is installed, or there is no screen for it.
     """
     program = shutil.which("rerun", path=sysconfig.get_path("scripts")) or shutil.which("rerun")
     instead = "-o FILE.rrd writes a file that 'rerun FILE.rrd' opens on any machine"

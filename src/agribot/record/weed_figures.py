@@ -37,7 +37,7 @@ LegendPlace = tuple[float, float]
 def draw_density(
     table: PlantTable, rows: Sequence[Row] = (), way_m: FloatArray | None = None
 ) -> Figure:
-    """Draw weeds per square metre; ground beside which nobody drove stays blank.
+    """Draw weeds per square metre; ground beside which the robot did not drive stays blank.
 
     `way_m` (N, 2) is where the robot drove; without it, ground near plants counts as looked at.
     """
@@ -73,7 +73,7 @@ def count_density(
 ) -> tuple[FloatArray, Extent]:
     """Count weeds per square metre of the ground seen around each cell (rows, columns).
 
-    Weeds and ground count with a Gaussian weight; cells where nobody looked are NaN. Returns the
+    Weeds and ground count with a Gaussian weight; cells that were not seen are NaN. Returns the
     density and the edges of the cells: x_min, x_max, y_min, y_max.
     """
     x_min, x_max, y_min, y_max = extent

@@ -97,7 +97,7 @@ def _render_stand(stands: Sequence[RowStand]) -> str:
     note = (
         ""
         if all(stand.is_countable for stand in stands)
-        else '<p class="none">Where leaves of neighbours touch, the map cannot tell plants apart: '
+        else '<p class="none">Where leaves of neighbours touch, plants on the map merge: '
         "no stand is counted there.</p>"
     )
     return (

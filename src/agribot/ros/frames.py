@@ -21,7 +21,7 @@ _NORM_TOLERANCE = 0.05
 class PeerFrames:
     """Converts to the map; `datum` is the map's origin on Earth, None where it has no place there.
 
-    `note` takes what the run publishes, of which it keeps the newest map -> odom.
+    `note` takes what the run publishes, and keeps the newest map -> odom.
     """
 
     def __init__(self, datum: Datum | None = None) -> None:
@@ -43,7 +43,7 @@ class PeerFrames:
         """Convert a geometry_msgs/Pose to x, y (m) and yaw (rad) in the map.
 
         The yaw is None where the quaternion is all zeros, which is one that was left out.
-        Raises: BridgeError: not finite, the frame is unknown, or the quaternion is none.
+        Raises: BridgeError: not finite, the frame is unknown, or the quaternion is invalid.
         """
         x_m, y_m, turn_rad = self._find_pose(frame, pose.position.x, pose.position.y)
         yaw_rad = read_yaw(pose.orientation)
@@ -62,7 +62,7 @@ class PeerFrames:
             map_from_odom = self._read_odom()
             x_m, y_m = map_from_odom.transform(x, y)
             return x_m, y_m, map_from_odom.yaw_rad
-        raise BridgeError(f"frame '{name[:80]}' is none of {', '.join(KNOWN)}")
+        raise BridgeError(f"frame '{name[:80]}' is not one of {', '.join(KNOWN)}")
 
     def _from_earth(self, lon_deg: float, lat_deg: float) -> tuple[float, float]:
         if self._earth is None:

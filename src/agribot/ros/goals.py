@@ -94,7 +94,7 @@ class GoalBook:
         return accepted
 
     def reject(self, goal: PeerGoal, why: str) -> None:
-        """Keep a goal that is none, so that its sender can read why."""
+        """Keep an invalid goal, so that its sender can read why."""
         with self.lock:
             self._requests.refuse(f"{goal.source}: goal refused: {why}")
             self._keep(goal)

@@ -11,7 +11,7 @@ QUIET = ("/rosout", "/rosout_agg", "/parameter_events")
 
 
 class GraphTopic(msgspec.Struct, frozen=True, kw_only=True):
-    """A topic; `rate_hz` is None where nobody measured it."""
+    """A topic; `rate_hz` is None where it was not measured."""
 
     name: str
     ros_type: str = ""
@@ -84,7 +84,7 @@ def _describe(topic: GraphTopic) -> str:
 
 
 def _name_peers(nodes: tuple[str, ...]) -> str:
-    return f"  ({', '.join(nodes)})" if nodes else "  (nobody)"
+    return f"  ({', '.join(nodes)})" if nodes else "  (no node)"
 
 
 def format_dot(graph: Graph) -> str:

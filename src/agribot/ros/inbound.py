@@ -29,7 +29,7 @@ _COMMANDS: dict[str, OperatorAction] = {
 class InboundTopics:
     """Takes the messages of peers, in CDR, from any thread.
 
-    Goals go into `goals` and `visits`, whose servers tell what becomes of them.
+    Goals go into `goals` and `visits`, whose servers report what becomes of them.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class InboundTopics:
     def _take_command(self, message: Any, source: str) -> None:
         word = message.data.strip()[:_MOST_TEXT]
         if word not in _COMMANDS:
-            raise BridgeError(f"'{word}' is none of {', '.join(sorted(_COMMANDS))}")
+            raise BridgeError(f"'{word}' is not one of {', '.join(sorted(_COMMANDS))}")
         self._requests.request_action(_COMMANDS[word], source)
 
 

@@ -43,7 +43,7 @@ def read_stated_pose(
 ) -> tuple[tuple[float, float, float], tuple[float, float]]:
     """Read a geometry_msgs/PoseWithCovarianceStamped: pose in the map, and its sigmas.
 
-    Raises: BridgeError: not finite, no orientation, the frame or the covariance is none.
+    Raises: BridgeError: not finite, no orientation, or an invalid frame or covariance.
     """
     x_m, y_m, yaw_rad = frames.find_pose(message.header.frame_id, message.pose.pose)
     if yaw_rad is None:

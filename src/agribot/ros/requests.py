@@ -71,7 +71,7 @@ class Requests:
         self._unreported: dict[str, int] = {}
 
     def request_twist(self, twist: Twist, source: str) -> None:
-        """Request a body twist, of which only forward speed and yaw rate exist on this robot.
+        """Request a body twist; only its forward speed and yaw rate exist on this robot.
 
         A twist that is not finite is passed on: the supervisor refuses it and stops the robot.
         """

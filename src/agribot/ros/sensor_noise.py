@@ -74,7 +74,7 @@ class SensorNoise:
             self._simulator.tune(sensor, parameter, value)
 
     def _note(self, sensor: str, parameter: str, value: float) -> None:
-        """Note a change, whoever made it, and pass it on."""
+        """Note a change, whatever its source, and pass it on."""
         with self._lock:
             self._values[sensor][parameter] = value
         for listener in self._listeners:

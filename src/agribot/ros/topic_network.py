@@ -29,7 +29,7 @@ class TopicNetwork(Protocol):
         ...
 
     def open_topic(self, name: str, on_bytes: OnBytes) -> OpenTopic | None:
-        """Hear a topic; None where nobody publishes it yet.
+        """Hear a topic; None where no node publishes it yet.
 
         Raises: BridgeError: the network cannot be reached.
         """

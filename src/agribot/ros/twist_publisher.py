@@ -19,7 +19,7 @@ from agribot.ros.messages.cdr import CdrTemplate
 
 NODE = "agribot_teleop"
 STAMPED = "geometry_msgs/msg/TwistStamped"
-STOPS, STOP_PERIOD_S = 5, 0.05  # zeros at the end, one of which may be lost
+STOPS, STOP_PERIOD_S = 5, 0.05  # zeros at the end; one may be lost
 
 _NAME = re.compile(r"(/[A-Za-z][A-Za-z0-9_]*)+")
 _FRAME = "base_link"
@@ -94,7 +94,7 @@ def open_ros1_sink(topic: Topic, master_uri: str) -> TwistSink:
 
     def describe() -> str:
         count = publication.listeners
-        return f"{count} listening on {topic.name}" if count else f"nobody listens on {topic.name}"
+        return f"{count} listening on {topic.name}" if count else f"no node listens on {topic.name}"
 
     return TwistSink(lambda data: publication.put(output.convert(data)), node.close, describe)
 

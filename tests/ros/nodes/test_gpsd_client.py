@@ -103,7 +103,7 @@ def test_a_fix_whose_accuracy_nobody_tells_is_checked_or_told_as_such(is_checked
     said = hear(stage)
     assert ("/fix" in said) is not is_checked
     assert {message.position_covariance_type for message in said.values()} == {0}
-    assert ("tells no accuracy" in stage.reason) is is_checked
+    assert ("states no accuracy" in stage.reason) is is_checked
 
 
 def test_while_the_receiver_searches_what_it_sees_is_told_and_no_place() -> None:

@@ -96,7 +96,7 @@ class Ros1Walk:
         return None if inner is None else [*inner, record]
 
     def parse_at(self, at: int) -> Ros1Record | None:
-        """Parse the head of a record; None for bytes that are none."""
+        """Parse the head of a record; None for other bytes."""
         head = self._read_sized(at, _LARGEST_HEADER_BYTES)
         fields = None if head is None else parse_fields(head)
         if head is None or fields is None or not _is_complete(fields):
@@ -162,7 +162,7 @@ class Ros1Walk:
         return None
 
     def _is_chain(self, at: int) -> bool:
-        """Tell whether records follow one another here, or the last ones of the file."""
+        """Return whether records follow one another here, or the last ones of the file."""
         for _ in range(_LINKS):
             if at == self._size:
                 return True

@@ -16,7 +16,7 @@ NAME = "metadata.yaml"
 
 
 class Rosbag2Metadata(msgspec.Struct, frozen=True, kw_only=True):
-    """`is_packed`: each message is a zstd frame of its own, of which the files say nothing."""
+    """`is_packed`: each message is a zstd frame of its own, which the files do not state."""
 
     files: tuple[str, ...]
     messages: int | None
@@ -24,7 +24,7 @@ class Rosbag2Metadata(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_metadata(folder: Path) -> Rosbag2Metadata | None:
-    """Read the file; None where there is none or it is damaged.
+    """Read the file; None where it is missing or damaged.
 
     Raises: RecordingError: its messages are compressed in a way that is not read.
     """

@@ -130,7 +130,7 @@ class Bag:
         return self._store
 
     def knows(self, topic: BagTopic) -> bool:
-        """Tell whether the messages of the topic can be read."""
+        """Return whether the messages of the topic can be read."""
         return topic.is_ros and is_complete(self.store(), topic.ros_type)
 
     def values(self, names: frozenset[str]) -> Iterator[tuple[BagMessage, Any]]:
@@ -187,12 +187,12 @@ class Bag:
 
 
 def is_latched(qos_yaml: str) -> bool:
-    """Tell whether one of the offered profiles keeps messages for late subscribers."""
+    """Return whether one of the offered profiles keeps messages for late subscribers."""
     return "transient_local" in qos_yaml or "durability: 1" in qos_yaml
 
 
 def is_complete(store: Typestore, ros_type: str) -> bool:
-    """Tell whether the type and all types inside it are defined."""
+    """Return whether the type and all types inside it are defined."""
     return ros_type in store.fielddefs and all(
         is_complete(store, inner) for inner in list_inner_types(store.fielddefs, ros_type)
     )

@@ -164,7 +164,7 @@ class _RowWalk:
             yield row
 
     def _find_next(self) -> int | None:
-        """Find the next id from which on a row can be read; None where there is none."""
+        """Find the next id from which on a row can be read; None without one."""
         start_id, failures = self._next_id, 0
         while start_id <= self._most_ids and self._tries < self._most_tries:
             start_id += 1 + failures // _FAILURES_A_STEP

@@ -23,7 +23,7 @@ UNHOLDABLE = (
 def make_stamp_check(
     defined: Any, ros_type: str, from_ros2: bool
 ) -> Callable[[bytes], bool] | None:
-    """Make a function that tells whether the other version of ROS can hold a message's stamp.
+    """Make a check that returns whether the other version of ROS can hold a message's stamp.
 
     The stamp is the time that a message begins with, as all with a header do; None without one.
     """

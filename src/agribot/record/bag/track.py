@@ -33,7 +33,7 @@ _CLOCK_SET_S = 10 * 365 * 86400.0  # stamps below are simulated time or that of 
 
 
 class TrackPoint(msgspec.Struct, frozen=True, kw_only=True):
-    """`std_m` is the horizontal 1 sigma. It is None, the altitude NaN, where there is none."""
+    """`std_m` is the horizontal 1 sigma. Where unknown it is None, and the altitude NaN."""
 
     t_s: float
     lat_deg: float

@@ -31,7 +31,7 @@ _CODES = {
     GnssQuality.RTK_FIXED: _RTK_FIX,
     GnssQuality.RTK_FLOAT: _RTK_FLOAT,
 }
-# Quality and 1 sigma (m) of a fix that tells none.
+# Quality and 1 sigma (m) of a fix that states none.
 _QUALITY = {
     _FIX: (GnssQuality.SINGLE, 2.5),
     _SBAS: (GnssQuality.DGNSS, 1.0),
@@ -68,7 +68,7 @@ def register_gps_types(store: Typestore, package: str) -> None:
 
 
 def make_gps_fix(fix: GnssFix, status: GnssStatus, header: Any, store: Typestore) -> Any:
-    """Make the GPSFix of ROS 2 of a fix and of what its receiver told beside it; else NaN."""
+    """Make the GPSFix of ROS 2 of a fix and of what else its receiver reported; else NaN."""
     std_m, unknown = fix.pos_std_m, math.nan
     east_mps, north_mps, up_mps = fix.velocity_mps or (unknown, unknown, unknown)
     variances_m2 = np.array([std_m**2, std_m**2, (_HEIGHT_FACTOR * std_m) ** 2])
@@ -145,7 +145,7 @@ def read_place(message: Any) -> tuple[float, float, float] | None:
 
 
 def read_variance_m2(message: Any) -> float | None:
-    """Read the horizontal variance; None where the message does not tell it.
+    """Read the horizontal variance; None where the message does not state it.
 
     Raises: BridgeError: one that is too large.
     """
@@ -163,7 +163,7 @@ def read_variance_m2(message: Any) -> float | None:
 def read_gps_fix(message: Any, t_s: float) -> GnssFix | None:
     """Read a GPSFix of either ROS; None without a fix.
 
-    Raises: BridgeError: no place on Earth, or an accuracy that is none.
+    Raises: BridgeError: no place on Earth, or an invalid accuracy.
     """
     code = message.status.status
     if code <= _NO_FIX or (place := read_place(message)) is None:

@@ -128,7 +128,7 @@ def read_imu(message: Any, t_s: float) -> ImuSample:
 
 
 def read_mag(vector: Any, t_s: float) -> MagSample:
-    """Read a magnetic field, of which only the direction counts, in any unit.
+    """Read the direction of a magnetic field, in any unit.
 
     By the definition of MagneticField, NaN is an axis that the sensor does not have.
     """
@@ -144,7 +144,7 @@ class ImageReader:
     """Reads and numbers the frames; all must have the size of the robot's camera, if there is one.
 
     Of 16-bit pixels the upper eight of the bits that the camera uses are kept, as far as its
-    frames have told them: a dark frame after a bright one stays dark.
+    frames have shown them: a dark frame after a bright one stays dark.
     """
 
     def __init__(self, robot: RobotSpec | None) -> None:
@@ -157,7 +157,7 @@ class ImageReader:
 
     def read_raw(self, message: Any, t_s: float) -> CameraFrame:
         if message.encoding not in _CHANNELS:
-            raise BridgeError(f"encoding {message.encoding} is none of {', '.join(_CHANNELS)}")
+            raise BridgeError(f"encoding {message.encoding} is not one of {', '.join(_CHANNELS)}")
         count, order = _CHANNELS[message.encoding]
         height, width, step = int(message.height), int(message.width), int(message.step)
         data = np.asarray(message.data, dtype=np.uint8)

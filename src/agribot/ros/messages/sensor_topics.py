@@ -40,7 +40,7 @@ class SensorTopicWriter:
         self._imu = cdr.ImuCdr(robot.imu.link)
         self._joints = cdr.JointStateCdr(tuple(joint.name for joint in joints) or names)
         self._number = cdr.Float64Cdr()
-        self._gnss_status: GnssStatus | None = None  # no simulated receiver tells one
+        self._gnss_status: GnssStatus | None = None  # no simulated receiver reports one
         self._wheel_tf = WheelTransforms(joints) if joints else None
 
     def __call__(self, now_ns: int, batch: SensorBatch) -> None:

@@ -67,7 +67,7 @@ def to_base64(data: Any) -> str:
 def show_header(header: Any, place: Place) -> Value:
     """Make a header that says where its frame lies.
 
-    Raises: UnknownFrame: nobody knows.
+    Raises: UnknownFrame: where it lies is unknown.
     """
     stamp = {"sec": int(header.stamp.sec), "nanosec": int(header.stamp.nanosec)}
     return {"frame_id": header.frame_id, "stamp": stamp, **place(header.frame_id)}
@@ -182,7 +182,7 @@ def _show_cloud(message: Any, place: Place) -> ShownMessage:
     """Show a cloud of 32-bit numbers: x, y, z, and the first few other fields."""
     header = show_header(message.header, place)
     count = int(message.width) * int(message.height)
-    # First roughly, of which the points that are nowhere fall out, then exactly.
+    # First roughly, to drop the points without a place, then exactly.
     points, names = read_cloud(message, every=max(1, count // (_SPARE * MOST_CLOUD_POINTS)))
     is_finite = np.isfinite(points[:, 0] + points[:, 1]) if len(points) else np.zeros(0, bool)
     finite = points[is_finite]
@@ -274,7 +274,7 @@ class FramePlaces:
 
 
 def _show_picture(make: Callable[[Any], tuple[Value, str]]) -> Callable[[Any, Place], ShownMessage]:
-    """Show what is painted beside the map, wherever its camera is."""
+    """Show what is painted beside the map, whatever the place of its camera."""
     return lambda message, _place: ShownMessage(*make(message))
 
 

@@ -77,7 +77,7 @@ def show_disparity(message: Any) -> tuple[Value, str]:
 def read_picture(message: Any) -> Image.Image:
     """Read a sensor_msgs/Image or CompressedImage.
 
-    Raises: BridgeError: it is none that can be read.
+    Raises: BridgeError: not a picture that can be read.
     """
     reader = ImageReader(None)
     if not hasattr(message, "encoding"):
@@ -87,7 +87,7 @@ def read_picture(message: Any) -> Image.Image:
 
 
 def shrink(picture: Image.Image, most_px: int) -> tuple[Image.Image, str]:
-    """Make a picture's longer side at most so long."""
+    """Shrink a picture until its longer side is at most `most_px`."""
     width, height = picture.size
     longest = max(width, height)
     if longest <= most_px:

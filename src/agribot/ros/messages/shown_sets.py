@@ -240,5 +240,5 @@ def make_view(ros_type: str) -> TopicView:
 
 
 def adds_up(ros_type: str) -> bool:
-    """Tell whether every message of this type counts, not the newest alone."""
+    """Return whether every message of this type counts, not the newest alone."""
     return not isinstance(make_view(ros_type), NewestView)

@@ -104,7 +104,7 @@ class FrameChain:
 
 
 class OdomTransform:
-    """TF of odom -> base_footprint alone: whoever localizes the robot adds map -> odom."""
+    """TF of odom -> base_footprint alone: the node that localizes the robot adds map -> odom."""
 
     def __init__(self) -> None:
         self._cdr = TransformsCdr(((ODOM_FRAME, BODY_FRAME),))

@@ -1,4 +1,4 @@
-"""Readers of what other nodes tell of the wheels: of joints, or of the base's twist alone.
+"""Readers of what other nodes publish of the wheels: of joints, or of the base's twist alone.
 
 By the definition of JointState its arrays may be empty, and nodes of ros2_control write NaN for
 what a joint does not report: speeds then follow from the angles, or the angles from the speeds.
@@ -42,7 +42,7 @@ class JointReader:
         elif angles_rad is not None and self._angles_rad is not None and passed_s:
             speeds_radps = _differentiate(self._angles_rad, angles_rad, passed_s)
         elif angles_rad is None:
-            raise BridgeError("joints with neither positions nor velocities tell no motion")
+            raise BridgeError("joints with neither positions nor velocities state no motion")
         self._angles_rad = angles_rad
         if speeds_radps is None:
             return None
@@ -51,7 +51,7 @@ class JointReader:
     def _pick_wheels(
         self, values: Sequence[float], at: Mapping[str, int], what: str
     ) -> Four | None:
-        """Pick those of the wheels; None where none is told."""
+        """Pick those of the wheels; None where the message has none of them."""
         if not len(values):
             return None
         if len(values) < len(at):
@@ -76,7 +76,7 @@ class TwistReader:
         twist = message.twist.twist
         v_mps, yaw_rate_radps = float(twist.linear.x), float(twist.angular.z)
         if not math.isfinite(v_mps + yaw_rate_radps):
-            raise BridgeError(f"a twist of {v_mps} m/s and {yaw_rate_radps} rad/s is none")
+            raise BridgeError(f"a twist of {v_mps} m/s and {yaw_rate_radps} rad/s is not finite")
         left, right = self._drive.wheel_speeds_radps(v_mps, yaw_rate_radps)
         speeds_radps = (right, left, right, left)
         passed_s = self._steps.measure_s(message.header.stamp)
@@ -92,10 +92,10 @@ class _Steps:
         self._last_s: float | None = None
 
     def measure_s(self, stamp: Any) -> float:
-        """Measure the time since the last message; 0 where it is none to integrate over."""
+        """Measure the time since the last message; 0 where it cannot be integrated over."""
         stamp_s = to_seconds(stamp)
         if stamp_s == 0.0:
-            raise BridgeError(f"{self._what} without a stamp tells no distance")
+            raise BridgeError(f"{self._what} without a stamp states no distance")
         passed_s = 0.0 if self._last_s is None else stamp_s - self._last_s
         self._last_s = stamp_s
         return passed_s if 0.0 < passed_s < LONGEST_STEP_S else 0.0

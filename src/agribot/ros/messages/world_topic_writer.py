@@ -32,7 +32,7 @@ class WorldTick(NamedTuple):
 class WorldTopicWriter:
     """Call it once per tick; all messages go to `write`, in a fixed order.
 
-    The frame tree is that of the wheel odometry, odom -> base_footprint: nobody localizes here.
+    The frame tree is that of the wheel odometry, odom -> base_footprint: no node localizes here.
     With `has_map` it has map -> odom, too, as a localizer without errors would give it. `wheels`
     is how well the wheels are believed.
     """

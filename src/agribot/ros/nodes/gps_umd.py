@@ -50,7 +50,7 @@ class UtmSettings(NamedTuple):
 
 
 class UtmOdometry(EndlessStage):
-    """Publishes fixes as odometry on the UTM grid; a fix that is none, or unstamped, is left out.
+    """Publishes fixes as odometry on the UTM grid; leaves out invalid and unstamped ones.
 
     The zone is that of the first fix, so that a robot that drives out of it makes no step.
     """
@@ -77,7 +77,7 @@ class UtmOdometry(EndlessStage):
 
 
 class UtmToNavSatFix(EndlessStage):
-    """Publishes odometry on the UTM grid as fixes; its frame or the settings tell the zone."""
+    """Publishes odometry on the UTM grid as fixes; its frame or the settings give the zone."""
 
     def __init__(self, settings: UtmSettings, odometry: str = "/odom", fix: str = "/fix") -> None:
         self._settings = settings

@@ -1,4 +1,4 @@
-"""`gpsd-client` of gps_umd: what a gpsd tells, as NavSatFix and GPSFix."""
+"""`gpsd-client` of gps_umd: what a gpsd reports, as NavSatFix and GPSFix."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ class ClientSettings(NamedTuple):
 
 
 class GpsdClient(EndlessStage):
-    """Publishes every fix as NavSatFix and GPSFix, and while there is none, what is seen as GPSFix.
+    """Publishes every fix as NavSatFix and GPSFix, and without a fix what is seen as GPSFix.
 
-    A NavSatFix whose accuracy nobody told is left out where `check_fix_by_variance` is set.
+    A NavSatFix without a stated accuracy is left out where `check_fix_by_variance` is set.
     Covariances are in m^2.
     """
 
@@ -69,7 +69,7 @@ class GpsdClient(EndlessStage):
             Topic(name=fix, ros_type=fixes.NAVSATFIX), make_gps_topic(EXTENDED_FIX)
         )  # fmt: skip
         self.outputs = (self._fix, self._extended)
-        self.reason = "gpsd has told of no receiver yet"
+        self.reason = "gpsd has reported no receiver yet"
 
     def receive(self, topic: Topic, message: Any, t_s: float) -> Sequence[OutgoingMessage]:
         return ()
@@ -96,7 +96,7 @@ class GpsdClient(EndlessStage):
         if found is None:
             self.reason = "the receiver has no fix"
         elif is_unknown and settings.check_fix_by_variance:
-            self.reason = f"gpsd tells no accuracy; {self._fix.name} is left out"
+            self.reason = f"gpsd states no accuracy; {self._fix.name} is left out"
         else:
             self.reason = ""
             navsat = rosmsg.make_fix(fix, settings.frame_id)

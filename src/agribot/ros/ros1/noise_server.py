@@ -106,7 +106,7 @@ class Ros1NoiseServer:
 
     def _on_param(self, sensor: str, name: str, value: object) -> None:
         """Follow the master's parameter; put it back where the value cannot be."""
-        if isinstance(value, dict):  # the whole group, of which this is one
+        if isinstance(value, dict):  # the whole group, with this one in it
             value = value.get(name)
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         why = (
@@ -118,7 +118,7 @@ class Ros1NoiseServer:
             self._node.set_param(f"{GROUPS[sensor]}/{name}", self._noise.read(sensor)[name])
 
     def _on_change(self, sensor: str, name: str, value: float) -> None:
-        """Let the master and all listeners know, whoever changed it."""
+        """Report a change to the master and all listeners, whatever its source."""
         with self._lock:
             self._node.set_param(f"{GROUPS[sensor]}/{name}", value)
             self._updates[sensor].put(encode(make_config(self._noise.read(sensor))))

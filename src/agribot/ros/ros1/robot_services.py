@@ -72,7 +72,7 @@ def _make_set_pose(node: Node, requests: Requests) -> Answer:
 def read_pose_parameter(node: Node) -> tuple[float, float, float]:
     """Read x, y (m, map) and yaw (rad) from the master.
 
-    Raises: BridgeError: the parameter is not set, or is none.
+    Raises: BridgeError: the parameter is not set, or invalid.
     """
     try:
         value = node.ask_master("getParam", POSE_PARAMETER)

@@ -201,7 +201,7 @@ _TWIST = struct.Struct("<6d")
 
 
 def read_twist(data: bytes) -> Twist | None:
-    """Read a geometry_msgs/Twist; None if the bytes are none."""
+    """Read a geometry_msgs/Twist; None if the bytes are not one."""
     if len(data) != _TWIST.size:
         return None
     a, b, c, d, e, f = _TWIST.unpack(data)

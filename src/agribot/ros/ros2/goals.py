@@ -101,7 +101,7 @@ class GoalServer:
         """Update the goals by a tick of the robot."""
         with self.goals.lock:
             under_way, now_s = self.goals.step(record), record.batch.t_s
-            # Before the way is planned there is nothing to tell of it.
+            # Before the way is planned there is nothing to report.
             if under_way and record.status.length_m and now_s >= self._next_feedback_s:
                 self._next_feedback_s = now_s + FEEDBACK_PERIOD_S
                 for goal in under_way:

@@ -153,7 +153,7 @@ def read_node_name(token: str) -> str:
 
 
 def from_dds_name(name: str) -> str:
-    """Convert `sensor_msgs::msg::dds_::Imu_` to `sensor_msgs/msg/Imu`; "" if it is none."""
+    """Convert `sensor_msgs::msg::dds_::Imu_` to `sensor_msgs/msg/Imu`; "" for other names."""
     parts = name.split("::")
     if len(parts) != 4 or parts[2] != "dds_":
         return ""
