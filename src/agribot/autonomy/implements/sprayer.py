@@ -189,7 +189,7 @@ class SpotSprayer:
         estimate: Estimate,
         step_m: float,
     ) -> tuple[list[int], str]:
-        """Find the nozzles for a weed that no stem of crop forbids, or say why there are none."""
+        """Find the nozzles for a weed that no stem of crop forbids, or say why no nozzle can."""
         half_m = self._spec.section_width_m / 2.0
         if abs(weed.y_m) > self._y_body_m[0] + half_m:
             return [], "outside the tool"
