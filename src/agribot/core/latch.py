@@ -9,7 +9,7 @@ from agribot.core.messages import OperatorEvent
 class Latch:
     """Holds why the robot stands; `cause` is None while it may move.
 
-    Whoever hears the events of a tick may pass them on: hearing the same ones twice changes
+    A part that gets the events of a tick may pass them on: getting the same ones twice changes
     nothing. A second cause does not hide the first.
     """
 
