@@ -152,8 +152,7 @@ class HeightField(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Relief(msgspec.Struct, frozen=True, kw_only=True):
-    """What the ground has of heights below the size of a field, drawn from `seed`; a height of 0 is
-    flat.
+    """What the ground has of heights below the size of a field, drawn from `seed`; 0: flat.
 
     `roughness_rms_m` is the deviation from the plane of random ground with an ISO 8608 spectrum.
     Clods have heights up to `clod_height_m`. A ridge of `ridge_height_m` runs under each of

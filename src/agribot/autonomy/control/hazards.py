@@ -46,8 +46,8 @@ from agribot.core.facts import (
 from agribot.core.messages import Check, Estimate, Goal, RobotCommand, SensorBatch
 
 # latch: stands until a person clears the stop. wait: stands until it is over. slow: along the same
-# curve. tool off: it drives on, the tool does not work. home: the mission turns home. tell:
-# reported only.
+# curve. tool off: it drives on, the tool does not work. home: the mission turns home. tell: a
+# report.
 Reaction = Literal["latch", "wait", "slow", "tool off", "home", "tell"]
 # Whether a person who drives is held, too; "until cleared": once, and then drives the robot off.
 ForHand = Literal["yes", "until cleared", "no"]

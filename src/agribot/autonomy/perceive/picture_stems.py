@@ -22,8 +22,8 @@ LEAST_SHARE = PerceptionConfig().min_confidence
 class PictureStem(msgspec.Struct, frozen=True, kw_only=True):
     """A plant with its stem at `u_px`, `v_px`, right and down from the top left pixel's middle.
 
-    `plant` is None where it may be a weed or a crop: `weed` and `crop` are the probabilities of
-    either. `area_px` counts the pixels of its leaves, within the box.
+    `plant` is None where it may be a weed or a crop: `weed` and `crop` are the probabilities.
+    `area_px` counts the pixels of its leaves, within the box.
     """
 
     plant: PlantClass | None
