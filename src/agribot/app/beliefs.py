@@ -23,7 +23,7 @@ LONGEST_TICK_S = 0.5  # what passes between two ticks that are farther apart is 
 
 
 class BeliefSums(msgspec.Struct, kw_only=True):
-    """Sums over the ticks of a job; `stated` are the squares of the 1 sigma that were told."""
+    """Sums over the ticks of a job; `stated` are the squares of the reported 1 sigma."""
 
     distance_m: float = 0.0
     row_ticks: int = 0

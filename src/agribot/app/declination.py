@@ -93,8 +93,8 @@ def settle_declination(
     """Fill in `field.declination_deg` of a real robot where it is not set; say what is odd.
 
     It is that of the model; a value that was typed stays, and is compared with it. In the simulator
-    nothing changes: the field points to true North, but for `sim.declination_deg`, of which the
-    robot is not told.
+    nothing changes: the field points to true North, but for `sim.declination_deg`, which the robot
+    does not know.
     """
     typed_deg = config.field.declination_deg
     if find_platform(config.platform).is_simulated or robot.mag is None:

@@ -1,9 +1,9 @@
 """What the robot did about the faults that were injected, read from its events.
 
 A sign of a fault is, after it began: any stop or hold, a mission that pauses, fails or drives on
-with a reservation, and a fault or a limit that names the part, alone or as one of two. One that had
-been said before the fault began is none, unless it names the part, and one that names the part of
-another injected fault is that one's. The parts that a reason names are those of its fact.
+with a reservation, and a fault or a limit that names the part, alone or as one of two. One reported
+before the fault began does not count, unless it names the part, and one that names the part of
+another injected fault belongs to that one. The parts that a reason names are those of its fact.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from agribot.sim.safety_judge import Crush
 # Strongest first; what is said of a part alone comes last.
 _STRENGTH: tuple[Reaction, ...] = ("stopped", "held", "slowed", "named")
 _STOPPING = ("paused", "failed")
-SETTLE_S = 0.5  # a robot that was set down stands still after so long
+SETTLE_S = 0.5  # a robot that was set down stands still after this time
 _SAID = Said.__struct_config__.tag
 
 

@@ -39,7 +39,7 @@ class LineNoise:
         self._rng = rng
 
     def carry(self, data: bytes, frames: int, t_s: float) -> bytes:
-        """Return what arrives of the bytes of so many frames."""
+        """Return what arrives of the bytes of `frames` frames."""
         share = sum(fault.number for fault in self._faults if fault.is_on(t_s))
         if not (share and data):
             return data
@@ -80,12 +80,12 @@ def _is_imu(frame: bytes) -> bool:
 
 
 class BoardFaults:
-    """What is on at `t_s`, which whoever owns it sets."""
+    """The faults that are on at `t_s`, which the owner sets."""
 
     def __init__(
         self, faults: Sequence[Fault], drive: DriveSpec, rng: np.random.Generator, weak_wheel: str
     ) -> None:
-        """`weak_wheel` is the one that `motor.weak` befalls."""
+        """`weak_wheel` is the one that `motor.weak` affects."""
         self._faults, self._noise = tuple(faults), LineNoise(faults, rng)
         self._late, self._weak_wheel = LateFrames(faults), weak_wheel
         self._most_a = drive.wheel_torque_nm / drive.torque_constant_nmpa
@@ -104,7 +104,7 @@ class BoardFaults:
 
     @property
     def are_inputs_silent(self) -> bool:
-        """Whether nothing is told of red button, bumper, battery and motors."""
+        """Whether red button, bumper, battery and motors are not reported."""
         return any(fault.name == "inputs.silent" for fault in self._on())
 
     @property

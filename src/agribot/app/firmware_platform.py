@@ -51,7 +51,7 @@ BOOT_S = 2.0  # by then a board has spoken
 MAG_SETTLES_S = 0.1  # from the world's first field at the chip to the first frame that has it
 COUNTS_PER_TURN = 2048.0
 SUPPLY_V = 24.0
-MOST_SENSED_A = 24.0  # what the board's current sensors tell apart
+MOST_SENSED_A = 24.0  # what the board's current sensors resolve
 PACK_FULL_V = 25.2  # of the simulator: six lithium-ion cells
 OPTIONS = (
     ("counts_per_turn", f"{COUNTS_PER_TURN:g}"), ("full_speed_radps", "80"),
@@ -121,7 +121,7 @@ class FirmwarePlatform:
             simulator.faults.leave(BELOW_THE_SAMPLES)
         self._t_s = 0.0
         self._has_imu = True
-        self._battery_v = PACK_FULL_V  # until the simulator tells
+        self._battery_v = PACK_FULL_V  # until the simulator reports it
         self._field_from_s = math.inf  # before, the chip shows a field that is not of the world
         windings = {"winding_ohm": robot.drive.winding_ohm}
         options = UriOptions(SourceUri("firmware", "", "", OPTIONS), windings)

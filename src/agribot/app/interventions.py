@@ -19,8 +19,8 @@ def list_interventions(events: Sequence[Event]) -> tuple[SafetyEvent, ...]:
     """List when the robot began to need a person, and why.
 
     Those are stops that a person has to clear, pauses and questions of the mission, its failure,
-    and that it came home to be charged; what comes while it already needs somebody is no other
-    one. What a person asked for is none, nor a pause that the mission ends by itself, as on its
+    and that it came home to be charged; what comes while it already needs a person is not another
+    one. What a person asked for is not one, nor a pause that the mission ends by itself, as on its
     way home.
     """
     found: list[SafetyEvent] = []
@@ -58,5 +58,5 @@ def _waits(event: Event, is_waiting: bool) -> bool:
 
 
 def compute_km_per_intervention(distance_m: float | None, count: int) -> float | None:
-    """Divide the way by the interventions; None where there were none, or nobody knows the way."""
+    """Divide the way by the interventions; None without interventions or a known way."""
     return None if distance_m is None or not count else distance_m / 1000.0 / count

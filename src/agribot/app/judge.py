@@ -1,4 +1,4 @@
-"""What a run asks of whoever knows the truth about it."""
+"""What a run asks of a source of the truth about it."""
 
 from __future__ import annotations
 

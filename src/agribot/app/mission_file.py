@@ -29,12 +29,11 @@ class Resumable(Protocol):
 class MissionFile:
     """A tap that writes the mission, or what else must outlive a crash, once a second.
 
-    It does so, too, whenever the mission's state changes.
+    It also writes on every change of the mission's state.
 
-    Every write replaces the whole file at once: whoever reads it sees the old or the new state.
-    A thread writes, so that a slow disk does not hold up the control loop; a state that waits
-    for it gives way to a newer one. `on_failure` gets the time and the error of a disk that begins
-    to fail.
+    Every write replaces the whole file at once: a reader sees the old or the new state. A thread
+    writes, so that a slow disk does not hold up the control loop; a newer state replaces one that
+    waits for it. `on_failure` gets the time and the error of a disk that begins to fail.
     """
 
     def __init__(

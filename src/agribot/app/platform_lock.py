@@ -13,7 +13,7 @@ from agribot.core.errors import PlatformError
 
 
 class PlatformLock:
-    """Claims a platform of this computer by its name; the lock of a dead process is nobody's.
+    """Claims a platform of this computer by its name; the lock of a dead process is free.
 
     Raises: PlatformError: another process drives it.
     """

@@ -60,7 +60,7 @@ class EndedRun(Protocol):
     judge: Judge | None
     job: WholeJob
     event_log: EventLog
-    rows_before: tuple[int, ...]  # done in earlier runs of which nothing else is known
+    rows_before: tuple[int, ...]  # done in earlier runs; nothing else is known of those
 
     @property
     def conditions(self) -> dict[str, Any] | None: ...
@@ -78,8 +78,8 @@ class EndedRun(Protocol):
 def report_card(drive: EndedRun, why_ended: str = "") -> Report:
     """Report what was done: by the truth where a judge knows it, else as the robot believes.
 
-    Without a judge, all that only the truth can tell is null. `why_ended` names an end from
-    outside: an interruption or the end of the time allowed.
+    Without a judge, all that needs the truth is null. `why_ended` names an end from outside: an
+    interruption or the end of the time allowed.
     """
     config, judge, job = drive.config, drive.judge, drive.job.snapshot()
     status = drive.last.status if drive.last is not None else None
@@ -147,7 +147,7 @@ def _beliefs(
 
 
 def _found_rows(drive: EndedRun) -> FoundRowsReport | None:
-    """Report the rows that the robot found by itself; None where it was told them."""
+    """Report the rows that the robot found by itself; None where it was given them."""
     if not drive.finds_rows:
         return None
     driven = drive.rows
@@ -158,7 +158,7 @@ def _found_rows(drive: EndedRun) -> FoundRowsReport | None:
 
 
 def _tell_missed(found: FoundRowsReport | None) -> str:
-    """Tell which rows were not found, or found where none stands; empty where all is well."""
+    """Name the rows that were not found, or found where no row stands; empty if all is well."""
     if found is None or found.matched is None or found.true is None:
         return ""
     missed = [f"{found.true - found.matched} of {found.true} rows not found"]
@@ -191,7 +191,7 @@ def _reason(status: MissionStatus | None, mission: MissionReport, tracking: Trac
 
 
 def _blame(tracking: TrackingReport) -> str:
-    """Tell what crushed them: " by the belly", " (4 by wheels, 2 by the belly)"."""
+    """Say what crushed them: " by the belly", " (4 by wheels, 2 by the belly)"."""
     by = tracking.plants_crushed_by
     words = ("wheels", by.wheel), ("the belly", by.belly), ("the implement", by.implement)
     found = [(what, count) for what, count in words if count]

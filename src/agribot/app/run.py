@@ -159,7 +159,7 @@ class Run:
 
     @property
     def truth(self) -> Callable[[], TrueState] | None:
-        """Where the robot really is, for those who show it; None where nobody knows."""
+        """The true state of the robot, to be shown; None where unknown."""
         return None
 
     @property
@@ -251,7 +251,7 @@ class Run:
         self.stack.mask_taps.append(tap)
 
     def ticks(self) -> Iterator[TickRecord]:
-        """Drive until the mission ends, the time allowed is over, or nobody clears a stop."""
+        """Drive until the mission ends, the time allowed is over, or a stop is not cleared."""
         self.clock.start()
         while not (self._has_ended() or self._is_time_over() or self.unattended.why_ended):
             yield self._tick()

@@ -141,7 +141,7 @@ def open_locked(path: Path) -> BinaryIO | None:
 
     Raises: OSError: no such place.
     """
-    # One that is there may be another user's, whom a folder for all lets nobody create anew.
+    # An existing file may be another user's, which this user cannot create anew.
     file: BinaryIO = path.open("rb+") if path.exists() else path.open("ab")
     try:
         _lock(file)

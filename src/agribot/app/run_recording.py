@@ -100,7 +100,7 @@ class RunRecording:
 
     @property
     def ended_because(self) -> str:
-        """Why the last recording ended before it was told to; empty where it did not."""
+        """Why the last recording ended before its end was requested; empty where it did not."""
         return self._ended_because
 
     @property

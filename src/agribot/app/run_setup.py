@@ -53,7 +53,7 @@ class RunSetup(NamedTuple):
     earlier: JobSoFar
     prescription: bytes
     plants: bytes
-    notes: tuple[str, ...] = ()  # where settings come from that nobody gave
+    notes: tuple[str, ...] = ()  # where settings come from that the user did not give
     warnings: tuple[str, ...] = ()  # what is odd about the settings
 
     def build_stack(self) -> Stack:
@@ -78,8 +78,8 @@ def prepare_run(
     """Read all that the settings of a run name.
 
     `saved` is a mission to go on with, `earlier` what the runs before did of the job; the report
-    then tells of all of it. `plan_text` is a field plan that is in no file yet: the run keeps it
-    in its folder.
+    then covers all of it. `plan_text` is a field plan that is in no file yet: the run keeps it in
+    its folder.
 
     Raises: AgribotError: something in the settings or on the disk does not fit.
     """

@@ -1,7 +1,7 @@
-"""What systemd is told of a run: that it drives, that its loop still turns, and that it ends.
+"""What a run reports to systemd: that it drives, that its loop still turns, and that it ends.
 
-Source: sd_notify(3) and systemd.service(5). Where nothing started the process as a service of
-`Type=notify`, nothing is said.
+Source: sd_notify(3) and systemd.service(5). Nothing is sent unless the process was started as a
+service of `Type=notify`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class ServiceManager:
         self._limit_s = _read_limit_s(environment)
         self._line = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) if self._address else None
         if self._line is not None:
-            self._line.setblocking(False)  # the control loop waits for nobody
+            self._line.setblocking(False)  # the control loop must not block
         self._is_ready = False
         self._life_s = self._status_s = -float("inf")
         self._status = ""
@@ -111,7 +111,7 @@ def _read_address(environment: Mapping[str, str]) -> str:
 
 
 def _read_limit_s(environment: Mapping[str, str]) -> float:
-    """Read how long the loop may be silent; 0 where nobody watches this process."""
+    """Read how long the loop may be silent; 0 without a watchdog on this process."""
     mine = environment.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
     microseconds = environment.get("WATCHDOG_USEC", "")
     return int(microseconds) / 1e6 if mine and microseconds.isdecimal() else 0.0

@@ -106,7 +106,7 @@ class SimulatedRun(Run):
         return HungNetwork(perception, faults, lambda: self.simulator.truth().t_s)
 
     def _note_faults(self, t_s: float, layer: FaultLayer) -> None:
-        """Log what begins and ends; the robot itself is not told."""
+        """Log what begins and ends; the robot itself gets no notice."""
         for fault, is_on, words in layer.take_changes():
             self.event_log.add(Event(t_s=t_s, kind="injected", reason=words))
             if is_on:

@@ -1,4 +1,4 @@
-"""A stop that nobody has cleared outlives the program, and a machine begins disarmed.
+"""A stop that was not cleared outlives the program, and a machine begins disarmed.
 
 Both are a stop in the inbox before the first tick: the recording holds it, and a replay repeats it.
 """
@@ -24,7 +24,7 @@ FOLDER = "stops"
 
 
 class RememberedStop(msgspec.Struct, frozen=True, kw_only=True):
-    """Why the robot stands, since when, and the folder of the run that it befell.
+    """Why the robot stands, since when, and the folder of the run in which it happened.
 
     `stopped` is the text of `fact`, and all that earlier versions kept.
     """
@@ -37,7 +37,7 @@ class RememberedStop(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def begin(inbox: Inbox, why: Fact | None) -> None:
-    """Let the robot begin stopped for a cause, or cleared where there is none."""
+    """Let the robot begin stopped for a cause, or cleared without one."""
     action: OperatorAction = "clear_stop" if why is None else "stop"
     text = render(why)
     inbox.post(OperatorEvent(t_s=0.0, action=action, source="start-up", text=text, fact=why))
@@ -86,8 +86,8 @@ class StopMemory:
         """Let the robot begin stopped where it must; returns why, None where it may drive.
 
         `is_armed` and `is_cleared` are a person's word, `saved_stop` is that of the mission which
-        goes on: where the power failed with the stop, it may be all that came to the disk. The
-        motor board is told of it.
+        goes on: where the power failed with the stop, it may be all that reached the disk. The
+        motor board gets it, too.
 
         Raises: PlatformError: the file cannot be read.
         """

@@ -51,7 +51,7 @@ class TasksUnderWay:
         self._crop = task.rows if task.has_crop else ()
 
     def read_plan(self, text: str) -> Task:
-        """Read a field plan. Raises: MissionError: it is none, or must not be driven."""
+        """Read a field plan. Raises: MissionError: it is not a plan, or must not be driven."""
         work = read_work(text, "the plan", self._config, self._robot)
         return FieldTask(work, self._robot.drive, text)
 

@@ -19,7 +19,7 @@ from agribot.core.messages import FloatArray
 from agribot.gis.drawn_field import DrawnRow, format_drawn_field
 
 STEP_M = 0.05  # between points of a track; a robot that stands adds none
-# What bends more, over so much way, is a turn and no row; shorter stretches are none either.
+# What bends more, over this way, is a turn and not a row; nor is a shorter stretch a row.
 TURN_RADPM, BEND_OVER_M, SHORTEST_M = 0.25, 1.0, 2.0
 # Nothing drives faster that teaches rows: between two fixes one of them is wrong. Stamps that do
 # not go on are taken for as far apart as those of a quick receiver.

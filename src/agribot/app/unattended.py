@@ -1,4 +1,4 @@
-"""A run that nobody attends does not wait for ever for somebody to let it go on."""
+"""An unattended run does not wait for ever for an operator to let it go on."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ LATENCY_BIN_S = 0.001
 
 
 class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
-    """What the runs of a job did so far, the last of `runs` being the one that wrote this.
+    """What the runs of a job did until now; the last of `runs` wrote this.
 
     `lacks` says in words what of the earlier ones is lost. `latency_s` is what the network took for
     a picture, `used_s` the time from its capture to the tick that used it. Times of `plants` are
@@ -196,7 +196,7 @@ def plants_before(earlier: JobSoFar) -> tuple[Track, ...]:
 
 
 def plants_later(plants: Iterable[MappedPlant], by_s: float) -> tuple[MappedPlant, ...]:
-    """Shift the times of plants to a clock that began so much earlier."""
+    """Shift the times of plants to a clock that began `by_s` earlier."""
     if not by_s:
         return tuple(plants)
     return tuple(
@@ -252,5 +252,5 @@ def folder_of(run: RunOfJob, beside: Path) -> Path:
 
 
 def events_later(events: Iterable[Event], by_s: float) -> tuple[Event, ...]:
-    """Shift the times of events to a clock that began so much earlier."""
+    """Shift the times of events to a clock that began `by_s` earlier."""
     return tuple(msgspec.structs.replace(event, t_s=event.t_s + by_s) for event in events)

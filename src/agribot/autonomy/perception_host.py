@@ -60,7 +60,7 @@ class PerceptionHost(Protocol):
     def step(self, batch: SensorBatch) -> tuple[Scene, ...]: ...
 
     def settle(self) -> None:
-        """Wait until every frame taken so far has been looked at."""
+        """Wait until every frame taken has been looked at."""
         ...
 
     def close(self) -> None: ...
@@ -108,10 +108,10 @@ class ThreadedPerception:
 
 
 class NewestPerception:
-    """One thread looks at the newest frame there is; those that it has no time for are dropped.
+    """One thread looks at the newest frame; those that it has no time for are dropped.
 
     A scene comes out in the first tick in which it is there, and the recording knows that tick. A
-    network that hangs holds up nobody.
+    hanging network does not block the loop.
     """
 
     def __init__(self, observe: Observer, latency_s: float) -> None:

@@ -50,7 +50,7 @@ class ThreadedPlanning:
         return future.result
 
     def pop_late(self) -> bool:
-        """Tell whether an answer was late since the last call."""
+        """Return whether an answer was late since the last call."""
         is_late, self._is_late = self._is_late, False
         return is_late
 

@@ -1,4 +1,4 @@
-"""The robot on one page: read, estimate, perceive, decide, supervise, write, tell the taps."""
+"""The robot on one page: read, estimate, perceive, decide, supervise, write, call the taps."""
 
 from __future__ import annotations
 
@@ -203,7 +203,7 @@ def _fence_out(config: RunConfig, robot: RobotSpec) -> KeepOutFence | None:
 
 
 def _localize(config: RunConfig, robot: RobotSpec, task: Task, plants: StemMap | None) -> Localizer:
-    """Build the filter, and tell it what is known of the crop."""
+    """Build the filter, and give it what is known of the crop."""
     corrections = load_corrections(config.plugins)
     localizer = Localizer(config.estimate, config.field, robot, corrections)
     if task.work is not None:
@@ -224,7 +224,7 @@ def find_rows(work: FieldWork, spacing_m: float | None) -> MappedRows:
 
 
 def find_row_spacing_m(config: RunConfig, task: Task) -> float | None:
-    """Find how far apart the field's rows are; None where a plan or nobody says where they are."""
+    """Find how far apart the field's rows are; None where they are unknown or from a plan."""
     is_told = task.work is None and task.explorer is None and config.field.row_count > 1
     return config.field.row_pitch_m if is_told else None
 

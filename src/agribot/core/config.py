@@ -93,7 +93,7 @@ class MissionConfig(Config, frozen=True):
     waits_for_goals: bool = False  # begins when it is resumed, visits what it is sent to, and stays
     # Without headway; then the mission fails, or pauses where the robot may reach crop.
     stall_timeout_s: Positive = 60.0
-    # Stuck, it backs out as it came and tries again, so often at one place before it stops.
+    # Stuck, it backs out along its track and tries again, this often at one place before it stops.
     free_tries: Annotated[int, msgspec.Meta(ge=0, le=10)] = 5
     # Known across the row so well (1 sigma) the robot drives at full speed, so badly not at all.
     full_speed_std_m: Positive = 0.08
@@ -119,15 +119,15 @@ class EstimateConfig(Config, frozen=True):
     recover_after: Count = 25  # rejected in a row before the filter opens up
     # Of the protection level: how often the true error may be larger.
     protection_risk: Annotated[float, msgspec.Meta(gt=0, lt=0.1)] = 1e-3
-    # Of their way, what turns on soil may cost the wheels; so much is learnt, 0 learns nothing.
+    # Most of their way that wheels may be learnt to lose in turns on soil; 0 learns nothing.
     max_turn_loss_ratio: Annotated[float, msgspec.Meta(ge=0, le=0.5)] = 0.3
     row_gate_sigma: Positive = 3.5  # of a crop's distance from its row
     # Less sure than this of the row in which it is, the robot asks a person.
     row_certainty: Ratio = 0.9
     gnss_timeout_s: Positive = 10.0  # without a fix; only dead reckoning is left then
     dead_reckoning_std_m: Positive = 1.0  # without GNSS, the pose is good up to this 1 sigma
-    wheel_timeout_s: Positive = 0.3  # so long without a wheel reading, the pose is not good
-    imu_timeout_s: Positive = 0.3  # so long without an IMU reading, the pose is not good
+    wheel_timeout_s: Positive = 0.3  # longest gap in the wheel readings of a good pose
+    imu_timeout_s: Positive = 0.3  # longest gap in the IMU readings of a good pose
 
 
 class ControlConfig(Config, frozen=True):
@@ -161,8 +161,8 @@ class SafetyConfig(Config, frozen=True):
     max_yaw_rate_radps: Positive = 1.2  # of any command
     max_tilt_rad: Positive = 0.6  # tilted more, the robot stops
     geofence_margin_m: Positive = 5.0  # around the path, where no boundary of a field is known
-    # So far the robot, where it believes to stand, may get over a field's boundary: a plan keeps
-    # 5 cm off it, and the robot its way to 4 cm where it turns.
+    # Distance that the robot, by its own pose, may get over a field's boundary: a plan keeps 5 cm
+    # off it, and the robot keeps its way to 4 cm where it turns.
     fence_tolerance_m: NonNegative = 0.1
     # The boundary is also kept for a robot that is off by `fence_sigma` times the 1 sigma of its
     # position, along its body and across it; such a robot may get over it by `fence_unsure_m`.
@@ -171,7 +171,7 @@ class SafetyConfig(Config, frozen=True):
     # The same with a receiver without carrier corrections, whose errors last: nothing is forgiven.
     fence_single_sigma: NonNegative = 3.5
     hand_timeout_s: Annotated[float, msgspec.Meta(gt=0, le=0.5)] = 0.2  # of a request to drive
-    # Whoever had the seat of the page is gone, or its server is: the mission goes on or pauses.
+    # The client that held the page's seat is gone, or its server is: the mission goes on or pauses.
     on_operator_lost: Literal["continue", "pause"] = "continue"
     # Wheels or IMU silent for longer stop the robot; so late the wheels may follow a command.
     sensor_timeout_s: Positive = 0.3
@@ -184,7 +184,7 @@ class SafetyConfig(Config, frozen=True):
     # Below it the robot goes home, where only the voltage is known.
     low_battery_v: NonNegative = 0.0
     empty_battery_v: NonNegative = 0.0  # below it the robot stands, where only the voltage is known
-    # Inputs that the motor board must tell of (red button, bumper, battery, motors), or the robot
+    # Inputs that the motor board must report (red button, bumper, battery, motors), or the robot
     # stands; None: those that the platform must have.
     must_report: tuple[SafetyInput, ...] | None = None
     clock_jump_s: Positive = 1.0  # between two ticks; the motor board has stopped by then
@@ -228,13 +228,13 @@ class TreatmentConfig(Config, frozen=True):
     # of plants that stand alone in the map, of all whose stem is mapped, or these and those beside
     # the row.
     leaves: LeafRule = "alone"
-    # By the rule `rows`: so far beside a row of mapped crops no other row can stand. At most 5 cm
-    # less than rows are apart.
+    # By the rule `rows`: no other row can stand within this distance of a row of mapped crops. At
+    # most 5 cm less than the distance of rows.
     beside_row_m: Positive = 0.4
     # Beside rows, ground is sprayed where a network that finds plants makes a stem of a weed so
     # sure in the mean of its looks, also where none is on the map; 1: nowhere.
     least_weed_score: Ratio = 1.0
-    prescription: str = ""  # file of zones with rates, outside of which nothing is treated
+    prescription: str = ""  # file of zones with rates; nothing is treated outside them
     prescription_column: str = ""  # which has litres per hectare; empty: by its usual names
     depth_m: Positive | None = None  # of a hoe's blades; None: as deep as they reach
 
@@ -300,7 +300,7 @@ class RunConfig(Config, frozen=True):
     # Its description: a packaged name, URDF or xacro, with arguments as in "x.xacro side:=left".
     robot: str = "agribot"
     waypoints: str = ""  # a file of places to visit, the task instead of the rows of the field
-    # Drive the rows of the field, or find and draw those of a field that nobody mapped.
+    # Drive the rows of the field, or find and draw those of an unmapped field.
     task: Literal["rows", "explore"] = "rows"
     plan: str = ""  # a certified field plan, the task instead of the rows of the field
     tick_hz: Annotated[float, msgspec.Meta(ge=10, le=100)] = 50.0  # of the control loop
@@ -341,7 +341,7 @@ def load(profile: str, settings: Iterable[str] = ()) -> RunConfig:
 
 
 def is_stated(key: str, profile: str, settings: Iterable[str] = ()) -> bool:
-    """Tell whether a profile or the settings on top of it state a setting `a.b`, or a part of it.
+    """Return whether a profile or the settings on top state a setting `a.b`, or a part of it.
 
     Raises: ConfigError: unknown profile, or a setting that cannot be assigned.
     """

@@ -6,7 +6,7 @@ AgribotError
 ├── MissionError        a field, plan or waypoint list cannot be driven
 ├── PerceptionError     model weights are missing or do not fit the camera
 ├── RecordingError      a run cannot be written or read back
-├── BridgeError         another program cannot be reached, or sends what nobody can read
+├── BridgeError         another program cannot be reached, or sends unreadable data
 └── PlatformError       the robot or the simulator stopped answering
     └── EndOfRecording  a replay has no more batches: the normal end, not a fault
 

@@ -63,7 +63,7 @@ def read_requirements() -> Iterator[Requirement]:
 
 
 def has(extra: str) -> bool:
-    """Tell whether every package of an extra is installed."""
+    """Return whether every package of an extra is installed."""
     return all(_is_installed(one.module) for one in _list_requirements() if one.extra == extra)
 
 

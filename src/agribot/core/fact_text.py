@@ -47,7 +47,7 @@ class Table(msgspec.Struct, frozen=True):
 def load_table(language: str) -> Table:
     """Read the table of a language.
 
-    Raises: ConfigError: there is none.
+    Raises: ConfigError: there is no such table.
     """
     if language not in LANGUAGES:
         raise ConfigError(f"no texts in '{language}'; choose one of {', '.join(LANGUAGES)}")
@@ -58,7 +58,7 @@ def load_table(language: str) -> Table:
 
 
 def render(fact: Fact | None, language: str = "en") -> str:
-    """Make the text of a fact, and what to do about it; empty where there is none."""
+    """Make the text of a fact, and what to do about it; empty without a fact."""
     if fact is None:
         return ""
     table = load_table(language)

@@ -37,7 +37,7 @@ Side = Literal["left", "right"]
 Where = Literal["left", "right", "ahead", "behind"]
 End = Literal["front", "behind"]  # of the robot
 Unspoken = Literal["wheels", "imu", "gnss", "compass"]  # a sensor that may fall silent
-Motion = Literal["stand", "backwards", "fast", "slow"]  # of wheels, against what they were told
+Motion = Literal["stand", "backwards", "fast", "slow"]  # of wheels, against their command
 Check = Literal["board", "imu", "imu_cable", "cable", "gnss", "compass", "wheels"]
 
 _CAPITAL = re.compile(r"(?<!^)(?=[A-Z])")
@@ -112,7 +112,7 @@ def _is_number(value: object) -> bool:
 
 
 def find_kind(fact: Fact | None) -> tuple[object, ...]:
-    """Return what stays the same of a fact while its numbers change; empty where there is none."""
+    """Return what stays the same of a fact while its numbers change; empty without a fact."""
     return () if fact is None else fact.kind
 
 
@@ -493,7 +493,7 @@ class HeadingJumped(Fact, frozen=True):
 
 
 class GyroTurns(Fact, frozen=True):
-    """The gyro tells a turn that compass and wheels contradict."""
+    """The gyro shows a turn that compass and wheels contradict."""
 
     about: ClassVar[tuple[Part, ...]] = ("imu",)
     severity: ClassVar[Severity] = "warning"
@@ -501,7 +501,7 @@ class GyroTurns(Fact, frozen=True):
 
 
 class CompassTurned(Fact, frozen=True):
-    """The compass tells a turn that gyro and wheels contradict."""
+    """The compass shows a turn that gyro and wheels contradict."""
 
     about: ClassVar[tuple[Part, ...]] = ("compass",)
     severity: ClassVar[Severity] = "warning"
@@ -656,7 +656,7 @@ class MotorDead(Fact, frozen=True):
 
 
 class WheelsWrong(Fact, frozen=True):
-    """Wheels do something else than they were told."""
+    """Wheels do not follow their command."""
 
     about: ClassVar[tuple[Part, ...]] = ("wheels",)
     wheels: tuple[Wheel, ...]
@@ -670,7 +670,7 @@ class WheelsWrong(Fact, frozen=True):
 
 
 class WheelsSwapped(Fact, frozen=True):
-    """The robot turns the other way than told."""
+    """The robot turns opposite to its command."""
 
     about: ClassVar[tuple[Part, ...]] = ("motors", "wheels")
 
@@ -774,14 +774,14 @@ class ContactorSilent(Fact, frozen=True):
 
 
 class ContactorInTrouble(Fact, frozen=True):
-    """The contactor cannot do what it is told, in the words of its driver."""
+    """The contactor cannot obey its command, in the words of its driver."""
 
     about: ClassVar[tuple[Part, ...]] = ("contactor",)
     said: str
 
 
 class ContactorStaysClosed(Fact, frozen=True):
-    """The contactor was told to open and did not; `is_told`: it says so itself."""
+    """The contactor was commanded to open and did not; `is_told`: it reports so itself."""
 
     about: ClassVar[tuple[Part, ...]] = ("contactor",)
     is_told: bool
@@ -792,7 +792,7 @@ class ContactorStaysClosed(Fact, frozen=True):
 
 
 class ContactorStaysOpen(Fact, frozen=True):
-    """The contactor was told to close and did not."""
+    """The contactor was commanded to close and did not."""
 
     about: ClassVar[tuple[Part, ...]] = ("contactor",)
 
@@ -1040,7 +1040,7 @@ class Disarmed(Fact, frozen=True):
 
 
 class NotCleared(Fact, frozen=True):
-    """A stop of an earlier run, which nobody has cleared since a date and time."""
+    """A stop of an earlier run, not cleared since a date and time."""
 
     cause: AnyFact
     since: str
@@ -1194,7 +1194,7 @@ class StopToResume(Fact, frozen=True):
 
 
 class ResumeAwaited(_MissionNote, frozen=True):
-    """The stop was cleared, and nobody has resumed the mission."""
+    """The stop was cleared, and the mission was not resumed."""
 
 
 class GoalAwaited(_MissionNote, frozen=True):

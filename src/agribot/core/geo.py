@@ -76,7 +76,7 @@ class Datum(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def is_place(lat_deg: float, lon_deg: float) -> bool:
-    """Tell whether degrees, which another program may have left unset, are a place on Earth."""
+    """Return whether degrees, which another program may have left unset, are a place on Earth."""
     return abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and not is_nowhere(lat_deg, lon_deg)
 
 
@@ -87,7 +87,7 @@ NOWHERE = (
 
 
 def is_nowhere(lat_deg: float, lon_deg: float) -> bool:
-    """Tell whether a place is 0, 0 exactly, which devices and files say that know none.
+    """Return whether a place is exactly 0, 0, which devices and files without a place state.
 
     It lies in the sea, 570 km from the next field.
     """
@@ -257,9 +257,9 @@ def inverse(parent_from_child: FloatArray) -> FloatArray:
 
 
 def is_backwards(xy_m: FloatArray, yaw_rad: FloatArray) -> npt.NDArray[np.bool_]:
-    """Tell for poses (N, 2), (N,) of a way whether the body leaves each against its heading.
+    """Return for poses (N, 2), (N,) of a way whether the body leaves each against its heading.
 
-    Where it stands, and at the end, as it came.
+    While it stands, and at the end, it keeps the direction before.
     """
     step_m = np.diff(xy_m, axis=0)
     ahead_m = step_m[:, 0] * np.cos(yaw_rad[:-1]) + step_m[:, 1] * np.sin(yaw_rad[:-1])

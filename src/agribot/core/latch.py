@@ -9,8 +9,8 @@ from agribot.core.messages import OperatorEvent
 class Latch:
     """Holds why the robot stands; `cause` is None while it may move.
 
-    Whoever hears the events of a tick may pass them on: hearing the same ones twice changes
-    nothing. A second cause does not hide the first.
+    A part may pass on the events of a tick that it gets: the same ones twice change nothing. A
+    second cause does not hide the first.
     """
 
     def __init__(self) -> None:

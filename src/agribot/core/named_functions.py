@@ -12,7 +12,7 @@ from agribot.core.errors import ConfigError
 def find_function(target: Callable[..., Any] | str, what: str) -> Callable[..., Any]:
     """Return a function as it is, or import the one that "module:function" names.
 
-    `what` tells in an error who wanted it, such as "platform = 'my_robot:open'".
+    `what` names in an error the setting that wanted it, such as "platform = 'my_robot:open'".
 
     Raises: ConfigError: there is no such function.
     """

@@ -1,8 +1,8 @@
 """Pixels of 10, 12, 14 and 16 bits, which lie in 16-bit numbers, as bytes.
 
 Cameras put the bits of a pixel at the lower end of its 16-bit number (EMVA, GenICam Pixel Format
-Naming Convention: Mono10, Mono12, Mono14), and neither PNG nor ROS tells how many there are. The
-brightest pixel does, as well as anything can: the least of the usual depths that holds it.
+Naming Convention: Mono10, Mono12, Mono14), and neither PNG nor ROS states how many there are. The
+brightest pixel is the best indication: the least of the usual depths that holds it.
 """
 
 from __future__ import annotations
@@ -26,5 +26,5 @@ def find_depth(pixels: Pixels) -> int:
 
 
 def narrow_pixels(pixels: Pixels, depth: int) -> ByteArray:
-    """Keep the upper eight of so many bits."""
+    """Keep the upper eight of `depth` bits."""
     return (pixels >> (depth - 8)).clip(0, 255).astype(np.uint8)

@@ -137,9 +137,9 @@ class MixedPlatform:
         self._platform.write(command)
 
     def close(self) -> None:
-        """Close all of it; what acts comes first, for a sensor whose line is away takes its time.
+        """Close all of it; actuators come first, as a sensor whose line is lost takes its time.
 
-        Each is closed, whatever befalls another one.
+        Each is closed, even if another one fails.
         """
         with ExitStack() as closing:  # the last one first
             acting = [source for source in self._sources if isinstance(source, SourceThatActs)]

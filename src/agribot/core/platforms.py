@@ -80,7 +80,7 @@ def _check_platform(platform: Platform, what: str) -> None:
 
 
 def _takes_two(opener: Callable[..., Any]) -> bool:
-    """Tell whether a function takes two arguments; true of one that does not tell."""
+    """Return whether a function takes two arguments; true if its signature is unknown."""
     try:
         inspect.signature(opener).bind(None, None)
     except TypeError:
@@ -160,7 +160,7 @@ def list_must_report(name: str) -> tuple[SafetyInput, ...]:
 def require_platform(name: str) -> PlatformKind:
     """Find a platform and refuse one whose packages are not installed.
 
-    Raises: ConfigError: there is none of this name, or its extra is missing.
+    Raises: ConfigError: the name is unknown, or its extra is missing.
     """
     kind = find_platform(name)
     if kind.extra:

@@ -240,7 +240,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
         raise DescriptionError(f"robot '{self.name}' has no link '{name}'; it has: {known}")
 
     def promise_stop_m(self, v_mps: float) -> float:
-        """Return the way on which it stands after it was told to stop at this speed."""
+        """Return the way until it stands after a stop command at this speed."""
         return abs(v_mps) * REACTION_S + v_mps**2 / (2.0 * self.drive.max_accel_mps2)
 
     def promise_roll_out_m(self, v_mps: float) -> float:
@@ -268,7 +268,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def tool_x_m(self) -> float:
-        """Where on the body the implement works: the origin where there is none."""
+        """Where on the body the implement works: the origin without one."""
         return self.implement.x_body_m if self.implement else 0.0
 
     @property

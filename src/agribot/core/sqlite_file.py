@@ -23,7 +23,7 @@ _WAL_VERSION, _VERSIONS = 2, slice(18, 20)  # bytes of the header: how to write 
 
 
 def limit_work(database: sqlite3.Connection, most_steps: int) -> None:
-    """Interrupt a connection after so many steps of SQLite's virtual machine in total."""
+    """Interrupt a connection after `most_steps` steps of SQLite's virtual machine in total."""
     steps = iter(range(most_steps // MAX_STEPS_AT_ONCE))
     database.set_progress_handler(lambda: next(steps, None) is None, MAX_STEPS_AT_ONCE)
 
@@ -71,12 +71,12 @@ def settle_log(data: bytes) -> bytes:
 
 
 def expects_log(data: bytes) -> bool:
-    """Tell whether a database was last written with a log beside it."""
+    """Return whether a database was last written with a log beside it."""
     return data.startswith(MAGIC) and data[_VERSIONS] == bytes([_WAL_VERSION] * 2)
 
 
 def is_cut_off(path: Path) -> bool:
-    """Tell whether a database is shorter than its header says."""
+    """Return whether a database is shorter than its header says."""
     with path.open("rb") as file:
         header = file.read(_HEADER_BYTES)
     page_bytes = int.from_bytes(header[_PAGE_SIZE], "big")

@@ -138,7 +138,7 @@ class _Arrival(NamedTuple):
 
 
 class SampleQueue(Generic[Sample]):
-    """Samples that a thread puts in as they come, and the control loop takes at their time.
+    """Samples that a thread puts in on arrival, and the control loop takes at their time.
 
     `now_s` is the monotonic clock. A loop that catches up on lost time finds every sample in the
     tick in which it was captured. `latency_s` passes at least between capture and arrival; stamps
@@ -158,7 +158,7 @@ class SampleQueue(Generic[Sample]):
 
         `clock` is that of another queue, of the same device, which alone notes its messages: those
         of this one are then late where they come later than the other's. Of more than `longest`
-        samples that nobody took, the oldest are lost.
+        waiting samples, the oldest are lost.
         """
         self.now_s, self._latency_s = now_s, latency_s
         self._arrived: deque[_Arrival] = deque(maxlen=longest)

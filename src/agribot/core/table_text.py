@@ -49,7 +49,7 @@ def read_text_file(path: Path) -> str:
 def decode_text(data: bytes) -> str:
     """Decode the text of a whole file; its lines end with a line feed.
 
-    Raises: ValueError: it is none.
+    Raises: ValueError: it is not text.
     """
     encoding = find_encoding(_split(data))
     text = data.decode(encoding, errors="replace" if encoding == "cp1252" else "strict")
@@ -77,14 +77,14 @@ def find_separator(header: str) -> str:
 
 
 def names_separator(line: str) -> bool:
-    """Tell whether a line names the separator alone, as Excel's `sep=;` before the names does."""
+    """Return whether a line names the separator alone, as Excel's `sep=;` before the names does."""
     return line.strip().strip('"').lower() in {f"sep={one}".strip() for one in SEPARATORS}
 
 
 def read_decimal(text: str, separator: str) -> float:
     """Read a number; with a comma for its point where commas do not separate the values.
 
-    Raises: ValueError: it is none.
+    Raises: ValueError: it is not a number.
     """
     is_comma = separator != "," and text.count(",") == 1 and "." not in text
     return float(text.replace(",", ".") if is_comma else text)

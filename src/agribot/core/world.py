@@ -152,7 +152,7 @@ class HeightField(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Relief(msgspec.Struct, frozen=True, kw_only=True):
-    """What the ground has of heights below the size of a field, drawn from `seed`; 0 is none.
+    """What the ground has of heights below the size of a field, drawn from `seed`; 0: flat.
 
     `roughness_rms_m` is the deviation from the plane of random ground with an ISO 8608 spectrum.
     Clods have heights up to `clod_height_m`. A ridge of `ridge_height_m` runs under each of
@@ -196,7 +196,7 @@ class WorldSpec(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     spawn_yaw_map_rad: float = 0.0
     gravity_mps2: float = 9.8
     field_enu_t: Vec3 = (0.0, 3.8e-5, -2.3e-5)  # about what a compass meets at 21 N, 73 E
-    friction_ratio: float = 1.0  # of the ground wherever no patch lies
+    friction_ratio: float = 1.0  # of the ground outside the patches
     grip: tuple[GripPatch, ...] = ()
     light: Light = Light()
     ground: tuple[GroundTile, ...] = ()

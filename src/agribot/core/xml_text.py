@@ -11,7 +11,7 @@ _DECLARATION = re.compile(rb"(\s*)(?:<\?xml[^>]{0,200}\?>)?")
 
 
 def declares_other(data: bytes) -> bool:
-    """Tell whether XML declares an encoding that is none of Unicode, which its parser obeys."""
+    """Return whether XML declares an encoding other than Unicode, which its parser obeys."""
     declared = _DECLARED.match(data)
     return declared is not None and not declared[1].lower().startswith(b"utf")
 

@@ -24,7 +24,7 @@ from agribot.core.messages import Scene, SensorBatch, Vec3
 from agribot.core.robot import RobotSpec
 from agribot.record.replay import read_config, read_ticks
 
-# After it began, the filter needs so long to know its heading from the drive.
+# Time after its start in which the filter learns its heading from the drive, s.
 SETTLE_S = 5.0
 # By how much a plant that is seen whole and alone differs in size from its usual one, at most.
 STEADY_RATIO = 0.15

@@ -1,4 +1,4 @@
-"""The directions that a turning robot has shown its compass so far."""
+"""The directions that a turning robot has shown its compass."""
 
 from __future__ import annotations
 

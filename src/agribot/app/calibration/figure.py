@@ -19,8 +19,8 @@ REST_S = 3.0
 LEG_M, LEG_MPS = 4.0, 0.4
 SPIN_RAD, SPIN_RADPS = 2.0 * math.tau, 0.8
 ARC_RAD, ARC_MPS, ARC_RADPS = math.tau, 0.3, 0.4
-# A motion that takes so much longer than commanded has failed; with the geometry of the original's
-# plugin it is 1.9.
+# A motion that takes longer than commanded by this factor has failed; with the geometry of the
+# original's plugin it is 1.9.
 PATIENCE = 4.0
 
 
@@ -111,7 +111,7 @@ Tape = Callable[[], tuple[float, float]]
 
 
 class FigureDrive:
-    """A figure as one command for every batch of the sensors, whoever reads and writes them.
+    """A figure as one command for every batch of the sensors; it does no input or output.
 
     `tape` gives the measured place at the legs' ends, where there is one.
     """
@@ -135,7 +135,7 @@ class FigureDrive:
 
     @property
     def share(self) -> float:
-        """Done so far, 0 to 1, by the time that the motions take."""
+        """Share done, 0 to 1, by the time that the motions take."""
         done = sum(motion.duration_s for motion in self._figure[: len(self.driven.stretches)])
         now_s = 0.0
         if self.motion is not None:

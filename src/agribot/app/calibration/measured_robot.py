@@ -10,8 +10,8 @@ from agribot.core.errors import DescriptionError
 from agribot.core.geo import inverse, rotation_from_rpy, rpy_from_rotation
 from agribot.core.robot import Joint, Origin, RobotSpec
 
-# Wear and load change a wheel by some percent: so much more is another unit, or another robot, and
-# the wheels would turn as many times too fast.
+# Wear and load change a wheel by some percent: more than these factors is another unit, or another
+# robot, and the wheels would turn too fast by that factor.
 MOST_RADIUS_RATIO, MOST_YAW_RATIO = 2.0, 4.0
 
 

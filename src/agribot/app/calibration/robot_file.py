@@ -27,7 +27,7 @@ class RobotFile:
         self.path = home / "robots" / f"{Path(name).name.split('.')[0]}.toml"
 
     def settings(self) -> tuple[str, ...]:
-        """List the settings as a.b=c, in the order of the file; none where there is none.
+        """List the settings as a.b=c, in the order of the file; empty without a file.
 
         Raises: ConfigError: broken, or a setting that does not exist or does not fit.
         """
@@ -62,7 +62,7 @@ class RobotFile:
     def undo(self) -> None:
         """Restore the file as it was before its newest change.
 
-        Raises: ConfigError: there is none to take back. RecordingError: it cannot be written.
+        Raises: ConfigError: there is no change to take back. RecordingError: it cannot be written.
         """
         backups = self._backups()
         if not backups:

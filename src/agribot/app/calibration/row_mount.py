@@ -48,7 +48,7 @@ class RowMountResult(msgspec.Struct, frozen=True, kw_only=True):
 def list_pictures(folder: Path) -> list[Path]:
     """List the pictures of a folder by name, at most MOST_PICTURES of them, evenly.
 
-    Raises: ConfigError: there is none.
+    Raises: ConfigError: there is no picture.
     """
     found = []
     if folder.is_dir():

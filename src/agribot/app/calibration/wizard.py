@@ -25,7 +25,7 @@ from agribot.core.robot import RobotSpec
 
 BUSY = ("running", "waiting")  # states of a mission that sets off by itself
 HARMLESS = ("note", "sensor", "mark", "set", "start_recording", "stop_recording")
-HELD_LIMIT_S = 1.0  # the supervisor may hold the robot so long before the drive is given up
+HELD_LIMIT_S = 1.0  # the supervisor may hold the robot this long before the drive is given up
 ROOM_MARGIN_M = 1.0
 
 
@@ -62,7 +62,7 @@ class Wizard:
                 self._drive_on(record.batch)
 
     def interrupt(self, why: str) -> None:
-        """End the drive because somebody else drives, or nobody watches any more."""
+        """End the drive because another client drives, or no client watches any more."""
         with self._lock:
             if self._phase == "driving":
                 self._fail(why)

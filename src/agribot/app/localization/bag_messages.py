@@ -122,7 +122,7 @@ def _mean_wheel(message: Any, at: list[int], side: str) -> tuple[float, float]:
 
 
 def read_named_fix(message: Any) -> GnssFix | None:
-    """Read a NavSatFix; the unit of a place that is none is named."""
+    """Read a NavSatFix; for numbers that are not a place, name their unit."""
     if message.status.status >= 0:
         check_place(float(message.latitude), float(message.longitude))
     return read_fix(message, 0.0)

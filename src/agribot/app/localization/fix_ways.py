@@ -11,10 +11,10 @@ import numpy as np
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import GnssFix
 
-# Ways of wheels and fixes are compared over so long, s, and where one is so long, m; the sum counts
-# from the last on.
+# Ways of wheels and fixes are compared over this time, s, from this length on, m; their sum counts
+# from the last value on, m.
 WAY_S, LEAST_PIECE_M, WAY_SIGMA, LEAST_WAY_M = 5.0, 1.0, 4.0, 20.0
-LEAST_TURNS = 5  # from piece to piece, fewer of which show no agreement
+LEAST_TURNS = 5  # from piece to piece; fewer show no agreement
 LONGEST_STEP_S = 1.0  # between two readings of the wheels; longer ones are gaps
 
 

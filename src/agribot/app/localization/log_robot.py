@@ -78,7 +78,7 @@ def find_antenna_m(robot: RobotSpec) -> Vec3:
 def fit_wheels(
     robot: RobotSpec, scan: LogScan, *, has_radius: bool, has_track: bool
 ) -> tuple[RobotSpec, tuple[str, ...]]:
-    """Find what is not stated of wheels that tell their turns: by the fixes and by the gyro.
+    """Find what is not stated of wheels that report their turns: by the fixes and by the gyro.
 
     Returns: the robot, and in words what was found.
     """

@@ -64,7 +64,7 @@ class LogScan:
         self._drive = drive
         self.sensors: dict[LogSensor, SensorScan] = {}
         self.mount = ImuMountFit()
-        self.has_wheels = False  # their turns are told, not the robot's speed
+        self.has_wheels = False  # their turns are reported, not the robot's speed
         self.most_mps = self.most_radps = self.most_gyro_radps = self.driven_m = 0.0
         self._pieces = _Pieces(self.mount)
         self._way = WheelWay()

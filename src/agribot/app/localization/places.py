@@ -1,4 +1,4 @@
-"""Places that a log states, and the units that they are in when they are none."""
+"""Places that a log states, and the units of numbers that are not places."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ _EPOCH_S = 10 * 365 * nmea.DAY_S  # stamps above it have a date
 
 
 class ReceiverLog:
-    """What a receiver sent. Sentences tell the time of the day, and RMC or ZDA the date."""
+    """What a receiver sent. Sentences give the time of the day, and RMC or ZDA the date."""
 
     def __init__(self, path: Path, *, is_gpsd: bool = False) -> None:
         """`is_gpsd` says that the file holds reports of gpsd, as of `gpspipe -w`."""

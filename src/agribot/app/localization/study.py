@@ -40,7 +40,7 @@ from agribot.record.localization.result import LocalizationRun, LogFacts, Source
 from agribot.record.replay import read_config
 
 Progress = Callable[[int], None]
-# Passes over a log for wheels that nobody stated, and the change of their radius that ends them.
+# Passes over a log for wheels that are not stated, and the change of their radius that ends them.
 FIT_ROUNDS, FITTED_RATIO = 3, 0.01
 DEFAULT_ROBOT = "agribot"
 # Our own recordings hold the IMU in the body's axes.
@@ -85,8 +85,8 @@ def open_study(
 ) -> Study:
     """Open and scan a log.
 
-    Raises: RecordingError: no log, or one of which no pose can be made. ConfigError,
-    DescriptionError: what is stated does not fit.
+    Raises: RecordingError: no log, or one that gives no pose. ConfigError, DescriptionError: what
+    is stated does not fit.
     """
     own = find_own_recording(paths)
     base = None if own is None else read_config(own)
@@ -131,7 +131,7 @@ def open_study(
 def _fit_wheels(
     log: RobotLog, robot: RobotSpec, scan: LogScan, options: StudyOptions, progress: Progress
 ) -> tuple[RobotSpec, LogScan, tuple[str, ...]]:
-    """Find wheels that nobody stated; the better the track, the better the radius."""
+    """Find wheels that are not stated; the better the track, the better the radius."""
     words: tuple[str, ...] = ()
     for _ in range(FIT_ROUNDS):
         before = robot.drive

@@ -30,7 +30,7 @@ MakeReader = Callable[[Columns], ReadRow | None]
 
 
 class TableLog:
-    """A CSV file; `sensors` are those wanted of it, all where there are none."""
+    """A CSV file; `sensors` are those wanted of it; empty means all."""
 
     def __init__(
         self, path: Path, ticks_per_turn: float | None, sensors: Sequence[LogSensor] = ()
@@ -247,6 +247,6 @@ def split_names(line: str) -> list[str]:
 
 
 def has_header(first_line: str) -> bool:
-    """Tell whether a line of text may be the names of a CSV file's columns."""
+    """Return whether a line of text may be the names of a CSV file's columns."""
     words = list(itertools.takewhile(lambda name: name.strip(), split_names(first_line)))
     return len(words) > 2 and not any(word.strip().lstrip("-+")[:1].isdigit() for word in words)

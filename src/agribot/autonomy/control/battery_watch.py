@@ -12,10 +12,10 @@ LASTING_S = 5.0  # a voltage sags while the motors start
 
 
 class BatteryWatch:
-    """`low` and `empty` are what is wrong, None where there is enough.
+    """`low` and `empty` are the faults; both are None while the charge is enough.
 
-    Where the charge is not known, the voltage counts if the settings say what it means; a robot
-    that tells of no battery is never held.
+    Without a state of charge, the voltage counts if the settings give its limits. A robot that
+    reports no battery is never held.
     """
 
     def __init__(self, config: SafetyConfig) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from agribot.core.facts import End, Side, Touched
 from agribot.core.messages import STOP, DriveCommand, SensorBatch
 
-# A touch that chatters is one touch; so long after its last sample the robot is free.
+# A contact that chatters is one touch: time after its last sample until the robot is free, s.
 RELEASE_S = 0.5
 
 

@@ -29,7 +29,7 @@ from agribot.core.pose import Pose2
 from agribot.core.robot import REACTION_S
 
 RECHECK_M = 0.25  # nearer than half the robot, so that it cannot get past an edge unseen
-# A way in or out of the field leaves it; so far around such a stretch only the box counts.
+# A way in or out leaves the field; within this distance of it only the box counts.
 AWAY_M, AWAY_STEP_M = 2.0, 0.2
 LEAST_HALF_M = 0.05
 DEEPER_RATIO = 0.5  # of its way, by which a robot that moves away from an edge gets farther off
@@ -235,7 +235,7 @@ class FieldFence:
         return deeper_m >= DEEPER_RATIO * math.dist(here[:2], at_rest[:2])
 
     def _box(self, along_m: float, across_m: float) -> tuple[float, float, float, float]:
-        """Return the robot, larger by so much along and across its body."""
+        """Return the robot's box, enlarged by these margins along and across its body."""
         bounds = self.bounds
         front_m = max(bounds.front_m + along_m, LEAST_HALF_M)
         rear_m = max(bounds.rear_m + along_m, LEAST_HALF_M)

@@ -1,7 +1,7 @@
 """Driving to one point: the original's law by distance and heading error, in its regions.
 
-A robot that turns as fast as it is told is an integrator; it needs no derivative, and none is
-taken, so nothing depends on how often the inputs come.
+A robot that turns at the commanded rate is an integrator and needs no derivative term, so the input
+rate does not matter.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ class GoToGoalSettings(msgspec.Struct, frozen=True, kw_only=True):
     gain_per_s: float = 1.0
     max_yaw_rate_radps: float = 0.5
     arrive_m: float = 0.5
-    depart_m: float = 0.2  # beyond arrive_m: a goal so far away is a new one
+    depart_m: float = 0.2  # beyond arrive_m: a goal farther away is a new one
     timeout_s: float = 1.0  # of either input
 
 
 class GoToGoal:
-    """Hears distance and heading error as they come; says a twist whenever it is asked."""
+    """Takes distance and heading error as they arrive; gives a twist on request."""
 
     def __init__(self, settings: GoToGoalSettings) -> None:
         self._settings = settings

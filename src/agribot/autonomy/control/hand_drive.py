@@ -40,7 +40,7 @@ class HandControl:
         return (OperatorEvent(t_s=batch.t_s, action="pause", source=by),)
 
     def arbitrate(self, drive: DriveCommand, status: MissionStatus) -> tuple[DriveCommand, bool]:
-        """Choose what the robot shall do, and tell whether a hand said so.
+        """Choose the command; the flag is True where it is the hand's.
 
         A stick held at rest leaves a running mission alone.
         """

@@ -46,7 +46,8 @@ from agribot.core.facts import (
 from agribot.core.messages import Check, Estimate, Goal, RobotCommand, SensorBatch
 
 # latch: stands until a person clears the stop. wait: stands until it is over. slow: along the same
-# curve. tool off: it drives on, the tool does not work. home: the mission turns home. tell: told.
+# curve. tool off: it drives on, the tool does not work. home: the mission turns home. tell: a
+# report.
 Reaction = Literal["latch", "wait", "slow", "tool off", "home", "tell"]
 # Whether a person who drives is held, too; "until cleared": once, and then drives the robot off.
 ForHand = Literal["yes", "until cleared", "no"]
@@ -379,7 +380,7 @@ _COUNTING = {
     for is_by_hand in (False, True)
 }
 CONTACTOR = "contactor"
-OF_BOARD = ("red button", "safety inputs")  # items that only a motor board can tell of
+OF_BOARD = ("red button", "safety inputs")  # items that only a motor board can report
 CHECKS = tuple(dict.fromkeys(hazard.check for hazard in HAZARDS if hazard.check))
 _BY_CHECK = {
     name: tuple(hazard.find for hazard in HAZARDS if hazard.check == name and hazard.find)

@@ -15,9 +15,9 @@ from agribot.core.facts import (
 )
 from agribot.core.messages import BoardSample, SafetyInput, SensorBatch
 
-BATTERY_AGE_S = 5.0  # its voltage tells nothing of a fault of the last moments
-# A board that holds a stop may do so for this long after a person cleared it: it is told, and lets
-# go. One that had let go holds a new one.
+BATTERY_AGE_S = 5.0  # its voltage does not show a fault of the last moments
+# After a person cleared a stop, the board may hold it for this time until it obeys the clear
+# command. A board that had released its stop holds a new one.
 CLEARING_S = 3.0
 
 
@@ -34,7 +34,7 @@ class InputWatch:
 
     def update(self, batch: SensorBatch) -> None:
         t_s = self._t_s = batch.t_s
-        # What was heard in a future that is none was heard now at the latest.
+        # A time stamp in the future counts as now.
         self._heard_s = {name: min(heard_s, t_s) for name, heard_s in self._heard_s.items()}
         faults: dict[str, None] = {}
         for sample in batch.board:
@@ -54,11 +54,11 @@ class InputWatch:
 
     @property
     def is_there(self) -> bool:
-        """Whether a motor board tells of safety inputs, or has to."""
+        """Whether a motor board reports safety inputs, or must."""
         return bool(self._must) or self._last is not None
 
     def accept(self, t_s: float) -> None:
-        """Let the board's own stop go: a person has cleared it, and the board is told."""
+        """Accept that a person cleared the board's own stop; the board gets the command."""
         self._cleared_s = t_s
 
     def button(self) -> ButtonPressed | None:

@@ -1,7 +1,7 @@
 """When the contactor takes the motors' power, and when it may give it back.
 
-It is the way to stop a motor board that drives on whatever it is told. Motors without power do not
-brake either: the robot rolls out, and downhill on.
+It stops a motor board that ignores its commands. Motors without power do not brake: the robot rolls
+out, and keeps rolling downhill.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from agribot.core.facts import (
 )
 from agribot.core.messages import ContactorSample, SensorBatch
 
-REST_RADPS, REST_S = 0.2, 0.5  # wheels that turn no faster, for so long, stand
+REST_RADPS, REST_S = 0.2, 0.5  # wheels no faster than this for this time stand
 # A contactor that opened has let go by then, and a wheel that nothing drives is slower.
 OPENING_S, SLOWER_RATIO = 1.0, 0.8
-CLOSING_S = 1.0  # and one that was told to close has closed
-BLIND_S = 1.0  # wheels of a stopped robot that nobody sees for so long may turn
+CLOSING_S = 1.0  # and one commanded to close has closed
+BLIND_S = 1.0  # wheels of a stopped robot unseen for longer may turn
 
 
 class PowerCut:
-    """One call of `update` a tick; `is_cut` is what the contactor is to be told.
+    """One call of `update` a tick; `is_cut` is the contactor's command.
 
-    A robot that begins stopped begins without power. What is cut stays cut until the stop is
-    cleared, all wheels stand and, of two contactors, both have opened. Where no contactor ever
-    spoke, nothing is cut.
+    A robot that begins stopped begins without power. Power stays cut until the stop is cleared, all
+    wheels stand and, with two contactors, both have opened. If no contactor ever reported, nothing
+    is cut.
     """
 
     def __init__(self, timeout_s: float) -> None:
@@ -88,7 +88,7 @@ class PowerCut:
         return WheelsTurnUnpowered(self._fastest_radps)
 
     def fault(self) -> Fact | None:
-        """Find a contactor that does not do what it is told, or does not answer."""
+        """Find a contactor that does not obey its command, or does not answer."""
         last = self._last
         if last is None:
             return None
@@ -99,7 +99,7 @@ class PowerCut:
         return ContactorStaysOpen() if self._t_s - self._open_s > CLOSING_S else None
 
     def find_weld(self) -> ContactorWelded | None:
-        """Find one of two contactors that stayed closed when both were told to open."""
+        """Find one of two contactors that stayed closed when both were commanded to open."""
         is_welded = self._last is not None and self._has_had_time and self._last.is_one_closed
         return ContactorWelded() if is_welded else None
 
@@ -120,7 +120,7 @@ class PowerCut:
 
     @property
     def does_not_open(self) -> bool:
-        """Whether the contactor tells so, or wheels turn on as if driven."""
+        """Whether the contactor reports it, or wheels turn on as if driven."""
         if self._last is None or not self._has_had_time:
             return False
         is_driven = self._fastest_radps > max(SLOWER_RATIO * self._cut_radps, 3.0 * REST_RADPS)
@@ -128,7 +128,7 @@ class PowerCut:
 
     @property
     def _has_had_time(self) -> bool:
-        """Whether a contactor that was told to open had the time to."""
+        """Whether a contactor that was commanded to open had the time to."""
         return self.is_cut and self._t_s - self._cut_s > OPENING_S
 
     def _see(self, fastest_radps: float | None) -> None:

@@ -1,10 +1,10 @@
-"""Do turning wheels get the robot on? A receiver that stays while they turn tells that they slip.
+"""Progress of the robot: wheels that turn while the receiver's position stays are slipping.
 
-Where wheels and gyro lead is compared with where the receiver goes over the last metre, by its
-positions and, where it gives them, by its velocities: both must say that the robot stays behind,
-so that neither a frozen nor a jumping receiver looks like a robot that is stuck. On rough ground
-clods hold it for a second or two, and it climbs over them: it is stuck once that lasts. One that
-got free again by itself is stuck no more: the last of the way counts, too.
+The way of wheels and gyro over the last metre is compared with the receiver's positions and, where
+it gives them, velocities. Both must show that the robot falls behind, so that neither a frozen nor
+a jumping receiver looks like a stuck robot. On rough ground clods hold the robot for a second or
+two before it climbs over them: it is stuck only if that lasts. A robot that got free by itself is
+not stuck: the last part of the way counts, too.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from agribot.core.robot import DriveSpec
 
 # Wheels on rough soil that is driven every day keep more than 0.7 of their way.
 STUCK_RATIO = 0.35
-# Way of the wheels that is judged: with corrections a receiver tells single centimetres apart.
+# Way of the wheels that is judged, m: with corrections a receiver resolves single centimetres.
 CORRECTED_WAY_M, PLAIN_WAY_M = 0.5, 1.5
 LAST_PART = 0.3  # of that way, in which a robot that got free again gets on
 LONGEST_S = 10.0
@@ -96,7 +96,7 @@ class ProgressWatch:
         self._stays_behind = moved_m < HELD_RATIO * way_m
 
     def _lasts(self, t_s: float, *, is_held: bool) -> bool:
-        """Whether the robot is held for so long that it will not get free by itself."""
+        """Whether the robot has been held too long to get free by itself."""
         if not is_held:
             self._held_since_s = None
         elif self._held_since_s is None:
@@ -143,7 +143,7 @@ class ProgressWatch:
         return then is not None and math.dist(now.rolled_m, then.rolled_m) < PAUSE_M
 
     def _find_place(self, t_s: float, ago_s: float) -> _Place | None:
-        """Find the latest place of so long ago, or longer."""
+        """Find the latest place that is at least `ago_s` old."""
         places = reversed(self._places)
         return next((place for place in places if t_s - place.t_s >= ago_s), None)
 
@@ -162,7 +162,7 @@ class ProgressWatch:
         return Stuck(way_m, now.t_s - then.t_s, moved_m)
 
     def _before(self, way_m: float) -> _Place | None:
-        """Find the latest place from which the wheels have led so far."""
+        """Find the latest place that lies at least `way_m` of the wheels' way back."""
         now = self._places[-1]
         return next(
             (

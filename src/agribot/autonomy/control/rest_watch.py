@@ -34,7 +34,7 @@ class RestWatch:
         self._has_rested = False
 
     def is_driven(self, speeds_radps: Four, efforts_nm: Four | None, elapsed_s: float) -> bool:
-        """Judge the mean speeds of the last moments; `efforts_nm` are None where none are sent."""
+        """Judge the mean speeds of the last moments; `efforts_nm` is None if not sent."""
         paces_radps = sorted(abs(speed) for speed in speeds_radps)
         is_turning = paces_radps[3] > TURNING_RADPS
         self._has_rested = self._has_rested or not is_turning

@@ -27,8 +27,8 @@ from agribot.core.messages import ImuSample, SensorBatch, Vec3
 TILT_FILTER_S = 0.5  # driving over clods shakes the accelerometer; a fall lasts longer
 MAX_DT_S = 0.1
 FROZEN_TICKS = 5  # ticks at the same time: a clock that stands
-# Beyond the range of such sensors: a number that came to harm on its way. One alone is left out and
-# told, several in a row of seconds are a line that is not fit to drive with.
+# Beyond the range of such sensors: a number corrupted on its way. A single one is left out and
+# reported; several within seconds are a line that is not fit to drive with.
 MAX_ACCEL_MPS2, MAX_GYRO_RADPS = 160.0, 40.0
 SPOILT_S, SPOILT_COUNT = 5.0, 3
 
@@ -96,7 +96,7 @@ class SensorWatch:
         return ImuSpoilt(self._spoilt) if self._spoilt_s else None
 
     def spoilt_line(self) -> ImuLineSpoilt | None:
-        """Find so many of them that the line cannot be trusted."""
+        """Find a line with too many corrupted samples to be trusted."""
         times_s = self._spoilt_s
         if len(times_s) < SPOILT_COUNT or times_s[-1] - times_s[0] > SPOILT_S:
             return None
@@ -122,7 +122,7 @@ class SensorWatch:
         self.dt_s = clamp(dt_s, 0.0, MAX_DT_S) if math.isfinite(dt_s) else 0.0
         if math.isfinite(t_s):
             self._t_s = t_s
-            # What was heard in a future that is none was heard now at the latest.
+            # A time stamp in the future counts as now.
             self._wheel_t_s, self._imu_t_s = min(self._wheel_t_s, t_s), min(self._imu_t_s, t_s)
 
     def _judge_clock(self, t_s: float, dt_s: float, limit_s: float) -> Fact | None:

@@ -1,7 +1,7 @@
 """The last gate before the motors: it may only make a command safer.
 
-It trusts nobody: it works through the table of hazards in every tick, and what that finds ends in
-less speed, or in none and an implement that is off.
+It trusts no other part: it checks the table of hazards in every tick. What it finds leads to less
+speed, or to a stop with the implement off.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Supervisor:
         self._cleared_by = ""
         self._is_tool_working = False
         self._last = STOP
-        # What the motors were told last; a replay puts in what they were told then.
+        # The last command to the motors; a replay puts in the recorded one.
         self.sent = STOP
 
     @property
@@ -182,7 +182,7 @@ class Supervisor:
         self._machine.step(seen, told, check_start(now) if is_starting else ())
 
     def _waits_long(self, now: Situation) -> bool:
-        """Say whether a mission has waited to set off for so long that a person will look why."""
+        """Return whether a mission has waited long enough to set off that a person will ask why."""
         t_s = now.batch.t_s
         if now.goal.status.state != "waiting":
             self._waiting_since_s = math.inf
@@ -285,9 +285,9 @@ class Supervisor:
         return None if self._bumper.away(wanted) == wanted else OnlyAway(self._bumper.ends)
 
     def _limit(self, drive: DriveCommand) -> tuple[DriveCommand, Fact | None]:
-        """Slower along the same curve when a limit is passed.
+        """Slow down along the same curve when a limit is passed.
 
-        The reason is None where the difference is too small to be shown.
+        The reason is None if the difference is too small to show.
         """
         speed_mps, yaw_rate_radps = abs(drive.v_mps), abs(drive.yaw_rate_radps)
         ratio = 1.0

@@ -1,9 +1,9 @@
-"""Command against motion: do the wheels, and the gyro, do what the motors were told?
+"""Command against motion: whether wheels and gyro follow the motors' command.
 
-The motor board's ramps are followed from what was sent; what a wheel may do meanwhile lies
-between the slowest and the fastest of the last moments, so that a delay of that length is no
-fault, nor is a board without ramps. Encoders are compared in angles over 0.1 s, which whole ticks
-of an encoder do not disturb.
+The motor board's ramps are modelled from the sent commands. A wheel may turn between the slowest
+and the fastest speed of the last moments, so that neither a delay of that length nor a board
+without ramps is a fault. Encoders are compared by angles over 0.1 s, which an encoder's whole ticks
+do not disturb.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from agribot.core.robot import DriveSpec
 
 SPAN_S = 0.1
 LASTING_S = 0.4  # a wheel that jerks free or spins up on a clod is over sooner
-# Encoders may be slower than the ticks: a sample tells of the time since the last one, yet no two
-# alone make a fault.
+# Encoders may be slower than the ticks: a sample covers the time since the last one, yet two alone
+# are not a fault.
 MOST_OF_ONE_S = LASTING_S / 2.0
 TOLERANCE_RADPS, TOLERANCE_RATIO = 0.6, 0.3
 STANDS_RATIO = 0.15
@@ -40,9 +40,9 @@ STANDS_RATIO = 0.15
 # (Mandow et al. 2007), so that an effective separation of four tracks is no fault of the gyro.
 YAW_TOLERANCE_RADPS, YAW_LOW_RATIO, YAW_HIGH_RATIO = 0.24, 0.2, 0.5
 TIGHT_RADPS, TIGHT_RATIO = 0.4, 0.85
-# A gyro that tells so little of a turn is believed where a receiver shows that the robot is held:
-# a clod is climbed in a second or two, and meanwhile it may swing the other way; then it is stuck.
-# A gyro that is off shows the same of a robot that drives on: it steers against what it tells.
+# A gyro that shows this little of a turn is believed where a receiver shows that the robot is held.
+# A clod is climbed in a second or two, and meanwhile the robot may swing the other way; after that
+# it is stuck. A biased gyro shows the same on a robot that drives on, which steers against it.
 HELD_RADPS, HELD_RATIO = 0.25, 0.75
 YAW_LASTING_S, HELD_LASTING_S = 0.6, 2.5
 FROZEN_S = 0.5
@@ -62,12 +62,12 @@ class _Told(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What is at fault, None where nothing is.
+    """What is at fault, None without a fault.
 
-    `wheels` go where nobody told them; `runaway` are wheels that are to stand and that their motors
-    turn: more than a push does, on after they were driven, or when STOP was pressed.
-    A dead motor, a frozen IMU and a wrong turn a person who drives need not mind, but who relies
-    on odometry and gyro must. `held` is a robot that does not turn with its wheels.
+    `wheels` turn without a command; `runaway` are wheels that should stand but are driven by their
+    motors: faster than by a push, on after the drive ended, or when STOP was pressed. A dead motor,
+    a frozen IMU and a wrong turn matter to odometry and gyro, not to a person who drives by hand.
+    `held` is a robot that does not turn with its wheels.
     """
 
     wheels: Fact | None = None
@@ -171,7 +171,7 @@ class WheelWatch:
             told.popleft()
 
     def _measure(self) -> Four | None:
-        """Mean speed of each wheel over the last 0.1 s; None where there is none yet."""
+        """Mean speed of each wheel over the last 0.1 s; None before the first."""
         read = self._read
         while len(read) > 2 and not 0.0 < read[-1].t_s - read[1].t_s <= SPAN_S:
             read.popleft()
@@ -218,7 +218,7 @@ class WheelWatch:
         return self._rest.is_driven(speeds, efforts_nm, elapsed_s) or runs_on
 
     def _dead_motor(self, read: WheelSample, elapsed_s: float) -> MotorDead | None:
-        """Only boards that tell the torque of each wheel show it."""
+        """Only boards that report the torque of each wheel show it."""
         efforts, torque_nm = read.effort_nm, self._drive.wheel_torque_nm
         told = self._told[-1]
         if efforts is None or abs(told.right_radps + told.left_radps) / 2.0 < TURNING_RADPS:
@@ -263,7 +263,7 @@ class WheelWatch:
         across_radps = (speeds[0] + speeds[2] - speeds[1] - speeds[3]) / 2.0
         wheels_radps = across_radps * drive.wheel_radius_m / drive.effective_separation_m
         is_off = abs(rate_radps - wheels_radps) > _tolerate_yaw(wheels_radps, rate_radps)
-        if not any(self._off_s):  # else it may be a wheel's fault, which is told by name
+        if not any(self._off_s):  # else it may be a wheel's fault, reported by name
             is_held = is_held and _turns_little(wheels_radps, rate_radps)
             self._count_off(is_off, is_held, elapsed_s)
         rates = rate_radps, wheels_radps

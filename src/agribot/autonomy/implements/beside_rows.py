@@ -12,16 +12,16 @@ from agribot.core.implement.plants import KnownPlant, PlantMap
 from agribot.core.messages import PlantClass
 from agribot.core.pose import Pose2
 
-# Crops of the map so far ahead of the tool and behind it tell where their row runs.
+# Crops of the map this far ahead of the tool and behind it show where their row runs, m.
 REACH_M = 1.0
 LEAST_CROPS = 3
 # Hearts stand so near to the line of their row: what the drill and the map are off by.
 HALF_ROW_M = 0.08
-# Where enough crops of a row are mapped, they tell themselves how far off it they stand.
+# Half width of a row where enough of its crops are mapped to measure it, m; their number.
 TOLD_HALF_ROW_M, LEAST_TOLD = 0.04, 6
 ROW_WIDTH_M = 0.12  # crops so near to one line are of one row
-# By how much a row may run aside of the tool's way, per metre along it, and how well that is known
-# from enough pairs of crops so far apart in a row.
+# How far a row may deviate from the tool's way, per metre along it, and how well enough pairs of
+# crops this far apart in a row show it.
 TURN_RATIO, TOLD_RATIO = 0.06, 0.02
 PAIR_M, LEAST_PAIRS = 0.4, 6
 
@@ -38,7 +38,7 @@ class RowsAround:
     """The rows that the crops of the map around the tool stand in."""
 
     def __init__(self, crops: Sequence[RowCrop], beside_m: float) -> None:
-        """`beside_m` is how far beside a row no other one can stand of which the map knows none."""
+        """`beside_m` is the distance beside a row within which no unmapped row can stand."""
         near = [crop for crop in crops if abs(crop.x_m) <= REACH_M]
         told = _find_turn(near)
         turn, self._unsure = (0.0, TURN_RATIO) if told is None else (told, TOLD_RATIO)
@@ -87,7 +87,7 @@ def _see_from(map_from_tool: Pose2, plant: KnownPlant) -> RowCrop:
 
 
 def _find_turn(crops: Sequence[RowCrop]) -> float | None:
-    """Find how far the rows run aside of the tool's way, per metre; None where too few crops tell.
+    """Find how far the rows deviate from the tool's way, per metre; None with too few crops.
 
     The median of the lines through two crops: a weed that is called crop does not turn a row.
     """

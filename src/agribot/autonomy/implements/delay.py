@@ -12,7 +12,7 @@ MAX_STEP_S = 0.1  # a longer silence between ticks is not credited as work
 
 
 class SectionHistory:
-    """Remembers which sections were told to work since when."""
+    """Remembers which sections were switched on since when."""
 
     def __init__(self, count: int) -> None:
         self._off = (False,) * count

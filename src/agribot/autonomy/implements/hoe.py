@@ -1,10 +1,10 @@
 """Hoeing: every blade works the ground, but where crop stands or may stand.
 
-A hoe is not told weed by weed: what a blade passes over at depth is uprooted. So its rule is the
-other way round from a sprayer's: down is the normal state in a row, and a blade comes up for the
-crop, early enough to be out of the soil before it. It stays up over ground that no frame has
-shown, near every stem of crop, also one that is not confirmed yet, and over leaves of crop but
-those of a plant that stands alone and, where `treatment.leaves` allows it, those beside a row.
+A blade at depth uproots all that it passes over, so a hoe gets no command for each weed. Its rule
+is the reverse of a sprayer's: down is the normal state in a row, and a blade rises for the crop,
+early enough to be out of the soil before it. It stays up over ground that no frame has shown, near
+every stem of crop, confirmed or not, and over leaves of crop, except those of a plant that stands
+alone and, where `treatment.leaves` allows it, those beside a row.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ BLADE_M = 0.03  # length of a blade along the way
 HIT_M = BLADE_M / 2.0
 # A large plant has a thick stem: an assumption of how thick, by the radius of its leaves, at most.
 STEM_RATIO, MOST_STEM_M = 0.3, 0.06
-CLEAR_M = 0.02  # a blade counts as in the soil until it is so far above the level ground
+CLEAR_M = 0.02  # a blade counts as in the soil up to this height above level ground
 
 
 class Hoe:
@@ -107,10 +107,10 @@ class Hoe:
                 plants.note_left(plant.id, self._why_up[over[0]] or "aimed at and not hit")
 
     def _choose(self, estimate: Estimate, plants: PlantMap, step_m: float) -> tuple[str, ...]:
-        """Say of each blade why it has to be up, one of REASONS; of those that may be down "".
+        """Return for each blade why it must be up, one of REASONS; "" if it may be down.
 
-        A blade may be down if no crop is where it comes by until it is out of the soil, told to
-        rise in the next tick.
+        A blade may be down if it meets no crop before it is out of the soil when commanded to rise
+        in the next tick.
         """
         spec, config = self._spec, self._config
         rise_s = self._find_rise_s()

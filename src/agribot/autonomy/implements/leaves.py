@@ -12,7 +12,7 @@ from agribot.core.implement.plants import Disc, KnownPlant, PlantMap
 from agribot.core.messages import PlantClass
 from agribot.core.pose import Pose2
 
-# Leaf tips of a plant reach so much farther than a disc of its area.
+# Reach of a plant's leaf tips over the radius of a disc of its area, and its maximum, m.
 LEAVES_RATIO, MAX_LEAVES_M = 2.0, 0.45
 # A leaf that points so near to a stem of the map is one of that plant.
 STEM_VOTE_M = 0.07

@@ -1,12 +1,13 @@
-"""Spot spraying: which nozzles are open now, so that the mapped weeds get hit and no crop does.
+"""Spot spraying: which nozzles are open now to hit the mapped weeds and no crop.
 
-Crop is spared twice: around the stems in the map, also those seen but once, and wherever the last
-frames showed its leaves, so that a row whose plants nobody can tell apart is spared as well. By
-`treatment.leaves`, leaves may be sprayed of plants whose stem is on the map, and beside a row.
+Crop is spared twice: around the stems in the map, including those seen only once, and at every
+place where the last frames showed its leaves, so that a row whose plants cannot be separated is
+spared as well. By `treatment.leaves`, leaves of plants whose stem is on the map, and leaves beside
+a row, may be sprayed.
 
-A nozzle answers `latency_s` after its command, so a command is about where the boom will be
-then. What really flowed is the command of `latency_s` ago: a weed counts as treated only when
-that nozzle passed over it.
+A nozzle answers `latency_s` after its command, so a command is for where the boom will be then. The
+actual flow is that of the command `latency_s` ago: a weed counts as treated only when that nozzle
+passed over it.
 """
 
 from __future__ import annotations
@@ -44,8 +45,8 @@ LEAF_MARGIN_M = 0.03
 # By how much the boom misses the mapped place of a weed, 1 sigma per axis, beyond what differs from
 # look to look: wheels and gyro on the way there 15 mm, what all looks at its stem share 20 mm.
 MET_STD_M = 0.025
-SUSPECT_M = 0.01  # so far beside what a nozzle wets, a weed may stand that looks suspect
-SUSPECT_WIDE_M = 0.09  # scores fall off so far around a stem
+SUSPECT_M = 0.01  # a suspect weed may stand this far beside what a nozzle wets
+SUSPECT_WIDE_M = 0.09  # scores fall off over this distance around a stem
 HIT_M = 0.015  # a flat fan wets a line a few centimetres long: so near to its middle is a hit
 
 
@@ -188,7 +189,7 @@ class SpotSprayer:
         estimate: Estimate,
         step_m: float,
     ) -> tuple[list[int], str]:
-        """Find the nozzles for a weed that no stem of crop forbids, or say why there are none."""
+        """Find the nozzles for a weed that no stem of crop forbids, or say why no nozzle can."""
         half_m = self._spec.section_width_m / 2.0
         if abs(weed.y_m) > self._y_body_m[0] + half_m:
             return [], "outside the tool"

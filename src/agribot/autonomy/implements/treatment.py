@@ -17,7 +17,7 @@ from agribot.core.implement.plants import PlantMap
 from agribot.core.implement.spec import ImplementSpec
 from agribot.core.messages import Estimate, ImplementCommand, OperatorEvent
 
-RATE = "rate_lpha"  # a setpoint of a command: litres per hectare, where a prescription tells one
+RATE = "rate_lpha"  # a setpoint of a command: litres per hectare, where a prescription states it
 
 
 class Treatment:
@@ -71,7 +71,7 @@ class Treatment:
         return msgspec.structs.replace(command, setpoints={**command.setpoints, RATE: rate_lpha})
 
     def report(self) -> tuple[ReportLine, ...]:
-        """Give the implement's figures of the run so far."""
+        """Return the implement's figures of the run until now."""
         return () if self._implement is None else self._implement.report()
 
     def _can_work(self, estimate: Estimate) -> bool:

@@ -1,4 +1,4 @@
-"""How well the outlines of the classes are met, which the IoU of large areas does not tell."""
+"""How well the outlines of the classes match, which the IoU of large areas does not show."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _outline(mask: Mask, ignored: Mask) -> npt.NDArray[np.int64]:
 def _near(pixels: npt.NDArray[np.int64], others: npt.NDArray[np.int64], tolerance_px: float) -> int:
     """Count the pixels (N, 2) with one of the others nearer than the tolerance.
 
-    In each row that a circle reaches, running sums tell whether its chord holds another one.
+    In each row that a circle reaches, running sums show whether its chord holds another one.
     """
     if not len(pixels) or not len(others):
         return 0

@@ -15,11 +15,11 @@ class ClassMap(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
     `class_id` (h, w) holds `PlantClass` values and `confidence` (h, w) the probability of that
     class, 255 = certain. `scale_px` is (height, width) of the image over that of the map.
-    `plants` tells the stems, None of a network that only tells the classes of pixels. `owned` are
-    the stems that were found and the leaves of each, None before they are looked for.
-    `doubt` is 1 less the mean probability that a leaf is one of a plant with its name, None where
-    there is too little foliage or no stem to tell; more than `most_doubt`, which nearly none of the
-    network's own pictures has, says that it does not know what the picture shows.
+    `plants` holds the stems, None for a network that only outputs the classes of pixels. `owned`
+    are the stems found and the leaves of each, None before the search. `doubt` is 1 less the mean
+    probability that a leaf is one of a plant with its name, None with too little foliage or no
+    stem. A value above `most_doubt`, which almost no picture of the network's own has, means that
+    it does not know what the picture shows.
     """
 
     class_id: ByteArray

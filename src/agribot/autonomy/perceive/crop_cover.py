@@ -72,7 +72,7 @@ class CoverGrid:
     def cover(
         self, is_crop: Mask, leaves: StemLeaves | None = None, is_weed: Mask | None = None
     ) -> CropCover:
-        """Of the crop pixels (h, w), and of what the stems say of leaves, where a network tells.
+        """Compute it from the crop pixels (h, w) and, if a network gives stems, from their leaves.
 
         Seams of the ground are lines of crop pixels: leaves are broader. What points to a stem of
         crop is crop as well, whatever its pixels look like and however thin it is.

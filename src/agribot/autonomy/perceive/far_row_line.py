@@ -1,7 +1,8 @@
-"""The crop row before the robot by all rows that a front camera sees, with what it may be off.
+"""The crop row before the robot by all rows that a front camera sees, with its sigma.
 
 Every comb of parallel rows has a likelihood by how it correlates with the plants of the picture.
-The likeliest one is told; how far the others lie from it, each by its likelihood, is its sigma.
+The likeliest one is the result; the distance of the others from it, weighted by likelihood, is its
+sigma.
 Source: Barnard 1983 (vanishing points by accumulation).
 """
 
@@ -30,8 +31,8 @@ TILT_STD_RAD, YAW_STD_RAD = math.radians(3.0), math.radians(15.0)
 SPACING_STD_RATIO, BEND_STD_PER_M = 0.1, 0.02
 BENDS_PER_M = (-0.04, -0.02, 0.02, 0.04)
 PLACE_M = 1.4  # ahead of the body's origin, where lines of different combs are compared
-NEAREST_M, FARTHEST_M = 0.6, 3.0  # ahead, where offset and heading are told
-# Most that a line may be off, 1 sigma: beyond it no row is told from the next, nor its direction.
+NEAREST_M, FARTHEST_M = 0.6, 3.0  # ahead, where offset and heading are measured
+# Largest 1 sigma of a line: beyond it neither the row nor its direction can be identified.
 MOST_ACROSS_RATIO, MOST_YAW_STD_RAD = 0.2, math.radians(10.0)
 LEAST_ACROSS_STD_M, LEAST_YAW_STD_RAD = 0.02, math.radians(1.2)
 NO_GREEN = -1.0  # excess green of a picture whose colours are not known

@@ -1,6 +1,6 @@
-"""The ground that a front camera sees as far as rows are told apart, and how they lie on it.
+"""The ground that a front camera sees as far as rows can be separated, and how they lie on it.
 
-Rows are parallel and equally far apart: on the ground they are a comb of lines, told by direction,
+Rows are parallel and equally spaced: on the ground they are a comb of lines, given by direction,
 place and spacing. The ground is that of a camera at any of some tilts, as a robot on rough ground
 has them.
 """

@@ -13,7 +13,7 @@ from agribot.core.lens import distort, undistort
 from agribot.core.messages import FloatArray
 from agribot.core.robot import CameraSpec
 
-# A ray that sinks less than this per metre meets the ground so far off that it is called sky.
+# A ray that sinks less than this per metre meets the ground too far away and counts as sky.
 MIN_SINK_RATIO = 1e-3
 # Half of a big plant: closer to the image edge, it would be cut.
 VIEW_MARGIN_M = 0.2

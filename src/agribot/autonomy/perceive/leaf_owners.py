@@ -1,4 +1,4 @@
-"""Which stem the leaves of a picture point to, as a plant network tells it."""
+"""Which stem the leaves of a picture point to, by a plant network."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class OwnedLeaves(NamedTuple):
 def find_crop_leaves(
     maps: PlantMaps, owned: OwnedLeaves, is_plant: Mask, places_m: FloatArray
 ) -> StemLeaves:
-    """Tell for each pixel of vegetation (h, w) the stem of crop that it points to.
+    """Find for each pixel of vegetation (h, w) the stem of crop that it points to.
 
-    `places_m` (N, 2) are the stems' places in the body frame, NaN where nobody knows. What points
-    out of the picture belongs to a plant that another picture shows; what points to no stem inside
-    it may be crop that nobody found.
+    `places_m` (N, 2) are the stems' places in the body frame, NaN where unknown. What points out of
+    the picture belongs to a plant that another picture shows; what points to no stem inside it may
+    be undetected crop.
     """
     is_crop = owned.stems.kind_scores.argmax(axis=1) == PlantClass.CROP
     by_stem = np.where(is_crop, np.arange(len(is_crop)), NO_LEAF)

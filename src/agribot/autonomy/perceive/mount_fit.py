@@ -20,7 +20,7 @@ from agribot.core.geo import rotation_from_rpy
 from agribot.core.messages import FloatArray, GroundPlant, PlantClass
 from agribot.core.pose import Pose2
 
-# From one picture to the next a plant is found again by the robot's motion, so far off at most.
+# A plant is found again in the next picture by the robot's motion, within this error.
 NEXT_M, NEXT_S = 0.06, 0.35
 MIN_LOOKS, MIN_WAY_M = 6, 0.4
 # Of the mount against its description, before anything is seen; keeps back what does not show.

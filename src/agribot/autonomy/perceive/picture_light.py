@@ -57,7 +57,7 @@ def _measure_sharpness(fine: Floats) -> float:
     """Compare fine edges with coarse ones."""
     height, width = (size // COARSE_PX * COARSE_PX for size in fine.shape)
     if min(height, width) < 3 * COARSE_PX:
-        return LEAST_SHARPNESS  # too small a picture to tell
+        return LEAST_SHARPNESS  # too small a picture to judge
     blocks = fine[:height, :width].reshape(height // COARSE_PX, COARSE_PX, -1, COARSE_PX)
     coarse = float(_find_edges(blocks.mean(axis=(1, 3))).std())
     return float(_find_edges(fine).std()) / max(coarse, 1e-3)

@@ -22,8 +22,8 @@ LEAST_SHARE = PerceptionConfig().min_confidence
 class PictureStem(msgspec.Struct, frozen=True, kw_only=True):
     """A plant with its stem at `u_px`, `v_px`, right and down from the top left pixel's middle.
 
-    `plant` is None where it may be a weed or a crop: `weed` and `crop` are how likely it is
-    either. `area_px` counts the pixels of its leaves, within the box.
+    `plant` is None where it may be a weed or a crop: `weed` and `crop` are the probabilities.
+    `area_px` counts the pixels of its leaves, within the box.
     """
 
     plant: PlantClass | None
@@ -51,7 +51,7 @@ class OwnedPixels(NamedTuple):
 
 
 def own_pixels(seen: SeenPicture) -> OwnedPixels:
-    """Lead the vegetation of a picture to its stems; the class map has to tell stems."""
+    """Assign the vegetation of a picture to its stems; the class map must have stems."""
     owned = seen.class_map.owned or name_plants(seen.class_map).owned
     assert owned is not None
     stems, cells = owned
@@ -97,7 +97,7 @@ def list_stems(owned: OwnedPixels, least_px: int) -> list[PictureStem]:
 
 
 def name_kind(weed: float, crop: float) -> PlantClass | None:
-    """Name the class of a plant that is so likely a weed and a crop; None: nobody can tell."""
+    """Name the class of a plant by its probabilities of weed and crop; None: undecided."""
     if max(weed, crop) < LEAST_SHARE:
         return None
     return PlantClass.CROP if crop > weed else PlantClass.WEED

@@ -1,7 +1,7 @@
 """Plants on the ground, from a class map.
 
-A network that finds plants tells their stems. Of one that only tells classes, plants are connected
-pieces, with their borders and their foot.
+A network that finds plants gives their stems. With one that only gives classes, plants are
+connected pieces, with their borders and their foot.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def ground_plants(
 ) -> list[GroundPlant]:
     """Plants within range that the image shows whole, nearest first.
 
-    Of a network that finds plants: those whose stem the image shows. Of one that only tells
+    With a network that finds plants: those whose stem the image shows. With one that only gives
     classes: the `pieces` of its map. What is not given is found here.
     """
     if class_map.plants is not None:

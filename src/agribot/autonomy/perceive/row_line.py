@@ -1,7 +1,7 @@
 """The line of the crop row before the robot, from a class map.
 
-A camera that sees rows run away from it tells it by all rows in view (`far_row_line.py`). One that
-looks down, or sees no rows far away, tells it by the crop near the robot: crop on the ground votes
+A camera that sees rows run away from it finds it by all rows in view (`far_row_line.py`). One that
+looks down, or sees no rows far away, finds it by the crop near the robot: crop on the ground votes
 for lines of every offset and heading; the slots along the best line are then fitted robustly.
 Pixels serve where plants do not: dense crop closes to one piece that the picture's edge cuts.
 """
@@ -45,8 +45,8 @@ EDGE_M, EDGE_STEP_M, MIDDLE_M, EDGE_RATIO = 0.45, 0.05, 0.1, 0.5
 SLOTS_PER_PLANT, LEAST_SCATTER_M = 2.0, 0.02
 # Roll and pitch of the robot shift and turn the whole picture.
 TILT_STD_M, TILT_STD_RAD = 0.005, math.radians(0.4)
-# A row starts or ends where nothing at all grows on its line for so long within the view: weeds
-# may be crop that the network mistook.
+# A row starts or ends where nothing grows on its line for this length within the view: weeds may be
+# misclassified crop.
 END_GAP_M, END_BAND_M = 0.55, 0.15
 RANGE_STD_M = 0.15
 
@@ -73,7 +73,7 @@ class Wedge(NamedTuple):
     side_slope: float
 
     def holds(self, x_m: FloatArray, y_m: FloatArray) -> Mask:
-        """Tell which points (N,) of the body frame the picture shows."""
+        """Return which points (N,) of the body frame the picture shows."""
         inside: Mask = (x_m >= self.near_m) & (x_m <= self.far_m)
         inside &= np.hypot(x_m - self.camera_x_m, y_m) <= self.range_m
         inside &= np.abs(y_m) <= self.side_m + self.side_slope * (x_m - self.near_m)

@@ -1,9 +1,9 @@
 """Height, pitch and roll of a camera from pictures of rows whose distance is known.
 
-Parallel rows meet on the horizon, which tells pitch and roll; how far apart they look below it
-tells the height. Each mount is judged by how well all pictures fit combs of rows of that distance,
-every picture at its own heading and, on rough ground, at its own tilt. Where on the robot the
-camera sits, and to which side it is turned, does not show.
+Parallel rows meet on the horizon, which gives pitch and roll; their apparent spacing below it gives
+the height. Each mount is judged by how well all pictures fit combs of rows of that distance, every
+picture at its own heading and, on rough ground, at its own tilt. Where on the robot the camera
+sits, and to which side it is turned, does not show.
 Source: Hartley and Zisserman 2004, section 8.6 (vanishing points); Efron 1979 (bootstrap).
 """
 
@@ -23,7 +23,7 @@ from agribot.core.messages import FloatArray
 from agribot.core.robot import CameraSpec
 
 PLANTS = 400.0  # independent ones as which a picture counts
-UNIT_M = 1.0  # height of the camera at which combs are compared; their spacing tells the true one
+UNIT_M = 1.0  # height of the camera at which combs are compared; their spacing gives the true one
 HEIGHTS_M = (0.25, 2.5)
 PITCHES_RAD = np.radians(np.arange(6.0, 67.0, 3.0))
 YAWS_RAD, NEAR_YAWS_RAD = np.radians(np.arange(-30.0, 30.1, 3.0)), np.radians(np.arange(-6, 7, 2))
@@ -31,7 +31,7 @@ SPACINGS = 48
 # Around the best of these, finely: steps of pitch, of spacing (a ratio), and of roll.
 NEAR_RAD, NEAR_RATIO = np.radians(np.arange(-8.0, 8.1, 1.0)), np.geomspace(0.75, 1.33, 25)
 ROLLS_RAD = np.radians(np.arange(-9.0, 9.1, 3.0))
-TILT_STDS_RAD = np.radians([0.3, 1.0, 2.0, 4.0, 6.0])  # of single pictures, of which one is chosen
+TILT_STDS_RAD = np.radians([0.3, 1.0, 2.0, 4.0, 6.0])  # of single pictures; one is chosen
 DRAWS = 40  # of pictures, to see how much the mount depends on single ones
 LEAST_PICTURES = 8
 MOST_ANGLE_STD_RAD, MOST_HEIGHT_STD_RATIO, MOST_ROLL_STD_RAD = (

@@ -78,7 +78,7 @@ class Segmenter:
     """Runs a network on the CPU, or on other ONNX Runtime providers where they exist.
 
     The same image gives the same answer, bit by bit, on one machine and provider. `map_shape` is
-    (height, width) of its class maps; `finds_plants` tells whether they come with stems.
+    (height, width) of its class maps; `finds_plants` is True if they have stems.
     """
 
     def __init__(

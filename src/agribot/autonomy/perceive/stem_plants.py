@@ -50,7 +50,7 @@ class SeenStems(NamedTuple):
 def see_stems(class_map: ClassMap, ground: GroundLookup) -> SeenStems:
     """Find the stems of a class map and the vegetation that points to each.
 
-    Raises: PerceptionError: the map tells no stems, or is not of the size of the ground lookup.
+    Raises: PerceptionError: the map has no stems, or is not of the size of the ground lookup.
     """
     if class_map.plants is None:
         raise PerceptionError("the network of this class map finds no plants; give one that does")
@@ -62,7 +62,7 @@ def see_stems(class_map: ClassMap, ground: GroundLookup) -> SeenStems:
 
 
 def find_leaves(seen: SeenStems, ground: GroundLookup) -> StemLeaves:
-    """Tell which vegetation points to which stem of crop on the ground."""
+    """Find which vegetation points to which stem of crop on the ground."""
     uv_px = seen.owned.stems.uv_px
     height, width = ground.map_shape
     places_m = _interpolate(uv_px, ground)
@@ -80,11 +80,10 @@ def find_stem_plants(
     """Find the plants within range whose stem the image shows, the surest stem first.
 
     A stem stands on the ground: its pixel is its place. The class is that of the plant (see
-    plant_names); one that is less sure of it than `config.min_confidence` is
-    neither weed nor crop, and left out. Leaves of a plant whose stem is outside the image are of
-    none.
+    plant_names); one with less confidence than `config.min_confidence` is neither weed nor crop,
+    and left out. Leaves of a plant whose stem is outside the image belong to no plant.
 
-    Raises: PerceptionError: the map tells no stems, or is not of the size of the ground lookup.
+    Raises: PerceptionError: the map has no stems, or is not of the size of the ground lookup.
     """
     _, (stems, owners), is_plant = seen or see_stems(class_map, ground)
     cells_m2 = sum_cells(np.where(is_plant, ground.area_m2, np.float32(0.0)))
@@ -162,7 +161,7 @@ def _join_doubles(found: _Candidates) -> _Candidates:
 def _describe(
     found: _Candidates, index: int, range_m: float, camera_height_m: float
 ) -> GroundPlant:
-    """Make the plant of a stem so far from the point below the camera."""
+    """Make the plant of a stem at this distance from the point below the camera."""
     x_m, y_m = found.places_m[index].tolist()
     weed, crop = share_kinds(found.kind_scores[index]).tolist()
     plant = PlantClass.CROP if crop > weed else PlantClass.WEED

@@ -3,8 +3,8 @@
 Stems are peaks of a score, after Zhou et al. 2019, Objects as points. Vegetation points the way to
 its own stem, after Neven et al. 2019, Instance segmentation by jointly optimizing spatial
 embeddings: plants whose leaves touch come apart. Places are pixels of the class map, u right and v
-down from the centre of the top left pixel. Ways are told by cells of 4 px, scores by squares of
-2 px; the cell in row r and column c has its centre at u = 4 c + 1.5, v = 4 r + 1.5.
+down from the centre of the top left pixel. Ways are given by cells of 4 px, scores by squares of 2
+px; the cell in row r and column c has its centre at u = 4 c + 1.5, v = 4 r + 1.5.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def share_kinds(kind_scores: FloatArray) -> FloatArray:
 
 
 def find_owners(maps: PlantMaps, stems: Stems, is_plant: Mask) -> Owners:
-    """Find for each pixel (h, w) of vegetation the index of its stem, -1 where there is none.
+    """Find for each pixel (h, w) of vegetation the index of its stem, -1 without one.
 
     Vegetation without an owner is of an unknown plant: one whose stem is outside the picture, or
     too unlikely a stem. Pixels outside `is_plant` have no owner either.

@@ -1,4 +1,4 @@
-"""Whether a picture tells anything of plants: by its light, and by what its network knows."""
+"""Whether a picture shows plants well enough: by its light, and by what its network knows."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from agribot.core.messages import ByteArray
 
 
 def find_unfit(image_rgb: ByteArray, class_map: ClassMap) -> str:
-    """Say why a picture tells nothing of plants; empty where it does."""
+    """Say why a picture is unfit to find plants in; empty where it is fit."""
     if fault := find_fault(image_rgb):
         return fault
     doubt, most = class_map.doubt, class_map.most_doubt

@@ -13,8 +13,7 @@ class Answers:
     """Those of this tick, and the two requests that may still be waiting for theirs.
 
     The way of an errand is planned once the robot stands, and a field plan is checked beside the
-    loop: whoever asked for one is answered when it is settled, or when something else took its
-    place.
+    loop: the client is answered when the request is settled or replaced.
     """
 
     def __init__(self) -> None:
@@ -65,6 +64,6 @@ class Answers:
         return given
 
     def _give(self, event: OperatorEvent, refusal: str) -> None:
-        """Nobody waits for the answer to a request without an id."""
+        """Answer a request; one without an id needs no answer."""
         if event.id:
             self._given.append(RequestAnswer(id=event.id, refusal=refusal))

@@ -20,9 +20,9 @@ CREEP_RATIO = 0.25
 TRACKING_M = 0.06
 # Dead reckoning, which checks the GNSS, bounds the error of the best receiver no closer than this.
 LEAST_LIMIT_M = 0.2
-# It creeps so long beyond the limit, to get row or fix back, and not that far beyond.
-# Where nothing is wrong but that it knows little, as after a turn on a slope, it creeps for longer,
-# a plant's distance or two: camera or corrections show its row only on the move.
+# Time of creeping beyond the limit to get row or fix back, s, and the most of the limit. Without a
+# fault but unsure, as after a turn on a slope, it creeps for longer, a plant's distance or two:
+# camera or corrections show its row only on the move.
 PATIENCE_S, MAX_RATIO = 10.0, 1.5
 # Two solutions that agree are less than 2 sigma apart, and the level holds about 4: then at least
 # two thirds of it is mere ignorance.

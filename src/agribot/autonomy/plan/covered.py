@@ -10,7 +10,7 @@ from agribot.core.row_shape import project_on_row, row_length_m
 
 # A stretch belongs to the row that it lies on, up to the error of a robot that drives it.
 BESIDE_M = 0.25
-# Between stretches, and at the ends of a row, so much may be missing.
+# Longest gap between stretches, and part missing at the ends of a row, m.
 GAP_M, MISSING_M = 0.1, 0.2
 # Work that goes on overlaps what was worked before.
 OVERLAP_M = 0.05

@@ -109,7 +109,7 @@ def make_work_errand(task: Task, job: MissionJob | None) -> Errand:
 def make_back_errand(
     job: MissionJob, kind: Literal[ErrandKind.BACK, ErrandKind.OUT], s_m: float
 ) -> Errand:
-    """Let the robot back out of its row to a distance along its route, straight as it came."""
+    """Let the robot back out of its row, straight on its track, to a distance along its route."""
     return Errand(
         kind, LOST, lambda here: _plan_back_out(job.route, take_pose(here)[:2], s_m), (s_m,)
     )

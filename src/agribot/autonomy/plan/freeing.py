@@ -1,6 +1,6 @@
-"""What a robot does that is stuck: it backs out as it came, and tries the place once more.
+"""How a stuck robot gets free: it backs out along its track and tries the place once more.
 
-The ground behind it is the only one that it knows to carry it: it has just come from there.
+Only the ground behind it is known to carry it: it has just come from there.
 """
 
 from __future__ import annotations

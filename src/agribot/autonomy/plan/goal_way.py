@@ -32,7 +32,7 @@ def plan_to_place(
     mission: MissionConfig,
     obstacles: Obstacles = NO_OBSTACLES,
 ) -> Path:
-    """Plan from where the robot stands; without a yaw in the goal it ends as it comes.
+    """Plan from where the robot stands; without a yaw in the goal, any final heading is accepted.
 
     A goal between the rows is reached from the end of the rows, straight along them.
     Raises: MissionError: beyond the fence, on crop, or no way keeps clear of the crop.

@@ -208,7 +208,7 @@ class MissionJob:
             self.skip_row()
 
     def step_back(self, back_m: float) -> None:
-        """Go on from so far behind on the route, in the same row or turn: the robot backed out."""
+        """Go on from `back_m` behind on the route, in the same row or turn, after backing out."""
         route, index = self.route, self.route.progress.index
         s_m, row = route.path.s_m, route.row
         to_m = route.progress.s_m - back_m
@@ -236,7 +236,7 @@ class MissionJob:
         self.route.go_on(route.progress.s_m, route.visits.reached)
 
     def is_wanted(self, row: int) -> bool:
-        """Say whether the tool is to work this row here; -1 is none."""
+        """Return whether the tool is to work this row here; -1 is no row."""
         if row < 0 or self.rows.is_skipped(row):
             return False
         return not self._covered.was_worked(row, *self._tool_m)

@@ -52,7 +52,7 @@ def plan_job(
 
 
 def _list_places(task: Task) -> tuple[MapPoint, ...]:
-    """List the places of which one is the first that the robot drives to."""
+    """List the places; the robot drives to one of them first."""
     return tuple(task.waypoints) or list_row_ends(task.rows)
 
 
@@ -63,7 +63,7 @@ def _plan_rest(
     covered: CoveredRows,
     skipped: tuple[int, ...],
 ) -> MissionJob:
-    """Plan another path over rows of which some were worked: it begins where the robot is."""
+    """Plan another path over partly worked rows: it begins where the robot is."""
     done = covered.complete
     left = [row.index for row in task.rows if row.index not in done + skipped]
     if not left:

@@ -39,7 +39,7 @@ class KeepOut:
         return AreaTouch(int(near[first]), float(away_m[first]), (place.x, place.y))
 
     def list_rings_around(self, away_m: float) -> list[list[tuple[float, float]]]:
-        """List the corners of an upright rectangle so far around each group of areas.
+        """List the corners of an upright rectangle at this distance around each group of areas.
 
         They run counter-clockwise. Areas nearer to each other than twice that are one group.
         """

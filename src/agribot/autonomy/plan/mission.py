@@ -199,9 +199,9 @@ class Mission:
         self._stays_open = True
 
     def heed(self, warning: Fact | None) -> None:
-        """Go home for a warning once the robot drives; where no way home is known, stand still.
+        """Go home for a warning once the robot drives; without a known way home, stand still.
 
-        It is heeded once: whoever then bids the robot go on decides.
+        A warning counts once: the operator who then resumes the mission decides.
         """
         self._warning = warning
         self._is_heeded = self._is_heeded and warning is not None
@@ -333,7 +333,7 @@ class Mission:
         self._heed_latch()
 
     def _heed_latch(self) -> None:
-        """Stand still while the latch holds, whoever closed it."""
+        """Stand still while the latch holds, whatever closed it."""
         cause, holds = self._latch.cause, self._latch.cause is not None
         if cause is not None and not self._has_stood_for_stop:
             self._pause(StopToResume(cause))
@@ -556,7 +556,8 @@ class Mission:
     def _begin(self, estimate: Estimate) -> None:
         """Plan from here. A refused plan ends a mission that begins by itself, and a visit.
 
-        Whoever resumes a mission can drive the robot to a better place and resume it again.
+        The operator who resumes a mission can drive the robot to a better place and resume it
+        again.
         """
 
         def begin(job: MissionJob) -> None:
@@ -596,7 +597,7 @@ class Mission:
             if errand.kind is ErrandKind.FREE:
                 self._pause(Both(state.reason, why), by_itself=True)
             elif errand.kind is ErrandKind.CHARGE or errand.kind.leaves_row:
-                # nobody asked for it, and may not be there to resume
+                # no operator asked for it, and none may be there to resume
                 warning = self._warning
                 self._pause(Both(warning, why) if warning else why, by_itself=True)
             else:
@@ -635,7 +636,7 @@ class Mission:
             self._end("failed", stalled)
 
     def _lead_on(self, job: MissionJob) -> bool:
-        """Take the way on where the task finds it under way; False: there is none."""
+        """Take the way on where the task finds it while driving; False: there is no way."""
         try:
             job.lead_on()
         except MissionError as error:
@@ -671,7 +672,7 @@ class Mission:
         reason: Fact | None = None
         has_crop = self._task.has_crop
         if isinstance(state, OnErrand) and state.errand.kind.is_as_it_came:
-            return None  # as it came, slowly: backwards
+            return None  # along its track, slowly: backwards
         if isinstance(state, Driving) and route.is_beside_row and has_crop:
             reason = self._watch.check_row(route, estimate, self._config)
         rows = self._task.rows if has_crop else ()

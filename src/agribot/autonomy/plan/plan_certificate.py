@@ -1,8 +1,8 @@
 """Independent check of a field plan: nothing here knows how the plan was made.
 
-The robot is moved along every leg as the rectangle of its footprint, turning in place wherever
-the legs bend sharply; the ground that the tool passes is laid together and compared with the
-ground that the tool can reach.
+The robot is moved along every leg as the rectangle of its footprint, turning in place at every
+sharp bend; the union of the ground that the tool passes is compared with the ground that the tool
+can reach.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ def find_reachable(
 
 
 def _shorten(edges: FloatArray, by_m: float) -> FloatArray:
-    """Lines (N, 2, 2) without so much of both ends; those that are all ends are left out."""
+    """Shorten lines (N, 2, 2) by `by_m` at both ends; those that are all ends are left out."""
     along = edges[:, 1] - edges[:, 0]
     length_m = np.hypot(*along.T)
     kept = length_m > 2.0 * by_m

@@ -71,7 +71,7 @@ class PlanningDesk:
         self.look(t_s)
 
     def look(self, t_s: float) -> None:
-        """Act on the answer, if it is time for it and nobody dropped the question."""
+        """Act on the answer once it is due, unless the question was dropped."""
         then = self._then
         answer = self._host.take(t_s) if then is not None else None
         if then is None or answer is None:

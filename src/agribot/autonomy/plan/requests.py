@@ -42,7 +42,7 @@ class Do(Enum):
 
 
 class Refuse(NamedTuple):
-    """Nothing is done; the status tells why."""
+    """Nothing is done; the status states why."""
 
     why: str
 

@@ -12,7 +12,7 @@ from agribot.autonomy.plan.task import Task
 from agribot.core.messages import Estimate, GnssQuality, Row
 from agribot.core.row_shape import project_on_row
 
-# Known across the rows to this share of their distance (1 sigma), one is told from the next.
+# A position known across the rows to this share of their distance (1 sigma) identifies the row.
 TELLS_APART_RATIO = 0.25
 # A bent row of a plan is worked in straight stretches, which begin where the last one ends.
 SAME_ROW_M = 0.05
@@ -40,7 +40,7 @@ def find_doubt(task: Task, estimate: Estimate, row_yaw_rad: float, pitch_m: floa
     """Say why the robot may not be in the row of a task; empty where it has good reason to.
 
     Where a camera looks, it has to see the crop of the row; without one, the position has to be
-    known well enough. A swath without crop is wherever the position is.
+    known well enough. A swath without crop is where the position says.
     """
     if not task.has_crop:
         return ""
@@ -51,7 +51,7 @@ def find_doubt(task: Task, estimate: Estimate, row_yaw_rad: float, pitch_m: floa
 
 
 def is_counted(task: Task, estimate: Estimate) -> bool:
-    """Say whether only the rows before tell which row this is.
+    """Return whether only the rows before identify this row.
 
     Rows look alike to a camera, and without fixed ambiguities the position goes back to the start
     mark: a robot that was put down one row off it is one row off everywhere.

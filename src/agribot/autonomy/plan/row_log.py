@@ -9,20 +9,20 @@ import msgspec
 
 Doubt = Literal["", "unseen", "unsure"]
 UNPROVEN_RATIO = 0.5  # of the length driven; gaps in the crop and weak light may take the rest
-# Unseen over so much of its length, a row is bare ground: what was seen before it lasts a while.
+# A row unseen over this share of its length is bare ground: what was seen before lasts a while.
 BARE_RATIO = 0.8
-# So far a person may move the line of a row aside; the wheels of the packaged robot clear 0.3 m.
+# Most that a person may move the line of a row aside; the packaged robot's wheels clear 0.3 m.
 MOST_NUDGED_M = 0.1
 
 
 class RowResult(msgspec.Struct, frozen=True, kw_only=True):
-    """One row as the robot believes it went; times are None where it did not come so far.
+    """One row as the robot believes it went; times are None where it did not get there.
 
     `worked_m` is how much of the row, from the end where the work began, is behind the tool;
     over `unseen_m` of that a camera saw no crop where the row is to be, over `unsure_m` the
-    position could not tell the row from the next. A row of which this is the larger part is
-    `unproven` and not done. Its line was moved by hand `nudged_m` to its left.
-    Over `counted_m` only the rows before it told which row it is.
+    position could not separate the row from the next. If this is the larger part of a row, it is
+    `unproven` and not done. Its line was moved by hand `nudged_m` to its left. Over `counted_m`
+    only the rows before identified it.
     """
 
     index: int
@@ -115,7 +115,7 @@ class RowLog:
         """Count the robot in a row, or in none (-1), at `s_m` along its path.
 
         `doubt` says what speaks against being in that row; `is_counted` that only the rows before
-        it tell which row it is.
+        it identify it.
         """
         if row != self.here and self.here >= 0 and not self._results[self.here].skipped:
             self._finish(self.here, t_s)
@@ -163,7 +163,7 @@ class RowLog:
         self._change(row, done=is_done, unproven=not is_done)
 
     def _doubt_count(self) -> None:
-        """Bare ground for a row says that the count is off: no row that it tells is proven."""
+        """Take bare ground for a row as a wrong count: no row identified by it is proven."""
         counted = [result for result in self._results.values() if result.is_counted]
         if not any(result.is_bare and result.unproven for result in counted):
             return

@@ -13,14 +13,14 @@ from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.autonomy.plan.route import Route
 from agribot.core.messages import Estimate, GnssQuality
 
-# It stands and looks for so long; where GNSS or light comes back, that is enough.
+# Time of standing and looking, s; enough where GNSS or light comes back.
 LOOK_S = 10.0
-# From the last place where it was sure of its row it backs out so much more, to see that again,
-# and it does not back for longer than this.
+# Way of backing out past the last place where it was sure of its row, to see it again, and the
+# longest way of backing out, m.
 SURE_M, MAX_BACK_M = 1.5, 20.0
-# Found again so far aside of its row, it would steer through plants to get back astride it.
+# Found again this far aside of its row, m, it would steer through plants to get back astride it.
 ASIDE_M = 0.15
-# So many rows in a row are left out; then something else is wrong than a row.
+# Most successive rows left out; after them, the fault is not one of a row.
 MOST_LEFT_OUT = 2
 
 Way = Literal[ErrandKind.BACK, ErrandKind.OUT]

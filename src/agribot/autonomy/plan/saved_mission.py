@@ -30,16 +30,16 @@ class SavedErrand(msgspec.Struct, frozen=True, kw_only=True):
 class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
     """Progress as rows, and the pose in which the robot was last.
 
-    `covered` is what of the rows was worked, in the map, and `skipped` the rows that were left
-    out: with them the mission goes on also under another plan over the same rows.
+    `covered` is the worked part of the rows, in the map, and `skipped` the rows left out: with them
+    the mission can go on under another plan over the same rows.
 
     `planned_from` is the pose from which the path was planned: from it the same path is planned
-    again; None where none was yet. `detours` are the points of the path from which a row was left
-    out, and the rows. `task` tells one task from another. `is_away` says that the robot was driven
-    elsewhere since the work stopped; `visit` are the places of a visit that took the place of the
-    mission, which `visit_name` names. `stopped_fact` is the stop that nobody had cleared,
-    `paused_fact` why the robot stood still; both are None where it drove. `stopped` and `paused`
-    are their texts, and all that earlier versions saved.
+    again; None before the first path. `detours` are the points of the path from which a row was
+    left out, and the rows. `task` identifies the task. `is_away` says that the robot was driven
+    elsewhere since the work stopped; `visit` are the places of a visit that replaced the mission,
+    which `visit_name` names. `stopped_fact` is the stop that was not cleared, `paused_fact` why the
+    robot stood still; both are None where it drove. `stopped` and `paused` are their texts, and all
+    that earlier versions saved.
     """
 
     task: str
@@ -73,7 +73,7 @@ class SavedMission(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def stop(self) -> AnyFact | None:
-        """The stop that nobody had cleared."""
+        """The stop that was not cleared."""
         return self.stopped_fact or (Said(self.stopped) if self.stopped else None)
 
     @property

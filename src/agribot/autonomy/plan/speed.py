@@ -71,7 +71,7 @@ def plan_speed_mps(path: Path, config: MissionConfig) -> Sequence[float]:
     cap = np.where(is_turn, np.minimum(config.speed_mps, in_turn), config.speed_mps)
     stands = np.array(find_pivots(path), dtype=np.int64)
     cap[np.concatenate([stands, stands + 1, [-1]])] = CREEP_MPS
-    # The square of the speed may grow by so much per metre, away from every slower place.
+    # Growth of the squared speed per metre, away from every slower place.
     gained = 2.0 * RAMP_MPS2 * path.s_m
     square = cap**2 + gained
     square = np.minimum.accumulate(square[::-1])[::-1] - 2.0 * gained

@@ -1,4 +1,4 @@
-"""What a mission tells of itself, and what it wants of the robot now."""
+"""What a mission reports, and what it wants of the robot now."""
 
 from __future__ import annotations
 

@@ -119,7 +119,7 @@ class NewTasks(Protocol):
         ...
 
     def read_plan(self, text: str) -> Task:
-        """Read a field plan. Raises: MissionError: it is none, or must not be driven."""
+        """Read a field plan. Raises: MissionError: it is not a plan, or must not be driven."""
         ...
 
     def visit(self, places: Sequence[MapPoint], name: str, bounds: FieldBounds | None) -> Task:

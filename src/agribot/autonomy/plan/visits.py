@@ -41,7 +41,7 @@ class Visits:
 
     @property
     def next_point(self) -> tuple[float, float] | None:
-        """The waypoint that comes next; None behind the last and where there are none."""
+        """The next waypoint; None after the last and without waypoints."""
         return self._points[self._next] if self._next < len(self._points) else None
 
     def list_missed(self) -> list[int]:

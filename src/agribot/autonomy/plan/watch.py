@@ -109,7 +109,7 @@ class Watch:
         return reason
 
     def _crosses_crop(self, route: Route, rows: Sequence[Row], ahead_m: float) -> bool:
-        """Whether the path has crop beside it where the robot is, or so far ahead."""
+        """Whether the path has crop beside it where the robot is, or within `ahead_m`."""
         known = self._in_crop
         if known is None or known[0] is not route.path or known[1] is not rows:
             self._in_crop = known = route.path, rows, _find_crop(route.path, rows)

@@ -23,9 +23,9 @@ from agribot.core.pose import Pose2
 
 # Around a plant that stands by itself there is bare ground, but for a leaf or a weed called crop.
 RING_M, RING_STEPS, ALONE_RATIO = 0.075, 48, 0.1
-# Evidence of the last looks, of which the newest counts most: two in a row that show crop close a
-# cell for sure. Weeds that are called crop in a single frame stay weeds. Only two looks in a row
-# that show none open it again: one bare look may be a leaf's shadow or its edge.
+# Evidence of the last looks, the newest with the largest weight: two in a row that show crop always
+# close a cell. Weeds called crop in a single frame stay weeds. Only two looks in a row without crop
+# open it again: one bare look may be a leaf's shadow or its edge.
 NEWS_RATIO, CLOSED = 0.35, 0.5
 
 
@@ -42,7 +42,7 @@ class CropGround:
         self._is_closed = np.zeros(shape, dtype=bool)
         self._was_bare = np.zeros(shape, dtype=bool)  # in the last look
         self._explained = np.zeros(shape, dtype=np.float32)
-        self._stems_m = np.full((4, *shape), np.nan)  # x, y of two; of the last look that told them
+        self._stems_m = np.full((4, *shape), np.nan)  # x, y of two, by their last look
 
     def shift(self, shift: Pose2) -> None:
         """Move all cells by a correction of the pose that they were seen from."""

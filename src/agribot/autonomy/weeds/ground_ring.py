@@ -45,7 +45,7 @@ class Covered(NamedTuple):
 
 
 class GroundRing:
-    """Numbers the cells of the ground and tells which of them are held.
+    """Numbers the cells of the ground and knows which of them are held.
 
     A cell that is entered anew, `SIDE_CELLS` farther on, takes the place of an older one.
     """
@@ -85,7 +85,7 @@ class GroundRing:
         return np.floor(x_m / CELL_M).astype(np.int64), np.floor(y_m / CELL_M).astype(np.int64)
 
     def find_held(self, i: IndexArray, j: IndexArray) -> Mask:
-        """Tell which cells are held, and not an older one or none in their place."""
+        """Return which cells are held, not replaced by an older one or empty."""
         held: Mask = (self._owner[0][wrap(i, j)] == i) & (self._owner[1][wrap(i, j)] == j)
         return held
 

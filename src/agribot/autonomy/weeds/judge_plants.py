@@ -14,7 +14,7 @@ from agribot.autonomy.weeds.plant_table import (
 )
 from agribot.core.implement.plants import REASONS
 
-LATER_LOOK_S = 30.0  # a weed seen so long after its treatment was seen on another pass
+LATER_LOOK_S = 30.0  # a weed seen later than this after its treatment was seen on another pass
 _TREAT, _SPARE = DECISIONS.index("treat"), DECISIONS.index("spare")
 _TREATED, _MISSED, _SEEN_AGAIN = (OUTCOMES.index(o) for o in ("treated", "missed", "seen again"))
 

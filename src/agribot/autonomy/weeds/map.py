@@ -25,8 +25,8 @@ GATE_CHI2 = 13.8  # 99.9 % of two degrees of freedom
 REACH_SIGMA = 3.0
 MAX_CLASS_COST = 4.4  # 2 ln(0.9 / 0.1): one plant in ten is called by the other name
 VIEW_INSET_M = 0.05  # between a plant's outline and the edge of the view; nearer, it may be cut
-# A plant under the leaves of another one of its class, within so much of their radius, and seen so
-# many times less often, is that one seen twice.
+# A plant under the leaves of another one of its class, within this part of their radius and seen
+# less often by this factor, is that one seen twice.
 DOUBLE_RADIUS_RATIO = 0.75
 DOUBLE_SIGHTINGS_RATIO = 2
 TENTATIVE_S = 20.0  # a plant not confirmed by then is forgotten
@@ -39,9 +39,9 @@ LEAST_SHIFT_M = 0.0005
 class WeedMap:
     """Feed every estimate to `track_pose`, every scene to `add`; ask for `weeds` and `crops`.
 
-    Crops are mapped like weeds, so that the treatment can spare them; crops that cannot be told
-    apart are at least ground of `crop_ground`. A scene whose capture pose is unknown is dropped and
-    counted in `scenes_dropped`.
+    Crops are mapped like weeds, so that the treatment can spare them; crops that cannot be
+    separated are at least ground of `crop_ground`. A scene whose capture pose is unknown is dropped
+    and counted in `scenes_dropped`.
     """
 
     def __init__(self, config: WeedConfig) -> None:
@@ -97,7 +97,7 @@ class WeedMap:
     def plants(
         self, min_sightings: int = 1, min_confidence: float = 0.0
     ) -> tuple[MappedPlant, ...]:
-        """Everything mapped so far with at least this evidence, oldest first."""
+        """Everything mapped with at least this evidence, oldest first."""
         return tuple(
             track.message()
             for track in self._tracks.values()
@@ -126,7 +126,7 @@ class WeedMap:
         return [track for track in list(self._tracks.values()) if track.is_mapped]
 
     def export_plants(self) -> tuple[MappedPlant, ...]:
-        """Give what a run leaves of the map: what was seen once or twice is none yet."""
+        """Return the plants that a run leaves: one seen once or twice is not a plant yet."""
         return tuple(track.message() for track in self.list_mapped())
 
     def weeds(self) -> tuple[MappedPlant, ...]:

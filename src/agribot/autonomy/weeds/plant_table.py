@@ -21,7 +21,7 @@ IndexArray = npt.NDArray[np.int64]
 
 DECISIONS = ("", "treat", "spare")
 OUTCOMES = ("", "treated", "missed", "seen again")
-# `map` is an index into the table's names, `reason` one into `REASONS`; NaN: nobody knows.
+# `map` is an index into the table's names, `reason` one into `REASONS`; NaN: unknown.
 ROW = np.dtype(
     [
         ("map", "i4"), ("id", "i8"), ("group", "i8"), ("plant", "u1"), ("decision", "u1"),
@@ -114,7 +114,7 @@ def compute_std_m(rows: Rows) -> FloatArray:
 
 
 def is_crop(rows: Rows) -> npt.NDArray[np.bool_]:
-    """Tell for each row whether it is a crop plant, (N,)."""
+    """Return for each row whether it is a crop plant, (N,)."""
     crop: npt.NDArray[np.bool_] = rows["plant"] == PlantClass.CROP
     return crop
 

@@ -18,8 +18,8 @@ from agribot.core.messages import Estimate
 from agribot.core.pose import Pose2
 
 UNSHIFTED = Pose2(0.0, 0.0, 0.0)
-# What corrections take from the way over so many metres, or add to it, is an error of the wheels'
-# and nothing that a receiver wanders; of one correction no more counts than that.
+# Change of the way by corrections over this many metres is an error of the wheels, not the wander
+# of a receiver; no single correction counts more than that.
 SCALE_MEMORY_M, LEAST_WAY_M = 20.0, 5.0
 MAX_SCALE_RATIO, MAX_LOST_M = 0.03, 0.02
 # A tighter curve makes the wheels slip otherwise than along a row.
@@ -38,7 +38,7 @@ class WayScale:
         return clamp(self._gained_m / self._way_m, -MAX_SCALE_RATIO, MAX_SCALE_RATIO)
 
     def learn(self, way_m: float, gained_m: float) -> None:
-        """Take in that a correction added so much to a way of the wheels."""
+        """Learn from a correction that added `gained_m` to a way of the wheels."""
         kept = math.exp(-abs(way_m) / SCALE_MEMORY_M)
         gained_m = clamp(gained_m, -MAX_LOST_M, MAX_LOST_M)
         self._way_m = LEAST_WAY_M + kept * (self._way_m - LEAST_WAY_M) + abs(way_m)
@@ -54,11 +54,11 @@ class PoseShifts:
         self._times_s: list[float] = []
         self._totals: list[Pose2] = []
         self._scale = WayScale()
-        self.total = UNSHIFTED  # of all corrections so far
-        self.way_m = 0.0  # driven so far
+        self.total = UNSHIFTED  # of all corrections until now
+        self.way_m = 0.0  # driven until now
 
     def add(self, estimate: Estimate) -> None:
-        """Take in an estimate; over a gap, or one that is not ok, nobody knows the correction."""
+        """Add an estimate; over a gap, or one that is not ok, the correction is unknown."""
         before, self._last = self._last, estimate if estimate.ok else None
         if before is None or self._last is None or estimate.t_s <= before.t_s:
             return

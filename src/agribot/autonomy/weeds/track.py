@@ -21,9 +21,9 @@ from agribot.core.pose import Pose2
 SHARED_STD_M = 0.01  # camera mount and flat-ground error that no sighting averages out
 MIN_OWN_STD_M = 0.01  # a plant's outline has no better defined centre
 
-# A plant that comes into view again after so long is seen on another pass, with another error of
-# the pose. Its place is told anew by looks whose own variance is at most this share of what the
-# poses of both passes leave open; looks from the next row tell it worse than a good receiver.
+# A plant that comes into view again after this time is seen on another pass, with another error of
+# the pose. Looks give its place anew if their own variance is at most this share of the variance
+# that the poses of both passes leave; looks from the next row are worse than a good receiver.
 LATER_PASS_S = 5.0
 TELLING_SHARE = 0.5
 
@@ -137,8 +137,8 @@ class Track:
     def update(self, seen: PlantSighting, t_s: float) -> None:
         """Take in one more sighting of this plant.
 
-        What the sightings of a pass share is one and the same error, that of the pose now; between
-        two passes it is another, so that the first tells the place no better than its pose was.
+        Sightings of one pass share one error, that of the current pose; another pass has another
+        one, so that the first gives the place no better than its pose was.
         """
         self._mean_rest(seen.rest_m, seen.own_var_m2**-2)
         self.is_here &= t_s - self.last_seen_s <= LATER_PASS_S
@@ -204,7 +204,7 @@ class Track:
         self.apart |= other.apart
 
     def earlier(self, by_s: float) -> Track:
-        """Move its times to a clock that began so much later."""
+        """Move its times to a clock that began `by_s` later."""
         treated_s = None if self.treated_s is None else self.treated_s - by_s
         return replace(
             self, first_seen_s=self.first_seen_s - by_s, last_seen_s=self.last_seen_s - by_s,
@@ -235,9 +235,9 @@ class Track:
     def _fuse(self, other: Track) -> None:
         """Move towards another track by the gain that makes the bound of the error least.
 
-        With gain k the own parts are independent, (1-k)^2 own + k^2 own', and the shared ones
-        may be one and the same error, of which (1-k) shared + k shared' is a bound for any
-        correlation. Equal shared parts give the gain of a Kalman filter.
+        With gain k the own parts are independent, (1-k)^2 own + k^2 own', and the shared ones may
+        be the same error: (1-k) shared + k shared' bounds it for any correlation. Equal shared
+        parts give the gain of a Kalman filter.
         """
         shared_gap_m2 = (self.xx_m2 + self.yy_m2 - other.xx_m2 - other.yy_m2) / 4.0
         gain = (self.own_var_m2 + shared_gap_m2) / (self.own_var_m2 + other.own_var_m2)
@@ -249,7 +249,7 @@ class Track:
         self.yy_m2 = rest * self.yy_m2 + gain * other.yy_m2
 
     def _move_towards(self, other: PlantSighting | Track, gain: float) -> None:
-        """Go so far of the way to a second position whose own error is another one."""
+        """Move by this share of the way to a second position with another own error."""
         rest = 1.0 - gain
         self.x_map_m += gain * (other.x_map_m - self.x_map_m)
         self.y_map_m += gain * (other.y_map_m - self.y_map_m)

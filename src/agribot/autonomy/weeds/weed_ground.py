@@ -24,7 +24,7 @@ class WeedGround:
     """Call `add` for the scores of every frame with the pose of its capture.
 
     A stem under leaves shows in single looks only, and a leaf that looks like one in others: the
-    mean of all looks tells more than the surest.
+    mean of all looks is a better measure than the surest.
     """
 
     def __init__(self) -> None:

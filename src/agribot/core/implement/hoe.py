@@ -1,4 +1,4 @@
-"""The hoe: a bar of blades, each of which is lowered into the soil or lifted over it."""
+"""The hoe: a bar of blades, each lowered into the soil or lifted over it."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Implement(Protocol):
         ...
 
     def report(self) -> tuple[ReportLine, ...]:
-        """Give the figures of the run so far, as the implement believes them."""
+        """Return the figures of the run until now, as the implement believes them."""
         ...
 
 
@@ -68,7 +68,7 @@ class ImplementEffect(Protocol):
         ...
 
     def pull(self) -> Pull | None:
-        """Give the force on the robot in the coming tick; None where there is none."""
+        """Return the force on the robot in the coming tick; None without one."""
         ...
 
     @property
@@ -84,7 +84,7 @@ class ImplementEffect(Protocol):
 
 @runtime_checkable
 class WetsLeaves(Protocol):
-    """What an effect that wets plants tells besides."""
+    """What an effect that wets plants also reports."""
 
     @property
     def wet_leaves(self) -> dict[int, float]:

@@ -10,7 +10,7 @@ from agribot.core.messages import ImplementCommand
 
 
 class PointSpec(ImplementSpec, frozen=True, kw_only=True):
-    """Heads across the robot, each of which aims into the strip below it.
+    """Heads across the robot, each aiming into the strip below it.
 
     A head reaches `reach_m` before and behind the tool point. What is inside `spot_radius_m` of its
     aim for `dwell_s` dies. The aim moves over the ground with `aim_speed_mps` at most, and between

@@ -1,4 +1,4 @@
-"""What every implement tells of itself: where on the robot it works, and what it can do."""
+"""What every implement states: where on the robot it works, and what it can do."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class StateLine(NamedTuple):
 
 
 class ImplementSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """Sections side by side across the robot, each of which works or does not.
+    """Sections side by side across the robot, each working or not.
 
     Their middles stand `section_spacing_m` apart at `x_body_m`, the tool point, and each works a
     strip of `section_width_m`. A command takes effect `latency_s` after it was given. The fields of
@@ -50,14 +50,14 @@ class ImplementSpec(msgspec.Struct, frozen=True, kw_only=True):
         return tuple(first_m - i * self.section_spacing_m for i in range(self.section_count))
 
     def describe(self, command: ImplementCommand) -> tuple[StateLine, ...]:
-        """Tell a command in lines for a person to read."""
+        """Describe a command in lines for a person to read."""
         return _describe_sections(self.sections, command)
 
 
 def describe_command(
     spec: ImplementSpec | None, command: ImplementCommand
 ) -> tuple[StateLine, ...]:
-    """Tell a command in the words of its implement, in plain ones where nobody knows it."""
+    """Describe a command in the words of its implement, in plain ones if that is unknown."""
     return _describe_sections("implement", command) if spec is None else spec.describe(command)
 
 

@@ -11,7 +11,7 @@ from agribot.core.implement.spec import ImplementSpec
 
 
 class SprayerSpec(ImplementSpec, frozen=True, kw_only=True):
-    """A boom of nozzles across the robot, each of which wets a strip while it is open."""
+    """A boom of nozzles across the robot, each wetting a strip while it is open."""
 
     kind: ClassVar[str] = "sprayer"
     sections: ClassVar[str] = "nozzles"

@@ -47,16 +47,16 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
 
     `ok` is False until the filter has a position and a heading, and again when inputs go
     silent; `reason` is then the cause, or what is wrong with a sensor that the pose does without.
-    `protection_m` bounds the error, faults of GNSS included, `across_protection_m` that to the
-    side of where the robot heads, of which the covariance alone makes `across_plain_m` and mere
-    ignorance, without any two solutions that differ, `across_unknown_m`.
-    `rows_off_m` is how far the field's rows stand East and North of where the map has them.
-    `contradiction` names sensors that disagree, between which a person decides, or asks one which
-    row this is: `row_certainty` is the probability that it is the one that the pose says.
-    `verdicts` say of every sensor whether it is believed. `plants_doubt` is why the tool must not
-    work by what the camera calls weed and crop, though the pose is good.
-    `fact`, `contradiction_fact` and `plants_fact` are what the program decides by; `reason`,
-    `contradiction` and `plants_doubt` are their texts, for recordings and other programs.
+    `protection_m` bounds the error, faults of GNSS included, `across_protection_m` the error to the
+    side of the heading. Of that, `across_plain_m` is from the covariance alone and
+    `across_unknown_m` from lack of knowledge, without two solutions that differ. `rows_off_m` is
+    how far the field's rows stand East and North of where the map has them. `contradiction` names
+    sensors that disagree, between which a person decides, or asks one which row this is:
+    `row_certainty` is the probability that it is the one that the pose says. `verdicts` say of
+    every sensor whether it is believed. `plants_doubt` is why the tool must not work by what the
+    camera calls weed and crop, though the pose is good. `fact`, `contradiction_fact` and
+    `plants_fact` are what the program decides by; `reason`, `contradiction` and `plants_doubt` are
+    their texts, for recordings and other programs.
     """
 
     t_s: float
@@ -91,7 +91,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
         return self._relate_to_moved(*self.rows_off_m)
 
     def relate_to_aside(self, yaw_map_rad: float, left_m: float) -> Estimate:
-        """Return the pose in a map in which a line in this direction lies so far to its left."""
+        """Return the pose in a map in which a line in this direction lies `left_m` to its left."""
         return self._relate_to_moved(
             -math.sin(yaw_map_rad) * left_m, math.cos(yaw_map_rad) * left_m
         )

@@ -26,9 +26,9 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
 class GateStatus(msgspec.Struct, frozen=True, kw_only=True):
     """State of the gate and why it is in it.
 
-    `told` is what is wrong though the robot may drive. `checks` is the list before the start, in
-    the tick in which it was gone through with another outcome than before; else it is empty.
-    `reason` and `told` are the texts of `fact` and `told_fact`.
+    `told` is what is wrong though the robot may drive. `checks` is the list before the start, in a
+    tick in which its outcome changed; else it is empty. `reason` and `told` are the texts of `fact`
+    and `told_fact`.
     """
 
     state: GateState = "standby"

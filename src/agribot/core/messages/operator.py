@@ -11,10 +11,10 @@ from agribot.core.facts import AnyFact, Part
 
 T = TypeVar("T")
 
-# "start" begins a mission that has ended once more; one that is paused it resumes.
-# A note changes nothing: it is what a person or a page wants to have in the recording.
-# "sensor" is sent by nobody: what watches a sensor says in `text` that it is at fault (`value` 1),
-# or fine again (0).
+# "start" restarts a mission that has ended and resumes one that is paused.
+# A note changes nothing: it is text that a person or a page adds to the recording.
+# "sensor" is not sent by operators: what watches a sensor reports in `text` that it is at fault
+# (`value` 1), or fine again (0).
 # "set" changes one of LIVE_SETTINGS, named in `text`, to `value`.
 # "pose_estimate" gives a standing robot its pose in `numbers`: x and y (m, map), yaw (rad),
 # and 1 sigma of the place (m) and of the yaw (rad).
@@ -22,8 +22,9 @@ T = TypeVar("T")
 # "visit" makes places its mission, x and y (m, map) of each in `numbers`; `text` is its name.
 # "plan" gives a standing robot the field plan in `text` (GeoJSON) as its new mission.
 # "nudge_left" and "nudge_right" move the line of the row under the robot aside, a step each.
-# "point_out", "draw_polygon" and "draw_route" are for whoever listens to the robot's topics: places
-# that a person showed on the map, x and y (m, map) of each in `numbers`; `text` says it in words.
+# "point_out", "draw_polygon" and "draw_route" are for programs that listen to the robot's topics:
+# places that a person showed on the map, x and y (m, map) of each in `numbers`; `text` says it in
+# words.
 # "mark" marks this moment in the recording with `text`; the two of recording begin and end one.
 OperatorAction = Literal[
     "start", "pause", "resume", "cancel", "stop", "clear_stop", "skip_row", "return_home", "note",
@@ -39,7 +40,7 @@ INBOX_LIMIT = 1000  # requests between two ticks; a flood loses its oldest, but 
 class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
     """A request to the robot; what `text`, `value` and `numbers` mean depends on the action.
 
-    Whoever judges it answers by its `id`, if it has one.
+    The part that judges it answers by its `id`, if it has one.
     """
 
     t_s: float
@@ -64,7 +65,7 @@ def make_sensor_note(
 
 
 class HandDrive(msgspec.Struct, frozen=True, kw_only=True):
-    """A body twist by hand. It holds only for a moment: whoever drives keeps sending it."""
+    """A body twist by hand. It holds only for a moment: a client that drives keeps sending it."""
 
     t_s: float
     v_mps: float

@@ -39,10 +39,10 @@ class RowLine(msgspec.Struct, frozen=True, kw_only=True):
 
     `offset_m` is how far the body's origin stands to the left of the row, `heading_rad` the
     robot's heading against the row's direction that it faces, counter-clockwise; both are None
-    where too little of the row is in view. The first and the last plant lie so far ahead along
-    the row, None where they are not in view. Sigmas are
-    those of one frame; errors that last for seconds come on top. `offset_m` holds for the point
-    `at_ahead_m` ahead on the body's x axis: there its error is independent of the heading's.
+    where too little of the row is in view. The first and the last plant are given as distances
+    ahead along the row, None where they are not in view. Sigmas are those of one frame; errors that
+    last for seconds come on top. `offset_m` holds for the point `at_ahead_m` ahead on the body's x
+    axis: there its error is independent of the heading's.
     """
 
     t_s: float
@@ -62,13 +62,13 @@ class CropCover(msgspec.Struct, frozen=True, kw_only=True):
     Square cells of the body frame, row by row from the corner at (`x_body_m`, `y_body_m`): columns
     run to the left (y), rows forwards (x). `crop` and `seen` hold a bit for each cell, the highest
     bit of a byte first, whether it shows crop, and whether the picture shows it at all; `weed`
-    whether it shows weeds, empty where nobody tells.
+    whether it shows weeds, empty if unknown.
 
-    A network that finds plants tells more. `unknown` has the bits of vegetation that no stem
-    explains, empty where nobody tells. `stems_body_m` are the stems of crop that leaves point to,
-    and `owners` has two bytes for each set bit of `crop`, in their order: the first and the last
-    stem that leaves in the cell point to, counted from 1, twice the same where there is but one;
-    0 where some leaf points to no stem of crop.
+    A network that finds plants gives more. `unknown` has the bits of vegetation that no stem
+    explains, empty if unknown. `stems_body_m` are the stems of crop that leaves point to, and
+    `owners` has two bytes for each set bit of `crop`, in their order: the first and the last stem
+    that leaves in the cell point to, counted from 1, twice the same where there is but one; 0 where
+    some leaf points to no stem of crop.
     """
 
     x_body_m: float
@@ -118,7 +118,7 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     row_line: RowLine | None = None
     crop_cover: CropCover | None = None  # None: the camera or the recording has none
     weed_scores: WeedScores | None = None  # None: the network or the recording has none
-    picture_crc32: int = 0  # of the picture's bytes; 0 where nobody worked it out
+    picture_crc32: int = 0  # of the picture's bytes; 0 where not computed
     doubt: float | None = None  # of the network, 0 to 1 (perceive/doubt.py); None: not known
     unfit: str = ""  # why nothing else of the scene holds, such as too dark a picture
 

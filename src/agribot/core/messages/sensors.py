@@ -67,7 +67,7 @@ class WheelSample(msgspec.Struct, frozen=True, kw_only=True):
 class ImuSample(msgspec.Struct, frozen=True, kw_only=True):
     """Body axes at the IMU. Acceleration is specific force: +9.8 upwards at rest (REP-145).
 
-    It is None of an IMU that does not measure it.
+    It is None from an IMU that does not measure it.
     """
 
     t_s: float
@@ -89,8 +89,8 @@ class GnssFix(msgspec.Struct, frozen=True, kw_only=True):
     (the fix arrives later). Velocity is East, North, Up, or None when the receiver gives none;
     altitude over the ellipsoid and upward velocity are NaN when it gives none. `unmeasured` says
     that satellites were not measured: by dead reckoning the receiver carries its place on, and a
-    held one is what somebody gave to a base or a clock. The quality of both is NONE, and they
-    correct nothing.
+    held place was entered for a base or a clock. The quality of both is NONE, and they correct
+    nothing.
     """
 
     t_s: float
@@ -127,14 +127,13 @@ class Satellite(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class GnssStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """What a receiver tells beside its fixes, about once a second; None and empty: not told.
+    """What a receiver reports beside its fixes, about once a second; None and empty: not reported.
 
     Dilutions of precision are of geometry, position, plane, height and time. The age is that of
     the newest correction, the counts are of corrections passed on to the receiver, by RTCM number.
-    Used and unused are those that the receiver itself says to have put to use, and those that it
-    says not to have: broken ones too, and both since its line was opened. `unread` names the kinds
-    of messages that came and are not read; `trouble` says why nothing of what it says gives a
-    position, and what to do.
+    Used and unused are those that the receiver reports as used and as not used, broken ones
+    included, since its line was opened. `unread` names the kinds of messages that came and are not
+    read; `trouble` says why its data give no position, and what to do.
     """
 
     t_s: float
@@ -224,12 +223,12 @@ SafetyInput = Literal["red button", "bumper", "battery", "motors"]
 
 
 class BoardSample(msgspec.Struct, frozen=True, kw_only=True):
-    """What a motor board tells of itself: its safety inputs, its stop and its faults.
+    """What a motor board reports: its safety inputs, its stop and its faults.
 
     `inputs` are those that it reads at this moment; one that it has lost is left out, and is a
-    fault where the robot must have it. `stopped` says why it drives no motor until it is told that
-    a person cleared the stop. `faults` are in words; both are empty where it is well. The parts
-    that these speak of are `fault_parts`.
+    fault where the robot must have it. `stopped` says why it drives no motor until it gets the
+    command that a person cleared the stop. `faults` are in words; both are empty where it is well.
+    The parts that these speak of are `fault_parts`.
     """
 
     t_s: float
@@ -241,11 +240,11 @@ class BoardSample(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ContactorSample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What the contactor in the motors' supply tells: whether it feeds them, as far as it knows.
+    """What the contactor in the motors' supply reports: whether it feeds them, as far as it knows.
 
     Where there are two in series, `is_closed` while both are, and `is_one_closed` while one of
-    them is alone: the other took the power. `trouble` says why it does not do, or cannot be told,
-    what it is to; empty where it can.
+    them is alone: the other took the power. `trouble` says why it does not obey, or cannot get, its
+    command; empty where it can.
     """
 
     t_s: float

@@ -16,7 +16,7 @@ LegKind = Literal["swath", "headland", "row", "link", "arc", "reverse"]
 TurnStyle = Literal["auto", "pivot", "arc", "three-point"]
 WORKING: tuple[LegKind, ...] = ("swath", "headland", "row")
 MARGIN_M, MOST_MARGIN_M = 0.05, 10.0  # to every edge, for a robot that knows where it is; limit
-MOST_CROP_MARGIN_M = 0.5  # so much of it counts to crop as well, where the robot turns
+MOST_CROP_MARGIN_M = 0.5  # this part of it also counts to crop where the robot turns
 
 
 class FieldArea(msgspec.Struct, frozen=True, kw_only=True):
@@ -24,8 +24,8 @@ class FieldArea(msgspec.Struct, frozen=True, kw_only=True):
 
     Rings do not repeat their first point. `rows` are crop rows to be straddled, `crop` rows that
     stand there, maybe beyond the boundary, and are not worked: no wheel comes near them. The
-    swaths run along `ab_line`, from its first to its last point. `margin_m` is what a plan keeps
-    from the footprint to every edge where nobody asks for another margin.
+    swaths run along `ab_line`, from its first to its last point. `margin_m` is the default margin
+    of a plan between the footprint and every edge.
     """
 
     boundary: MapLine
@@ -98,8 +98,8 @@ class Leg(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
     """How a field is to be worked.
 
-    `headland_passes` None: as few as do, none with crop rows. `swath_yaw_rad` None: searched
-    for. `start` None: wherever the work begins best.
+    `headland_passes` None: as few as do, none with crop rows. `swath_yaw_rad` None: searched for.
+    `start` None: the best place to begin.
     """
 
     implement_width_m: float

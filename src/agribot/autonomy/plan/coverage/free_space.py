@@ -49,7 +49,7 @@ class FreeSpace:
     ) -> None:
         """Find the room to turn, and to go beyond the outline by `spare_m`.
 
-        Raises: MissionError: there is none anywhere in the field.
+        Raises: MissionError: the field has no such room.
         """
         import shapely
 

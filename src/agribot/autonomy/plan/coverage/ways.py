@@ -43,7 +43,7 @@ class Ways:
     def way(self, start: MapPoint, end: MapPoint) -> list[MapPoint]:
         """Find the corner points of the shortest way, both ends included.
 
-        Raises: MissionError: there is none.
+        Raises: MissionError: there is no way.
         """
         inner_start, inner_end = self._inside(start), self._inside(end)
         if math.dist(start, end) < 1e-9 or self.is_open(inner_start, inner_end):

@@ -1,1 +1,1 @@
-"""Rows that nobody mapped: found by the camera, driven by its sight alone, and drawn."""
+"""Unmapped rows: found by the camera, driven by its sight alone, and drawn."""

@@ -13,8 +13,8 @@ from agribot.core.pose import Pose2
 # Rows farther from each other than this are out of view.
 FARTHEST_M = 1.5
 PIECE_M, BIN_M, LOOKS = 0.25, 0.05, 2
-# A row is grown over so much of the way along which its place was in view, and between it and the
-# driven row, from so far aside on, lies a strip that is grown over less than this.
+# A row is grown over more than this part of the way along which its place was in view. Between it
+# and the driven row lies a strip that is grown over less than this.
 GROWN_RATIO, FEWEST_PIECES = 0.5, 4
 OUT_BINS, BARE_RATIO = 3, 0.25
 COLUMNS = 1024

@@ -1,8 +1,9 @@
-"""Finds the rows of a field that nobody mapped, and leads the robot over each of them once.
+"""Find the rows of an unmapped field, and lead the robot over each of them once.
 
 It drives straight ahead until the camera shows a row. From the row's end it goes astride the row
 and follows what the camera sees of it; from its side it first drives beside it to its end. While
-it drives a row it looks for others beside it (`row_order.py`); the field is done when none is left.
+it drives a row it looks for others beside it (`row_order.py`); the field is done when no row is
+left.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from agribot.core.robot import RobotSpec
 from agribot.core.row_shape import chord_yaw_rad, reverse_row
 
 SEARCH_M = 8.0
-# Bare ground for so long is a row's end; a shorter stretch is a gap.
+# Bare ground of this length is a row's end; a shorter stretch is a gap.
 END_GAP_M = 1.3
-# The path follows what the camera shows after so much way.
+# The path is laid anew by what the camera shows after this distance.
 RELAY_M = 0.2
 # Seen more aslant or farther aside than this, a row is not the one that the robot follows.
 ASLANT_RAD, ASIDE_M = 0.4, 0.45
@@ -37,9 +38,9 @@ ASLANT_RAD, ASIDE_M = 0.4, 0.45
 FACING_RAD, BEFORE_M = math.radians(50.0), 0.4
 # Beside a row the robot drives this far from it, and as far as it can turn into it from its way.
 BESIDE_M, TURN_M = 0.85, 0.6
-# Before the end of the first row it backs out so far, to have room for the turn into it.
+# Before the end of the first row it backs out by BACK_M, to have room for the turn into it.
 STOP_M, BACK_M = 0.15, 1.8
-UNKNOWN_M = 4.0  # so far past what was seen of it, a row may go on
+UNKNOWN_M = 4.0  # a row may go on this far past what was seen of it
 SIDES: tuple[Side, Side] = (1, -1)
 
 Phase = Literal["search", "beside", "row", "done"]

@@ -1,8 +1,9 @@
 """The first row of a field: the one on whose line the robot looks, or the one with most crop.
 
-Where the robot looks along a row, pictures tell its direction; of that a metre is in view, and the
-places of its leaves tell the direction of a wide row by 40 degrees wrong. From the side, crop votes
-for lines of every direction and offset, as in a Hough transform (Duda and Hart 1972).
+Where the robot looks along a row, pictures show its direction: only a metre of it is in view, and
+the places of its leaves give the direction of a wide row with an error of 40 degrees. From the
+side, crop votes for lines of every direction and offset, as in a Hough transform (Duda and Hart
+1972).
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from agribot.core.messages import FloatArray, RowLine
 from agribot.core.pose import Pose2
 
 CELL_M = 0.05
-# A cell counts that showed crop in so many pictures: a weed is taken for crop in single ones.
+# A cell counts if this many pictures showed crop in it: single ones mistake a weed for crop.
 LOOKS = 2
 STEP_RAD, HALF_LINE_M = math.radians(1.5), 0.1
-# So much of a line must be in view without a hole: plants of one row stand nearer to each other,
-# ends of neighbouring rows farther apart.
+# Part of a line that must be in view, m, without a hole of HOLE_M: plants of one row stand nearer
+# to each other, ends of neighbouring rows farther apart.
 SPAN_M, HOLE_M = 0.9, 0.4
-# So many pictures in succession must agree on a line ahead, each as sure of its direction, and so
-# much crop must stand so near to it.
+# Number of successive pictures that must agree on a line ahead, each this sure of its direction,
+# with crop near the line.
 LINES, AGREED_RAD, SURE_RAD = 5, math.radians(3.0), math.radians(4.0)
 AHEAD_SPAN_M, AHEAD_HALF_M = 0.4, 0.2
 

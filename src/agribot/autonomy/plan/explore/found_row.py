@@ -15,15 +15,16 @@ from agribot.core.pose import Pose2
 
 PIECE_M, LOOK_M = 0.25, 0.1
 REAL_RATIO = 0.3
-# Of what was seen of the line, so much behind and ahead of a place tells its direction there.
+# The part of the seen line within these distances behind and ahead of a place gives its direction
+# there.
 BEHIND_M, AHEAD_M, FEWEST = 2.5, 1.5, 4
 DRAWN_M = 3.0
 # Leaves this near to the line are the row's.
 HALF_STRIP_M, WINDOW_M = 0.15, 0.25
-# Crop counts that so many pictures show: a weed is taken for it in single ones.
+# Crop counts if this many pictures show it: single ones mistake a weed for it.
 LOOKS, CELLS, CROP_RATIO = 2, 3, 0.35
 WHOLE = 0.5  # of the cells of a piece, in view
-# The direction of a line seen in one picture holds over so much way.
+# Distance over which the direction of a line seen in one picture holds, m.
 ARM_M = 0.5
 # Errors of a picture's line that its neighbours share; see estimate/row_model.py.
 SHARED_STD_M = 0.01
@@ -43,7 +44,7 @@ class _Looks:
         self.views.update(views)
 
     def list_grown(self, least: int = LOOKS) -> list[int]:
-        """List pieces that bear crop: so many pictures show it, and a good part of all."""
+        """List pieces that bear crop: `least` pictures show it, and a good part of all."""
         return [
             piece for piece, looks in self.crop.items()
             if looks >= least and looks >= CROP_RATIO * self.views[piece]
@@ -117,7 +118,7 @@ class FoundRow:
         return there if is_along else Pose2(*there.xy_m, there.yaw_rad + math.pi)
 
     def add_crop(self, view: CropView, line: Pose2 | None = None, *, is_astride: bool) -> None:
-        """Take in what a picture shows of it; from beside it that also tells where it runs.
+        """Add what a picture shows of it; from beside it, this also shows where it runs.
 
         `line` is where the picture itself shows it.
         """
@@ -202,7 +203,7 @@ class FoundRow:
     def draw(self, step_m: float = 0.5) -> list[MapPoint]:
         """Draw its line from its first to its last crop, a point every `step_m`.
 
-        All that was seen within DRAWN_M of a point tells where it lies.
+        All that was seen within DRAWN_M of a point determines its place.
         """
         count = max(1, math.ceil(self.length_m / step_m))
         along_m = self.first_m + np.arange(count + 1) * self.length_m / count

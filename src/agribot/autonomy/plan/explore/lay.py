@@ -11,9 +11,9 @@ from agribot.core.geo import wrap_rad
 from agribot.core.messages import FloatArray, Path
 from agribot.core.pose import Pose2
 
-# What the robot has driven of its path is kept for so long; see PathProgress.
+# Length of the driven path that is kept, m; see PathProgress.
 KEPT_M = 3.5
-# So much way takes the robot over to a line that the camera shows elsewhere than before.
+# Way on which the robot changes to a line that the camera shows at a new place, m.
 BLEND_M = 1.2
 
 

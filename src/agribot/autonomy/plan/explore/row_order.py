@@ -1,9 +1,9 @@
-"""Rows side by side in the order in which they stand, and how a drifting pose is told from them.
+"""Rows side by side in their order, and how a drifting pose shows in them.
 
-A row is known by its place in the order: it is the one to the left of a row that the robot drove,
-so many decimetres beside it, wherever the receiver has drifted since. How far two rows stand from
-each other was seen in the same pictures, so that no drift is in it; where a row that was driven
-before now lies elsewhere beside the next one, it is the pose that has drifted meanwhile.
+A row is known by its place in the order: it is the one to the left of a driven row, at a known
+distance, whatever the receiver's drift since. The distance of two rows was seen in the same
+pictures, so that it contains no drift; where a row driven before now lies elsewhere beside the next
+one, the pose has drifted meanwhile.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from agribot.autonomy.plan.explore.found_row import FoundRow
 
 # What is seen beside a row is a row that is known to stand there, up to this share of the distance.
 SAME_RATIO = 0.4
-# So well pictures tell the distance of two rows, 1 sigma.
+# Distance of two rows as pictures show it, 1 sigma, m.
 APART_STD_M = 0.03
 
 Side = Literal[1, -1]  # to the left of a row, and to its right, as its frame looks
@@ -82,7 +82,7 @@ class RowOrder:
                 each.move(left_m)
 
     def _find(self, row: FoundRow, side: Side, apart_m: float) -> FoundRow | None:
-        """Find the row that is known to stand so far to one side of another."""
+        """Find the row that is known to stand at this distance to one side of another."""
         reach_m = 0.0
         for gap_m, other in self._list_beside(row, side):
             reach_m += gap_m

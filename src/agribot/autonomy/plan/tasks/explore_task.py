@@ -1,4 +1,4 @@
-"""A field that nobody mapped as a task: its rows are found while they are driven."""
+"""An unmapped field as a task: its rows are found while they are driven."""
 
 from __future__ import annotations
 
