@@ -143,7 +143,7 @@ def test_an_aim_takes_its_time(meadow: WorldSpec) -> None:
 
 def test_an_aim_out_of_reach_is_refused(meadow: WorldSpec) -> None:
     effect, _ = _field(meadow, [])
-    with pytest.raises(PlatformError, match=r"head 2 told to aim 0.300 m ahead.*reaches 0.15 m"):
+    with pytest.raises(PlatformError, match=r"head 2: aim 0.300 m ahead.*reaches 0.15 m"):
         _shine(effect, (0.3, 0.0), 0.02)
 
 

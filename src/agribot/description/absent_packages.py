@@ -116,7 +116,7 @@ class AbsentPackages:
 
 
 def _find_ros_package(ask_ros: Any, package: str) -> Path | None:
-    """Return the package's folder in a ROS installation; None where there is none."""
+    """Return the package's folder in a ROS installation, or None."""
     try:
         return Path(ask_ros(package))
     except (ImportError, LookupError, ValueError, OSError):

@@ -1,6 +1,6 @@
-"""How the world of a run lies beside its map, and its robot beside its description.
+"""How the world of a run differs from its map, and the robot from its description.
 
-A preset says how far; every seed draws anew. The robot is never told what was drawn.
+A preset sets the limits and each seed draws from them. The robot does not know the drawn values.
 """
 
 from __future__ import annotations

@@ -93,7 +93,7 @@ def leave_driven(
     poses: Mapping[str, FloatArray],
     source: SourceFile,
 ) -> list[Wheel]:
-    """Return the wheels that drive, or fewer where there are none; castors are named.
+    """Return the driven wheels, fewer than four if the robot has no more; report castors.
 
     Raises: DescriptionError: the robot steers wheels, drives sideways, on tracks, on two wheels and
         castors, or on wheels that are no pairs, or more than eight.

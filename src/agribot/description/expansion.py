@@ -66,7 +66,7 @@ def expand(path: Path, mappings: Mapping[str, str], source: SourceFile) -> ET.El
 
 
 def is_xacro(path: Path) -> bool:
-    """Tell whether a file is to be expanded: by its ending, or as it declares xacro's names.
+    """Return whether to expand a file: by its suffix, or because it declares xacro's namespace.
 
     Raises: DescriptionError: it cannot be read.
     """
@@ -82,7 +82,7 @@ def is_xacro(path: Path) -> bool:
 def _expand_once(
     path: Path, mappings: tuple[tuple[str, str], ...], _paths: tuple[str, ...]
 ) -> tuple[ET.Element, tuple[FileFinding, ...]]:
-    """Expand a packaged robot; a run needs it as a robot and as text, and nobody writes to it."""
+    """Expand a packaged robot once; a run reads it as a robot and as text, and never writes it."""
     source = SourceFile(path.name)
     return _expand_xacro(path, dict(mappings), source), tuple(source.findings)
 
@@ -106,7 +106,7 @@ def _run_xacro(
             xacro.process_doc(document, mappings=arguments)
         except ExpatError as error:
             raise DescriptionError(
-                f"{_find_current_file(path)}: not well-formed XML: {error}; mend that line"
+                f"{_find_current_file(path)}: not well-formed XML: {error}; fix that line"
             ) from error
         except RecursionError as error:
             file = _find_current_file(path)

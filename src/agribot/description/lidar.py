@@ -20,7 +20,7 @@ MOST_RATE_HZ = 100.0
 
 
 def read_lidar(root: ET.Element, links: Sequence[Link], source: SourceFile) -> LidarSpec | None:
-    """Read the first lidar of a description, as a planar one; None where there is none.
+    """Read the first lidar of a description as a planar one, or None.
 
     Raises: DescriptionError: a number that no scan can have, or a link that does not exist.
     """

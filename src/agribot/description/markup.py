@@ -47,7 +47,7 @@ def parse_xml(text: bytes | str, file: str) -> ET.Element:
         data = text.encode() if isinstance(text, str) else recode_xml(text)
         parser.Parse(_declare_prefixes(_join_prefixes(data)), True)
     except (expat.ExpatError, LookupError, ValueError) as error:  # also an unknown encoding
-        raise DescriptionError(f"{file}: not well-formed XML: {error}; mend that line") from error
+        raise DescriptionError(f"{file}: not well-formed XML: {error}; fix that line") from error
     root: ET.Element = builder.close()
     return root
 

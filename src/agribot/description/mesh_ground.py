@@ -49,7 +49,7 @@ def make_height_field(corners_m: FloatArray) -> HeightField:
     places = np.unique((corners_m[:, :2] / SAME_PLACE_M).round(), axis=0)
     low, high = corners_m[:, :2].min(axis=0), corners_m[:, :2].max(axis=0)
     extent_m = high - low
-    # As many cells as a square grid of so many corners has.
+    # As many cells as a square grid with this number of corners.
     step_m = _find_step_m(extent_m, len(places))
     columns, rows = (math.floor(side_m / step_m + 1.001) for side_m in extent_m.tolist())
     heights_m = np.full((rows, columns), -np.inf)
@@ -71,7 +71,7 @@ def transform_points(map_from_model: FloatArray, points_m: FloatArray) -> FloatA
 
 
 def _find_step_m(extent_m: FloatArray, corners: int) -> float:
-    """Return the side of the cells of a grid with so many corners, whole in the longer side."""
+    """Return the cell side of a grid with `corners` corners, whole in the longer side."""
     x_m, y_m = extent_m.tolist()
     # (x/s + 1)(y/s + 1) = corners
     half = (x_m + y_m) / 2.0

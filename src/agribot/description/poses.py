@@ -13,7 +13,7 @@ from agribot.core.robot import Origin
 from agribot.description.elements import SourceFile
 
 EULER, QUATERNION = "euler_rpy", "quat_xyzw"  # forms of a rotation in SDF
-LEAST_QUATERNION = 1e-6  # its length, of which nothing but the direction counts
+LEAST_QUATERNION = 1e-6  # shortest length; only the direction counts
 
 
 def read_pose(element: ET.Element, source: SourceFile, where: str) -> FloatArray:

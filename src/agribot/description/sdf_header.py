@@ -159,7 +159,7 @@ class Header:
         return strength
 
     def _read_relief(self) -> Relief:
-        """Read the relief with its rows, of which ridges and tracks need at least one."""
+        """Read the relief with its rows; ridges and tracks need at least one row."""
         element, numbers = self._world.find(qualify_tag("relief")), {}
         if element is None:
             return Relief()

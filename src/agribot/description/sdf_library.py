@@ -99,7 +99,7 @@ class ModelLibrary:
             folders = folders if package is None else (package.parent, *folders)
         for folder in folders:
             for candidate in (folder / name, folder / inner):
-                if os.path.isfile(candidate):  # also where no system takes so long a name
+                if os.path.isfile(candidate):  # False if the name is too long for the system
                     return candidate
         return None
 

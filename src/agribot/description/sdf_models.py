@@ -82,7 +82,7 @@ class ModelParts(NamedTuple):
         return bool(self.patches or self.reliefs)
 
     def leave_out(self, box: Shape) -> ModelParts:
-        """Return the parts without the box of a mesh, wherever it is solid or seen."""
+        """Return the parts without the box of a mesh, as collision and as visual."""
         place = box.kind, box.size_m, box.origin
         kept = [
             part
@@ -302,7 +302,7 @@ class _ModelReader:
         )
 
     def _read_friction(self, part: _Part) -> float:
-        """Read the smaller of a surface's two friction coefficients, 1 if there are none."""
+        """Read the smaller of a surface's two friction coefficients, 1 without any."""
         ode = part.element.find("surface/friction/ode")
         if ode is None:
             return 1.0

@@ -19,7 +19,7 @@ from agribot.description.poses import read_pose, to_origin
 from agribot.description.sdf_frames import OWN, FrameScope
 from agribot.description.sdf_library import ModelLibrary
 
-ENDLESS = 1e12  # a limit so large is none, as in files of Gazebo
+ENDLESS = 1e12  # from this value on a limit counts as absent, as in Gazebo's files
 SAME_PLACE = 1e-6  # m, and of the axes, between a sensor and a frame
 KINDS = ("continuous", "revolute", "prismatic", "fixed")
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -62,8 +62,8 @@ class _Model:
     def convert(self) -> ET.Element:
         """Make the tree.
 
-        Raises: DescriptionError: models inside of the model, no link, a kind of joint or a parent
-            that is none.
+        Raises: DescriptionError: models inside the model, no link, or an unknown joint type or
+            parent.
         """
         for tag in ("model", "include"):
             if self._model.find(tag) is not None:
@@ -141,7 +141,7 @@ class _Model:
             self._urdf.append(block)
 
     def _find_frame_at(self, model_from_sensor: FloatArray) -> str:
-        """Find the frame that stands for a sensor's place; empty where there is none."""
+        """Find the frame at a sensor's pose; return an empty string without one."""
         for frame in self._model.findall("frame"):
             if _name(frame) not in self._links and np.allclose(
                 self._scope.find_pose(frame), model_from_sensor, atol=SAME_PLACE

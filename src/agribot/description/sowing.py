@@ -111,9 +111,9 @@ def _find_gaps(
 def leave_out_crop(
     plants: Sequence[Plant], rows: Sequence[Row], length_m: float, rng: np.random.Generator
 ) -> list[Plant]:
-    """Leave out so many metres of crop in every row, from a place inside of it on.
+    """Leave out `length_m` of crop in every row, from a random place inside it.
 
-    A row that is too short for that loses half of its length.
+    A row that is too short loses half of its length.
     """
     gaps = []
     for row in rows:

@@ -208,7 +208,7 @@ class _WorldReader:
         self._reliefs += [(model.map_from_model, relief) for relief in parts.reliefs]
 
     def _take_named_plants(self, model: PlacedModel, parts: ModelParts) -> bool:
-        """Take the plants that a model's names speak of; tell whether it is but one plant."""
+        """Add the plants that a model's names mean; return whether the model is a single plant."""
         plants, is_whole = parts.plants, False
         name = find_plant_name(model.kind) or find_plant_name(model.name)
         is_small = measure_side_m(parts.shapes) <= MOST_SIDE_M and not parts.has_ground

@@ -15,8 +15,8 @@ from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import FloatArray, MapPoint
 
-# So much ground to both sides of its track the robot needs for a plan that turns there; a camera
-# sees a metre of it. Hollows narrower than twice CLOSED_M belong to the field, too.
+# Ground to both sides of its track that the robot needs for a plan that turns there, m; a camera
+# sees 1 m of it. Hollows narrower than twice CLOSED_M belong to the field, too.
 BESIDE_TRACK_M, CLOSED_M = 1.45, 1.2
 # The drive that draws a field and one that is planned in it are off by some centimetres each.
 LEAST_UNSURE_M = 0.1
@@ -30,7 +30,7 @@ EDGE_M = 0.05  # corners of the boundary are as exact as that
 class DrawnRow(NamedTuple):
     """The line of a row from end to end (m, map), and how well it is known across, 1 sigma.
 
-    Not a number: nobody knows.
+    NaN: not known.
     """
 
     line: Sequence[MapPoint]
@@ -43,8 +43,8 @@ def format_drawn_field(
     """Write rows with their uncertainty, and the ground that was driven as the boundary.
 
     `track_map_m` (N, 2) is where the robot was, `unsure_m` how far its fence keeps such a robot
-    off every edge: plans are told to keep it as a margin, which counts to crop as well where they
-    turn, so that the boundary is farther away by both.
+    off every edge. Plans keep it as a margin, and where they turn keep it from crop as well, so
+    the boundary is farther away by both.
     Rows are numbered from the first one to the left.
     Raises: MissionError: there is no row.
     """

@@ -130,7 +130,7 @@ def _as_obstacle(feature: Member) -> Member:
 
 
 def _belongs(feature: Member, field: Member) -> bool:
-    """Tell whether it is of a field, as its file says or by its place."""
+    """Return whether a feature belongs to a field, by its file's reference or by its place."""
     from shapely.geometry import shape
 
     told = feature["properties"].get("partfield")

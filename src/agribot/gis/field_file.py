@@ -39,8 +39,8 @@ def read_field(
 ) -> tuple[FieldArea, Datum]:
     """Read a field in the map of `datum`; without one, its first corner becomes the origin.
 
-    The file is one of `agribot.gis.formats` by its ending; names behind a `#` choose one of
-    several fields and A-B lines, of which none is needed without `uses_ab_line`.
+    The file's suffix selects one of `agribot.gis.formats`; names after a `#` choose one of several
+    fields and A-B lines. Without `uses_ab_line` no A-B line is needed.
     Raises: MissionError: a fault of the field, with its place.
     """
     root, name = read_fields(path), split_choice(path)[0].name

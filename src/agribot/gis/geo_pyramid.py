@@ -74,7 +74,7 @@ def _find_srs(keys: dict[str, str], name: str) -> str:
     if projection in {"geographic", "wgs84"}:
         return "EPSG:4326"
     if projection != "utm":
-        raise ConfigError(f"{name}: projection '{projection}' is none of geographic, wgs84, utm")
+        raise ConfigError(f"{name}: projection '{projection}'; use geographic, wgs84 or utm")
     zone = re.fullmatch(r"(\d{1,2})([NS])", keys.get("zone", "").upper())
     if zone is None or not 1 <= int(zone[1]) <= 60:
         raise ConfigError(f"{name} does not say its UTM zone; add a line such as 'zone: 43N'")

@@ -86,7 +86,7 @@ def read_json(path: Path) -> Any:
 def parse_json(text: str) -> Any:
     """Parse JSON.
 
-    Raises: ValueError: it is none, with the line.
+    Raises: ValueError: not JSON, with the line.
     """
     try:
         return json.loads(text)
@@ -126,7 +126,7 @@ def _iterate_members(root: object, where: str) -> Found:
 def find_other_crs(crs: object) -> str:
     """Find the name of a coordinate system that is not WGS-84 in a member `crs` of GeoJSON.
 
-    Empty where it is WGS-84, or where none is told.
+    Empty for WGS-84, or if the member names none.
     """
     told = crs.get("properties") if isinstance(crs, dict) else None
     name = (told.get("name") or told.get("href")) if isinstance(told, dict) else crs
@@ -156,7 +156,7 @@ def parse_features(root: object, source_name: str) -> list[Feature]:
 def need_object(node: object, where: str) -> dict[str, Any]:
     """Return `node`, which has to be a GeoJSON object.
 
-    Raises: MissionError: it is none.
+    Raises: MissionError: it is another type.
     """
     if not isinstance(node, dict):
         raise MissionError(f"{where}: expected a GeoJSON object, got {type(node).__name__}")

@@ -1,7 +1,7 @@
 """The ground of a field: its boundary without obstacles, as drawings have them.
 
 Spikes of no width and rings that touch themselves are cleaned; obstacles may touch the edge or
-lie across it. What crosses itself is refused, since nobody knows which side was meant.
+lie across it. A ring that crosses itself is refused, since its inside is ambiguous.
 """
 
 from __future__ import annotations

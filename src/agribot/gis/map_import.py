@@ -144,9 +144,9 @@ def register_server(template: str, target: Path, zooms: tuple[int, int], attribu
 
 
 def _begins_new(target: Path, template: str) -> bool:
-    """Tell whether there is no map yet.
+    """Return whether there is no map yet.
 
-    Raises: ConfigError: there is one that came from elsewhere.
+    Raises: ConfigError: there is a map of another source.
     """
     if not target.exists():
         return True

@@ -88,7 +88,7 @@ def read_live_template(path: Path) -> str:
 
 
 def read_note(path: Path, name: str) -> str:
-    """Read a value of a map's metadata; empty where there is none."""
+    """Read a value of a map's metadata, or an empty string."""
     with closing(_open_read_only(path)) as database:
         found = database.execute("SELECT value FROM metadata WHERE name = ?", (name,)).fetchone()
     return str(found[0]) if found else ""

@@ -1,4 +1,4 @@
-"""Boundaries of several parts, of which a plan needs one: no way leads from one to another."""
+"""Split boundaries of several parts: a plan needs one, as no way leads from part to part."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Zone(NamedTuple):
 def read_prescription(name: str, data: bytes, datum: Datum, column: str = "") -> ZoneMap:
     """Read a prescription into the map of a datum; `column` has the rates, where names are odd.
 
-    Raises: MissionError: none, a broken one, in other coordinates, or with rates that are none.
+    Raises: MissionError: no prescription, a broken one, other coordinates, or invalid rates.
     """
     shown = f"'{name[:80]}'"
     if not data:

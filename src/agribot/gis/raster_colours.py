@@ -33,8 +33,8 @@ class RasterColours(NamedTuple):
     """How to draw a raster.
 
     `bands` are the numbers, from 1, of red, green and blue, or of the one grey band. `alpha` is
-    the number of the band that says where the picture is, which goes up to `alpha_top`; `untagged`
-    that of a band that is marked as alpha and is none. Pixels are drawn from `black` to `white`.
+    the number of the alpha band, whose highest value is `alpha_top`; `untagged` is the number of a
+    band that is marked as alpha but holds colour. Pixels are drawn from `black` to `white`.
     """
 
     bands: tuple[int, ...]
@@ -104,7 +104,7 @@ def _find_tagged_alpha(raster: rasterio.DatasetReader) -> int | None:
 
 
 def _is_mask(alpha: Any) -> bool:
-    """Tell an alpha band, mostly all or nothing, from a band of a camera."""
+    """Return whether a band is alpha, mostly 0 or opaque, and not a band of a camera."""
     shown = alpha[alpha > 0]
     if not shown.size:
         return True
@@ -181,7 +181,7 @@ def _refuse_heights(raster: rasterio.DatasetReader, band: Any, shown: Any, name:
 
 
 def _is_smooth(raster: rasterio.DatasetReader, span: float) -> bool:
-    """Tell whether neighbours in the middle of a raster are nearly equal, as heights are."""
+    """Return whether neighbours in the middle of a raster are nearly equal, as heights are."""
     from rasterio.windows import Window
 
     width, height = (min(side, SAMPLE_PX // 2) for side in (raster.width, raster.height))

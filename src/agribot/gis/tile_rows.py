@@ -1,7 +1,7 @@
-"""From which side an MBTiles file counts its rows.
+"""Find the side from which an MBTiles file counts its rows.
 
 The specification counts from the south (TMS). Many programs write rows from the north (XYZ); some
-say so in `scheme`, of others only `bounds` tell.
+state it in `scheme`, for others only `bounds` shows it.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def _is_place(bounds: list[float]) -> bool:
 
 
 def _overlap(tiles: TileRange, scheme: Scheme, place: GeoBounds) -> bool:
-    """Tell whether tiles lie at a place."""
+    """Return whether tiles overlap a place."""
     first = find_tile(place.north_deg, place.west_deg, tiles.zoom)
     last = find_tile(place.south_deg, place.east_deg, tiles.zoom)
     rows = sorted(flip_row(tiles.zoom, row, scheme) for row in tiles.rows)

@@ -148,7 +148,7 @@ class CameraSensor:
         self._shown.clear()
 
     def shift_mount(self, left_m: float) -> None:
-        """Take pictures from so far to the left of the mount's place from now on."""
+        """Move the camera to `left_m` left of its mount for all later pictures."""
         self._base_from_camera = transform((0.0, left_m, 0.0)) @ self._base_from_mount
 
     def _draw(

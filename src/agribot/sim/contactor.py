@@ -15,7 +15,7 @@ CLOSES_S = 0.09  # the same, with 54 to 72 ms of that contactor
 
 
 class SimContactors:
-    """Told every command, which all of them follow after their time."""
+    """Simulated contactors, which follow each command after their switching time."""
 
     def __init__(self, count: int) -> None:
         self._are_closed = [True] * count
@@ -29,7 +29,7 @@ class SimContactors:
         return all(self._are_closed)
 
     def command(self, t_s: float, *, is_cut: bool) -> None:
-        """Open, or close; being told again changes nothing."""
+        """Open or close; repeating a command changes nothing."""
         self._is_cut = is_cut
         self._decide(t_s)
 
@@ -49,7 +49,7 @@ class SimContactors:
             self._are_closed[index] = is_stuck or not self._is_open_due
 
     def read(self, t_s: float) -> ContactorSample:
-        """Tell of their auxiliary contacts, which move with the others."""
+        """Return the state of the auxiliary contacts, which move with the main ones."""
         is_one_closed = any(self._are_closed) and not self.feed_motors
         return ContactorSample(t_s=t_s, is_closed=self.feed_motors, is_one_closed=is_one_closed)
 

@@ -88,7 +88,7 @@ class Engine:
         views.xfrc_applied[BASE_BODY, 3:] = np.cross(arm_m, pull.force_map_n)
 
     def hold_base(self, force_map_n: FloatArray | None) -> None:
-        """Let a force (3,) act at the robot's centre of mass until the next call; None is none."""
+        """Apply a force (3,) at the robot's centre of mass until the next call; None removes it."""
         views = self._used.views
         views.xfrc_applied[BASE_BODY] = 0.0
         if force_map_n is not None:

@@ -41,7 +41,7 @@ from agribot.sim.underside import Part, Underside, build_underside
 
 LEAF_LIMIT = 0.5
 BEND_LIMIT = 0.5
-PASS_STEP_M = 0.02  # the leaves are looked at anew when some part of the robot has moved so far
+PASS_STEP_M = 0.02  # motion of any part of the robot after which the leaves are checked again
 LONGEST_STEP_M = 0.03  # what moves on by more in a tick is looked at on its way
 
 

@@ -33,7 +33,7 @@ from agribot.sim.random_scenes import (
 
 # The field: from behind the camera to its end, and as far to both sides; metres.
 BEHIND_M, AHEAD_M, ASIDE_M = 0.5, 12.0, 4.0
-FRONT_RANGE_M = 9.0  # farther plants are too small to be told apart
+FRONT_RANGE_M = 9.0  # farther plants are too small to distinguish
 # Species, range of heights in metres, and share of the fields.
 FRONT_CROPS = (
     ("sugar_beet", 0.05, 0.30, 0.26),

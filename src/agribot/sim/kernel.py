@@ -29,7 +29,7 @@ COMPACTION_FADE_MPS = 0.02
 SINKING_S = 0.05
 MOST_SLIP = 0.5  # of the law of slip sinkage; beyond, assumed, it digs no deeper
 MOST_SHEAR = 4.0  # times K: more displacement changes nothing
-# A rut is pressed so many cells behind the hub, beyond what the wheel itself stands on.
+# Cells behind the hub at which a rut is pressed, beyond what the wheel itself stands on.
 RUT_BEHIND, RUT_HALF, RUT_EVERY = 3.2, 0.75, 0.25
 RUT_WALL_SLOPE = 0.7  # of loose soil, 35 degrees
 # On soil a wheel stands on a plane through four places of its tread: shares of radius and width.
@@ -47,7 +47,7 @@ BOARD_TARGET, BOARD_INTEGRAL, BOARD_SPEED, BOARD_FAULT_TIME = 5, 13, 21, 29
 BOARD_SIZE = 37
 BOARD_HOLD = slice(BOARD_INTEGRAL, BOARD_INTEGRAL + MOST_WHEELS)
 
-# A wheel is at fault that for so long hardly turns or gets hardly any torque when it should.
+# Time for which a wheel at fault hardly turns or gets hardly any torque when it should.
 FAULT_AFTER_S = 0.5
 FAULT_RATIO = 0.1
 FAULT_MIN_RADPS = 0.5

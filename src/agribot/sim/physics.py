@@ -48,7 +48,7 @@ class Physics:
     `history` (steps + 1, `count_columns`) holds the states of the last advance. `board` is the
     drive that the motor board assumes, by default the true one. Its wheel speeds go to ideal
     servos, or with `is_effort` through a PID per wheel to torques. `ground` is that of the world,
-    for whoever looks at it as well. `is_held` while hands have it in the air.
+    which other parts of the simulator share. `is_held` while hands have it in the air.
     """
 
     def __init__(
@@ -186,7 +186,7 @@ class Physics:
         self.is_held = False
 
     def find_place_map_m(self, ahead_m: float) -> tuple[float, float, float]:
-        """Return the place on the ground so far ahead of the robot's middle: East, North, up."""
+        """Return the place on the ground `ahead_m` ahead of the robot's middle: East, North, up."""
         row = self.history[-1]
         ahead = read_rotation(row)[:2, 0]
         x_m, y_m = (row[:2] + ahead_m * ahead / np.linalg.norm(ahead)).tolist()

@@ -64,7 +64,7 @@ def find_percentile(values: Sequence[float], percent: float) -> float | None:
 
 
 def is_in_strips(x_m: float, y_m: float, rows: Sequence[Row], pitch_m: float) -> bool:
-    """Tell whether a place lies in one of the strips of width `pitch_m` along rows."""
+    """Return whether a place lies in one of the strips of width `pitch_m` along rows."""
     for row in rows:
         along_m, across_m, _ = project_on_row(row, x_m, y_m)
         if 0.0 <= along_m <= row_length_m(row) and abs(across_m) <= pitch_m / 2:

@@ -78,7 +78,7 @@ class SimPlatform:
         Raises:
             ConfigError: unknown sensor preset, a rate that the physics cannot give, or a fault
                 that is wrong or never comes.
-            DescriptionError: the robot has an implement of a kind that nobody registered.
+            DescriptionError: the robot has an implement of an unregistered kind.
         """
         self._step_ns = round_step_ns(config.sim.step_s)
         self._robot = robot
@@ -189,7 +189,7 @@ class SimPlatform:
 
         The error adds to those of the preset. Sensors: gnss (m), gnss_velocity (m/s),
         accel (m/s^2), gyro (rad/s), mag (T); parameters: gaussian_noise, offset, drift,
-        drift_frequency (Hz), scale_error (1 is none).
+        drift_frequency (Hz), scale_error (1 without an error).
 
         Raises: ConfigError: unknown name, or a value that the parameter cannot have.
         """
@@ -199,7 +199,7 @@ class SimPlatform:
             tap(sensor, parameter, value)
 
     def add_tuning_tap(self, tap: Callable[[str, str, float], None]) -> None:
-        """Call `tap` with every change of an error, in the thread of whoever makes it."""
+        """Call `tap` with every change of an error, in the thread that changes it."""
         self._tuning_taps.append(tap)
 
     def post(self, event: OperatorEvent) -> None:
@@ -271,7 +271,7 @@ class SimPlatform:
 
     @property
     def person_distance_min_m(self) -> float | None:
-        """How near the robot's outline came to that of a person; None where there is nobody."""
+        """Smallest distance of the robot's outline to a person's; None without a person."""
         return self._persons.least_m
 
     def find_touched(self) -> str | None:

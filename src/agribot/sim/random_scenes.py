@@ -53,7 +53,7 @@ class Variety(NamedTuple):
     """What may grow on a random field, and how it lies.
 
     `weed_share` is None where all are as likely. With `has_litter` the soil has residue, stones
-    and wet patches; of `rough_share` of the fields a preset of conditions makes ground and light;
+    and wet patches. On `rough_share` of the fields a preset of conditions sets ground and light;
     on `post_share` of them posts stand among the plants.
     """
 
@@ -189,7 +189,7 @@ def _sample_rows(rng: np.random.Generator, variety: Variety) -> list[Plant]:
 
 
 def draw_log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number of which the logarithm is as likely anywhere between the limits."""
+    """Draw a number whose logarithm is uniform between those of the limits."""
     return math.exp(rng.uniform(math.log(low), math.log(high)))
 
 

@@ -89,8 +89,8 @@ class Referee:
     ) -> None:
         """`rows` are those of the map; the judgement is by the line of their plants.
 
-        `bounds` is what the robot must not leave; None: nobody knows. `robot` is what promises
-        how soon it stands.
+        `bounds` is what the robot must not leave, None if unknown; `robot` gives the promised
+        stopping distances.
         """
         self._source = source
         self._find_true_row = find_true_row
@@ -112,7 +112,7 @@ class Referee:
     def set_task(
         self, rows: Sequence[Row], goals_map_m: Sequence[tuple[float, float]] = ()
     ) -> None:
-        """Set the rows and goals to judge, forgetting the old ones; the errors so far count on."""
+        """Replace the rows and goals to judge; errors up to now still count."""
         self._rows = {row.index: self._find_true_row(row) for row in rows}
         self._goals_map_m = tuple(goals_map_m)
         self._nearest_m = [math.inf] * len(self._goals_map_m)
@@ -139,7 +139,7 @@ class Referee:
                 self._rows[row.index] = find_true_row(there, self._true_rows) or row
 
     def score_found_rows(self, found: Sequence[Row]) -> FoundRowsScore | None:
-        """None where the robot was told its rows."""
+        """Score the rows that the robot found; None if it knew its rows."""
         if not self._true_rows:
             return None
         return score_found_rows(found, self._true_rows, self._rows)
@@ -147,7 +147,7 @@ class Referee:
     def restore(self, before: RefereeState) -> str:
         """Continue the judgement of an earlier run of the job.
 
-        Returns the parts that cannot be continued, in words; empty if there are none.
+        Returns the parts that cannot be continued, in words, or an empty string.
         """
         self._before, self._tally = before, before.tally
         self._safety.restore(before.safety)
@@ -165,7 +165,7 @@ class Referee:
         return "crushed and treated plants: the field has other plants now"
 
     def export_state(self) -> RefereeState:
-        """Return everything so far, for the run that continues the job."""
+        """Return the state until now, for the run that continues the job."""
         self._add_to_sums()
         return RefereeState(
             tally=self._tally,
@@ -480,7 +480,7 @@ class Referee:
     def _count_treated(
         self, kind: PlantClass, strips: Sequence[Row] | None = None, pitch_m: float = 0.0
     ) -> int:
-        """Count the plants that the implement worked on, of those in strips where they are told."""
+        """Count the plants that the implement worked on, in `strips` only if given."""
         treated = [self._world.plants[index] for index in self._treated_plants]
         return sum(
             p.plant == kind

@@ -26,8 +26,8 @@ CELL_M = 1.0  # clods are drawn for each square metre by itself
 SMALLEST_CLOD_M = 0.01
 WIDEST_CLOD_M = 0.08
 RIDGE_PITCH_M = 1.0  # the widest ridge with its furrows
-RIDGE_CLODS_RATIO = 0.5  # a ridge is packed: so many of its clods stay
-ROW_END_M = 0.5  # ridges and tracks run on so far beyond the plants at the ends
+RIDGE_CLODS_RATIO = 0.5  # share of its clods that a packed ridge keeps
+ROW_END_M = 0.5  # length of ridges and tracks beyond the plants at the ends
 SHOULDER_M = 0.03  # of a wheel track
 STONE_HEIGHT_M, STRAW_HEIGHT_M = 0.015, 0.004
 
@@ -274,7 +274,7 @@ def _stamp_clods(
 
 def _add_litter(world: WorldSpec, axes: Axes, height_m: FloatArray) -> None:
     """Add stones and straw, where the texture of the soil shows them."""
-    # Whoever has no litter need not wait for the camera's modules.
+    # A world without litter need not import the camera's modules.
     from agribot.sim.camera.surfaces import EARTH, PERIOD_M, build_litter_heights
 
     soil = world.soil

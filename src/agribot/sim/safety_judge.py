@@ -30,7 +30,7 @@ class Crush(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SafetyScore(msgspec.Struct, frozen=True, kw_only=True):
-    """The worst of a job so far; `crushed_after_fault` is None where no fault was injected.
+    """The worst of a job until now; `crushed_after_fault` is None where no fault was injected.
 
     `outside_m_max` is how far any place of the robot got outside the field, implement included.
     `stop_distance_m_max` is how far its middle rolled after the supervisor had stopped it,
@@ -47,7 +47,7 @@ class SafetyScore(msgspec.Struct, frozen=True, kw_only=True):
     crushed_after_fault: int | None = None
     crushes: tuple[Crush, ...] = ()
     stood_s: tuple[float, ...] = ()
-    person_distance_min_m: float | None = None  # between outlines; None where there is nobody
+    person_distance_min_m: float | None = None  # between outlines; None without a person
 
 
 class SafetyState(msgspec.Struct, frozen=True, kw_only=True):
@@ -107,7 +107,7 @@ class StopWatch:
         return math.inf if self._robot is None else self._robot.promise_stop_m(v_mps)
 
     def _promise_cut_m(self, way_m: float, v_mps: float) -> float:
-        """Say what is promised of a robot whose power is taken so far from where it was stopped."""
+        """Return the promised way to rest of a robot whose power is cut `way_m` after its stop."""
         if self._robot is None:
             return math.inf
         driven_on_m = min(way_m, CUT_S * self._robot.drive.max_speed_mps)
@@ -118,10 +118,10 @@ class SafetyJudge:
     """Call `look` with every tick and the truth of it."""
 
     def __init__(self, bounds: FieldBounds | None, robot: RobotSpec | None = None) -> None:
-        """`bounds` is what must not be left, and the robot's rectangle; None: nobody knows.
+        """`bounds` is what must not be left, and the robot's rectangle; None if unknown.
 
-        It counts from when the robot was inside: a plan may lead into its field. `robot` is what
-        promises how soon it stands.
+        It counts from when the robot was inside: a plan may lead into its field. `robot` gives the
+        promised stopping distances.
         """
         self._edge = None if bounds is None else FieldEdge(bounds)
         self._was_inside = False
@@ -164,7 +164,7 @@ class SafetyJudge:
         )
 
     def score(self, crushed: set[int], crushes: Sequence[tuple[int, Crush]] = ()) -> SafetyScore:
-        """Score what was seen so far.
+        """Score the ticks until now.
 
         `crushed` are all crops that lie flat now, `crushes` those of this run, with their index.
         """

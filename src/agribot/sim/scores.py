@@ -125,8 +125,7 @@ class RefereeState(msgspec.Struct, frozen=True, kw_only=True):
     """The referee's state in a job, for the run that continues it.
 
     `worst_m` and `slices` belong to `rows` by their index, `nearest_m` to the goals; None: not
-    seen yet. Crushed, brushed and treated plants are indices into the world's, of which there are
-    `plants_total`.
+    seen yet. Crushed, brushed and treated plants are indices into the `plants_total` of the world.
     """
 
     tally: ErrorSums

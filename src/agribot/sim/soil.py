@@ -24,7 +24,7 @@ from agribot.sim.tyre import Terrain
 
 
 class SoilKind(NamedTuple):
-    """A soil when dry; `wet_cone_index_kpa` and `wet_friction_ratio` tell what water leaves."""
+    """A soil when dry; `wet_cone_index_kpa` and `wet_friction_ratio` are what water leaves."""
 
     cone_index_kpa: float  # of the top 15 cm
     wet_cone_index_kpa: float
@@ -51,7 +51,7 @@ SOILS: dict[SoilClass, SoilKind] = {
 # What a rubber tread mobilises of the cohesion: assumed; tillage tools have 0.3 to 0.7.
 ADHESION_RATIO = 0.5
 # Soil gives way aside after a shorter displacement than along: 0.4 of K under rigid wheels on sand
-# (Ishigami, Miwa, Nagatani, Yoshida 2007, J. Field Robotics 24(3)). Assumed for tyres: so much that
+# (Ishigami, Miwa, Nagatani, Yoshida 2007, J. Field Robotics 24(3)). Assumed for tyres, such that
 # skid-steer robots turn as their makers found.
 ASIDE_RATIO = 0.9
 # Brixius: most gross traction, its growth with the mobility number, deflection over section height.
@@ -63,7 +63,7 @@ ELASTIC_RATIO = 0.1
 HARDENING_RATIO = 0.7
 
 
-# Mud keeps so much of the strength: the law holds while wheels sink in by less than their radius.
+# Share of the strength in mud: the law holds while wheels sink in by less than their radius.
 LEAST_STRENGTH_RATIO = 0.15
 
 

@@ -29,7 +29,7 @@ MOST_WHEELS = 8
 
 
 def count_columns(wheels: int) -> int:
-    """Count the columns of the history of a robot with so many wheels."""
+    """Count the columns of the history of a robot with `wheels` wheels."""
     return HISTORY_COLUMNS + MIDDLE_COLUMNS * (wheels - 4)
 
 

@@ -79,7 +79,7 @@ def _make_outline(corners: FloatArray) -> Outline:
 
 
 class PersonWatch:
-    """The smallest distance so far between the robot's outline and a person's; None: nobody."""
+    """Track the smallest distance between the robot's outline and a person's; None without one."""
 
     def __init__(self, robot: RobotSpec, world: WorldSpec) -> None:
         self.least_m: float | None = None

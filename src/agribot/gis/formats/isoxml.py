@@ -18,7 +18,7 @@ from agribot.gis.geojson import Feature, Found, LonLat, close_ring, describe_lef
 
 MAIN_FILE = "TASKDATA.XML"
 # Attribute A of polygon, line string and point, C of guidance pattern (ISO 11783-10, annex D).
-# What is none of these, in the field and of an unknown or no type, is an obstacle.
+# Anything else in the field, of an unknown type or without one, is an obstacle.
 _BOUNDARY = "1"
 _OBSTACLES = {"3", "4", "6"}  # water, building, obstacle
 _ZONES = {"2": "treatment zone", "7": "flag", "9": "main field", "10": "headland"}

@@ -75,7 +75,7 @@ def _read_track(element: ET.Element) -> Geometry | None:
 
 
 def _read_area(element: ET.Element) -> Geometry | None:
-    """Read a polygon with its outer ring first, wherever it stands in the file."""
+    """Read a polygon with its outer ring first, whatever the order in the file."""
     sides = sorted(element, key=lambda side: side.tag == "innerBoundaryIs")
     rings = [ring for side in sides for ring in side.iter() if ring.tag == "LinearRing"]
     return {"type": "Polygon", "coordinates": [_read_points(r) for r in rings]} if rings else None

@@ -1,4 +1,4 @@
-"""Obstacles that a partfield tells as points, lines or areas of a type that is not known."""
+"""Obstacles of a partfield: points, lines, and areas of an unknown type."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ def write_field_file(suffix: str, collection: object) -> bytes:
 
 
 def find_ending(name: str) -> str:
-    """Find the ending of a name among those that are written; what it is where it is none."""
+    """Return the suffix of a name that a writer has, such as .json, or else its last suffix."""
     lowered = name.lower()
     endings = (ending for ending in WRITERS if lowered.endswith(ending))
     return next(endings, PurePath(lowered).suffix)
@@ -224,7 +224,7 @@ READERS: dict[str, Callable[[bytes], Found]] = {
     ".gpx": read_gpx,
     ".zip": _read_archive,
 }
-# Two of the formats are archives: their endings tell them apart.
+# Two of the formats are archives, distinguished by their suffixes.
 WRITERS: dict[str, Callable[[Sequence[Feature]], bytes]] = {
     ".geojson": _write_geojson,
     ".json": _write_geojson,

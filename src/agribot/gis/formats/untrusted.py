@@ -74,7 +74,7 @@ def refuse_doctype(*_: object) -> NoReturn:
 
 
 def read_text(element: ET.Element, name: str) -> str:
-    """Return the text of the child of this name; empty where there is none."""
+    """Return the text of the child of this name, or an empty string."""
     return next(((e.text or "").strip() for e in element if e.tag == name), "")
 
 
@@ -116,7 +116,7 @@ def _select_members(
 
 
 def _is_shadow(entry: zipfile.ZipInfo) -> bool:
-    """Tell whether it is what macOS packs beside a file: its marks, under the file's own ending."""
+    """Return whether an entry is metadata that macOS packs beside a file, with its suffix."""
     path = PurePosixPath(_find_name(entry))
     return "__MACOSX" in path.parts or path.name.startswith("._")
 

@@ -1,4 +1,4 @@
-"""Plants of any file on their way into a table: checked, and told what is wrong with them."""
+"""Check the plants of any file, report what is wrong with them, and make a table of them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _AXES = {
 
 
 class Reading(NamedTuple):
-    """What a file gives: its plants, and the datum of its map where it tells one."""
+    """What a file holds: its plants, and the datum of its map if it has one."""
 
     found: Found
     datum: Datum | None = None
@@ -47,9 +47,9 @@ def tabulate_found(
 ) -> PlantTable:
     """Make the table of a file's plants; `shown` is the file in errors.
 
-    `name` is that of the map where the file tells none; `classes` says which values of `class` are
+    `name` is the map's name if the file has no name; `classes` says which values of `class` are
     weed and crop.
-    Raises: RecordingError: a plant that is none, or places that cannot be those of one field.
+    Raises: RecordingError: an invalid plant, or places that cannot be those of one field.
     """
     collector = _Collector(shown, name, classes or {})
     for lon_deg, lat_deg, values in reading.found:
@@ -150,7 +150,7 @@ class _Collector:
 
 
 def _note_treated(rows: Rows) -> Rows:
-    """Note the treated weeds of a file that tells no outcomes."""
+    """Note the treated weeds of a file without outcomes."""
     if rows["outcome"].any():
         return rows
     is_treated = np.isfinite(rows["treated_s"]) & (rows["plant"] == PlantClass.WEED)
@@ -214,7 +214,9 @@ def _check_numbers(rows: Rows, shown: str) -> None:
     xx_m2, xy_m2, yy_m2 = (read_column(rows, name) for name in ("xx_m2", "xy_m2", "yy_m2"))
     confidence = read_column(rows, "confidence")
     wrong = {
-        "its covariance is none": ~((xx_m2 > 0) & (yy_m2 > 0) & (xx_m2 * yy_m2 - xy_m2**2 > 0)),
+        "its covariance is not positive definite": ~(
+            (xx_m2 > 0) & (yy_m2 > 0) & (xx_m2 * yy_m2 - xy_m2**2 > 0)
+        ),
         "its confidence is not between 0 and 1": (confidence < 0) | (confidence > 1),
         "its area is negative": read_column(rows, "area_m2") < 0,
     }

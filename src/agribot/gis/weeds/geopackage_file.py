@@ -140,7 +140,7 @@ def _decode_place(blob: bytes) -> tuple[float, float]:
         place = place[9:]
         kind, _ = _read_head(place)
     if len(place) < 21 or kind != _POINT:
-        raise ValueError("a plant is a Point, and a geometry is none")
+        raise ValueError("a plant is a Point, and a geometry is not")
     lon_deg, lat_deg = struct.unpack(_find_order(place) + "dd", place[5:21])
     return lon_deg, lat_deg
 

@@ -34,7 +34,7 @@ from agribot.gis.formats.untrusted import encode_xml, pack
 
 MAX_CELLS = 4_000_000
 NO_SPRAY, SPRAY = 0, 1  # codes of the treatment zones
-# Data dictionary of ISO 11783-11: rates are in mm3/m2, of which 100 are a litre per hectare.
+# Data dictionary of ISO 11783-11: rates are in mm3/m2; 100 mm3/m2 are 1 L/ha.
 SETPOINT_RATE, ACTUAL_RATE, WORK_STATE = "0001", "0002", "008D"
 MM3PM2_PER_LPHA = 100
 _EPOCH = datetime(1980, 1, 1, tzinfo=UTC)

@@ -86,7 +86,7 @@ def _encode_feature(record: Record) -> bytes:
 def read_geojson(path: Path) -> Reading:
     """Read a FeatureCollection of points.
 
-    Raises: ValueError: it is none, or in other coordinates.
+    Raises: ValueError: not such a collection, or in other coordinates.
     """
     size = path.stat().st_size
     if size > MAX_TEXT_BYTES:

@@ -112,8 +112,8 @@ class Ground(NamedTuple):
     """Flat ground or terrain, what covers it and where the sun does not reach.
 
     `surface` (rows, columns) is the texture layer between the edges `x_edge` and `y_edge`.
-    `height` is (0, 0) for flat ground. `shade` holds blocks of shadow of which `block` (rows,
-    columns) is the index, or -1 where all of it is lit.
+    `height` is (0, 0) for flat ground. `shade` holds blocks of shadow; `block` (rows, columns) is
+    the index of a block, or -1 where all of it is lit.
     """
 
     x_edge: Doubles

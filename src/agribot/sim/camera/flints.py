@@ -11,8 +11,8 @@ from scipy import spatial
 
 from agribot.core.messages import FloatArray
 
-# Cells of a texture of which some hold a stone, the large ones first, and the margin of soil
-# between two stones, texels.
+# Number of cells of a texture, the large ones first; some hold a stone. Margin of soil between two
+# stones, texels.
 CELLS, MARGIN_TEXELS = (500, 6000), (3.0, 1.2)
 # Colours of stones, and how many are of each: pale crust, grey, dark core.
 STONE_RGB = np.array([[206.0, 199.0, 184.0], [146.0, 143.0, 138.0], [86.0, 82.0, 80.0]])

@@ -36,7 +36,7 @@ from agribot.sim.jit import compile_fast, inline_fast
 SOIL = int(PlantClass.SOIL)
 BAND = 32  # rows that are walked together, from the nearest up
 COARSE = 4  # pixels between the first rays of a band
-BACK_M = 0.01  # a ray starts so far before where the one below it ended
+BACK_M = 0.01  # distance from a ray's start to the end of the one below it
 SMOOTH_M = 0.006  # heights between four rays that differ by less are interpolated
 SHORT_M = 0.05  # of the ground between two coarse rays, along the view
 LEVEL_UP = -0.08  # rays that fall less are never interpolated

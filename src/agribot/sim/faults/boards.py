@@ -1,6 +1,6 @@
-"""Faults of what hangs at the motor board of the simulator, and of that board's program.
+"""Faults of the devices at the simulator's motor board, and of that board's program.
 
-A board that is well tells nothing of itself here; real firmware does, on `platform = "firmware"`,
+A board without a fault reports nothing here. Real firmware does, on `platform = "firmware"`,
 where the same faults act at its pins.
 """
 
@@ -14,7 +14,7 @@ import msgspec
 from agribot.core.messages import BoardSample, SafetyInput, SensorBatch
 from agribot.sim.faults.schedule import Fault
 
-# Of the firmware: its watchdog, and until it speaks again and has been told what it drives.
+# Of the firmware: its watchdog, and from its reset until it reports and is configured, s.
 WATCHDOG_S, AWAY_S = 0.12, 0.2
 
 
@@ -31,7 +31,7 @@ class PressedButton:
 
 
 class SilentInputs:
-    """A board that told of its inputs in every tick tells of them no more; the rest goes on."""
+    """A board that reported its inputs in every tick stops reporting them; the rest goes on."""
 
     def __init__(self, fault: Fault) -> None:
         self._fault = fault
@@ -46,15 +46,15 @@ class SilentInputs:
 
 
 def hush_inputs(told: Mapping[str, tuple[Any, ...]]) -> dict[str, tuple[Any, ...]]:
-    """Take what a board tells of its safety inputs out of what it tells."""
+    """Remove the safety inputs from what a board reports."""
     mute = (msgspec.structs.replace(one, inputs=()) for one in told["board"])
     return {"board": tuple(mute), "bumper": (), "battery": ()}
 
 
 class SilentContactor:
-    """The relay of the contactor is pulled from its socket: nobody tells of it any more.
+    """The relay of the contactor is pulled from its socket: its state is not reported any more.
 
-    It falls off, and the motors lose their power.
+    The contactor opens, and the motors lose their power.
     """
 
     def __init__(self, fault: Fault) -> None:

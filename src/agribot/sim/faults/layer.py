@@ -1,7 +1,7 @@
 """The faults of one run: a layer between the true sensors and the batch, and hands in the physics.
 
-Whoever draws draws from a stream of the seed and the fault, so that the same seed gives the same
-run, and one fault more changes nothing of the others.
+Each fault draws from a random stream of the seed and its name, so that the same seed gives the
+same run, and one fault more does not change the others.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ class SilentBoard:
 
 
 class SteppedClock:
-    """All time stamps off by so much, those of the ticks too."""
+    """Shift all time stamps by the fault's value, those of the ticks too."""
 
     def __init__(self, fault: Fault) -> None:
         self._fault = fault

@@ -1,4 +1,4 @@
-"""What the faults of motors leave of their torque, whoever makes it: physics or real firmware."""
+"""The torque that faults of motors leave, with simulated motors and with real firmware."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def draw_weak_wheel(seed: int) -> str:
-    """Draw the wheel whose motor `motor.weak` befalls."""
+    """Draw the wheel whose motor has `motor.weak`."""
     weak = make_stream(seed, "fault motor.weak")
     return WHEEL_NAMES[int(weak.integers(len(WHEEL_NAMES)))]
 

@@ -87,7 +87,7 @@ class FrozenReceiver:
 
 
 class NoisyPosition:
-    """Fixes that scatter by so many times the sigma that the receiver goes on to report."""
+    """Fixes that scatter by a multiple of the sigma that the receiver still reports."""
 
     def __init__(self, fault: Fault, datum: Datum, rng: np.random.Generator) -> None:
         self._fault, self._frame, self._rng = fault, MapFrame(datum), rng
@@ -108,7 +108,7 @@ class NoisyPosition:
 
 
 class NoisyVelocity:
-    """Velocity noise of so many times the sigma that the receiver goes on to report."""
+    """Velocity noise of a multiple of the sigma that the receiver still reports."""
 
     def __init__(self, fault: Fault, rng: np.random.Generator) -> None:
         self._fault, self._rng = fault, rng

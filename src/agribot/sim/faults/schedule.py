@@ -159,7 +159,7 @@ def _read_seconds(text: str, word: str) -> float:
 
 
 def _read_value(text: str, kind: FaultKind, word: str | None) -> tuple[float, str]:
-    """Return the number and the wheel of a fault, of which it has one at most."""
+    """Return the number and the wheel of a fault, which has at most one of them."""
     if kind.value is None:
         if word is not None:
             raise ConfigError(f"fault {text}: {kind.name} takes no value; leave out ={word}")

@@ -31,8 +31,8 @@ class FaultKind(msgspec.Struct, frozen=True, kw_only=True):
     """One line of the table.
 
     `value` is the number that it takes, "wheel" for the name of one, or None. `typical` is a value
-    for whoever has none of their own. A momentary fault happens at once and has no end, one
-    `at_start` happens at time 0 only. A reason that names nothing but parts of `named_as` names
+    to start from. A momentary fault happens at once and has no end, one `at_start` happens at
+    time 0 only. A reason that names nothing but parts of `named_as` names
     the part at fault; without any, its own.
     """
 
@@ -69,10 +69,10 @@ FAULTS = (
               about="the receiver sends nothing, no heading of two antennas either"),
     FaultKind(name="gnss.jump", part="gnss", typical="2",
               value=Span(unit="m", low=0.01, high=1e6),
-              about="all fixes are off by so much, in a direction of the seed; status as before"),
+              about="all fixes are off by this, in a direction of the seed; status as before"),
     FaultKind(name="gnss.wrong_fix", part="gnss", typical="0.5",
               value=Span(unit="m", low=0.01, high=1e3),
-              about="all fixes are off by so much, while status and sigma are those of RTK fixed"),
+              about="all fixes are off by this, while status and sigma are those of RTK fixed"),
     FaultKind(name="gnss.drift", part="gnss", typical="0.05",
               value=Span(unit="m/s", low=1e-4, high=100.0),
               about="fixes move off at this speed, in a direction of the seed; velocity is right"),
@@ -80,10 +80,10 @@ FAULTS = (
               about="the receiver repeats its last fix and its velocity, with new time stamps"),
     FaultKind(name="gnss.scatter", part="gnss", typical="5",
               value=Span(unit="", low=1.0, high=1e3),
-              about="positions scatter by so many times what the receiver says of them"),
+              about="positions scatter by this multiple of the sigma that the receiver reports"),
     FaultKind(name="gnss.velocity", part="gnss", typical="10",
               value=Span(unit="", low=1.0, high=1e3),
-              about="the noise of the velocity is so many times what the receiver says of it"),
+              about="the velocity noise is this multiple of the sigma that the receiver reports"),
     FaultKind(name="mag.motor", part="compass",
               about="the magnetometer feels the motors: 2 uT for each Nm at the wheels"),
     FaultKind(name="mag.offset", part="compass", typical="15",
@@ -91,7 +91,7 @@ FAULTS = (
               about="a magnet on the robot: a horizontal field in a direction of the seed"),
     FaultKind(name="imu.bias", part="imu", typical="0.05",
               value=Span(unit="rad/s", low=1e-5, high=10.0, is_signed=True),
-              about="the gyro's yaw rate is off by so much"),
+              about="the gyro's yaw rate is off by this"),
     FaultKind(name="imu.frozen", part="imu",
               about="the IMU repeats its last numbers, with new time stamps"),
     FaultKind(name="imu.late", part="imu", typical="0.25",
@@ -111,7 +111,7 @@ FAULTS = (
               value=Span(unit="", low=0.0, high=1.0),
               about="one motor, drawn from the seed, gives at most this share of its torque"),
     FaultKind(name="motor.runaway", part="motors", named_as=_MOTOR,
-              about="the board drives ahead at full speed, whatever it is told"),
+              about="the board drives ahead at full speed, whatever the command"),
     FaultKind(name="soil.mud", part="ground",
               typical="0.1", value=Span(unit="", low=0.01, high=1.0),
               about="the ground within 2 m has this share of its strength and friction"),
@@ -124,7 +124,7 @@ FAULTS = (
               about="left and right are swapped in the picture"),
     FaultKind(name="camera.shifted", part="camera", typical="0.2",
               value=Span(unit="m", low=1e-3, high=2.0, is_signed=True),
-              about="the camera's mount is knocked so far to the left"),
+              about="the camera's mount is knocked to the left by this"),
     FaultKind(name="camera.creeping", part="camera", typical="0.02",
               value=Span(unit="m/s", low=1e-4, high=1.0, is_signed=True),
               about="the camera's mount slides to the left at this speed"),
@@ -139,12 +139,12 @@ FAULTS = (
     FaultKind(name="button.pressed", part="button",
               about="somebody presses the red button"),
     FaultKind(name="inputs.silent", part="inputs", named_as=("inputs", "button"),
-              about="the board tells no more of red button, bumper, battery and motors; the rest "
+              about="the board stops reporting red button, bumper, battery and motors; the rest "
                     "goes on (the robot must have them: `safety.must_report`)"),
     FaultKind(name="contactor.silent", part="contactor",
-              about="the relay of the contactor is pulled out: it falls off, and tells nothing"),
+              about="the relay of the contactor is pulled out: it opens, and reports nothing"),
     FaultKind(name="contactor.welded", part="contactor",
-              about="the contacts of one contactor are welded: told to open, they stay closed"),
+              about="the contacts of one contactor are welded: they stay closed on every command"),
     FaultKind(name="obstacle.unmapped", part="robot", named_as=("bumper",),
               is_momentary=True,
               about="a pole stands 2 m ahead of the robot, in the physics and in the picture"),
@@ -152,7 +152,7 @@ FAULTS = (
               about="the charge falls to 5 %, and the voltage with it"),
     FaultKind(name="clock.step", part="clock", typical="2",
               value=Span(unit="s", low=1e-3, high=1e6, is_signed=True),
-              about="the clock jumps: all time stamps are off by so much"),
+              about="the clock jumps: all time stamps are off by this"),
     FaultKind(name="link.noise", part="link",
               typical="0.05", value=Span(unit="", low=1e-4, high=1.0),
               about="of the samples of board and receivers this share is lost or has a false bit"),
@@ -162,27 +162,27 @@ FAULTS = (
               about="the board's program hangs, until its watchdog resets it"),
     FaultKind(name="program.stalled", part="program", typical="3",
               value=Span(unit="s", low=0.1, high=60.0), is_momentary=True,
-              about="the robot's program stands still for so long, and the board hears nothing"),
+              about="the robot's program stalls for this time, and the board receives nothing"),
     FaultKind(name="disk.full", part="disk",
               about="the disk has no room left for the recording"),
     FaultKind(name="start.aside", part="start", typical="0.3",
               value=Span(unit="m", low=1e-3, high=100.0, is_signed=True),
               is_momentary=True, at_start=True,
-              about="the robot stands so far to the left of its start"),
+              about="the robot stands to the left of its start by this"),
     FaultKind(name="start.turned", part="start", typical="20",
               value=Span(unit="deg", low=0.01, high=180.0, is_signed=True),
               is_momentary=True, at_start=True,
-              about="the robot stands turned by so much at its start, counter-clockwise"),
+              about="the robot stands turned by this at its start, counter-clockwise"),
     FaultKind(name="robot.tipped", part="robot", typical="40",
               value=Span(unit="deg", low=1.0, high=50.0),
-              about="the robot's front is lifted, in 2 s, until it is tilted by so much"),
+              about="the robot's front is lifted, in 2 s, until it is tilted by this"),
     FaultKind(name="carried", part="robot", typical="0.5",
               value=Span(unit="m", low=1e-3, high=100.0, is_signed=True), is_momentary=True,
-              about="the robot is lifted, moved so far to its left and set down: in a second, or "
+              about="the robot is lifted, moved to its left by this and set down: in a second, or "
                     "2 s for each metre"),
     FaultKind(name="crop.gap", part="crop", typical="5",
               value=Span(unit="m", low=0.1, high=1000.0), is_momentary=True, at_start=True,
-              about="in every row so many metres of crop are missing, from a place of the seed on"),
+              about="in every row this length of crop is missing, from a place of the seed on"),
 )  # fmt: skip
 _BY_NAME = {kind.name: kind for kind in FAULTS}
 BUILT_IN = frozenset(_BY_NAME)
@@ -191,7 +191,7 @@ BUILT_IN = frozenset(_BY_NAME)
 def find_kind(name: str) -> FaultKind:
     """Find a fault by its name.
 
-    Raises: ConfigError: there is none of this name.
+    Raises: ConfigError: no fault has this name.
     """
     if name in _BY_NAME:
         return _BY_NAME[name]

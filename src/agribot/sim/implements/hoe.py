@@ -20,7 +20,7 @@ from agribot.sim.implements.sections import DelayedSections, SectionSwath
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 
 BLADE_M = 0.03  # along the way
-WORKING_RATIO = 0.8  # of the depth that it is told; from there on, a blade uproots
+WORKING_RATIO = 0.8  # of the commanded depth; from there on, a blade uproots
 # Soil holds back with its whole force above this speed, and not at all a blade that stands.
 FULL_DRAUGHT_MPS = 0.1
 
@@ -43,7 +43,7 @@ class HoeEffect:
         depth_m = command.setpoints.get(DEPTH, self._spec.depth_m)
         if not 0.0 < depth_m <= self._spec.depth_m:
             raise PlatformError(
-                f"blades told to work {depth_m} m deep; those of this hoe reach "
+                f"working depth of {depth_m} m; the blades of this hoe reach "
                 f"{self._spec.depth_m:g} m"
             )
         self._told.command(t_s, command.sections_on)

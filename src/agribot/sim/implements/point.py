@@ -1,7 +1,7 @@
 """The point tool in the simulator: a spot kills the weed that it stays on, and hurts crop at once.
 
-A head's aim moves no faster than it can, and after every shot the head is dark until it has
-recharged, whatever it is told.
+A head's aim has a limited speed, and after every shot the head is dark until it has recharged,
+whatever the command.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class PointEffect:
             aim = read_aim(command, head)
             if aim and (abs(aim.x_m) > self._spec.reach_m + 1e-9 or abs(aim.y_m - y_m) > half_m):
                 raise PlatformError(
-                    f"head {head + 1} told to aim {aim.x_m:.3f} m ahead and {aim.y_m:.3f} m to the "
+                    f"head {head + 1}: aim {aim.x_m:.3f} m ahead and {aim.y_m:.3f} m to the "
                     f"left; it reaches {self._spec.reach_m:g} m, and {half_m:.3g} m around {y_m:g}"
                 )
         if command.setpoints:

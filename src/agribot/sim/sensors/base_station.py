@@ -22,7 +22,7 @@ ErrorStep = Callable[[float], Vec3]
 
 
 class BaseStation:
-    """A receiver at the world's pole, or at the datum where there is none.
+    """A receiver at the world's pole, or at the datum without a pole.
 
     With `is_common` it has the slow errors of `rover`, those of orbits and atmosphere, as they
     were at the rover's last fix, and its own fast ones; else all errors are its own.
@@ -82,7 +82,7 @@ def _find_place(world: WorldSpec) -> Vec3:
 
 
 def _make_velocity(errors: HectorGnss | PhysicalGnss, seed: int) -> ErrorStep | None:
-    """Make the velocity that a standing receiver tells, None for one that tells none."""
+    """Make the velocity of a standing receiver, None for one that does not report velocity."""
     if isinstance(errors, HectorGnss):
         std_mps = errors.velocity_gaussian_mps
     elif errors.has_velocity:
