@@ -1,4 +1,4 @@
-"""Corrections reach the receiver whole, whatever caster and line do, and the login nobody else."""
+"""Corrections reach the receiver whole, whatever caster and line do; the login only its caster."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ def test_chunks_of_any_size_reach_the_receiver_as_whole_messages() -> None:
         (b"HTTP/1.1 503 Full\r\n\r\n", "answers 'HTTP/1.1 503 Full'"),
         (b"SSH-2.0-OpenSSH_9.2\r\n", "no NTRIP caster; check host and port"),
         (b"HTTP/1.1 200 OK\r\nContent-Type: text/html\r\n\r\n<html>", "no NTRIP caster"),
-        (YES + b"Transfer-Encoding: chunked\r\n\r\nxyz\r\n", "a chunk whose length is none"),
+        (YES + b"Transfer-Encoding: chunked\r\n\r\nxyz\r\n", "a chunk whose length is no number"),
         (YES + b"Transfer-Encoding: chunked\r\n\r\nffffffff\r\n", "the limit is 1048576"),
         (YES + b"\r\n" + b"\x55" * 3000, "3000 bytes came that are no RTCM 3"),
         (YES + b"\r\n", "nothing came for 0.4 s"),
@@ -329,7 +329,7 @@ def test_measurements_of_a_base_too_far_away_wait_until_it_tells_another_place()
         caster._answers = [late, late, send(YES, b"\r\n", make_observation(), then=caster.listen)]
         with rover.fed_by(caster.port):
             wait_for(lambda: len(caster.requests) >= 3, "a third try")
-    assert rover.taken == make_observation(), "what came before the base told its place"
+    assert rover.taken == make_observation(), "what came before the base sent its position"
     assert [text for text in rover.told if "come" in text] == rover.told[:1]
 
 
