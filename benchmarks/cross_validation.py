@@ -2,7 +2,7 @@
 
 Every network is trained once for each fold and judged on the pictures that it never saw; the
 confusion matrices of all folds are pooled at the resolution of the labels. It goes on where it
-was stopped, within a training too; --table prints what is there so far.
+was stopped, within a training too; --table prints the finished folds.
 
 python benchmarks/cross_validation.py DIR [--out FOLDER] [--networks agribot-s,...] [--steps N]
 """

@@ -78,7 +78,7 @@ def _pan(page: Page, tools: CDPSession, seconds: float) -> dict[str, Any]:
 
 
 def _read_busy_s(tools: CDPSession) -> float:
-    """CPU time of the page's main thread so far."""
+    """CPU time of the page's main thread until now, s."""
     metrics = tools.send("Performance.getMetrics")["metrics"]
     return float(next(one["value"] for one in metrics if one["name"] == "TaskDuration"))
 

@@ -45,7 +45,7 @@ def make_map(count: int, name: str, seed: int) -> PlantTable:
 
 
 def measure_step(step: str, path: Path, count: int) -> dict[str, Any]:
-    """Do one thing in this process and tell what it cost; making the map does not count."""
+    """Measure one step in this process; making the map does not count."""
     table = make_map(count, "a", 2) if step != "read" else None
     other = make_map(count, "b", 3) if step == "merge" else None
     started_s = time.process_time()

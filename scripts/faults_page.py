@@ -13,7 +13,7 @@ from agribot.sim.faults.table import FAULTS, FaultKind
 HEAD = """# Faults
 
 Written by `make pages` from the code. In the simulator, something can go wrong at a time of your
-choice; the robot is not told, and the report says what it did about it.
+choice; the robot gets no notice of it, and the report says what the robot did about it.
 
 ```
 agribot run farm --fault gnss.jump=2@30              # from 30 s of the mission until its end
@@ -40,7 +40,7 @@ TAIL = """
 `held`, `slowed`, `named` only, or `none`) and the reason that it gave; `outside_m_max`,
 `stop_distance_m_max` and `crushed_after_fault` say what it cost, by the truth. Noticed means: after
 the fault began, a stop, hold, pause or failure that had not been there before, or a fault or a
-limit whose reason names the part. `safety.noticed` are all faults that the robot told of, injected
+limit whose reason names the part. `safety.noticed` are all faults that the robot reported, injected
 or not.
 
 `outside_m_max` is of the robot's whole rectangle, implement included, against the field's boundary
@@ -68,11 +68,11 @@ agribot bench faults --fault-free 500                # drives in which nothing g
 
 """
 COLUMNS = (
-    ("detected", "the share of the injected faults of which the robot noticed something"),
-    ("named", "the share of which a reason named the part at fault and no part that is well"),
-    ("one of two", "the share of which reasons named the part only beside another, as in "
+    ("detected", "the share of the injected faults that the robot noticed"),
+    ("named", "the share for which a reason named the part at fault and no part that works"),
+    ("one of two", "the share for which reasons named the part only beside another, as in "
      "`camera and GNSS disagree` or `GNSS jumped ..., or the robot was carried`"),
-    ("harmless", "the share that nobody noticed and nothing came of: across the row never farther "
+    ("harmless", "the share that had no notice and no effect: across the row never farther "
      "off than twice what 95 % of the ticks of the same drives without a fault are, or than the "
      "worst of them; nothing crushed, and no farther outside"),
     ("after", "the median time until it was noticed"),
@@ -94,7 +94,7 @@ In `--json`, `detected_ratio`, `named_ratio` and `one_of_two_ratio` are of all i
 harmless. `crushed_after_detectable` counts the plants that
 were crushed after the robot had noticed, or could have: 3 s after the begin (a drift of the
 receiver 10 s, an empty battery and a pole in the way 5 s), but for a creeping receiver and a weak
-motor, of which nothing on board tells. What lies where hands set the robot down does not count.
+motor, which no sensor on board shows. What lies where hands set the robot down does not count.
 `km_without_fault` is the way of the `missions_without_fault`.
 
 [What it measured](fault-campaign.md) last. Which of them proves which [hazard](hazards.md).
@@ -110,7 +110,7 @@ def page() -> str:
 
 def format_row(kind: FaultKind) -> str:
     name = kind.name if kind.value is None else f"{kind.name}={kind.typical}"
-    lasts = "from time 0" if kind.at_start else "at once" if kind.is_momentary else "as told"
+    lasts = "from time 0" if kind.at_start else "at once" if kind.is_momentary else "as given"
     return f"| `{name}` | {kind.about} | {describe_value(kind)} | {lasts} |\n"
 
 

@@ -1,4 +1,4 @@
-"""Check the source of the operator's page: `python scripts/lint_page.py`, or with `--fix` mend it.
+"""Check the source of the operator's page: `python scripts/lint_page.py`, with `--fix` fix it.
 
 Installs the packages of `web/package-lock.json` first where the linter of that file is not there.
 """

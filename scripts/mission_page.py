@@ -43,15 +43,15 @@ STATES = (
     ),
 )
 RULES = """
-A **stop** is latched in one place, `core/latch.py`, whoever closes it: a person, the supervisor, or
-the run that was cut off before. While it holds, the mission is paused or has ended, and the column
-*stopped* counts first; where that says "-", the state's own column counts. A mission that has ended
-and does not stay open takes nothing, stopped or not.
+A **stop** is latched in one place, `core/latch.py`, for all that close it: a person, the
+supervisor, or the run that was cut off before. While it holds, the mission is paused or has ended,
+and the column *stopped* counts first; where that says "-", the state's own column counts. A mission
+that has ended and does not stay open takes nothing, stopped or not.
 
 Between the mission and the motors stands the gate, with [states](hazards.md#states-of-the-gate)
 and a [list before the start](hazards.md#before-the-start) of its own.
 
-A request is done, *refused* (the status tells why in `refusal`), or left alone for the reason in
+A request is done, *refused* (`refusal` of the status says why), or left alone for the reason in
 brackets. What is to be done is still refused where it cannot be: no way leads there, the plan is
 not good, the robot was carried away.
 
@@ -93,7 +93,7 @@ tries again with a run-up ([`freeing.py`](../src/agribot/autonomy/plan/freeing.p
 place, within {SAME_PLACE_M:g} m, it does so up to `mission.free_tries` times: twice from
 {TRIES[1].back_m:g} m and then from {TRIES[3].back_m:g} m, driving {100.0 * TRIES[1].left_m:g} cm to
 the left and to the right of its path by turns until it is {SAME_PLACE_M:g} m on, so that other
-parts of its wheels meet the clods. In its rows it then counts on so much less room to the crop.
+parts of its wheels meet the clods. In its rows it then counts on that much less room to the crop.
 Held on its way back, it tries forwards. It backs out only over ground on which it has just come, so
 that a robot that has only just set off does not try, nor one on an errand or backwards.
 What is left the [gate](safety.md#protective-stops) stops, for a person to look. How far that leads
@@ -106,7 +106,7 @@ LOST = """
 Known across its row worse than `mission.max_row_std_m`, or standing because it may reach crop, the
 robot takes these steps, each where the one before has not helped
 ([`row_recovery.py`](../src/agribot/autonomy/plan/row_recovery.py)). Backing out it follows its own
-way straight back, wherever it is beside its row; the tool is off.
+way straight back, also where it is beside its row; the tool is off.
 
 | step | what the robot does | when |
 |---|---|---|

@@ -2,7 +2,7 @@
 
 A test asks when its file, that of a fixture of it, or what these import of the tests, imports
 `tests/machine.py`. Without the programs no other test ends otherwise: one that starts such a
-program, or asks for it, and is not found here fails wherever it runs.
+program, or asks for it, and is not found here fails on every machine.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def _leads_to_machine(path: Path) -> bool:
 
 @cache
 def _list_imports(path: Path) -> frozenset[Path]:
-    """List the files of the tests that a file imports, wherever in it."""
+    """List the files of the tests that a file imports, at any level of it."""
     if path.suffix != ".py" or not path.is_file():
         return frozenset()
     names = set()

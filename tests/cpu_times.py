@@ -1,8 +1,8 @@
 """The CPU time of each test, with all processes that it started: `pytest --cpu-times 20`.
 
-Wall time tells how busy the machine was; CPU time tells what a test costs on any day. A fixture
+Wall time depends on how busy the machine was; CPU time is what a test costs on any day. A fixture
 is paid by the test that set it up or took it down. Processes are found in /proc, so elsewhere
-than on Linux only those count that have ended. What a process spent that nobody waits for, such as
+than on Linux only those count that have ended. The time of a process without a waiting parent, as
 those of a browser, is in the sum of the phases, and in no figure of the kernel once it has ended.
 """
 
@@ -37,7 +37,7 @@ def is_wanted(config: pytest.Config) -> bool:
 
 
 def cpu_s() -> float:
-    """CPU time so far of this process and its descendants, whether they live or were waited for."""
+    """CPU time of this process and its descendants, both those that live and those waited for."""
     own = os.times()
     return sum(own[:4]) + sum(living_descendants_s(os.getpid()))
 

@@ -29,7 +29,7 @@ def all_or_first(
 
 
 def one_by_one(name: str, values: Sequence[Any], in_suite: int) -> pytest.MarkDecorator:
-    """Parametrise a test over single values, of which those beyond `in_suite` are nightly."""
+    """Parametrise a test over single values; those beyond `in_suite` are nightly."""
     return pytest.mark.parametrize(
         name,
         [

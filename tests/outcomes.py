@@ -1,4 +1,4 @@
-"""Whether a test has failed, for fixtures that then tell more of what it looked at."""
+"""Whether a test has failed, for fixtures that then print more details."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ IMPURE = {
     "subprocess", "threading", "time", "urllib",
 }  # fmt: skip
 
-# What is done to a thing names a value, not what a function does; "feed" and "speed" are none.
+# A participle names a value, not what a function does; "feed" and "speed" are no participles.
 PARTICIPLE = re.compile(
     r"_?(?:[a-z]*[^e]ed|shown|told|taken|begun|seen|given|made|found|held|sent|said|heard|kept|drawn)"
 )
@@ -91,7 +91,7 @@ def nodes_of(path: Path) -> tuple[ast.AST, ...]:
 
 
 def imports(path: Path) -> Iterator[str]:
-    """Full names of all imported modules, wherever the import stands."""
+    """Full names of all imported modules, also of imports within functions."""
     for inner in nodes_of(path):
         if isinstance(inner, ast.Import):
             yield from (alias.name for alias in inner.names)

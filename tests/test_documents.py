@@ -18,7 +18,7 @@ from tests.cli.parser_tree import Words, every_parser
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("ros?/*.md")])
-OF_TODAY = [page for page in DOCUMENTS if page.name != "CHANGELOG.md"]  # that one tells history
+OF_TODAY = [page for page in DOCUMENTS if page.name != "CHANGELOG.md"]  # that one is history
 TOP_PACKAGES = "app|autonomy|cli|core|description|drivers|gis|lab|record|ros|sim|ui"
 
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
@@ -27,7 +27,7 @@ _MODULE = re.compile(rf"\bagribot\.(?:{TOP_PACKAGES})(?:\.\w+)+")
 _CODE = re.compile(r"`(agribot [^`]+)`")
 _FENCE = re.compile(r"^```\w*\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _PARSERS = every_parser()
-# What the text speaks of but is none of the program's: a placeholder, and a page's own example.
+# Words of commands that are not the program's: a placeholder, and a page's own example.
 NOT_OURS = ("COMMAND", "rows", "beacons")
 
 
@@ -93,7 +93,7 @@ def whole_commands_of(page: Path) -> Iterator[str]:
 
 
 def split_command(text: str) -> tuple[Words, list[str]]:
-    """The words of a command and what follows them. Raises: LookupError: there is none such."""
+    """The words of a command and what follows them. Raises: LookupError: no such command."""
     words = shlex.split(text, comments=True)[1:]
     known = [key for key in _PARSERS if (*words,)[: len(key)] == key]
     if not known:

@@ -1,4 +1,4 @@
-"""A run drives whatever platform its settings name, also where nobody knows the truth."""
+"""A run drives any platform that its settings name, also one without ground truth."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def look_again(scene: Scene, image_rgb: ByteArray, run: config.RunConfig) -> Sce
 
 
 def drive(out: Path, video: Path, pace: float) -> tuple[subprocess.CompletedProcess[str], Report]:
-    """Start the robot of which a builder has plugged in board, receiver and camera, on its row."""
+    """Start a robot with board, receiver and camera plugged in, on its row."""
     sets = [word for setting in SETTINGS for word in ("--set", setting)]
     with HardwareBench(video.parent, START, config.load("farm").field, pace) as bench:
         options = words(bench, out, "--arm", "--for", "60", *sets)

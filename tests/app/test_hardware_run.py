@@ -291,7 +291,7 @@ class Relay:
         self.line, self._bench, self._heard = line, bench, b""
 
     def follow(self, _: TickRecord) -> bool:
-        """Switch as told, and say whether it holds."""
+        """Switch as commanded, and return whether it holds."""
         self._heard += self.line.hear()
         for k in range(0, len(self._heard) - 3, 4):
             self._bench.board.has_power = self._heard[k : k + 4] == bytes.fromhex("A00101A2")
@@ -469,7 +469,7 @@ def tell_refusal(state: wire.State) -> str:
 
 
 def hear_more(bench: HardwareBench, commands: int = 50) -> None:
-    """Let the robot tell its board this many commands more."""
+    """Let the robot send its board this many further commands."""
     count = len(bench.board.commands) + commands
     wait_for(lambda: len(bench.board.commands) >= count, "commands to the board")
 

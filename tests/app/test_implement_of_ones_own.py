@@ -41,7 +41,7 @@ class BrushSpec(ImplementSpec, frozen=True, kw_only=True):
 
 
 class Brush:
-    """Turns wherever it may."""
+    """Turns where it is allowed to."""
 
     def __init__(self, spec: BrushSpec, config: TreatmentConfig) -> None:
         self._spec, self._ticks = spec, 0

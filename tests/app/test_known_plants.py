@@ -1,4 +1,4 @@
-"""The crop of an earlier run: read from its weed map, kept as places, refused where it is none."""
+"""The crop of an earlier run: read from its weed map, kept as places, refused if invalid."""
 
 from __future__ import annotations
 

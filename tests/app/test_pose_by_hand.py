@@ -1,4 +1,4 @@
-"""A person tells the robot where it stands: believed at rest, recorded, replayed."""
+"""A person sets the robot's pose: accepted at rest, recorded, replayed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STDS = (0.3, 0.1)
 
 
 def estimates(session: SimulatedRun, at_s: float, shift_m: float) -> list[Estimate]:
-    """Those of the tick before and the tick at which a pose aside of the believed one is told."""
+    """Estimates of the tick before a pose `shift_m` off is set, and of that tick."""
     seen: list[Estimate] = []
     inbox = session.inbox
     for record in session.ticks():

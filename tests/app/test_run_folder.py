@@ -159,7 +159,7 @@ def test_a_session_from_python_is_refused_too(tmp_path: Path) -> None:
 
 
 def test_a_session_that_never_ticked_leaves_no_folder(tmp_path: Path) -> None:
-    """What kept it from driving, such as a port that is taken, can be mended and tried again."""
+    """What kept it from driving, such as a port that is taken, can be fixed and tried again."""
     with simulate(config.load("farm", ["perception.enabled=false"]), tmp_path / "run"):
         assert (tmp_path / "run" / "config.toml").exists()
     assert not (tmp_path / "run").exists()

@@ -1,4 +1,4 @@
-"""systemd is told when the robot drives, that its loop turns, and nothing while it hangs."""
+"""systemd gets a message when the robot drives and while its loop runs, none while it hangs."""
 
 from __future__ import annotations
 

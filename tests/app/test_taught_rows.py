@@ -127,7 +127,7 @@ def test_wrong_fixes_of_another_robot_are_left_out_of_its_rows_and_named(
     assert main(["plan", "teach", str(tmp_path / "foreign"), "--out", str(out)]) == 0
     assert "warning: 1 fixes are left out" in capsys.readouterr().err
     area, _ = read_field(out)
-    assert shapely.Polygon(area.boundary).area < 100.0, "no corridor to where nobody drove"
+    assert shapely.Polygon(area.boundary).area < 100.0, "no corridor beyond its way"
     assert sum(shapely.LineString(line).length for line in area.rows) > 20.0
 
 

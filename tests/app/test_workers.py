@@ -1,4 +1,4 @@
-"""Jobs in other processes: an end from outside is quiet where it was asked for, and told else."""
+"""Jobs in other processes: an end from outside is reported unless it was asked for."""
 
 from __future__ import annotations
 

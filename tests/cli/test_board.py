@@ -1,4 +1,4 @@
-"""`agribot board` tells the boards apart, says how they are, and has them flashed by avrdude."""
+"""`agribot board` identifies boards, reports their state, and has avrdude flash them."""
 
 from __future__ import annotations
 

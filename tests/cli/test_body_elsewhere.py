@@ -50,7 +50,7 @@ def test_a_mission_drives_the_robot_of_another_process(tmp_path: Path) -> None:
         told = process.stdout.read()
     report = json.loads(told.splitlines()[-1])
     ticks = read_ticks(tmp_path / "mind" / "run.mcap")
-    *_, last = (tick for tick in ticks if tick.estimate.ok)  # at the end nobody waits for sensors
+    *_, last = (tick for tick in ticks if tick.estimate.ok)  # the end waits for no sensor
     assert last.batch.t_s > 11.0
     believed = (last.estimate.x_map_m, last.estimate.y_map_m)
     assert report["distance_m"] > 0.3  # less on a machine whose processes stand still at times

@@ -1,4 +1,4 @@
-"""The doctor tells a healthy machine from a sick one, and what would help."""
+"""The doctor finds what is wrong with a machine, and says what would help."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The doctor opens what nobody else has, and says how a robot is run with what answered."""
+"""The doctor opens devices that are free, and says how to run a robot with those that answer."""
 
 from __future__ import annotations
 

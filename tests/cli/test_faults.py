@@ -1,4 +1,4 @@
-"""Faults on the command line, in profiles and in sweeps: injected, told, reported, refused."""
+"""Faults on the command line, in profiles and in sweeps: injected, listed, reported, refused."""
 
 from __future__ import annotations
 

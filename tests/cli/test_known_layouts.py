@@ -1,4 +1,4 @@
-"""The layouts of known data sets, and what a command says of folders that are none."""
+"""The layouts of known data sets, and what a command says of other folders."""
 
 from __future__ import annotations
 

@@ -164,7 +164,7 @@ def test_the_simulated_drive_shows_plants(capsys: pytest.CaptureFixture[str]) ->
 
 
 class Picture:
-    """A message of 3 x 2 pixels, of which the first is blue."""
+    """A message of 3 x 2 pixels; the first is blue."""
 
     encoding, height, width, step, is_bigendian = "bgr8", 2, 3, 9, 0
     data = np.array([255, 0, 0] + [0] * 15, np.uint8)

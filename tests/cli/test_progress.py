@@ -1,4 +1,4 @@
-"""What a person at a terminal is told while something takes its time."""
+"""What a terminal shows while a command takes long."""
 
 from __future__ import annotations
 

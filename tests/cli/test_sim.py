@@ -63,7 +63,7 @@ def test_the_recording_holds_sensors_commands_and_truth(
     for latched in (topics.ROBOT_DESCRIPTION, topics.TF_STATIC):
         assert seen[latched.name] == 1
     assert seen[topics.ODOM.name] == 100
-    assert topics.ODOMETRY.name not in seen  # nobody estimates anything
+    assert topics.ODOMETRY.name not in seen  # there is no estimator
 
 
 def test_a_script_line_is_said_once_and_the_board_stops_after_its_timeout(

@@ -1,4 +1,4 @@
-"""Settings: what a user may write, and what he is told when he may not."""
+"""Settings: what a user may write, and the message for what he may not."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ def list_texts() -> list[tuple[str, str]]:
 
 
 def test_no_text_takes_the_program_from_an_index() -> None:
-    """No index has it: whoever takes the name there owns what the reader installs."""
+    """No index has it: the first to register the name owns what the reader installs."""
     bad = re.compile(r"pip install (?:-\S+ )*['\"]?agri" r"bot\b")
     assert not [name for name, text in list_texts() if bad.search(text)]
 

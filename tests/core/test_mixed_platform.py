@@ -9,7 +9,7 @@ from agribot.core.platform import MixedPlatform, Sensor
 
 
 class Part:
-    """A sensor that notes when it is closed, and fails then where it is told to."""
+    """A sensor that notes when it is closed, and fails then on request."""
 
     def __init__(self, sensor: Sensor, closed: list[str], failure: str = "") -> None:
         self.sensor, self.name = sensor, "somewhere"

@@ -48,7 +48,7 @@ def test_two_reports_at_least_make_an_uncertainty() -> None:
 
 
 def run_camera(clock: StampClock, seed: int, *, mean_late_s: float) -> None:
-    """Note pictures of 20 a second without stamps, of which every seventh is lost."""
+    """Note pictures at 20 Hz without stamps; every seventh is lost."""
     rng = np.random.default_rng(seed)
     for k in range(200):
         late_s = float(rng.exponential(mean_late_s))

@@ -61,7 +61,7 @@ def test_a_name_is_found_before_an_alias() -> None:
 def test_every_sensor_of_a_batch_has_a_topic() -> None:
     carried = {topic.struct for topic in topics.TOPICS}
     for field in msgspec.structs.fields(SensorBatch):
-        # Requests, headings, other sensors and what boards tell travel inside /agribot/tick.
+        # Requests, headings, other sensors and reports of boards travel inside /agribot/tick.
         if field.name in {
             "t_s", "events", "headings", "hand", "others", "board", "gnss_status", "contactor"
         }:  # fmt: skip

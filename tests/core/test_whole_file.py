@@ -53,7 +53,7 @@ def test_the_reader_of_a_pipe_gets_it_and_the_pipe_stays(tmp_path: Path) -> None
 
 
 def test_a_device_takes_it_and_stays_a_device() -> None:
-    write_file(Path(os.devnull), b"for nobody")
+    write_file(Path(os.devnull), b"discarded")
     assert stat.S_ISCHR(os.stat(os.devnull).st_mode)
 
 

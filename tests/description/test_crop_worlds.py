@@ -87,7 +87,7 @@ def test_meshes_of_crop_and_weed_are_plants_of_their_height(tmp_path: Path) -> N
     rows = "".join(
         mesh(f"maize_{k}_{r}", uri, 0.5 * k, 0.75 * r) for k in range(8) for r in range(3)
     )
-    thistle = mesh("thistle_1", "model://thistle/thistle.dae", 1.2, 0.3)  # whose file nobody has
+    thistle = mesh("thistle_1", "model://thistle/thistle.dae", 1.2, 0.3)  # whose file is missing
     world = read_world(tmp_path, PLANE + rows + thistle)
     assert Counter(p.plant for p in world.plants) == {PlantClass.CROP: 24, PlantClass.WEED: 1}
     crop = [p for p in world.plants if p.plant is PlantClass.CROP]

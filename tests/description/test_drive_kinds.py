@@ -93,7 +93,7 @@ KINDS = {
         "caster_ball",
     ),
     "five wheels": (FOUR + wheel("nose_wheel", 0.4, 0.0), "wheels: it stands on 5 wheels ('rear"),
-    "six wheels of which two stand in line": (
+    "six wheels, two of them in line": (
         FOUR + wheel("rear_wheel", -0.4, 0.0) + wheel("nose_wheel", 0.4, 0.0),
         "wheels: 'rear_right_wheel', 'rear_wheel' are no pair, right and left",
     ),

@@ -1,4 +1,4 @@
-"""What stands: the pole with a receiver is described as one, and driven by nobody."""
+"""Fixtures: the pole with a receiver is described as one, and no command drives it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robots as their makers publish them: attribute values, and parts in packages nobody has here."""
+"""Robots as their makers publish them: attribute values, and parts in missing packages."""
 
 from __future__ import annotations
 

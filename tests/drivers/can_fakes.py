@@ -12,7 +12,7 @@ FEEDS = {0x07, 0x0D}  # commands of CANSimple that feed a watchdog
 
 
 class FakeVescBus(FakeVesc):
-    """Controllers that tell their status 50 times a second; `silent` are switched off."""
+    """Controllers that send their status at 50 Hz; `silent` are switched off."""
 
     def __init__(self, ids: tuple[int, ...], timeout_s: float = 0.3) -> None:
         super().__init__(ids[0], ids[1:], timeout_s)

@@ -1,4 +1,4 @@
-"""Casters of corrections: a made-up one that misbehaves as told, and a base station's bytes."""
+"""Casters of corrections: a made-up one that misbehaves on request, and a base station's bytes."""
 
 from __future__ import annotations
 

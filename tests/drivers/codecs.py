@@ -147,7 +147,7 @@ CODECS: dict[str, Callable[[], Feed]] = {
 
 
 def write_vesc() -> bytes:
-    """Write what two controllers answer, of which one has a fault."""
+    """Write the answers of two controllers; one has a fault."""
     fake, driver = FakeVesc(local=3, others=(12,)), VescBoard((LOCAL, 12), 7, 10.0)
     said = fake.answer(driver.open())
     fake.faults[12] = 9

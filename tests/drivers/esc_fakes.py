@@ -49,7 +49,7 @@ class FakeVesc:
         return out
 
     def _tell(self, one: int, mask: int) -> bytes:
-        """Tell what the bits of `mask` ask for, in their order."""
+        """Encode the values that the bits of `mask` ask for, in their order."""
         steps = round(self._steps[one])
         values = (
             ("h", 251), ("h", 300), ("i", 120), ("i", 80), ("i", 0), ("i", 0), ("h", 100),

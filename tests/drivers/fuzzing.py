@@ -45,7 +45,7 @@ def check(codec: str, data: bytes) -> None:
     size = 1 + len(data) % 37
     feed = CODECS[codec]()
     cut = [each for k in range(0, len(data), size) for each in feed(data[k : k + size])]
-    # A refusal comes as early as it can be known; of two dialects, one tells first.
+    # A refusal comes as early as possible; of two dialects, one shows it first.
     if codec != "ntrip" and sum(mark in data for mark in DIALECTS) < 2:
         assert cut == whole
 
@@ -157,7 +157,7 @@ def mend(rng: random.Random, data: bytes) -> bytes:
 
 
 def mend_makers(data: bytes) -> bytes:
-    """Mend what stands behind a # and after the sync words of Unicore and Septentrio."""
+    """Repair the text behind a # and after the sync words of Unicore and Septentrio."""
     lines = data.split(b"\r\n")
     for k, line in enumerate(lines):
         if line.startswith(b"#") and b"*" in line:

@@ -12,7 +12,7 @@ from tests.waiting import wait_for
 
 
 class Daemon:
-    """A gpsd that is told of devices as udev tells it."""
+    """A gpsd that gets its devices over the control socket, as from udev."""
 
     def __init__(self, folder: Path) -> None:
         self.port, self._control = free_port(), folder / "control"
@@ -31,7 +31,7 @@ class Daemon:
         wait_for(lambda: is_open(self.port), "gpsd")
 
     def tell(self, sign: str, device: object) -> bool:
-        """Add (+) or remove (-) a device; tells whether gpsd did."""
+        """Add (+) or remove (-) a device; return whether gpsd did."""
         with socket.socket(socket.AF_UNIX) as control:
             control.connect(str(self._control))
             control.sendall(f"{sign}{device}\r\n".encode())

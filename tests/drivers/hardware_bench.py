@@ -36,17 +36,17 @@ class Plug(Line):
             super().unplug()
 
     def exchange(self, data: bytes) -> bytes:
-        """Say `data`, and hear what waits; nothing where nobody has the other end open."""
+        """Send `data`, and read what waits; nothing if the other end is not open."""
         with self._lock:
             if self._far < 0:
                 return b""
-            with contextlib.suppress(OSError):  # nobody listens
+            with contextlib.suppress(OSError):  # the other end is closed
                 self.blurt(data)
             return self.hear()
 
 
 class HardwareBench:
-    """Lives in a thread: wheels turn as told, and the robot moves as they turn.
+    """Lives in a thread: wheels turn as commanded, and the robot moves as they turn.
 
     `pose` is where it is in the map (x, y, yaw), `pace` that of its time over real time.
     """
@@ -87,7 +87,7 @@ class HardwareBench:
                 "--source", f"gnss=serial:{self.gnss.path}"]  # fmt: skip
 
     def forget_commands(self) -> None:
-        """Forget what the robot wanted so far, that too which is still in the line."""
+        """Drop all commands of the robot until now, those still in the line too."""
         heard = self._tick + 1
         wait_for(lambda: self._tick > heard, "the line to be heard")
         self.board.commands.clear()

@@ -48,15 +48,15 @@ class Line:
                 data = data[os.write(self._far, data) :]
 
     def blurt(self, data: bytes) -> None:
-        """Say as a receiver does, which waits for nobody: what nobody reads is lost."""
+        """Send as a receiver does, without waiting: what is not read is lost."""
         with contextlib.suppress(BlockingIOError):
             os.write(self._far, data)
 
     def hear(self) -> bytes:
-        """What was written to the device; nothing where nobody wrote, or has it open."""
+        """Read what was written to the device; nothing if it is not open or nothing was written."""
         try:
-            # Without asking before whether there is anything: a line that nobody has open says yes,
-            # and who opens it meanwhile would be waited for.
+            # Without polling first: a line that no process has open reports that it can be read,
+            # and the read would then block until data comes.
             return os.read(self._far, 65536)
         except OSError:
             return b""
@@ -70,7 +70,7 @@ class Line:
 
 
 class Opened:
-    """Sources of one context, and what they told."""
+    """Sources of one context, and what they reported."""
 
     def __init__(self) -> None:
         self.told: list[str] = []
@@ -96,7 +96,7 @@ class Opened:
         return kept.pop(field, [])
 
     def wait_for(self, source: SensorSource, count: int = 1, field: str = "") -> list[Any]:
-        """Take until so many samples are there."""
+        """Take until `count` samples are there."""
         found: list[Any] = []
 
         def take() -> bool:

@@ -105,7 +105,7 @@ def make_ubx_searching(at: dt.datetime = EPOCH) -> bytes:
 
 
 def make_ubx_sky(at: dt.datetime, *, is_searching: bool = False) -> bytes:
-    """Write NAV-SAT with three satellites, of which two are used, and NAV-DOP."""
+    """Write NAV-SAT with three satellites, two of them used, and NAV-DOP."""
     seen = {
         "gnssId": (0, 6, 2), "svId": (5, 14, 31), "cno": (44, 38, 0), "elev": (71, 15, -3),
         "azim": (210, 33, 359), "svUsed": (0, 0, 0) if is_searching else (1, 1, 0),

@@ -78,7 +78,7 @@ class RtspServer:
                 index += 1
 
     def _answer(self, line: socket.socket, request: str) -> bool:
-        """Answer a request; tells whether it was to play."""
+        """Answer a request; return whether it was to play."""
         first, *lines = request.splitlines()
         method = first.split()[0]
         self.asked.append(method)

@@ -97,7 +97,7 @@ def test_a_broken_bit_anywhere_costs_its_frame_and_at_most_the_next_and_is_count
         broken[bit // 8] ^= 1 << bit % 8
         decoder = BoardDecoder()
         found = decoder.feed(b"".join([*frames[:2], bytes(broken), *frames[3:]]))
-        assert [f for f in found if f in sent] == found, "a frame that nobody sent"
+        assert [f for f in found if f in sent] == found, "a frame that was not sent"
         assert found[:2] == sent[:2] and found[-1] == sent[4]
         assert decoder.bad >= 1
         assert decoder.lost == 5 - len(found)

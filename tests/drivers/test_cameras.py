@@ -20,7 +20,7 @@ from tests.waiting import wait_for
 ROBOT = load_robot()
 assert ROBOT.camera is not None
 WIDTH, HEIGHT = ROBOT.camera.width_px, ROBOT.camera.height_px
-# Writes pictures whose red is their number; ends after so many.
+# Writes pictures whose red is their number; ends after a given number.
 PROGRAM = """
 import sys, time
 count = int(sys.argv[1])
@@ -100,7 +100,7 @@ def test_a_loop_that_stands_still_keeps_the_newest_pictures_only(
 ) -> None:
     source = opened.open(f"pipe:{program} 1000")
     opened.frames(source, 1)
-    wait_for(lambda: source._index > 30, "thirty pictures that nobody takes")
+    wait_for(lambda: source._index > 30, "thirty pictures that are not taken")
     taken = opened.frames(source, 1)
     assert len(taken) <= 5
     assert taken[-1].index > 25

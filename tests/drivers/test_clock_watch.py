@@ -1,4 +1,4 @@
-"""How well the times of a device are known is told once, and again where that changes."""
+"""The uncertainty of a device's times is reported once, and again when it changes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Corrections reach the receiver whole, whatever caster and line do, and the login nobody else."""
+"""Corrections reach the receiver whole, whatever caster and line do; the login only its caster."""
 
 from __future__ import annotations
 
@@ -332,7 +332,7 @@ def test_measurements_of_a_base_too_far_away_wait_until_it_tells_another_place()
         caster._answers = [late, late, send(YES, b"\r\n", make_observation(), then=caster.listen)]
         with rover.fed_by(caster.port):
             wait_for(lambda: len(caster.requests) >= 3, "a third try")
-    assert rover.taken == make_observation(), "what came before the base told its place"
+    assert rover.taken == make_observation(), "what came before the base sent its position"
     assert [text for text in rover.told if "come" in text] == rover.told[:1]
 
 

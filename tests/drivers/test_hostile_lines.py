@@ -52,7 +52,7 @@ class Truth(NamedTuple):
 
 
 class Drive:
-    """A board is driven for a while; whatever is told is held against the truth of its time."""
+    """Drives a board for a while, and compares each report with the truth of its time."""
 
     def __init__(self, kind: Kind, line: Hostility, seed: int) -> None:
         rng = np.random.default_rng(seed)
@@ -64,7 +64,7 @@ class Drive:
         self._truth: list[Truth] = []
         self.wheels_s: list[float] = []
         self.events: tuple[OperatorEvent, ...] = ()
-        self.told_s = self.well_s = math.inf  # when the fault was first told, and its end
+        self.told_s = self.well_s = math.inf  # when the fault was first reported, and its end
         self._there.send(self.link.open(), 0.0, TICK_S)
 
     def run(self, until_s: float) -> Drive:

@@ -33,7 +33,7 @@ def open_source(name: str, uri: str) -> SensorSource:
 
 
 class Relay:
-    """At the far end: what it was told last."""
+    """The far end: the last command it got."""
 
     def __init__(self, line: Line) -> None:
         self._line, self._heard = line, b""
@@ -72,11 +72,11 @@ def test_it_is_off_when_it_is_opened_follows_the_commands_and_is_off_at_the_end(
     assert not contactor.take(0.0)[0].is_closed
     contactor.write(GO)
     wait_for(relay.is_on, "the relay to hold")
-    wait_for(lambda: contactor.take(1.0)[0].is_closed, "the contactor to be told closed")
+    wait_for(lambda: contactor.take(1.0)[0].is_closed, "the contactor to be reported closed")
     assert contactor.take(1.0)[0].t_s == 1.0
     contactor.write(CUT)
     wait_for(lambda: relay.is_on() is False, "the relay to fall off")
-    wait_for(lambda: not contactor.take(2.0)[0].is_closed, "the contactor to be told open")
+    wait_for(lambda: not contactor.take(2.0)[0].is_closed, "the contactor to be reported open")
     contactor.write(GO)
     wait_for(relay.is_on, "the relay to hold again")
     contactor.close()
@@ -87,7 +87,7 @@ def test_a_relay_that_is_pulled_out_is_told_and_is_off_when_it_is_back(
     line: Line, contactor: LcusContactor
 ) -> None:
     contactor.write(GO)
-    wait_for(lambda: contactor.take(0.0)[0].is_closed, "the contactor to be told closed")
+    wait_for(lambda: contactor.take(0.0)[0].is_closed, "the contactor to be reported closed")
     line.unplug()
 
     def is_lost() -> bool:
@@ -95,7 +95,7 @@ def test_a_relay_that_is_pulled_out_is_told_and_is_off_when_it_is_back(
         (told,) = contactor.take(0.0)
         return not told.is_closed and "is lost" in told.trouble and str(line.path) in told.trouble
 
-    wait_for(is_lost, "the loss to be told")
+    wait_for(is_lost, "the loss to be reported")
     line.plug_in()
     relay = Relay(line)
     wait_for(lambda: relay.is_on() is not None, "the line to be opened again")
@@ -136,7 +136,7 @@ def test_two_contactors_are_switched_by_two_channels_at_once(line: Line) -> None
         wait_for(lambda: has_heard(is_on=False), "both to be switched off")
         source.write(GO)
         wait_for(lambda: has_heard(is_on=True), "both to hold")
-        wait_for(lambda: source.take(0.0)[0].is_closed, "the contactors to be told closed")
+        wait_for(lambda: source.take(0.0)[0].is_closed, "the contactors to be reported closed")
         source.write(CUT)
         wait_for(lambda: has_heard(is_on=False), "both to fall off")
     finally:

@@ -14,7 +14,7 @@ CONSTANT = DRIVE.torque_constant_nmpa
 
 
 class Motor:
-    """V = R I + k w, and what a board would tell of it; `share` of its current gets through."""
+    """V = R I + k w, and a board's report of it; `share` of its current gets through."""
 
     def __init__(self, speed_radps: float, share: float = 1.0, gain: float = 1.0,
                  more_ohm: float = 0.0) -> None:  # fmt: skip

@@ -189,7 +189,7 @@ def test_ten_epochs_a_second_come_all_of_them_once_with_the_times_that_they_have
         line.say(speak(begin + k * tenth))
         hear()
         time.sleep(0.02)
-    # The end of an epoch is known by the begin of the next one, of which there is none after 80.
+    # The start of the next epoch ends an epoch; after the 80th there is no next one.
     wait_for(lambda: hear() and stamps_s[-1] > first_s + 7.85, "the last but one")
     stream.close()
     wanted = [first_s + 0.1 * k for k in range(len(stamps_s))]

@@ -1,4 +1,4 @@
-"""A receiver that has no fix tells what it sees of the sky, and nobody takes that for a fix."""
+"""A receiver without a fix reports the satellites it sees, and that never counts as a fix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A receiver tells its heading, its satellites, and how fresh its corrections are."""
+"""A receiver reports its heading, its satellites, and the age of its corrections."""
 
 from __future__ import annotations
 

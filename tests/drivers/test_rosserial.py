@@ -76,7 +76,7 @@ def test_a_broken_byte_costs_one_message_and_is_counted() -> None:
         broken = data[:at] + bytes([data[at] ^ 0x11]) + data[at + 1 :]
         texts = [read_string(message) for message in host.feed(broken, 0.1)]
         assert texts in (["first", "third"], ["first", "second", "third"])
-        assert texts[1] == "third", "no text that nobody sent"
+        assert texts[1] == "third", "no text that was not sent"
         assert host.bad + host.skipped > 0
 
 

@@ -1,4 +1,4 @@
-"""Corrections over TLS: nobody else reads them or the login, and a caster proves who it is."""
+"""Corrections over TLS: they and the login are encrypted, and a caster proves its identity."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def casting(tls: ssl.SSLContext | None) -> Iterator[FakeCaster]:
 
 
 class Rover:
-    """A receiver that takes corrections, and what is told of them."""
+    """A receiver that takes corrections, and the reports about them."""
 
     def __init__(self) -> None:
         self.taken = bytearray()

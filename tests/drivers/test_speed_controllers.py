@@ -36,7 +36,7 @@ def open_board(options: str) -> MotorBoard:
 
 
 class Linked:
-    """A board behind its link; `told` is what it told of itself since it was last emptied."""
+    """A board behind its link; `told` has its reports since it was last emptied."""
 
     def __init__(
         self, fake: FakeOdrive | FakeVesc, options: str = ODRIVE, board: MotorBoard | None = None
@@ -54,7 +54,7 @@ class Linked:
 
     def run(self, seconds: float, command: RobotCommand | None = STAND, *events: OperatorEvent,
             loses: slice = slice(None)) -> Linked:  # fmt: skip
-        """Let ticks pass; without a command nobody drives. `loses` is what is left of answers."""
+        """Let ticks pass; without a command no wheel turns. `loses` is the part kept of answers."""
         for _ in range(round(seconds / TICK_S)):
             self.now_s += TICK_S
             self.fake.advance(TICK_S)

@@ -17,7 +17,7 @@ FIX_PERIOD_S = 0.2
 
 
 class RobotOnLine(BoardOnLine):
-    """Its wheels carry it, its IMU feels that, and its receiver tells it in UBX to `say`.
+    """Its wheels move it, its IMU measures that, and its receiver sends it as UBX to `say`.
 
     All of it goes by the clock of the board.
     """

@@ -70,7 +70,7 @@ STANDS_S = 0.5  # after a stop: a board that was cleared waits for a speed of ze
 
 
 class Mega:
-    """A Mega as it is sold, on a line that keeps its name; whoever opens that resets the board."""
+    """A Mega as it is sold, on a line that keeps its name; opening the line resets the board."""
 
     def __init__(self, library: ctypes.CDLL, bootloader: Path, folder: Path) -> None:
         self.bench = AvrBench(library, PREBUILT / "motor_board.hex", bootloader=bootloader)

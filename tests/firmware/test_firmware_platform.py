@@ -36,7 +36,7 @@ def drive(
     out: Path, platform: str, seconds: float, *more: str,
     meddle: Callable[[SimulatedRun, TickRecord], None] = lambda run, record: None,
 ) -> tuple[list[TickRecord], tuple[float, float]]:  # fmt: skip
-    """Visit PLACES for so long; gives the ticks and where the robot really is at the end."""
+    """Visit PLACES for this time; return the ticks and the robot's true position at the end."""
     settings = config.load(
         "farm", [*SETTINGS, f"platform={platform}", f"duration_s={seconds}", *more]
     )
@@ -53,7 +53,7 @@ def drive(
 
 
 def decisions(out: Path) -> list[str]:
-    """What the robot decided and told, in order, without numbers."""
+    """What the robot decided and reported, in order, without numbers."""
     events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
     kinds = {"mission", "gate", "stop", "hold", "resume", "ready"}
     return ["".join(c for c in f"{e['kind']} {e['reason']}" if not c.isdigit())
@@ -242,7 +242,7 @@ def test_a_motor_that_does_not_work_is_named_within_a_second_of_a_turn(
 
 
 def read_faults(out: Path) -> list[tuple[float, str]]:
-    """What was told of sensors and lines, with its time."""
+    """Reports about sensors and lines, with their times."""
     events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
     return [(e["t_s"], e["reason"]) for e in events if e["kind"] == "fault"]
 
@@ -318,7 +318,7 @@ def test_fixes_come_as_bytes_at_the_epochs_of_the_receiver_with_their_carrier_an
     assert {fix.quality for fix in told} == {GnssQuality.RTK_FIXED}
     assert {fix.velocity_std_mps for fix in told} == {meant[0].velocity_std_mps}
     assert {round(fix.pos_std_m, 3) for fix in told} == {meant[0].pos_std_m}
-    # Both robots stand for so long: what differs is what bytes cannot carry.
+    # Both robots stand until then: what differs is what bytes cannot carry.
     for one, other in zip(told[1:8], meant[1:8], strict=True):
         assert one.lat_deg == pytest.approx(other.lat_deg, abs=6e-10)
         assert one.lat_deg != other.lat_deg
@@ -348,7 +348,7 @@ def test_noise_on_the_line_of_the_receiver_costs_fixes_moves_none_and_is_told(
 
 
 def test_the_first_readings_of_the_compass_are_of_the_world(tmp_path: Path) -> None:
-    """The chip on the bench shows a field of its own, until it is told of the world's."""
+    """The chip on the bench shows a field of its own, until it gets the world's."""
     ticks, _ = drive(tmp_path, "firmware", 1.5)
     fields = [sample.field_t for record in ticks for sample in record.batch.mag]
     courses = [math.atan2(field[1], field[0]) for field in fields]

@@ -87,7 +87,7 @@ def write_places(file: Path) -> Path:
 def start_as_a_builder(
     board: RobotOnLine, port: int, out: Path, pace: float
 ) -> subprocess.CompletedProcess[str]:
-    """Start the robot of which a builder has plugged in board and receiver; waits for its end."""
+    """Start a robot with board and receiver plugged in, and wait for its end."""
     sets = [word for setting in SETTINGS for word in ("--set", setting)]
     motors = f"counts_per_turn={COUNTS_PER_TURN:g}&full_speed_radps=30&current_limit_a=0"
     words = ["run", "farm", "--platform", "hardware", "--arm",

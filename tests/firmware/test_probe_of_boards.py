@@ -1,4 +1,4 @@
-"""The real programs of both boards, behind a Mega's bootloader, tell a probe what they are."""
+"""The real programs of both boards, behind a Mega's bootloader, identify themselves to a probe."""
 
 from __future__ import annotations
 

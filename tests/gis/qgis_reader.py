@@ -1,4 +1,4 @@
-"""A program of the tests, for the Python of QGIS: open vector layers and tell how QGIS sees them.
+"""A program of the tests, for the Python of QGIS: open vector layers and print how QGIS sees them.
 
 Takes files as arguments, FILE or FILE|layername=NAME, and writes what it sees to stdout as JSON.
 """

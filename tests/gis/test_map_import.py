@@ -123,7 +123,7 @@ def test_a_picture_without_a_place_is_refused(
 
 
 def write_raster(path: Path, bands: list[np.ndarray], place_of: str = UTM, **more: object) -> None:
-    """Write pixels of 10 m at a place of the field, or wherever `transform` puts them."""
+    """Write pixels of 10 m at a place of the field, or where `transform` puts them."""
     rasterio = pytest.importorskip("rasterio")
     height, width = bands[0].shape
     colours, table = more.pop("colours", None), more.pop("table", None)

@@ -70,7 +70,7 @@ def test_what_is_drawn_black_and_white_is_said(
 def test_near_infrared_that_is_marked_as_alpha_is_left_out_and_the_picture_is_opaque(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """GDAL marks the fourth band so where nobody says what it is."""
+    """GDAL's default mark for a fourth band without a colour interpretation."""
     picture = (_make_picture() * 255).astype(np.uint8)
     infrared = np.random.default_rng(4).integers(60, 220, (1, SIDE_PX, SIDE_PX), dtype=np.uint8)
     pixels = _import(tmp_path / "nir.tif", np.concatenate([picture, infrared]))

@@ -222,7 +222,7 @@ BROKEN: dict[str, tuple[Callable[[Any], Any], str]] = {
     "moved places": (of_each(lambda told, at: at.__setitem__(0, at[0] + told["id"] * 1e-5)),
                      r"m apart; drop these two columns"),
     "an unknown class": (of_each(lambda told, _: told.update({"class": 2})), r"--classes 2=weed"),
-    "a covariance that is none": (of_each(lambda told, _: told.update(xx_m2=-1.0)), r"covariance"),
+    "a negative variance": (of_each(lambda told, _: told.update(xx_m2=-1.0)), r"covariance"),
     "certain beyond one": (of_each(lambda told, _: told.update(confidence=90)), r"confidence"),
     "ids that are no whole numbers": (
         of_each(lambda told, _: told.update(map_id=told["id"] + 0.5)), r"id '1.5' is not a whole"),

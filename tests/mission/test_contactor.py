@@ -1,4 +1,4 @@
-"""A motor board that drives on whatever it is told, and the contactor that takes its power."""
+"""A motor board that drives on against all commands, and the contactor that cuts its power."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Drive(NamedTuple):
 
 
 def drive(out: Path, fault: str, *more: str, from_s: float = FAULT_S) -> Drive:
-    """Drive the farm until so long after a fault, and clear the stop 1.5 s before the end."""
+    """Drive the farm until 7 s after a fault, and clear the stop 1.5 s before the end."""
     until_s = from_s + 7.0
     settings = load("farm", [*QUICK, f"faults={fault}", f"duration_s={until_s}", *more])
     ticks, way_m, stop_xy = [], [], None

@@ -48,7 +48,7 @@ class Drive(NamedTuple):
     board: AgribotBoard | None
 
     def read_decisions(self) -> list[tuple[str, float]]:
-        """What the robot decided and told, without numbers, and how long after it set off."""
+        """What the robot decided and reported, without numbers, and how long after it set off."""
         lines = (self.out / "events.jsonl").read_text().splitlines()
         events = [event for event in map(json.loads, lines) if event["kind"] in KINDS]
         words = [f"{event['kind']} {event['reason']}" for event in events]
@@ -68,7 +68,7 @@ def _leave_out_numbers(text: str) -> str:
 
 @pytest.fixture(scope="module")
 def mission(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mission]:
-    """`agribot run farm --platform P` over so many rows; once for each name."""
+    """`agribot run farm --platform P` over the rows of a mission; once for each name."""
     machine.require("simavr")
     root = tmp_path_factory.mktemp("missions")
     boards: list[AgribotBoard] = []

@@ -19,7 +19,7 @@ Seen = list[tuple[TickRecord, TrueState]]
 
 
 def drive(out: Path, fault: str, seconds: float, *more: str) -> Seen:
-    """Drive the farm until so long after a fault; gives the ticks and the truth in each."""
+    """Drive the farm until `seconds` after a fault; return the ticks and the truth in each."""
     settings = load(
         "farm", [*QUICK, f"faults={fault}@{FROM_S}", f"duration_s={FROM_S + seconds}", *more]
     )

@@ -1,4 +1,4 @@
-"""A job that is cut off twice: the last report tells of all of it."""
+"""A job that is cut off twice: the last report covers all of it."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def test_where_it_sees_what_grows_beside_its_row_it_asks_at_the_entry_which_row_
     assert not report.ok
     assert status.rows_done == status.rows_unproven == ()
     assert "which row?" in report.reason
-    assert (report.mission.distance_m or 0.0) < 5.0  # of which it crosses the headland for 4 m
+    assert (report.mission.distance_m or 0.0) < 5.0  # 4 m of them across the headland
     assert report.tracking.plants_crushed == 0
 
 

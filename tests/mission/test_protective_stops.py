@@ -37,7 +37,7 @@ def spoil(session: SimulatedRun, change: Spoil, from_s: float = FROM_S) -> None:
 
 
 def misdrive(session: SimulatedRun, change: Callable[[RobotCommand], RobotCommand]) -> None:
-    """A board that does something else than it is told, after `FROM_S`."""
+    """A board that does not follow its command after `FROM_S`."""
     write, read = session.platform.write, session.platform.read
     now_s = [0.0]
 

@@ -1,4 +1,4 @@
-"""A field that nobody mapped: found, counted, driven, drawn, and driven again from the drawing."""
+"""An unmapped field: found, counted, driven, drawn, and driven again from the drawing."""
 
 from __future__ import annotations
 

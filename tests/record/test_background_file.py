@@ -40,7 +40,7 @@ def live(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("live")
 def test_a_stalled_disk_holds_up_the_recording_and_not_the_loop(tmp_path: Path) -> None:
-    """The file is a pipe that nobody reads: it takes 64 KiB and then nothing."""
+    """The file is a pipe without a reader: it takes 64 KiB and then nothing."""
     pipe = tmp_path / "run.mcap"
     os.mkfifo(pipe)
     taken = bytearray()
@@ -96,7 +96,7 @@ def test_a_full_disk_is_told_with_the_next_call() -> None:
 
 
 class TightDisk(io.FileIO):
-    """A disk with room for so much, as its file system tells."""
+    """A disk with little room, as its file system reports."""
 
     room_bytes = 50_000
 

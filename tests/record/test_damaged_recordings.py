@@ -280,7 +280,7 @@ def test_a_missing_file_of_a_long_recording_is_a_gap(tmp_path: Path) -> None:
 
 
 class _BadDisk(io.BytesIO):
-    """A file of which the disk cannot read some bytes."""
+    """A file with some bytes that the disk cannot read."""
 
     def __init__(self, data: bytes, bad: range) -> None:
         super().__init__(data)

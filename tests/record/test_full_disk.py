@@ -24,7 +24,7 @@ resource = pytest.importorskip("resource")
 
 @pytest.fixture
 def limit_files() -> Iterator[Callable[[int | None], None]]:
-    """Files may have so many bytes; None: any number."""
+    """Limit the size of files, in bytes; None: no limit."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def limit(size_bytes: int | None) -> None:

@@ -70,7 +70,7 @@ def test_density_is_weeds_over_the_ground_that_was_seen() -> None:
     table.rows["plant"] = PlantClass.WEED
     density, _ = count_density(table, (-4.0, 14.0, -1.0, 11.0), 0.1)
     assert np.nanmean(density[30:90, 60:120]) == pytest.approx(50.0, rel=0.1)
-    assert np.isnan(density[:, :20]).all()  # nobody was there
+    assert np.isnan(density[:, :20]).all()  # no picture of it
     way_m = np.column_stack([np.full(50, -3.5), np.linspace(0.0, 10.0, 50)])
     density, _ = count_density(table, (-4.0, 14.0, -1.0, 11.0), 0.1, way_m)
     assert np.nanmax(density[30:90, :8]) == 0.0  # looked at, and bare

@@ -15,7 +15,7 @@ FOUND, MISSING = 1, -1
 
 
 class Master:
-    """Answers as rosmaster does; publishers are told to the subscribers at once."""
+    """Answers as rosmaster does; subscribers get new publishers at once."""
 
     def __init__(self) -> None:
         self.publishers: dict[str, list[str]] = defaultdict(list)

@@ -1,4 +1,4 @@
-"""The scene of the map's displays, told by a node of rospy."""
+"""The scene of the map's displays, published by a node of rospy."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def test_a_late_client_gets_the_latched_description_and_then_what_is_new(
 def test_the_server_offers_no_way_to_ask_for_anything(client: ClientConnection) -> None:
     info, _ = greeting(client)
     assert info["capabilities"] == []
-    # A client that tries all the same is told off or cut off, and publishes nothing.
+    # A client that tries all the same is refused or disconnected, and publishes nothing.
     wish = {"id": 1, "topic": "/agribot/cmd_vel", "encoding": "cdr", "schemaName": "x"}
     client.send(json.dumps({"op": "advertise", "channels": [wish]}))
     said = json.loads(client.recv(PATIENCE_S))

@@ -81,7 +81,7 @@ class Client:
         return [TYPES.deserialize_cdr(bytes.fromhex(data), topic.ros_type) for data, _ in said]
 
     def states(self) -> list[int]:
-        """Of the newest goal, in the order told."""
+        """Of the newest goal, in the order published."""
         return [message.status_list[-1].status for message in self.heard(STATUS)]
 
     def parameter(self, name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Against a ROS 2 that is installed, with its own command line; skips where there is none.
+"""Against a ROS 2 that is installed, with its own command line; skips without one.
 
 Run it with the environment of that ROS 2 sourced, and with PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 where
 pytest stumbles over the plugins of ROS. Each middleware that is installed is tried; those on DDS

@@ -103,7 +103,7 @@ def test_a_source_replaces_the_platforms_own_samples_and_its_silence_is_told_onc
 
 
 class Network:
-    """Whoever listens hears at once what is said."""
+    """Subscribers get each message at once."""
 
     def subscribe_any(self, name: str, heard: Callable[[str, bytes], None]) -> None:
         self.say = heard

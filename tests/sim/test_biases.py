@@ -1,4 +1,4 @@
-"""What a simulator tells of its IMU's biases, and the receiver on the pole."""
+"""What a simulator states of its IMU's biases, and the receiver on the pole."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from agribot.sim.state import ANGULAR, POSITION, QUATERNION, VELOCITY, VELOCITY_
 
 TICK_S = 0.02
 # Coulomb friction at four points: wheels of half track b and half base a turn the body by
-# b^2 / (a^2 + b^2) of what their speeds say; the told diameter and separation add .9 / 1.2025.
+# b^2 / (a^2 + b^2) of what their speeds say; the settings' diameter and separation add .9 / 1.2025.
 SKID_RATIO = 0.3908**2 / (0.2519**2 + 0.3908**2)
 RAW_YAW_RATIO = 0.18 / 0.2 * 0.65 / 0.7816 * SKID_RATIO
 

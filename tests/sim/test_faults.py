@@ -117,7 +117,7 @@ def test_a_fault_of_a_sensor_changes_that_sensor_while_it_lasts_and_nothing_else
         after = bad.list(field, UNTIL_S), good.list(field, UNTIL_S)
         if field != "wheels" or "wheels." not in name:  # what was not counted stays lost
             assert after[0] == after[1], field
-    assert bad.truth == good.truth  # nobody listens to these sensors here
+    assert bad.truth == good.truth  # these sensors are not used here
 
 
 def test_the_same_seed_gives_the_same_faults_and_another_seed_others(

@@ -191,7 +191,7 @@ def test_the_share_of_wet_leaves_is_that_of_the_crown_under_the_spray(
     wet = sprayer.wet_leaves
     assert set(wet) == {0, 1} and radius_m > 0.1
     assert msgspec.json.encode([wet, sprayer.offsets_m]), "both go into the file of the mission"
-    # Leaf area is spread evenly over the radius: so much of it lies within 10 cm of the stem.
+    # Leaf area is spread evenly over the radius: 0.1 / radius of it is within 10 cm of the stem.
     assert 0.1 / radius_m <= wet[1] < 1.0
     _spray(sprayer, rover, {0: (True,) * 8}, 100)
     assert sprayer.wet_leaves[0] > 0.9

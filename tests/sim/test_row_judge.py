@@ -1,4 +1,4 @@
-"""A row on paper is judged by the crop that stands about it, not by whoever drew it."""
+"""A row on paper is judged by the crop that stands about it, not by its author."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_row_drawn_beside_all_crop_stays_where_it_is() -> None:
 
 
 def test_a_row_drawn_one_row_off_is_the_one_beside_it() -> None:
-    """Nobody can know that another one was meant."""
+    """No check can know that another one was meant."""
     row = lay_through_crop(drawn(0.9, 0.0), sow())
     assert row.start_map_m[1] == pytest.approx(PITCH_M, abs=1e-6)
 

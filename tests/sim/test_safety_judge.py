@@ -131,7 +131,7 @@ ROBOT = load_robot("agribot")
 def stop_from(judge: SafetyJudge, speeds_mps: list[float], cut_after: int | None = None) -> float:
     """Let a robot at 0.4 m/s be stopped at the first of these speeds; return how far it rolls.
 
-    Its motors lose their power after so many of them.
+    Its motors lose their power `cut_after` speeds later.
     """
     x_m = 0.0
     for k, v_mps in enumerate([0.4] * 5 + speeds_mps + [0.0, 0.0]):

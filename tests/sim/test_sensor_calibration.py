@@ -80,7 +80,7 @@ def test_the_antenna_is_found_where_it_was_mounted(
 
 
 def without_altitudes(driven: DriveSamples) -> DriveSamples:
-    """Of a receiver that tells none."""
+    """A drive with a receiver that reports no altitudes."""
     flat = [
         msgspec.structs.replace(
             batch, gnss=tuple(msgspec.structs.replace(fix, alt_m=math.nan) for fix in batch.gnss)

@@ -145,7 +145,7 @@ def test_a_board_on_the_ground_is_a_bump_and_a_kerb_is_a_wall(
 def test_half_a_turn_on_ten_degrees_ends_where_the_pose_filter_expects(
     rover: RobotSpec, meadow: WorldSpec, yaw_deg: float, yaw_rate_radps: float
 ) -> None:
-    """Against the same turn on the level, which tells what lag and slip do without a slope."""
+    """Against the same turn on the level, which shows lag and slip without a slope."""
     slope = math.radians(10.0)
     ends_m, expected_m = [], np.zeros(2)
     for slope_deg in (0.0, 10.0):

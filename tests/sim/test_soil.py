@@ -57,7 +57,7 @@ def _make_law(robot: RobotSpec, strength: SoilStrength, soil: Soil | None = None
 
 
 def _first_pass(robot: RobotSpec, law: SoilLaw) -> tuple[float, float]:
-    """Sinkage, m, and motion resistance over load of one wheel on soil that nobody drove on."""
+    """Sinkage, m, and motion resistance over load of one wheel on untouched soil."""
     load_n = robot.mass_kg * 9.8 / 4.0
     sink_m = (law.sink_scale * load_n) ** law.sink_power
     power = law.exponent + 1.0

@@ -120,7 +120,7 @@ def test_a_motor_behind_its_gear_gives_torque_times_ratio_times_efficiency(
     # The plugin's limit at the wheel still holds where it is the smaller one.
     strong = _with_drive(rover, motor_torque_nm=5.0, gear_ratio=10.0)
     assert strong.drive.wheel_torque_nm == rover.drive.torque_nm == 20.0
-    assert rover.drive.wheel_torque_nm == 20.0  # no motor told
+    assert rover.drive.wheel_torque_nm == 20.0  # no motor given
 
 
 @pytest.mark.parametrize("is_effort", [False, True])

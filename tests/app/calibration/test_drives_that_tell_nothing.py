@@ -37,7 +37,7 @@ def drives(settings: RunConfig) -> dict[str, DriveSamples]:
 
 
 def roll(ratio: float) -> Change:
-    """Let the wheels turn so many times as far, as when they spin."""
+    """Multiply the turns of the wheels by `ratio`, as when they spin."""
 
     def change(batch: SensorBatch) -> SensorBatch:
         wheels = tuple(

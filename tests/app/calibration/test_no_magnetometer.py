@@ -1,4 +1,4 @@
-"""What `agribot calibrate magnetometer` says where there is none."""
+"""What `agribot calibrate magnetometer` says on a robot without a magnetometer."""
 
 from __future__ import annotations
 

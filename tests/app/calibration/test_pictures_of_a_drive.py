@@ -1,4 +1,4 @@
-"""What the camera tells on a drive along a row: its own mount, and whether rows are seen right.
+"""What the camera shows on a drive along a row: its own mount, and whether rows are seen right.
 
 Plants and lines are drawn where the camera of the machine has them in its picture; the rendered
 ones are in tests/autonomy/perceive/test_mount_fit.py.
@@ -32,7 +32,7 @@ WRONG = ("calibration.camera_rpy_rad=[0.03,0.9227,-0.03]", "calibration.camera_h
 
 
 class SeeingBench(Bench):
-    """Plants grow along the drive; the wizard is told what the camera makes of them."""
+    """Plants grow along the drive; the wizard gets what the camera sees of them."""
 
     def __init__(self, folder: Path, *settings: str, line_aside_m: float = 0.0) -> None:
         super().__init__(folder, "record.enabled=false", *FIELD, *settings)

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="AGRIBOT_DATA holds no
 
 @pytest.fixture(scope="module")
 def paths() -> list[Path]:
-    """List a quarter of the photographs, of which every fifth is kept for judging networks."""
+    """List a quarter of the photographs; every fifth is kept for judging networks."""
     found = sorted((DATA / "images").glob("*.jpg"), key=lambda path: path.name)
     return [path for index, path in enumerate(found) if index % 5][::4]
 

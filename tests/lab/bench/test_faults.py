@@ -97,7 +97,7 @@ def test_a_campaign_is_driven_and_goes_on_where_it_was_interrupted(
     assert len(table.splitlines()) == 2 + 4
     assert table in page.read_text()
     assert "`agribot bench faults --seeds 1 --no-camera`: Of 3 faults" in page.read_text()
-    assert not list(out.glob("runs/*/*"))  # nobody reads them, and a drive can be repeated
+    assert not list(out.glob("runs/*/*"))  # not needed, since a drive can be repeated
 
 
 def crush(t_s: float, when: CrushedWhen) -> CrushReport:

@@ -404,7 +404,7 @@ def test_a_file_that_holds_no_missions_is_refused(tmp_path: Path) -> None:
 
 
 class Cluster:
-    """Two nodes, of which one fails with seed 2."""
+    """Two nodes; one fails with seed 2."""
 
     def results(
         self, work: object, jobs: Sequence[Job], stop: Stop

@@ -263,7 +263,7 @@ def test_a_photograph_is_checked_upright_as_a_training_reads_it(
     save(tmp_path / "masks/a.png", np.full(SHAPE, 2))
     status, report = checked(tmp_path, capsys)
     assert (status, report["sizes"]) == (0, {"16x12": 1})
-    save(tmp_path / "masks/a.png", np.full(SHAPE[::-1], 2))  # of a tool that heeds no EXIF
+    save(tmp_path / "masks/a.png", np.full(SHAPE[::-1], 2))  # of a tool that ignores EXIF
     status, report = checked(tmp_path, capsys)
     assert (status, problems(report)) == (1, {("sizes differ", "a.jpg")})
     pairs, _ = find_pairs(tmp_path, "folder")

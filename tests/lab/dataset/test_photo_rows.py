@@ -43,7 +43,7 @@ RNG = np.random.default_rng
 def draw_classes(
     row_px: float, turn_deg: float, rng: np.random.Generator, weeds: int = 40
 ) -> ClassMap:
-    """Draw crops along a line, and weeds anywhere of which every third is called a crop."""
+    """Draw crops along a line, and weeds anywhere; every third weed is labelled crop."""
     kind = np.full((HEIGHT, WIDTH), PlantClass.SOIL, dtype=np.uint8)
     confidence = np.full(kind.shape, 250, dtype=np.uint8)
 

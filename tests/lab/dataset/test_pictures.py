@@ -1,4 +1,4 @@
-"""Pictures in every form that cameras and programs write, and files that are none."""
+"""Pictures in every form that cameras and programs write, and files that are not pictures."""
 
 from __future__ import annotations
 

@@ -149,7 +149,7 @@ def test_a_check_names_each_picture_unless_it_is_asked_to_believe_them(
 
 
 def save_labelme(folder: Path, ahead: Callable[[int], int]) -> Path:
-    """Save pictures of square leaves, each with the labels of the picture so far ahead."""
+    """Save pictures of square leaves, each with the labels of the picture `ahead` of it."""
     folder.mkdir()
     rng = np.random.default_rng(3)
     scenes = []

@@ -13,7 +13,7 @@ from agribot.lab.labelling.label_folder import LabelFolder
 
 WIDTH, HEIGHT = 120, 90
 SOIL_RGB, PLANT_RGB = (130, 100, 80), (60, 150, 50)
-NAMES = ("clear", "dim", "murky")  # of which the network is less and less sure
+NAMES = ("clear", "dim", "murky")  # in falling order of the network's confidence
 
 
 def make_photographs(root: Path) -> Path:

@@ -109,7 +109,7 @@ def test_without_other_images_each_is_judged_with_what_the_others_tell() -> None
     own = calibrated([one, other], [one, other])
     assert mixed.temperatures == own.temperatures
     assert mixed.error_before == own.error_before
-    assert mixed.error_after != own.error_after, "with what it tells itself"
+    assert mixed.error_after != own.error_after, "with its own pictures"
 
 
 def test_what_a_single_image_brings_is_not_measured() -> None:

@@ -39,7 +39,7 @@ def test_a_run_comes_back_from_another_format_without_losing_a_message(
     before, after = samples.values(run), samples.values(tmp_path / "back.mcap")
     assert before.keys() == after.keys()
     for name, messages in before.items():
-        assert repr(after[name]) == repr(messages), name  # a value that is none equals itself
+        assert repr(after[name]) == repr(messages), name  # NaN equals itself
     assert list(read_ticks(tmp_path / "back.mcap"))[-1].command == list(read_ticks(run))[-1].command
     assert read_config(tmp_path / "back.mcap") == read_config(run)
     assert read_weed_map(tmp_path / "back.mcap") == read_weed_map(run)

@@ -25,7 +25,7 @@ def pack(tmp_path: Path, plugin: StoragePlugin) -> Path:
 
 @pytest.fixture(autouse=True)
 def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where temporary files lie, of which none stays."""
+    """The folder of temporary files; it is empty at the end."""
     folder = tmp_path / "room"
     folder.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder))

@@ -1,4 +1,4 @@
-"""A receiver's GPSFix says what it told, to both ROS, and one of others is read as it was meant."""
+"""A receiver's GPSFix has all it reported, for both ROS, and those of others are read."""
 
 from __future__ import annotations
 

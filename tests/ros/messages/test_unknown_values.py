@@ -147,7 +147,7 @@ def put(message: Any, field: str, value: Any) -> None:
 
 
 def is_same(found: Any, wanted: Any) -> bool:
-    """Compare samples of which NaN is the same as NaN."""
+    """Compare samples; NaN equals NaN."""
     return repr(found) == repr(wanted)
 
 
@@ -242,7 +242,7 @@ def test_speeds_that_joints_do_not_tell_follow_from_their_positions(nothing: lis
     assert sample.angle_rad == (1.1, 1.8, 3.0, 4.05)
     assert sample.speed_radps == pytest.approx((1.0, -2.0, 0.0, 0.5))
     after_pause = reader(make_joints(60.0, [9.0] * 4, nothing), 0.0)
-    assert after_pause is None, "over a minute nothing tells how fast they turn now"
+    assert after_pause is None, "positions a minute apart give no speed"
 
 
 @pytest.mark.parametrize("nothing", NONE_TOLD)

@@ -1,4 +1,4 @@
-"""`gpsd-client` says what a real gpsd tells, and it goes over the UTM grid and back."""
+"""`gpsd-client` publishes what a real gpsd reports, and it goes over the UTM grid and back."""
 
 from __future__ import annotations
 

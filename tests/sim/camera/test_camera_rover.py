@@ -31,7 +31,7 @@ def rover() -> RobotSpec:
 
 @pytest.fixture(scope="module")
 def ball(rover: RobotSpec) -> RobotSpec:
-    """A robot of which only a ball is to be seen, BALL_M in the body frame."""
+    """A robot with only a ball as its visible shape, at BALL_M in the body frame."""
     at = np.linalg.inv(rover.body_from_link("base_link")) @ np.append(BALL_M, 1.0)
     shape = Shape(
         kind="sphere", size_m=(BALL_RADIUS_M, 0.0, 0.0), rgba=(0.9, 0.1, 0.1, 1.0),
