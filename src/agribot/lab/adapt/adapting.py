@@ -26,7 +26,7 @@ from agribot.lab.train.card import hash_file
 from agribot.lab.train.fit import load_checkpoint
 from agribot.lab.train.photographs import Pair, find_pairs, read_pair
 
-PICTURES_OF = 6  # of so many pictures with rows one chooses, one judges, and the others teach
+PICTURES_OF = 6  # pictures with rows in a group: one chooses, one judges, the others teach
 MOST_CHOOSING = 24  # pictures, at which a training looks again and again
 SHEET_PICTURES = 6
 TAUGHT, NOTE = "taught", "taught.json"
@@ -75,7 +75,7 @@ class Wanted(NamedTuple):
 
 
 class Listener(NamedTuple):
-    """Who hears of progress: lines of text, and counters of so many pictures."""
+    """Receives progress: lines of text, and counts of pictures."""
 
     tell: Callable[[str], None]
     start_count: Callable[[int], Callable[[int], None]]

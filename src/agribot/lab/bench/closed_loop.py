@@ -100,7 +100,7 @@ def run_conditions(
     tell: Callable[[str], None] = lambda line: None,
     preset: str = PRESET,
 ) -> dict[str, Any]:
-    """Drive each condition for so many simulated seconds.
+    """Drive each condition for the given simulated seconds.
 
     What else differs from seed to seed is drawn from `preset`, but for light and growth.
     Raises: AgribotError: no such network or preset, or the robot cannot start.

@@ -1,8 +1,8 @@
 """What a campaign of faults found: one row for each scenario over its seeds, and the sum of all.
 
-A fault that nobody noticed is harmless in a drive whose truth is what it is without a fault: no
+An undetected fault is harmless in a drive whose truth is what it is without a fault: no
 farther off its row than twice what 95 % of the ticks without one are, or than the worst of them,
-nothing crushed, and no farther outside. Ratios are told of all faults and of the others alone.
+nothing crushed, and no farther outside. Ratios are over all faults, and without the harmless ones.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def make_rows(
 ) -> list[FaultRow]:
     """Make one row for each scenario that has a run, in their order.
 
-    What the same drive of the same seed tells without a fault, too, is no sign of one.
+    What the drive of the same seed also reports without a fault is no sign of one.
     """
     rows = []
     for scenario in scenarios:
@@ -150,7 +150,7 @@ def _make_row(
 
 
 def _leave_out_usual(fault: FaultReport, usual: Report | None) -> FaultReport:
-    """Return a fault as not noticed where all that was told is told without it, too."""
+    """Return a fault as not noticed where every report also appears without it."""
     if usual is None:
         return fault
     told = {_name_kind(told) for told in (*usual.safety.stops, *usual.safety.noticed)}
@@ -254,8 +254,8 @@ def summarise_rows(
 ) -> dict[str, Any]:
     """Sum up the campaign in the keys of `--json`.
 
-    Ratios count every injected fault the same, the harmful ones leave out those that nobody
-    noticed and nothing came of. `crushed_ratio` is the share of all crop plants of the runs with a
+    Ratios count every injected fault the same, the harmful ones leave out undetected faults
+    without an effect. `crushed_ratio` is the share of all crop plants of the runs with a
     fault that were crushed after it.
     """
     bad = [row for row in rows if row.fault != "no fault"]

@@ -49,7 +49,7 @@ def _describe_allowed(row: FaultRow) -> str:
 
 
 def _describe_crushed(row: FaultRow) -> str:
-    """Tell how many, and how many of them when."""
+    """Describe how many plants were crushed, and at which stage."""
     if not row.crushed_after:
         return "-" if row.crushed_after is None else "0"
     parts = (
@@ -67,7 +67,7 @@ def _format(value: float | None, scale: float, unit: str, digits: int) -> str:
 
 
 def describe_result(result: Mapping[str, Any]) -> str:
-    """Tell what a campaign sums up to, in a paragraph."""
+    """Summarize a campaign in a paragraph."""
     without = (
         f"{result['missions_without_fault']} drives without a fault, "
         f"{result['km_without_fault']:.2f} km, saw {result['false_stops']} false stops."

@@ -21,7 +21,7 @@ from agribot.sim.faults.table import FAULTS
 
 PRESET = "field"  # how the world differs from its map and from seed to seed
 AFTER_S = 45.0
-STANDS_S = 5.0  # a robot that stands for so long, and waits for a person, has come to its end
+STANDS_S = 5.0  # a robot that stands for this time and waits for a person has ended
 STANDING_MPS = 0.02
 IN_ROW_S = {"rows-10x12": 20.0, "farm": 32.0, "hills": 32.0, "beet": 20.0}
 DEFAULT_SEEDS = "1-5"
@@ -42,7 +42,7 @@ BELOW_THE_STACK = (
 )
 PLATFORMS = ("sim", "firmware")
 ENDED = "ended by an error: "
-# What on board needs so long to hold evidence of a fault; a crop crushed later need not have been.
+# Time until the robot holds evidence of a fault, s; crops crushed after it are avoidable.
 DETECTABLE_S = {"gnss.drift": 10.0, "battery.empty": 5.0, "obstacle.unmapped": 5.0}
 DETECTABLE_IN_S = 3.0  # of all others
 # With two sensors that lie at once, the cases that are looked at one by one.
@@ -53,7 +53,7 @@ SPECIAL = ("gnss.wrong_fix=0.2", "gnss.wrong_fix=0.4", "gnss.wrong_fix=1", "gnss
 class FaultScenario(NamedTuple):
     """A fault without its time, empty for none, and the drive in which it happens.
 
-    `is_detectable` is false where nothing on board could tell the fault from what is usual.
+    `is_detectable` is false where no part on board can distinguish the fault from normal operation.
     """
 
     fault: str
@@ -204,7 +204,7 @@ def list_fault_names(platform: str = "sim") -> tuple[str, ...]:
 def list_jobs(scenarios: Sequence[FaultScenario], seeds: str) -> tuple[SweepJob, ...]:
     """List all runs, the first seed of every scenario before the second.
 
-    Raises: ConfigError: a seed is none, or a scenario does not fit the program.
+    Raises: ConfigError: a seed is not valid, or a scenario does not fit the program.
     """
     jobs = []
     for seed in read_seeds(seeds):
@@ -222,7 +222,7 @@ def list_jobs(scenarios: Sequence[FaultScenario], seeds: str) -> tuple[SweepJob,
 def list_drives(
     count: int, has_camera: bool | None, platform: str = "sim"
 ) -> tuple[tuple[FaultScenario, ...], tuple[SweepJob, ...]]:
-    """List so many drives without a fault, in turns of the campaign's drives, and their kinds."""
+    """List `count` drives without a fault, in turns of the campaign's drives, and their kinds."""
     every = choose_scenarios(list_fault_names(platform), bool(has_camera), platform)
     drives = tuple(scenario for scenario in every if not scenario.fault)
     return drives, list_jobs(drives, f"1-{-(-count // len(drives))}")[:count]

@@ -68,7 +68,7 @@ class Drive(NamedTuple):
 def measure(
     soil_class: SoilClass, moisture_ratio: float, tell: Callable[[str], None]
 ) -> dict[str, Any]:
-    """Measure all; `tell` gets a line of each slope."""
+    """Measure all slopes; `tell` gets a line for each."""
     from agribot.description.loader import load_robot
 
     robot, strength = (

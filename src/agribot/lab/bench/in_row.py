@@ -64,7 +64,7 @@ class ToolOutcome(msgspec.Struct, frozen=True, kw_only=True):
 def drive_row(
     seed: int, length_m: float, model: str = DEFAULT_MODEL, seconds: float | None = None
 ) -> list[ToolOutcome]:
-    """Drive one row, or so many seconds of it, and return what each tool met.
+    """Drive one row, or its first `seconds`, and return what each tool met.
 
     Raises: AgribotError: no such network, or the robot cannot start.
     """

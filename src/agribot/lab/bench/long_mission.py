@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from agribot.app.simulated_run import SimulatedRun
 
 PROFILE, PRESET = "farm", "field"
-WIDTH_M = 1.0  # of a pass: so many square metres take about as many metres of way
+WIDTH_M = 1.0  # of a pass: the path in m is about the area in m²
 MARGIN_M = 0.3
-INSIDE_M = 5.0  # the robot starts so far from two edges
+INSIDE_M = 5.0  # distance of the start from two edges
 LEAST_KM = 0.05
 TOLD_EVERY_S = 5.0
 MOST_CHARGES = 100  # of a mission of 100 km at most; a charge carries some 11 km
@@ -46,7 +46,7 @@ FIXED = (
 
 
 def make_plan(km: float) -> str:
-    """Make a certified plan of about so many kilometres, as the text of its file.
+    """Make a certified plan of about `km` kilometres, as the text of its file.
 
     Raises: ConfigError: it is shorter than a field is, or longer than a mission can be.
     """
@@ -68,7 +68,7 @@ def list_jobs(
 ) -> tuple[SweepJob, ...]:
     """List a mission for each seed over the plan in a file.
 
-    Raises: ConfigError: the speed is none that a mission can have.
+    Raises: ConfigError: the speed is out of range for a mission.
     """
     speed = () if speed_mps is None else (f"mission.speed_mps={speed_mps:g}",)
     fixed = (*FIXED, f"plan={plan}", *speed)
@@ -101,7 +101,7 @@ def go_on(assignment: Assignment, stop: Stop) -> RunOutcome | None:
 
 
 def _open(assignment: Assignment) -> SimulatedRun:
-    """Open the next part of a mission, a run of its own that takes over the job so far."""
+    """Open the next part of a mission, a run of its own that resumes the job."""
     from agribot.app.simulated_run import simulate
 
     config, parts = assignment.job.config(), list_parts(assignment.out_dir)
@@ -120,7 +120,7 @@ def _open(assignment: Assignment) -> SimulatedRun:
 
 
 class _Charger:
-    """A tap: whoever has charged the robot bids it go on, once it waits for that."""
+    """A tap that resumes a robot paused for charging, once, as an operator would."""
 
     def __init__(self, inbox: Inbox) -> None:
         self._inbox: Inbox | None = inbox
@@ -145,7 +145,7 @@ def _is_home_to_be_charged(saved: SavedMission) -> bool:
 
 
 def list_parts(out_dir: Path) -> list[Path]:
-    """List the folders of a mission that was cut off, the first of which there need not be."""
+    """List the folders of an interrupted mission; the first need not exist."""
     parts = [out_dir]
     while (part := _name_part(out_dir, len(parts) + 1)).exists():
         parts.append(part)
@@ -196,7 +196,7 @@ def summarise(reports: Sequence[Report]) -> dict[str, Any]:
 
 
 def _find_peak_mb() -> float | None:
-    """Find the most memory that a process of this command has held; Windows does not tell."""
+    """Find the peak memory of a process of this command; None on Windows."""
     try:
         import resource
     except ImportError:

@@ -10,7 +10,7 @@ import msgspec
 from agribot.lab.sweep.plan import SweepJob, plan
 from agribot.lab.sweep.tables import pooled_rms_m
 
-# Nobody reads hundreds of recordings; a run that failed is repeated with its own.
+# Missions are not recorded; repeat a failed run with a recording.
 FIXED = ("record.enabled=false",)
 PRESET = "field"  # of the world, unless another one is asked for
 
@@ -18,7 +18,7 @@ PRESET = "field"  # of the world, unless another one is asked for
 class Weeding(NamedTuple):
     """What a series must hold: shares of true crops mapped and of true weeds treated, at least.
 
-    No crop may be hit, and the sprayed ground may be so much of that of the rows at most.
+    No crop may be hit, and the sprayed share of the rows' ground has an upper limit.
     """
 
     crop_recall: float
@@ -63,7 +63,7 @@ def list_jobs(
 
 
 def find_shortfalls(summary: Sequence[dict[str, Any]]) -> list[str]:
-    """Tell in words where the cross-track error or the weeding is worse than the case allows."""
+    """Describe where the cross-track error or the weeding is worse than the case allows."""
     cases = {(case.profile, sensors): case for case in CASES for sensors in case.sensors}
     short = []
     for entry in summary:
@@ -80,7 +80,7 @@ def find_shortfalls(summary: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _judge_weeding(entry: dict[str, Any], limits: Weeding) -> list[str]:
-    """Tell where the mean of a series falls short; crops hit are those of its worst mission."""
+    """Describe where the mean of a series falls short; crops hit are those of its worst mission."""
     mean, worst = entry["mean"], entry["max"]
     found = []
     recall = mean.get("weeds.crop_recall")

@@ -74,7 +74,7 @@ def judge_scenes(
     max_range_m: float = MAX_RANGE_M,
     tell: Callable[[str], None] = lambda line: None,
 ) -> dict[str, Any]:
-    """Judge a network on so many frames of each scene: pooled figures, and those `by` scene.
+    """Judge a network on the same number of frames per scene: pooled, and `by` scene.
 
     To be found are the plants up to `max_range_m` from the point below the camera.
     Raises: AgribotError: no such network or preset.
@@ -139,7 +139,7 @@ def draw_pictures(
     frames: int,
     rng: np.random.Generator,
 ) -> Iterator[PictureOfPlants]:
-    """Draw so many pictures of a scene, a new field after every few of them."""
+    """Draw pictures of a scene, a new field after every few of them."""
     camera, body_from_camera = robot.camera, robot.body_from_camera()
     assert camera is not None  # body_from_camera() has looked
     shape = camera.height_px, camera.width_px
@@ -218,7 +218,7 @@ def _move(points_m: FloatArray, other_from_own: FloatArray) -> FloatArray:
 
 
 def _is_in_view(camera_m: FloatArray, camera: CameraSpec) -> Mask:
-    """Tell which points (N, 3) of the optical frame the picture shows, were nothing before them."""
+    """Return which points (N, 3) of the optical frame are in view, ignoring occlusion."""
     is_ahead = camera_m[:, 2] > camera.clip_near_m
     places_px = project_points(camera_m, camera)
     size_px = np.array([camera.width_px, camera.height_px])
@@ -235,7 +235,7 @@ def _place(found: Sequence[GroundPlant]) -> PlacedPlants:
 def find_segments(class_map: ClassMap, ground: GroundLookup) -> PlantSegments:
     """Find which plant each pixel of a class map is of.
 
-    A network that finds plants leads vegetation to its stem; of one that only tells classes, a
+    A network that finds plants leads vegetation to its stem; for one that only gives classes, a
     plant is a connected piece.
     """
     if class_map.plants is None:

@@ -39,7 +39,7 @@ class Figure(NamedTuple):
 def measure(
     names: Sequence[str] = (), tell: Callable[[str], None] = lambda line: None
 ) -> dict[str, Any]:
-    """Measure the named figures, or all, one after the other; `tell` gets a line of each.
+    """Measure the named figures, or all, one after the other; `tell` gets a line for each.
 
     Missions stand beside physics alone of the same run: a machine has another speed every hour.
     """

@@ -71,7 +71,7 @@ class Limit(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Phase(msgspec.Struct, frozen=True, kw_only=True):
-    """With so many clients. Ticks are missed when they come a whole period late."""
+    """Figures for a number of clients. A tick is missed when it comes a whole period late."""
 
     clients: int
     stalled: int
@@ -94,7 +94,7 @@ def measure_page(
     growth_s: float = 0.0,
     links_mbit_per_s: Sequence[float] = (),
 ) -> dict[str, Any]:
-    """Measure each number of clients for so long, then slow connections, then memory's growth.
+    """Measure each number of clients, then slow connections, then memory growth.
 
     The robot drives slowly, so that its mission outlasts the benchmark.
     Raises: AgribotError: the profile, the page's packages or a client do not work.

@@ -1,6 +1,6 @@
 """A page behind a slow link: `python -m agribot.lab.bench.ui_link PORT TOKEN MBIT_PER_S SECONDS`.
 
-Reads the states and draws the camera through a line of so many bits per second and a delay each
+Reads the states and draws the camera through a line of limited bit rate and with a delay each
 way, and prints how old both are when they arrive, as JSON. The first part of the time, in which
 the size of the pictures adapts, does not count.
 """
@@ -103,7 +103,7 @@ async def _watch(address: tuple[int, int], token: str, path: str, seconds: float
 
 
 def _read_age_ms(message: str | bytes) -> float | None:
-    """Tell the age of a picture or a state by the clocks that robot and page share."""
+    """Compute the age of a picture or a state from the clock that robot and page share."""
     if isinstance(message, bytes):
         kind, _, _, _, wall_ms = wire.CAMERA_HEAD.unpack_from(message)
         return time.time() * 1e3 - float(wall_ms) if kind == 0 else None

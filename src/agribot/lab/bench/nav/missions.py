@@ -37,7 +37,7 @@ def run_mission(
 ) -> Outcome:
     """Drive one seed until its mission has ended, or waits for a person.
 
-    Raises: ConfigError: the scenario's sensors or settings are none.
+    Raises: ConfigError: the scenario's sensors or settings are not valid.
     """
     began_s = time.process_time()
     config, robot = scenario.config(seed), equip(robot, scenario.sensors)

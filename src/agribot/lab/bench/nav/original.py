@@ -106,7 +106,7 @@ def run_original(
 ) -> Outcome:
     """GNSS is compared with goals in the true map, as after a start at a known place.
 
-    Raises: ConfigError: the scenario's sensors or settings are none.
+    Raises: ConfigError: the scenario's sensors or settings are not valid.
     """
     began_s, config = time.process_time(), scenario.config(seed)
     rover, sensors = SoilRover(seed, scenario.soil), Sensors(config, robot)

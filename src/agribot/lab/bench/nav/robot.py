@@ -21,7 +21,7 @@ GOES_ON = ("waiting", "running")
 
 
 class DrivenRobot:
-    """Takes what the sensors tell within a tick, and gives the command of the follower."""
+    """Takes the measurements of a tick, and returns the command of the follower."""
 
     def __init__(self, config: RunConfig, robot: RobotSpec) -> None:
         self.localizer = Localizer(config.estimate, config.field, robot)

@@ -18,7 +18,7 @@ from agribot.core.config import (
 from agribot.core.geo import Datum
 
 Variant = Literal["nominal", "hard"]
-# What the truth tells the robot instead of a sensor, to see which one a mission fails by.
+# Measurements replaced by the truth, to find the sensor that makes a mission fail.
 Perfect = Literal["fixes", "heading"]
 
 DT_S = 0.01
@@ -91,7 +91,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
     def config(self, seed: int) -> RunConfig:
         """Make the settings of one robot.
 
-        Raises: ConfigError: one of the `settings` is none, or out of range.
+        Raises: ConfigError: one of the `settings` is unknown, or out of range.
         """
         tree: dict[str, Any] = msgspec.to_builtins(
             RunConfig(
@@ -106,7 +106,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
         return from_tree(tree, "--set")
 
     def _field(self) -> FieldConfig:
-        """Rows drilled from South to North in the map, as the robot is told them."""
+        """Rows drilled from South to North in the map, as configured on the robot."""
         return FieldConfig(
             datum=Datum(lat_deg=0.0, lon_deg=0.0),
             first_row_start_map_m=(0.0, (self.rows - 1) * PITCH_M),

@@ -117,7 +117,7 @@ class Sensors:
             self._oracle.note(rover)
 
     def read(self) -> SensorBatch:
-        """Read what the sensors tell of the last `TICK_STEPS` steps, or of steps before."""
+        """Read the measurements of the last `TICK_STEPS` steps, or of earlier ones."""
         last, suite, rows = self._step, self._suite, self._truth.rows
         first, t_s = last - TICK_STEPS, last * DT_S
         batch = SensorBatch(
@@ -132,7 +132,7 @@ class Sensors:
 
 
 class Oracle:
-    """Puts the truth in the place of what a sensor tells, as accurate as the best receiver says."""
+    """Replaces measurements by the truth, with the stated accuracy of the best receiver."""
 
     def __init__(self, config: RunConfig, robot: RobotSpec, perfect: Sequence[Perfect]) -> None:
         self._frame, self._perfect = MapFrame(config.field.datum), perfect
