@@ -1,4 +1,4 @@
-"""The single plants that a labelled set tells of its pictures, beside the masks of classes."""
+"""The single plants in the pictures of a labelled set, beside the masks of classes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RECORDS = "records"
 
 
 class LabelledPlants(NamedTuple):
-    """The plants of a picture, and where their stems are, (N, 2); NaN where nobody says."""
+    """The plants of a picture, and where their stems are, (N, 2); NaN where unknown."""
 
     segments: PlantSegments
     stem_px: FloatArray

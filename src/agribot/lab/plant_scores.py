@@ -103,7 +103,7 @@ class PlantTally(msgspec.Struct, kw_only=True):
     ) -> None:
         """Match the plants of a picture, one to one and class by class, within MATCH_RADIUS_M.
 
-        `unjudged` are true plants that nobody must find: an answer that fits none but them is
+        `unjudged` are true plants that need not be found: an answer that fits none but them is
         neither right nor wrong.
         """
         if unjudged is None:

@@ -37,7 +37,7 @@ class PictureCounts(msgspec.Struct, frozen=True, kw_only=True):
 class GroupCounts(msgspec.Struct, frozen=True, kw_only=True):
     """A set of a collection, such as a day; its pixels are those of readable pairs.
 
-    `without_mask` are the images that nobody annotated.
+    `without_mask` are the images without annotation.
     """
 
     group: str

@@ -80,7 +80,7 @@ def format_key(key: int) -> str:
 
 
 def names_colours(ids: MaskIds) -> bool:
-    """Tell whether ids are of colours, not of values."""
+    """Return whether ids are of colours, not of values."""
     return any(key >= COLOUR for key in ids)
 
 

@@ -1,7 +1,7 @@
 """Labels of other tools become a set that a network learns from: `images/` and `masks/`.
 
 A picture that cannot be used is named and left out. Labels that do not lie on the plants, or that
-are of a class that nobody explained, are no set at all: nothing is written.
+are of an unexplained class, make the set invalid: nothing is written.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def import_labels(
 ) -> ImportReport:
     """Write the set; `problems` are those found before.
 
-    A picture in which nothing is labelled may be one that nobody has looked at: it is left out,
+    A picture without labels may not have been annotated: it is left out,
     unless `keeps_empty` says that there are no plants. So is one whose labels do not lie on its
     plants, unless `keeps_misplaced`.
 

@@ -28,18 +28,18 @@ Numbers = TypeVar("Numbers", bound=np.generic)
 Indices = npt.NDArray[np.intp]
 DIRECTIONS: tuple[RowDirection, ...] = ("down", "across")
 
-# The rows of a set may run so far aside of its direction, and each so far aside of the others.
+# Largest angles of the rows of a set to its direction, and of each row to the others.
 SET_TURNS_RAD = np.radians(np.linspace(-15.0, 15.0, 13))
 ROW_TURNS_RAD = np.radians(np.linspace(-5.0, 5.0, 5))
-# Across the row are so many BINS. Rows of seedlings, or of large plants, are so many wide; of the
-# bands in which this part of the rows is found that any shows, a set takes the narrowest.
+# BINS across the row; BANDS are the widths, in bins, of rows of seedlings up to large plants. A set
+# takes the narrowest band that finds ENOUGH_ROWS, a share of the rows that any band finds.
 BINS, BANDS, ENOUGH_ROWS = 160, (11, 23, 47), 0.6
-# A row holds so much of all crop that the network sees, and so many times what crop everywhere
-# would leave in its band; a second row beside it, which no bin nearer is of, holds less.
+# A row holds at least this share of all detected crop, and this multiple of what evenly spread
+# crop would leave in its band; a second row, at least APART_BINS away, holds less.
 LEAST_IN_ROW, LEAST_GATHERED, MOST_IN_SECOND, APART_BINS = 0.4, 2.0, 0.5, 33
 HALF_ROW_RATIO = (0.02, 0.2)
 EDGE_RATIO = 0.25  # the row ends where the profile across it falls to this part of its height
-REACH_RATIO = 1.6  # leaves of the row reach so many half widths from its line
+REACH_RATIO = 1.6  # reach of the row's leaves from its line, in half widths
 SURE = round(0.6 * 255)  # as confident the network has to be
 
 

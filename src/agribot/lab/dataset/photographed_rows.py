@@ -36,7 +36,7 @@ from agribot.lab.dataset.pictures import (
 )
 from agribot.lab.dataset.taught_set import TaughtSet
 
-# Of pictures that show rows, so many times more gather their crop along those than across them.
+# Least ratio of pictures whose crop gathers along the rows to those whose crop gathers across.
 LEAST_DOMINANCE = 2.0
 NEEDED = (
     "Give pictures from straight above with one row in each, all down the pictures or all across "
@@ -95,7 +95,7 @@ def list_photographs(folder: Path) -> Photographs:
 
 
 class PhotographedRows:
-    """A folder of photographs from straight above, in each of which one row of crop runs.
+    """A folder of photographs from straight above, each with one row of crop.
 
     The rows run down all pictures or across all; `direction` None: as they gather more of the crop.
     """

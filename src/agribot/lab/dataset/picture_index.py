@@ -1,4 +1,4 @@
-"""Find the picture that a labelling tool names, wherever the tool kept it."""
+"""Find the picture that a labelling tool names, in any folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures as they come from cameras, phones and the web: one array of red, green and blue each."""
+"""Pictures from cameras, phones and the web: one array of red, green and blue each."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class PictureError(AgribotError):
 
 
 def is_text(name: str) -> bool:
-    """Tell whether a file's name is text: one from a foreign archive may be bytes that are none."""
+    """Return whether a file's name is valid text: one from a foreign archive may not be."""
     try:
         name.encode()
     except UnicodeEncodeError:

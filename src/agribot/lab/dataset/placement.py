@@ -21,7 +21,7 @@ from agribot.lab.dataset.classes import UNLABELLED
 
 Grid = npt.NDArray[np.float64]
 
-# A set of which more is misplaced is refused, as a share of the pictures that can be judged.
+# Largest accepted share of misplaced pictures among those that can be judged.
 MOST_MISPLACED_RATIO = 0.25
 MOST_SIDE_PX = 1024  # of larger pictures every second, third ... pixel is looked at
 SIDE_PX = 192  # of the grid on which pictures and labels are compared
@@ -113,7 +113,7 @@ class PlacementTally:
         return len(self.misplaced) > MOST_MISPLACED_RATIO * self.judged
 
     def refuse(self, what: str) -> None:
-        """Refuse a set of which too many are misplaced.
+        """Refuse a set with too many misplaced pictures.
 
         Raises: ConfigError: more than MOST_MISPLACED_RATIO of those that can be judged.
         """

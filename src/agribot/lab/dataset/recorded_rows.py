@@ -101,7 +101,7 @@ PASSES = 3  # over all pictures: how green they are, where their rows run, what 
 
 
 class _Counter:
-    """Tells how many pictures of all passes are done."""
+    """Reports how many pictures of all passes are done."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress, self._done = progress, 0
@@ -186,6 +186,6 @@ def _look_through(
 
 
 def _find_pitch_m(config: RunConfig) -> float | None:
-    """Find how far apart the rows of a profile's field are; of a plan nobody knows."""
+    """Find the row spacing of a profile's field; None for a plan."""
     field = config.field
     return None if config.plan or field.row_count < 2 else field.row_pitch_m

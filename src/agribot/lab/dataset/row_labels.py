@@ -1,6 +1,6 @@
 """The row as teacher: pictures of a drive along rows, labelled by where the plants stand.
 
-What grows on a row is crop, what grows between the rows is weed; what stands too near to tell, or
+What grows on a row is crop, what grows between the rows is weed; what is ambiguous, or
 where no row is found, teaches nothing. So a network learns a crop that it does not know without
 anybody having painted a mask. The labels are for learning, never for judging: a weed in a row is
 taken for crop, but where it is much smaller than its neighbours.
@@ -43,9 +43,9 @@ THICKEN_PX = 9
 CELL_M, PROFILE_CELLS, EDGE_RATIO = 0.01, 35, 0.25
 LEAST_CONTRAST = 2.0  # of the cover on the row over that between the rows
 HALF_ROW_M = (0.03, 0.2)  # limits of what a profile may say
-LEAVES_RATIO = 1.6  # leaves of the row reach so many half widths from its line
-CLEAR_M = 0.03  # and what is a weed stands so much farther off
-NEXT_ROW_RATIO = 1.5  # of the next row leaves are seen at a slant, and nobody has found its line
+LEAVES_RATIO = 1.6  # reach of the row's leaves from its line, in half widths
+CLEAR_M = 0.03  # clearance of a weed beyond that reach
+NEXT_ROW_RATIO = 1.5  # for the next row: its leaves are seen at a slant, and its line is not found
 LEAST_IN_ROW = 0.7  # of a piece; of a weed that reaches into the row less is
 LEAST_SHARE = 1.0 / 6.0  # of the middle size of what stands on a row; smaller may be a weed in it
 
@@ -66,7 +66,7 @@ class RowLabeller:
 
     Find the line of each, `place` its pixels, and `label` it when all of them are known.
     `pitch_m` is how far the next row is; where it is not known, only what stands near the row of
-    the robot can be told.
+    the robot can be labelled.
     """
 
     def __init__(self, ground: GroundLookup, pitch_m: float | None = None) -> None:
@@ -98,7 +98,7 @@ class RowLabeller:
         return RowPicture(green, left_m)
 
     def label(self, picture: RowPicture, threshold: float, half_row_m: float) -> ByteArray:
-        """Label the pixels (H, W): a PlantClass, or UNLABELLED where nobody can tell."""
+        """Label the pixels (H, W): a PlantClass, or UNLABELLED where ambiguous."""
         is_plant = picture.green > threshold
         is_near = np.isfinite(picture.left_m)
         label = np.full(is_plant.shape, UNLABELLED, dtype=np.uint8)
@@ -184,5 +184,5 @@ def measure_green(image_rgb: ByteArray) -> Green:
 
 
 def _choose(chosen: Mask) -> Mask:
-    """Make a table of piece numbers, of which 0 is no piece."""
+    """Make a table of piece numbers; 0 is no piece."""
     return np.concatenate([[False], chosen])

@@ -137,7 +137,7 @@ def prove(
 def read_ratios(text: str) -> tuple[float, ...]:
     """Read three shares of training, validation and test, of any sum.
 
-    Raises: ConfigError: not three numbers of which one is above 0 and none below.
+    Raises: ConfigError: not three numbers >= 0 with at least one above 0.
     """
     try:
         ratios = tuple(float(word) for word in text.split(","))

@@ -1,7 +1,7 @@
 """A folder of photographs while somebody labels it: which are done, and what the network says.
 
 Masks lie where `agribot train` looks for them; work that is not finished and what the network is
-unsure of lie in `.label` beside them, so that a half-corrected mask teaches nobody.
+unsure of lie in `.label` beside them, so that no network learns from a half-corrected mask.
 """
 
 from __future__ import annotations
@@ -202,7 +202,7 @@ class LabelFolder:
         self._write_judged()
 
     def _item(self, number: int) -> Item:
-        """Return a picture with the mask that lies there now, whoever wrote or moved it."""
+        """Return a picture with the mask currently in the folder, from any source."""
         item = self._items[number]
         usual = (self._mask_folder / f"{item.key}.png").relative_to(self.root).as_posix()
         names = [name for name in (item.mask, usual) if name and (self.root / name).is_file()]

@@ -96,7 +96,7 @@ def fit_classes(classes: PictureClasses) -> PictureClasses:
 
 
 def find_regions(picture: RowPhoto) -> Regions:
-    """Find the plants of which the lines say what they are."""
+    """Find the plants whose class follows from the lines."""
     is_plant = excess_green(picture.image_rgb) > LEAST_GREEN
     is_plant[:TOP_PX] = False
     white = Image.fromarray(np.where(picture.lines, 255, 0).astype(np.uint8))

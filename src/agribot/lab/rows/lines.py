@@ -24,9 +24,9 @@ JUDGED_AT_PX = 2.0 * SIDE_PX / 3.0  # picture row at which lines are compared
 MIDDLE_PX = (SIDE_PX - 1) / 2.0
 LEAST_ROWS = 24  # picture rows that a line crosses
 FOLLOW_PX = 14.0  # farthest step of a line from one picture row to the next
-# A photograph says neither the size nor the angle of what it shows: rows are supposed to be so far
-# apart, and lenses to be so wide. Other values move the camera nearer or farther, not the line.
-# The finder is told the spacing, as a robot knows that of its field.
+# A photograph states neither the size nor the angle of what it shows: this row spacing and lens
+# angle are assumed. Other values move the camera nearer or farther, not the line.
+# The finder gets the spacing, as a robot knows that of its field.
 ROW_SPACING_M, LENS_RAD = 0.5, math.radians(60.0)
 HIGHEST_HORIZON_PX = -40.0 * SIDE_PX  # of a camera that looks straight down
 LOWEST_HORIZON_PX = MIDDLE_PX - 1.0

@@ -2,7 +2,7 @@
 
 Plants near a line are crop, plants in the middle of the space between two lines are weeds, and
 all others teach nothing. A leaf of crop that reaches between the rows belongs to a piece of
-vegetation most of which is near a line, and teaches nothing either. The labels never judge.
+vegetation mostly near a line, and teaches nothing either. The labels never judge.
 Source: Lottes and Stachniss 2017 (IROS); Bah et al. 2018 (Remote Sensing 10).
 """
 
@@ -55,7 +55,7 @@ def find_vegetation(image_rgb: ByteArray) -> Mask:
 
 
 def _find_leaves(is_plant: Mask, crop: Mask) -> Mask:
-    """Find the pieces of vegetation most of which are crop."""
+    """Find the pieces of vegetation that are mostly crop."""
     count, pieces = cv2.connectedComponents(is_plant.astype(np.uint8))
     size: npt.NDArray[np.int64] = np.bincount(pieces.ravel(), minlength=count)
     in_row = np.bincount(pieces[crop], minlength=count)

@@ -71,7 +71,7 @@ def _begin(assignment: Assignment) -> SimulatedRun:
 
 
 class ProcessExecutor:
-    """`workers` processes, each of which drives runs by `work`; one worker is this one itself."""
+    """`workers` processes that drive runs by `work`; a single worker is this process itself."""
 
     def __init__(self, workers: int, work: Work = drive) -> None:
         self._workers, self._work = workers, work

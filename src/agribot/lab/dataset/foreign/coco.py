@@ -84,7 +84,7 @@ def read_coco(value: Any) -> list[LabelledPicture]:
 
 
 def _check_numbers(what: str, named: Iterable[tuple[int | str, str]]) -> None:
-    """Refuse two pictures or classes of one number: nobody can tell whose a label is.
+    """Refuse two pictures or classes with one number: their labels would be ambiguous.
 
     Raises: LabelFileError.
     """
@@ -131,7 +131,7 @@ def _read_shape(annotation: _Annotation, name: str, size_px: tuple[int, int]) ->
 
 
 def _is_box(bbox: Any) -> bool:
-    """Tell whether a shape without an outline may be a box: all but one of no size."""
+    """Return whether a shape without an outline may be a box: its sides are not 0."""
     is_list = isinstance(bbox, list) and len(bbox) == BOX_NUMBERS
     return not is_list or all(isinstance(side, int | float) and side > 0 for side in bbox[2:])
 

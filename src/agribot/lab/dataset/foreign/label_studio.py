@@ -95,7 +95,7 @@ def _read_picture(file: str, results: list[_Result]) -> LabelledPicture:
 
 
 def _is_drawn(value: Any) -> bool:
-    """Tell whether a result has a place: ratings, choices, texts and relations have none."""
+    """Return whether a result has a place: ratings, choices, texts and relations have none."""
     return isinstance(value, dict) and not _PLACES.isdisjoint(value)
 
 
@@ -156,7 +156,7 @@ class _Bits:
     def take(self, count: int) -> int:
         """Take the next number.
 
-        Raises: ValueError: there are not so many bits left.
+        Raises: ValueError: fewer than `count` bits are left.
         """
         end = self._place + count
         if end > len(self._bits):

@@ -38,7 +38,7 @@ def read_yolo(file: str, data: bytes, names: Mapping[int, str]) -> LabelledPictu
 
 
 def _has_confidence(found: Sequence[tuple[int, list[str]]], lines: Sequence[str]) -> bool:
-    """Tell whether each line ends with how sure a network was: all have a number too many.
+    """Return whether each line ends with a confidence: all have one number too many.
 
     A file that ends amid a line was cut off.
     """
