@@ -170,9 +170,9 @@ def import_labels(
 ) -> ImportReport:
     """Write the set; `problems` are those found before.
 
-    A picture without labels may not have been annotated: it is left out,
-    unless `keeps_empty` says that there are no plants. So is one whose labels do not lie on its
-    plants, unless `keeps_misplaced`.
+    A picture without labels may not have been annotated: it is left out, unless `keeps_empty` says
+    that there are no plants. So is one whose labels do not lie on its plants, unless
+    `keeps_misplaced`.
 
     Raises: ConfigError: a class that `meaning` does not have, no usable picture, or too many whose
     labels do not lie on the plants. RecordingError: the folder cannot be written.

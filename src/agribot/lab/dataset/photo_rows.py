@@ -32,10 +32,10 @@ DIRECTIONS: tuple[RowDirection, ...] = ("down", "across")
 SET_TURNS_RAD = np.radians(np.linspace(-15.0, 15.0, 13))
 ROW_TURNS_RAD = np.radians(np.linspace(-5.0, 5.0, 5))
 # BINS across the row; BANDS are the widths, in bins, of rows of seedlings up to large plants. A set
-# takes the narrowest band that finds ENOUGH_ROWS, a share of the rows that any band finds.
+# takes the narrowest band with at least ENOUGH_ROWS of the rows that the best band finds.
 BINS, BANDS, ENOUGH_ROWS = 160, (11, 23, 47), 0.6
 # A row holds at least this share of all detected crop, and this multiple of what evenly spread
-# crop would leave in its band; a second row, at least APART_BINS away, holds less.
+# crop would leave in its band; beyond APART_BINS no band holds MOST_IN_SECOND of its crop.
 LEAST_IN_ROW, LEAST_GATHERED, MOST_IN_SECOND, APART_BINS = 0.4, 2.0, 0.5, 33
 HALF_ROW_RATIO = (0.02, 0.2)
 EDGE_RATIO = 0.25  # the row ends where the profile across it falls to this part of its height

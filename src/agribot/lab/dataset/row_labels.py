@@ -1,9 +1,9 @@
 """The row as teacher: pictures of a drive along rows, labelled by where the plants stand.
 
-What grows on a row is crop, what grows between the rows is weed; what is ambiguous, or
-where no row is found, teaches nothing. So a network learns a crop that it does not know without
-anybody having painted a mask. The labels are for learning, never for judging: a weed in a row is
-taken for crop, but where it is much smaller than its neighbours.
+What grows on a row is crop, what grows between the rows is weed; where this is ambiguous, or no
+row is found, pixels stay unlabelled. So a network learns an unknown crop without masks painted by
+hand. The labels are for training, never for evaluation: a weed in a row is taken for crop, unless
+it is much smaller than its neighbours.
 Source: Lottes and Stachniss 2017 (IROS); Bah et al. 2018 (Remote Sensing 10).
 """
 

@@ -154,14 +154,14 @@ def change_some(
 def blur_some(
     images: Tensor, share: float, sigma_px: tuple[float, float], rng: np.random.Generator
 ) -> Tensor:
-    """Blur a share of (N, 3, H, W), each as far as it comes."""
+    """Blur a share of (N, 3, H, W), each by a random sigma."""
     chosen = rng.random(len(images)) < share
     sigmas_px = torch.from_numpy(rng.uniform(*sigma_px, len(images))[chosen])
     return change_some(images, chosen, lambda some: blur(some, sigmas_px))
 
 
 def blur(images: Tensor, sigmas_px: Tensor) -> Tensor:
-    """Blur (N, 3, H, W) with Gaussians (N,), of which three pixels on each side are kept."""
+    """Blur (N, 3, H, W) with Gaussians (N,), cut off three pixels on each side."""
     count, channels, *_ = images.shape
     taps = torch.exp(-0.5 * (torch.arange(-3.0, 4.0) / sigmas_px[:, None]) ** 2)
     taps = (taps / taps.sum(dim=1, keepdim=True)).to(images).repeat_interleave(channels, dim=0)

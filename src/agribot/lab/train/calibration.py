@@ -26,7 +26,7 @@ Logits = Callable[[Tensor], Tensor]
 
 BINS = 15
 EVERY_PX = 4  # neighbours say nearly the same
-LEAST_PIXELS = 100  # fewer tell no temperature
+LEAST_PIXELS = 100  # fewer give no temperature
 MAX_TEMPERATURE = 8.0  # or 1 over it: of a few pixels that are all right, or all wrong
 
 
@@ -49,9 +49,9 @@ AS_TRAINED = Temperatures()
 class Calibration(msgspec.Struct, frozen=True, kw_only=True):
     """`images` were set aside to find the temperatures; the errors are those on test images.
 
-    Where no others were kept for that, `is_by_turns`: each of the images is judged with what the
-    others tell; after of a single one is None. Errors of plants are over the pixels taken for
-    plants alone; None where there were none, or in a card of before they were measured.
+    Where no others were kept for that, `is_by_turns`: each image is judged with the temperatures of
+    the others; the error after is None for a single image. Errors of plants are over the pixels
+    taken for plants alone; None without such pixels, or in a card older than these errors.
     """
 
     temperatures: Temperatures
@@ -135,7 +135,7 @@ def calibration_error(logits: Tensor, truth: Tensor) -> float:
 
 
 def _divide_by_turns(images: Sequence[_Pixels]) -> Tensor | None:
-    """Divide the logits of each image by what all others tell; None of a single one."""
+    """Divide the logits of each image by the temperatures of all others; None for one image."""
     if len(images) < 2:
         return None
     return torch.cat(
@@ -155,7 +155,7 @@ def _join(images: Sequence[_Pixels]) -> _Pixels:
 
 
 def _sample_pixels(logits: Logits, image_rgb: ByteArray, label: ByteArray) -> _Pixels:
-    """Take logits and classes of every so many pixels of an image."""
+    """Take logits and classes of each EVERY_PX-th pixel of an image."""
     with torch.inference_mode():
         found = logits(torch.from_numpy(image_rgb.copy())[None])[0]
     small = resize_nearest(label, tuple(found.shape[1:]))[::EVERY_PX, ::EVERY_PX]

@@ -130,7 +130,7 @@ Limits: {self.limits}
         return f"{changed}\n- Exported from: SHA-256 `{self.exported_from}`, whose scores these are"
 
     def _doubt(self) -> str:
-        """Say of which pictures the robot believes nothing, where there is a limit."""
+        """Describe the pictures whose result the robot rejects, where there is a limit."""
         if self.most_doubt is None:
             return ""
         return f"\n- Doubt: pictures with more than {self.most_doubt:.3g} count as unknown"

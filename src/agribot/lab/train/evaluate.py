@@ -40,7 +40,7 @@ def count_confusion(truth: ByteArray, guess: ByteArray) -> Confusion:
 
 
 def compute_scores(confusion: Confusion, images: int) -> Scores:
-    """Score a confusion matrix (3, 3) over so many images."""
+    """Score a confusion matrix (3, 3) over a number of images."""
     hits = np.diag(confusion).astype(np.float64)
     truth, guess = confusion.sum(axis=1), confusion.sum(axis=0)
     with np.errstate(invalid="ignore"):

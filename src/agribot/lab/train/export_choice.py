@@ -90,7 +90,7 @@ def _round_to_stride(size_px: float) -> int:
 
 
 def choose_candidate(tried: Sequence[Candidate], most_loss: float) -> Candidate:
-    """Choose the cheapest whose mean IoU is at most so much below the best one's."""
+    """Choose the cheapest whose mean IoU is at most `most_loss` below the best."""
     best = max(one.miou for one in tried)
     good = [one for one in tried if one.miou >= best - most_loss]
     return min(good, key=lambda one: one.cpu_ms)

@@ -157,7 +157,7 @@ class Trainer:
         return self.step % every == 0 or self.step == self.plan.steps
 
     def _look(self, progress: Progress) -> None:
-        """Judge the averaged network, and keep it if it is the best so far."""
+        """Judge the averaged network, and keep it if it is the best until now."""
         assert self._judge is not None
         judged = self._judge(self.average)
         self._rows[-1] |= judged

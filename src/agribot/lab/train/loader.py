@@ -18,7 +18,7 @@ AHEAD = 2  # batches for each worker
 class BatchLoader:
     """Draws the batch of a step from a generator of (seed, step, rank) alone.
 
-    So the batches are the same with any number of `workers`, 0 of which draw each when it is asked
+    So the batches are the same with any number of `workers`; with 0, each is drawn when it is asked
     for. A source that several workers draw from must bear calls at once.
     """
 

@@ -73,7 +73,7 @@ class NetworkScores:
         # Pixels by confidence, called wrong (0) or right (1); and of those those called plants.
         self._by_confidence: npt.NDArray[np.int64] = np.zeros((256, 2), dtype=np.int64)
         self._plants_by_confidence: npt.NDArray[np.int64] = np.zeros((256, 2), dtype=np.int64)
-        # For each class: pixels by its probability, of which another (0) or the class itself (1).
+        # For each class: pixels by its probability, of another class (0) or of the class (1).
         self._by_share: npt.NDArray[np.int64] = np.zeros((size, 256, 2), dtype=np.int64)
         self._recall = {name: np.zeros(3, dtype=np.int64) for name in ("weed", "crop")}
         self._outlines: npt.NDArray[np.int64] = np.zeros((size, 4), dtype=np.int64)

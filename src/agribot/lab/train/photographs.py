@@ -259,7 +259,7 @@ def check_sample(pairs: Sequence[Pair], folder: Path) -> None:
 
 
 def _holds_values(path: Path) -> bool:
-    """Tell whether a mask that is read without ids is one of values."""
+    """Return whether a mask that is read without ids holds values."""
     try:
         return open_mask(path).mode in VALUE_MODES
     except PictureError:

@@ -27,7 +27,7 @@ def joint_loss(
 ) -> Tensor:
     """Add the loss of classes, from logits (N, 3, h, w), to that of stems and ways.
 
-    Where a batch tells nothing of stems, as photographs, the classes alone count; where the
+    Where a batch has no stems, such as photographs, the classes alone count; where the
     classes do not learn, the stems and ways.
     """
     plants = plant_loss(maps, target)

@@ -28,7 +28,7 @@ HEAT_BIAS = -3.0
 class PlantBranch(nn.Module):
     """Features at stride 4, (N, C, H, W), to (N, BRANCH_MAPS, H, W).
 
-    It looks anew at the shape of whole plants: the network of classes tells leaves from soil.
+    It looks anew at the shape of whole plants: the network of classes separates leaves from soil.
     """
 
     def __init__(self, channels: int) -> None:

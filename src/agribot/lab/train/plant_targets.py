@@ -65,7 +65,7 @@ def make_targets(label: Tensor, number: Tensor, stems_px: Tensor, kinds: Tensor)
     """Make targets (N, MAPS, H / CELL_PX, W / CELL_PX) of pictures.
 
     `label` and `number` (N, H, W) are the class and the plant of each pixel, `stems_px` (N, K, 2)
-    and `kinds` (N, K) the plants, as of `PictureStack`. Plants of which little is seen are left
+    and `kinds` (N, K) the plants, as of `PictureStack`. Plants with few visible pixels are left
     out; heat counts nowhere where a pixel has no class.
     """
     count, most = kinds.shape
@@ -92,7 +92,7 @@ def make_targets(label: Tensor, number: Tensor, stems_px: Tensor, kinds: Tensor)
 def tell_classes_alone(label: Tensor) -> Tensor:
     """Make targets (N, MAPS, H / CELL_PX, W / CELL_PX) of photographs with these classes (N, H, W).
 
-    Nobody knows their plants: heat and ways count nowhere.
+    Their plants are unknown: heat and ways count nowhere.
     """
     classes = functional.pixel_unshuffle(label[:, None].to(torch.float32), CELL_PX)
     nothing = torch.zeros((len(label), MAPS - CELL_PX**2, *classes.shape[2:]))
@@ -126,7 +126,7 @@ def _count_numbers(numbers: Tensor, most: int) -> Tensor:
 
 
 def _count_seen(number: Tensor, most: int) -> tuple[Tensor, Tensor]:
-    """Tell of which plants enough is seen, and how many pixels, (N, most + 1); 0 is none."""
+    """Return which plants are visible enough, and their pixels, (N, most + 1); 0 is no plant."""
     seen_px = _count_numbers(number, most)
     is_seen = seen_px >= LEAST_PX
     is_seen[:, 0] = False
@@ -149,7 +149,7 @@ def _list_stems(stems_px: Tensor, is_wanted: Tensor, shape: Sequence[int]) -> _S
 
 
 def _give_cells(owner: Tensor, stems: _Stems) -> None:
-    """Give a stem its cell, and what is nobody's of the eight around it, of (N, rows, columns)."""
+    """Give a stem its cell, and the free ones of the eight around it, of (N, rows, columns)."""
     _, rows, columns = owner.shape
     nobody = torch.iinfo(torch.int64).max
     claims = torch.full_like(owner, nobody)

@@ -17,7 +17,7 @@ from agribot.sim.camera.renderer import Rendering
 from agribot.sim.camera.scene import sample_ground_heights
 from agribot.sim.ground_surface import GroundSurface
 
-# Of a plant so much must be seen that it can be told to be one.
+# Least visible pixels that identify a plant.
 LEAST_PX = 12
 # Beyond it a pixel covers more than a weed; the robot does not look that far either.
 LABEL_RANGE_M = 3.0
@@ -52,7 +52,7 @@ def find_plants(
     ground: GroundSurface | None = None,
     range_m: float = LABEL_RANGE_M,
 ) -> PlantTruth:
-    """Find the plants that a picture of the world shows near enough to be told apart.
+    """Find the plants that a picture of the world shows near enough to be distinguished.
 
     The stem of a plant is where the map has it, on the ground.
     """
@@ -101,7 +101,7 @@ def load_plants(path: Path) -> PlantTruth:
 
 
 def _list_shown(drawn: Rendering, range_m: float) -> npt.NDArray[np.intp]:
-    """List the indices of the world's plants of which enough pixels are near enough."""
+    """List the indices of the world's plants with enough pixels that are near enough."""
     near = (drawn.instance >= 0) & (drawn.depth_m <= range_m)
     seen_px = np.bincount(drawn.instance[near])
     return np.flatnonzero(seen_px >= LEAST_PX)

@@ -61,7 +61,7 @@ class TrainingGroup(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def use_threads(count: int) -> None:
-    """Let this process compute with so many threads."""
+    """Set the number of threads of this process."""
     torch.set_num_threads(count)
 
 

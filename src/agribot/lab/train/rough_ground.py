@@ -19,7 +19,7 @@ from agribot.sim.random_scenes import Variety
 
 PRESETS, PRESET_SHARE = ("field", "hard"), (0.7, 0.3)
 SEEDS = 2**31
-# Wheels have been along the rows of so many of the rough fields; depth, gauge and width.
+# Share of the rough fields with wheel tracks along the rows; depth, gauge and width of these.
 TRACKED_SHARE = 0.3
 TRACK_DEPTH_M, TRACK_GAUGE_M, TRACK_WIDTH_M = (0.005, 0.03), (0.5, 0.9), (0.1, 0.25)
 

@@ -105,6 +105,6 @@ def draw_front(
 
 
 def make_label(drawn: Rendering, range_m: float = LABEL_RANGE_M) -> ByteArray:
-    """Label pixels (H, W); those too far to tell are left out; sky counts as no plant."""
+    """Label pixels (H, W); those too far away are left out; sky counts as no plant."""
     far = (drawn.depth_m > range_m) & np.isfinite(drawn.depth_m)
     return np.where(far, np.uint8(IGNORED), drawn.class_id)

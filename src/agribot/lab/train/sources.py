@@ -73,7 +73,7 @@ class WantedSet(NamedTuple):
 class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
     """The data; `tests` are sets without any training image, `problems` unreadable files.
 
-    `aside` are images that teach nothing and tell the temperatures of the confidence; None: leave
+    `aside` are images that only give the temperatures of the confidence; None: leave
     it as it is. Where no others are left for that, `has_tests_aside`: they are those of `tests`.
     `judge` looks at pictures that are for nothing but the curve of the training and its best step.
     """

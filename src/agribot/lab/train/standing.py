@@ -1,4 +1,4 @@
-"""The best network that a training has had so far, by what a judge says of it."""
+"""The best network of a training until now, by the score of a judge."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def _answer(deployed: DeployedNet, network: nn.Module, image_rgb: np.ndarray) ->
 def count_stems(maps: PlantMaps, plants: PlantTruth) -> Counts:
     """Count pairs of found and true stems of one class, those found, and those to be found.
 
-    A stem that fits a plant of which too little is seen counts as if it had not been found.
+    A stem that fits a plant with too few visible pixels counts as not found.
     """
     stems = find_stems(maps, LEAST_STEM_SCORE)
     found_kind = stems.kind_scores.argmax(axis=1)

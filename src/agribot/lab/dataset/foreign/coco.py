@@ -131,7 +131,7 @@ def _read_shape(annotation: _Annotation, name: str, size_px: tuple[int, int]) ->
 
 
 def _is_box(bbox: Any) -> bool:
-    """Return whether a shape without an outline may be a box: its sides are not 0."""
+    """Return whether a shape without an outline may be a box: not one of size 0."""
     is_list = isinstance(bbox, list) and len(bbox) == BOX_NUMBERS
     return not is_list or all(isinstance(side, int | float) and side > 0 for side in bbox[2:])
 
