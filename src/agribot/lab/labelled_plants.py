@@ -28,7 +28,7 @@ class LabelledPlants(NamedTuple):
 
 
 def find_instances(mask: Path) -> Path | None:
-    """Find the mask of instances that belongs to a mask of classes; None where there is none."""
+    """Find the mask of instances that belongs to a mask of classes, if any."""
     for name in INSTANCE_FOLDERS:
         path = mask.parent.parent / name / mask.name
         if path.is_file():

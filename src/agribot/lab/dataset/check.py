@@ -43,7 +43,7 @@ class CheckReport(msgspec.Struct, frozen=True, kw_only=True):
 
     `groups` and `annotated` are the files of each set of a collection, such as a day, and those
     that are image and mask. `pixel_ratio` is over all pixels of known class in readable pairs;
-    null where there are none.
+    null without such pixels.
     """
 
     folder: str

@@ -211,7 +211,7 @@ def _write_image(folder: Path, recipe: Recipe, index: int, picture: Rendering) -
 
 
 def depth_mm(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
-    """Convert (H, W) along the optical axis to mm; 0 where there is none or above 65.535 m."""
+    """Convert (H, W) along the optical axis to mm; 0 where unknown or above 65.535 m."""
     rounded = np.rint(np.where(np.isfinite(depth_m), depth_m, 0.0) * 1000.0)
     return np.where(rounded <= MOST_DEPTH_MM, rounded, 0.0).astype(np.uint16)
 

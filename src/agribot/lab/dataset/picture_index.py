@@ -29,7 +29,7 @@ class PictureIndex:
     def find(self, named: str) -> Path:
         """Find the picture of a name, with or without its folder and its ending.
 
-        Raises: LabelFileError: there is none, or more than one.
+        Raises: LabelFileError: no picture has the name, or more than one has.
         """
         wanted = PurePosixPath(named.replace("\\", "/"))
         is_named_whole = wanted.suffix.lower() in SUFFIXES

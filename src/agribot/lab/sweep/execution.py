@@ -30,7 +30,7 @@ class Assignment(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
-    """The report of a run, or why there is none."""
+    """The report of a run, or the reason why it is missing."""
 
     job: SweepJob
     report: Report | None = None

@@ -17,7 +17,7 @@ from agribot.core.whole_file import make_at_once
 from agribot.lab.train.plant_truth import DrawnView, PlantTruth, load_plants, save_plants
 
 LabelledImage = tuple[ByteArray, ByteArray]
-# Draws one scene and yields this number of views, with plants where the set has them.
+# Draws one scene and yields the given number of views, with plants where the set has them.
 SceneDrawer = Callable[[np.random.Generator, int], Iterator[LabelledImage | DrawnView]]
 
 ABOUT = "data.json"

@@ -70,7 +70,7 @@ def write_network(made: Path, target: Path) -> None:
 
 
 def read_card(model: str | Path) -> dict[str, Any]:
-    """Read the card beside the weights; empty where there is none."""
+    """Read the card beside the weights; empty without a card."""
     path = model_path(model).with_suffix(".json")
     try:
         card = json.loads(path.read_text(encoding="utf-8"))

@@ -73,8 +73,8 @@ class WantedSet(NamedTuple):
 class TrainingSource(msgspec.Struct, frozen=True, kw_only=True):
     """The data; `tests` are sets without any training image, `problems` unreadable files.
 
-    `aside` are images that only give the temperatures of the confidence; None: leave
-    it as it is. Where no others are left for that, `has_tests_aside`: they are those of `tests`.
+    `aside` are images that only give the temperatures of the confidence; None keeps it
+    unchanged. Where no others are left for that, `has_tests_aside`: they are those of `tests`.
     `judge` looks at pictures that are for nothing but the curve of the training and its best step.
     """
 
@@ -196,7 +196,7 @@ def _count_validation(args: argparse.Namespace) -> dict[str, int]:
 
 
 def _halve(name: str, images: int) -> dict[str, int]:
-    """Count those along rows and those in turns; nothing where there are none."""
+    """Count the images along rows and those in turns; empty for 0 images."""
     turns = images // 2
     return {f"{name}-rows": images - turns, f"{name}-turns": turns} if images else {}
 
