@@ -20,7 +20,7 @@ M = TypeVar("M", bound=wire.Message)
 
 
 class Never(wire.Message, frozen=True):
-    """A kind that nobody sends: whoever waits for it waits for the end of the line."""
+    """A kind that is never sent: a test that waits for it waits for the end of the line."""
 
 
 class Page:

@@ -29,7 +29,7 @@ M = TypeVar("M", bound=wire.Message)
 
 
 class Robot:
-    """The robot's end of the line: sends what it is told to, keeps every order it gets."""
+    """The robot's end of the line: sends what a test passes to it, keeps every order it gets."""
 
     def __init__(self, home: Path, address: Address | None = None) -> None:
         self.home = home

@@ -43,7 +43,7 @@ class SlowLine:
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
-        """Nothing passes either way, and nobody is told."""
+        """Nothing passes either way, and neither end is notified."""
         self._flows.clear()
         yield
         self._flows.set()

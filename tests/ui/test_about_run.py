@@ -1,4 +1,4 @@
-"""What the page is told of the robot before it starts."""
+"""What the page gets about the robot before it starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page's map is told of the ground."""
+"""What the page's map gets about the ground."""
 
 from __future__ import annotations
 

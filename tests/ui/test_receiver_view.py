@@ -1,4 +1,4 @@
-"""The page is shown what the GNSS receiver tells, and what it does not tell as missing."""
+"""The page shows what the GNSS receiver reports, and what it does not report as missing."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from tests.ui.messages import make_state
 
 
 def answering(robot: Robot, action: str, recording: str) -> threading.Thread:
-    """The robot's end: tells of the recording once it was asked for."""
+    """The robot's end: reports the recording once it was requested."""
 
     def run() -> None:
         robot.wait_for_event(action)

@@ -177,7 +177,7 @@ def test_a_server_that_cannot_load_its_recording_is_not_started_again(
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """So that nobody reads it half written."""
+    """Write so that no reader finds it half written."""
     beside = path.with_suffix(".part")
     beside.write_bytes(data)
     beside.rename(path)
@@ -245,7 +245,7 @@ def test_a_page_that_comes_back_sees_the_whole_run(tmp_path: Path) -> None:
 
 
 def next_change(page: Page) -> wire.ServerMessage:
-    """The next message that is part of the run so far, or a state."""
+    """The next message that is part of the run until now, or a state."""
     while True:
         message = page.receive_any()
         if isinstance(message, wire.TracePiece | wire.NewEvents | wire.State):
@@ -259,7 +259,7 @@ def test_the_end_of_a_process_is_told_in_words() -> None:
 
 
 class _Looking:
-    """A page that keeps what it is told."""
+    """A page that keeps what it receives."""
 
     session, name = "ann", "Ann"
 

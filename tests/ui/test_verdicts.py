@@ -22,7 +22,7 @@ from tests.record import record_samples as samples
 
 
 def tick(inbox: Inbox, heard: set[str], refusal: str | None = None) -> TickRecord:
-    """A tick that answers all that was asked so far, unless `refusal` is None."""
+    """A tick that answers all requests until now, unless `refusal` is None."""
     record = samples.ticks(1)[0]
     events, _ = inbox.drain(record.batch.t_s)
     heard |= {event.id for event in events}
@@ -35,7 +35,7 @@ def tick(inbox: Inbox, heard: set[str], refusal: str | None = None) -> TickRecor
 
 
 def ask(action: OperatorAction, refusals: list[str | None]) -> str:
-    """What a request is told while these ticks go by, the last one of them over and over."""
+    """What a request gets as answer during these ticks, the last one repeated."""
     inbox, heard = Inbox(), set[str]()
     desk = Verdicts(inbox)
     event = OperatorEvent(t_s=0.0, action=action, source="Ada", numbers=(1.0, 2.0))

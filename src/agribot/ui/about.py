@@ -1,4 +1,4 @@
-"""What the page's server is told when it starts, and the number of a run or recording."""
+"""What the page's server gets when it starts, and the number of a run or recording."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class RosPlaces(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class About(msgspec.Struct, kw_only=True):
-    """What the server is told once, when it starts."""
+    """What the server gets once, when it starts."""
 
     host: str
     port: int

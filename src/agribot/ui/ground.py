@@ -90,7 +90,7 @@ def read_field(path: Path) -> wire.Field:
 
 
 def read_field_or_datum(path: Path) -> wire.Field:
-    """Describe the same, or empty ground around the datum where the recording tells no more."""
+    """Describe the field as `read_field`, or empty ground around the datum if that is unknown."""
     try:
         return read_field(path)
     except AgribotError:

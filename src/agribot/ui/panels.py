@@ -21,7 +21,7 @@ Action = Callable[[], object]
 
 
 class Panel(NamedTuple):
-    """What the page is told, and the functions behind it."""
+    """What the page gets, and the functions behind it."""
 
     info: wire.PanelInfo
     read: Callable[[], Any] | None = None

@@ -16,7 +16,7 @@ from agribot.core.platforms import runs_in_real_time
 from agribot.ui import wire
 
 RATE_OVER_S = 2.0  # of fixes; a longer pause between two of them begins it anew
-STATUS_LATE_S = 5.0  # after which satellites, dilutions and corrections are told no more
+STATUS_LATE_S = 5.0  # age at which satellites, dilutions and corrections are no longer shown
 MOST_SHOWN = 64  # satellites; those that are used and strong first
 # How notes on the receiver's line and on its corrections begin, or go on after a "no".
 LINE_NOTE, CORRECTIONS_NOTE = "the link to the receiver", "corrections from "
@@ -25,7 +25,7 @@ LINE_NOTE, CORRECTIONS_NOTE = "the link to the receiver", "corrections from "
 class ReceiverView:
     """Follows the receiver tick by tick; `show` may be called from another thread.
 
-    What no source tells is None or empty. Ages are those at the time of the tick.
+    Values without a source are None or empty. Ages are those at the time of the tick.
     """
 
     def __init__(self, config: RunConfig) -> None:
@@ -125,7 +125,7 @@ def _measure_corrections_hz(before: GnssStatus | None, now: GnssStatus) -> float
 
 
 def _measure_use_ratio(before: GnssStatus | None, now: GnssStatus) -> float | None:
-    """Measure the share of corrections that the receiver used; None where it told of none."""
+    """Measure the share of corrections that the receiver used; None if it reported none."""
     if before is None or now.corrections_used is None or now.corrections_unused is None:
         return None
     used = now.corrections_used - (before.corrections_used or 0)
@@ -135,7 +135,7 @@ def _measure_use_ratio(before: GnssStatus | None, now: GnssStatus) -> float | No
 
 
 def _choose_shown(satellites: tuple[Satellite, ...]) -> list[wire.SeenSatellite]:
-    """Take as many as are shown, in the order that they were told."""
+    """Choose the satellites that are shown, in the order of the receiver."""
     best = sorted(satellites, key=lambda each: (not each.is_used, -each.snr_db))[:MOST_SHOWN]
     chosen = {(each.system, each.number) for each in best}
     return [

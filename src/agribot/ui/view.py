@@ -30,7 +30,7 @@ from agribot.record.events import Event
 from agribot.ui import wire
 from agribot.ui.receiver_view import ReceiverView
 
-SIGNALS_KEPT = 500  # ten seconds of ticks that nobody has asked for yet
+SIGNALS_KEPT = 500  # ten seconds of ticks that no page has asked for yet
 TRACE_STEP_M = 0.02
 PATH_STEP_M = 0.05
 TILT_SHARE = 0.02  # of each new sample of the accelerometer: half a second at 100 Hz
@@ -42,7 +42,7 @@ _LEVEL: dict[str, wire.EventLevel] = {
     "lost": "warn",
     "truth": "warn",
 }
-# What the page calls a mission that does not run, and that nobody stopped.
+# The page's names of a mission that does not run and was not stopped.
 _MODES: dict[MissionState, wire.Mode] = {
     "waiting": "waiting",
     "paused": "paused",
@@ -215,7 +215,7 @@ def shown_weed(track: Track) -> wire.Weed:
 
 
 def _shorten(value: float) -> float | None:
-    """Five decimals are enough to look at; a number that is none is left out."""
+    """Round to five decimals, enough for display; None for NaN and infinity."""
     return round(value, 5) if math.isfinite(value) else None
 
 

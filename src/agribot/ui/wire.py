@@ -69,7 +69,7 @@ Sample = list[float | None]
 
 
 class BadMessage(Exception):
-    """What came is none of the messages that may come there; `id` is that which it carries."""
+    """A message that is not one of those accepted there; `id` is the one it carries."""
 
     def __init__(self, reason: str, id: str = "") -> None:
         super().__init__(reason)
@@ -85,7 +85,7 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", tag=_
 
 
 class Request(Message, frozen=True, kw_only=True):
-    """A message that a verdict with its `id` answers; without one, only its refusal is told."""
+    """A message that a verdict with its `id` answers; without one, only its refusal is sent."""
 
     id: str = ""
 
@@ -112,7 +112,7 @@ class UseName(Request, frozen=True, kw_only=True):
 
 
 class TakeSeat(Request, frozen=True, kw_only=True):
-    """Operate the robot from now on; `force` takes the seat from whoever has it."""
+    """Operate the robot from now on; `force` takes the seat from its holder."""
 
     force: bool = False
 
@@ -200,7 +200,7 @@ PageMessage = Ping | Receipt | DriveByHand | PageRequest
 
 
 class GnssState(msgspec.Struct, frozen=True, kw_only=True):
-    """The newest fix; `quality` has the numbers of NMEA GGA field 6, 0 is none."""
+    """The newest fix; `quality` has the numbers of NMEA GGA field 6; 0 is no fix."""
 
     lat_deg: float
     lon_deg: float
@@ -233,7 +233,7 @@ class MissionProgress(msgspec.Struct, frozen=True, kw_only=True):
 class CalibrationProgress(msgspec.Struct, frozen=True, kw_only=True):
     """A calibration that is under way, or has ended and is not put aside yet.
 
-    `directions` are those that the compass has seen so far; null for any other.
+    `directions` are those that the compass has seen until now; null for any other.
     """
 
     kind: str
@@ -255,7 +255,7 @@ class ReplayProgress(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ImplementLine(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing that the implement tells of itself, in its own words."""
+    """One line of the implement's own status, in its own words."""
 
     name: str
     text: str
@@ -264,7 +264,7 @@ class ImplementLine(msgspec.Struct, frozen=True, kw_only=True):
 class ShownGate(msgspec.Struct, frozen=True, kw_only=True):
     """State of the last gate before the motors, the time from which on it is so, and why.
 
-    `reason` is empty where the state of the robot tells it already.
+    `reason` is empty where the state of the robot says it already.
     """
 
     state: GateState
@@ -401,11 +401,11 @@ class SeenSatellite(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
 
 
 class ReceiverState(Message, frozen=True, kw_only=True, tag="receiver"):
-    """What the GNSS receiver tells, once a second where it is new; null and empty: not told.
+    """The GNSS receiver's status, once a second where it is new; null and empty: not reported.
 
     Ages are those when the message was made. `quality` has the numbers of NMEA GGA field 6,
     `std_m` is 1 sigma of East and of North. `device` is where it is read from, empty for the
-    platform's own receiver. The counts are of all satellites, of which `satellites` has the most
+    platform's own receiver. The counts are of all satellites; `satellites` has the most
     important. `correction_hz` counts the messages of `caster` that were passed on, and
     `correction_use_ratio` is the share of those since the state before that the receiver says to
     have used. The troubles are for a person. `unmeasured` is how a place came about without
@@ -628,7 +628,7 @@ class Answer(Message, frozen=True, kw_only=True):
 
 
 class TickCounts(Message, frozen=True, kw_only=True):
-    """How much the robot's program has done so far: samples by sensor, and CPU time."""
+    """Totals of the robot's program until now: samples by sensor, and CPU time."""
 
     wall_s: float
     t_s: float
@@ -652,7 +652,7 @@ class Login(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LoginNeeded(msgspec.Struct, frozen=True, kw_only=True):
-    """All that a stranger is told."""
+    """All that a caller without a session gets."""
 
     version: str
     needs_login: bool = True
@@ -1029,7 +1029,7 @@ class ListedTopic(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TopicNetworkInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """One network or recording and its topics; `problem` says why there are none."""
+    """One network or recording and its topics; `problem` says why it has no topics."""
 
     source: str
     title: str

@@ -59,8 +59,8 @@ class Soil(NamedTuple):
     yaw_gain_ratio: float = 1.0
     crab_rad: float = 0.0
     yaw_shake_radps: float = 0.0
-    # From so far north on, wheels that turn by less than a part of what those of the other side
-    # do are held, and the robot stands while these spin.
+    # North of this, wheels that turn by less than a fraction of those of the other side are held,
+    # and the robot stands while the others spin.
     held_from_y_m: float = math.inf
     held_ratio: float = 0.15
 

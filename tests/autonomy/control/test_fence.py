@@ -137,7 +137,7 @@ def test_without_carrier_corrections_nothing_of_the_uncertainty_is_forgiven(
 def test_too_uncertain_for_where_it_is_the_robot_may_only_drive_away_from_the_edge(
     yaw_deg: float, drive: DriveCommand, may: bool
 ) -> None:
-    """It would stand for good otherwise, wherever somebody puts it down beside a field."""
+    """Otherwise a robot that is put down beside a field could never drive."""
     near = believed(10.0, 0.8, math.radians(yaw_deg), std_m=0.3)
     assert (Fenced()(replace_quality(near, GnssQuality.SINGLE), drive) == "") is may
 
@@ -149,7 +149,7 @@ def test_two_solutions_that_differ_do_not_even_let_it_drive_away() -> None:
 
 
 def split(estimate: Estimate, apart_m: float) -> Estimate:
-    """Two solutions differ by so much to the side, and each is good to 0.1 m."""
+    """Two solutions differ by `apart_m` to the side, and each is good to 0.1 m."""
     return msgspec.structs.replace(
         estimate, across_protection_m=apart_m + 0.1, across_plain_m=0.05, across_unknown_m=0.1
     )

@@ -25,7 +25,7 @@ FULL = DriveCommand(v_mps=1.0)
 
 
 class Machine:
-    """A robot with a contactor that does as it is told; `wheels` turn as they like, if not None."""
+    """A robot with a contactor that obeys; `wheels`, if not None, turn regardless of commands."""
 
     def __init__(self, *, has_contactor: bool = True) -> None:
         self.gate = Gate()
@@ -151,7 +151,9 @@ def test_the_power_comes_back_once_the_stop_is_cleared_and_all_wheels_stand(
     machine: Machine,
 ) -> None:
     run_away(machine)
-    machine.wheels = DriveCommand(v_mps=0.05)  # it rolls out, slower than what is told as running
+    machine.wheels = DriveCommand(
+        v_mps=0.05
+    )  # it rolls out, slower than what is reported as running
     machine.go(0.5, STOP, state="paused")
     machine.go(0.5, STOP, "clear_stop", state="paused")
     assert machine.sent.is_power_cut

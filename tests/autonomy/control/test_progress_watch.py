@@ -19,7 +19,7 @@ SPEED_MPS = 0.4
 
 
 class Ride:
-    """Wheels at 0.4 m/s; the robot keeps a part of their way, slides aside and turns as told."""
+    """Wheels at 0.4 m/s; the robot keeps a part of their way, slides aside and turns as set."""
 
     def __init__(self, quality: GnssQuality = GnssQuality.RTK_FIXED) -> None:
         self.watch = ProgressWatch(DRIVE)

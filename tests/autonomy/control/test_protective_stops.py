@@ -153,7 +153,7 @@ def test_who_clears_a_stop_of_their_own_has_not_accepted_a_fault_that_comes_late
     gate = Gate().cruise()
     gate.send(batch=faulty(gate, (WHEEL_NAMES[3],)))
     gate.send(STOP, state="paused", actions=("clear_stop",))
-    gate.cruise()  # the motor was mended
+    gate.cruise()  # the motor was fixed
     gate.send(STOP, state="paused", actions=("stop",))
     gate.send(STOP, state="paused", actions=("clear_stop",))
     dead = (WHEEL_NAMES[0],)

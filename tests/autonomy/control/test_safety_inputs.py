@@ -1,4 +1,4 @@
-"""What the motor board tells of itself stops the robot, and so does its silence."""
+"""Faults that the motor board reports stop the robot, and so does its silence."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ALL: tuple[SafetyInput, ...] = ("red button", "bumper", "battery", "motors")
 
 
 def telling(gate: Gate, **changes: object) -> SensorBatch:
-    """The batch of the next tick, with what the board tells in it."""
+    """The batch of the next tick, with the board's report in it."""
     t_s = gate.rover.t_s + TICK_S
     sample = msgspec.structs.replace(BoardSample(t_s=t_s, inputs=ALL), **changes)
     wheels = gate.rover.batch()

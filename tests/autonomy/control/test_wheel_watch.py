@@ -1,4 +1,4 @@
-"""Wheels, torque and gyro against what the motors were told, tick by tick."""
+"""Wheels, torque and gyro against the motor commands, tick by tick."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ PUSH_RADPS = 0.28 / DRIVE.wheel_radius_m
 
 
 def turning(speed_radps: float) -> Wheels:
-    """All wheels turn so, whatever they are told."""
+    """All wheels turn at this speed, whatever the command."""
     return lambda _: (speed_radps,) * 4
 
 
 class Bench:
     """A board that follows its commands by `wheels`, and a gyro that agrees with the wheels.
 
-    The board tells of its encoders so often; the gyro speaks in every tick.
+    The board sends its encoders at `rate_hz`; the gyro sends in every tick.
     """
 
     def __init__(self, wheels: Wheels = lambda told: told, rate_hz: float = 50.0) -> None:
@@ -298,7 +298,7 @@ def test_a_motor_without_torque_is_named_though_its_wheel_rolls_along(rate_hz: f
         "", "left front motor gives no torque while the others work",
     )  # fmt: skip
     assert after_s < 0.7
-    for effort_nm in ((0.0,) * 4, (0.01, 0.0, 0.01, 0.0), None):  # nobody works; nobody tells
+    for effort_nm in ((0.0,) * 4, (0.01, 0.0, 0.01, 0.0), None):  # no effort; not reported
         bench = Bench(rate_hz=rate_hz)
         bench.effort_nm = effort_nm
         assert bench.drive(AHEAD, 3.0)[2] == ""
@@ -362,7 +362,7 @@ def test_a_clod_that_holds_a_wheel_in_a_turn_is_climbed_and_no_fault(
 def test_a_gyro_that_tells_of_no_turn_while_the_robot_drives_on_is_told_within_a_second(
     turn_radps: float, rate_hz: float
 ) -> None:
-    """A robot steers against a gyro that is off until that tells of nothing."""
+    """A robot steers against the offset of its gyro until the gyro shows no rotation."""
     bench = Bench(rate_hz=rate_hz)
     turn = DriveCommand(v_mps=0.3, yaw_rate_radps=turn_radps)
     bench.drive(turn, 1.0)

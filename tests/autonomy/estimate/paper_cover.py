@@ -1,4 +1,4 @@
-"""Crop on the ground before a robot, as the cover of a picture that nobody took."""
+"""Crop on the ground before a robot, as the cover of an imaginary picture."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from tests.autonomy.estimate.noisy_rover import record, rows
 from tests.autonomy.estimate.playback import batches, error, localizer
 
 ABSURD = (1e300, -1e300, 1e155, -1e155, 1e30, 1e12, math.nan, math.inf, -math.inf)
-HIT = 3  # of so many messages that tell a number one is spoilt
+HIT = 3  # one of this many messages with a number is spoilt
 
 
 def beside(fix: GnssFix) -> dict[str, tuple[msgspec.Struct, ...]]:

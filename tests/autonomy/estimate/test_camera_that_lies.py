@@ -1,4 +1,4 @@
-"""A camera that is knocked aside, slides off or is mirrored, with a receiver that cannot tell."""
+"""A camera that is knocked aside, slides off or is mirrored; the receiver cannot detect it."""
 
 from __future__ import annotations
 

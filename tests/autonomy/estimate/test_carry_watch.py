@@ -1,4 +1,4 @@
-"""A robot that is carried or pushed aside is told from one whose wheels slip."""
+"""A robot that is carried or pushed aside is distinguished from one whose wheels slip."""
 
 from __future__ import annotations
 

@@ -333,7 +333,7 @@ def test_a_frozen_camera_is_named_and_corrects_nothing() -> None:
 
 
 def test_the_agreement_of_camera_and_fixes_does_not_depend_on_the_pose() -> None:
-    """Both are told against the pose: one that is wrong drops out."""
+    """Both are relative to the pose, so that an error of the pose cancels."""
     for pose_off_m in (0.0, 0.5):
         agreement = RowAgreement()
         for i in range(60):

@@ -182,7 +182,7 @@ def test_bias_and_scale_are_taken_out_of_the_motion() -> None:
 
 
 def test_a_way_that_is_doubted_and_then_told_moves_the_position_as_much() -> None:
-    """Of a way off by a decimetre and told to a centimetre the position takes all but a part."""
+    """The position takes nearly all of a way that is off by 10 cm and stated to 1 cm."""
     ekf = Ekf([0.02] * WAY_X, row_yaw_rad=0.0)
     ekf.doubt_way(0.3**2)
     ekf.update(((WAY_X, 1.0),), 0.1, 0.01**2)

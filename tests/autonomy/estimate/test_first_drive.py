@@ -26,7 +26,7 @@ def first_complaint(recording: Recording, about: str, into: Localizer | None = N
 
 
 def turn_compass(recording: Recording, by_deg: float) -> Recording:
-    """Mount the magnetometer so that it shows headings by so much too far left."""
+    """Mount the magnetometer so that it shows headings `by_deg` too far left."""
     cos, sin = math.cos(math.radians(by_deg)), math.sin(math.radians(by_deg))
     mag = [
         msgspec.structs.replace(each, field_t=(cos * x + sin * y, cos * y - sin * x, z))

@@ -141,7 +141,7 @@ def test_velocities_that_suddenly_only_scatter_do_not_turn_the_robot_over(
 
 
 def test_a_heading_that_is_wrong_is_still_put_right_by_the_velocity() -> None:
-    """Whoever turned the robot by hand leaves the same residual in every fix, unlike noise."""
+    """A robot that was turned by hand has the same residual in every fix, unlike noise."""
     recording = record(rows, 20.0, seed=1, errors=RTK)
     into = localizer()
     for batch in batches(recording):

@@ -51,7 +51,7 @@ def test_a_turn_that_cost_the_wheels_half_a_metre_is_past_once_the_camera_held_t
 def test_what_the_camera_has_not_decided_stays_open_when_the_robot_turns_off() -> None:
     drive = Drive()
     drive.go(6.0)
-    drive.ekf.x[X] += LOST_M  # along the row, which its plants do not tell
+    drive.ekf.x[X] += LOST_M  # along the row, which its plants do not show
     drive.go(1.0, is_held=True)
     assert drive.go(0.5).across_m < 0.2
     drive.ekf.x[YAW] = math.pi / 2.0

@@ -167,7 +167,7 @@ def turned_standing(recording: Recording, rate_radps: float, begin_s: float) -> 
 def test_soft_ground_that_turns_a_standing_robot_is_not_taken_for_the_bias_of_its_gyro(
     rate_deg_per_s: float,
 ) -> None:
-    """The compass has fallen silent: the gyro alone tells that the robot turns, wheels or not."""
+    """The compass is silent: only the gyro shows that the robot turns, with or without wheels."""
     recording = turned_standing(record(stand, 40.0, seed=4), math.radians(rate_deg_per_s), 30.0)
     estimates = play(recording)
     before_deg = yaw_error_deg(recording, at(estimates, 29.0))

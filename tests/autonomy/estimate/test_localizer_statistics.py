@@ -78,7 +78,7 @@ def test_errors_match_the_stated_covariance(
 
 @over_seeds
 def test_noisy_compass_is_noticed_and_the_heading_stays_honest(seeds: Sequence[int]) -> None:
-    """Nobody told the filter that this compass has 16 degrees instead of 4."""
+    """The filter assumes 4 degrees for this compass, which has 16."""
     yaw_nees = []
     deviations: list[float] = []
     for recording, estimates in runs(NOISY_COMPASS, seeds):

@@ -1,4 +1,4 @@
-"""Which row this is: told by what grows beside it, asked where that fits another row better."""
+"""Which row this is: known by what grows beside it, asked where that fits another row better."""
 
 from __future__ import annotations
 

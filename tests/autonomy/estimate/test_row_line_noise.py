@@ -30,7 +30,7 @@ def look(
     outlier_ratio: float = 0.0,
     seed: int = 0,
 ) -> RowLineNoise:
-    """Eight seconds of lines whose noise is so many times what they state."""
+    """Eight seconds of lines with `off_times` and `turned_times` the noise they state."""
     rng, noise = np.random.default_rng(seed), RowLineNoise()
     for t_s in np.arange(0.0, 8.0, step_s).tolist():
         off_m = aside_m(t_s) + rng.normal(0.0, off_times * STATED_M)

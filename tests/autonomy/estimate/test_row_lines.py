@@ -1,4 +1,4 @@
-"""Row lines: which row is told by the pose, outliers are kept out, a lost row is found again."""
+"""Row lines: the pose decides which row, outliers are kept out, a lost row is found again."""
 
 from __future__ import annotations
 
@@ -247,7 +247,7 @@ def test_numbers_that_are_none_and_times_that_run_back_are_refused() -> None:
 
 
 def scene(t_s: float, line: RowLine | None) -> Scene:
-    """A frame with a row line and a crop plant that tells of quite another row."""
+    """A frame with a row line and a crop plant of quite another row."""
     plant = GroundPlant(
         x_body_m=1.0, y_body_m=0.1, plant=PlantClass.CROP, area_m2=0.05, confidence=0.9, std_m=0.02
     )

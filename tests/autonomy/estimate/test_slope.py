@@ -91,7 +91,7 @@ def test_a_robot_that_turns_on_a_slope_is_expected_to_slide_downhill_and_on_the_
 
 @pytest.mark.parametrize("std_m", [0.2, MissionConfig().max_row_std_m - 0.01])
 def test_a_robot_that_may_still_drive_still_uses_the_crop(std_m: float) -> None:
-    """Whoever drives without looking only loses the row the more, after a turn on a slope say."""
+    """A robot that ignores the crop is more likely to lose the row, as after a turn on a slope."""
     ekf = Ekf([std_m, std_m, 0.02, *[1e-3] * 7, 0.0], row_yaw_rad=math.pi / 2.0)
     field = FieldConfig(plant_spacing_m=2.0)
     ekf.x[X], ekf.x[Y], ekf.x[YAW] = 3.0 + 0.1, 4.0, math.pi / 2.0

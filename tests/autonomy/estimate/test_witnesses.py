@@ -133,7 +133,7 @@ def test_a_person_who_believes_the_fixes_that_crept_goes_on_with_them() -> None:
 
 
 def scattering(mps: float) -> Recording:
-    """Velocities that scatter by so much more than they state."""
+    """Velocities that scatter by `mps` more than they state."""
     rng = np.random.default_rng(7)
 
     def shake(fix: GnssFix) -> GnssFix:
@@ -160,7 +160,7 @@ def test_velocities_that_scatter_ten_times_as_stated_are_named_and_weigh_less() 
 
 
 def scattered(seed: int, std_m: float) -> Recording:
-    """Positions that scatter by so much beside what they state, 1.4 cm."""
+    """Positions that scatter by `std_m`, and state 1.4 cm."""
     rng = np.random.default_rng(seed)
 
     def shake(fix: GnssFix) -> GnssFix:

@@ -37,7 +37,7 @@ def spray(
     beside: Places = BESIDE,
     beside_row_m: float = 0.4,
 ) -> set[str]:
-    """What gets wet of crops and of weeds beside their row, all under leaves that tell no stem."""
+    """What gets wet of crops and of weeds beside their row, all under leaves that show no stem."""
     crops = {f"crop{i}": place for i, place in enumerate(truth)}
     weeds = {f"weed{i}": place for i, place in enumerate(beside)}
     field = Field(sprayer=FINE, latency_s=FINE.latency_s, plants=crops | weeds)
@@ -58,7 +58,7 @@ def test_no_other_rule_sprays_leaves_that_tell_no_stem(leaves: LeafRule) -> None
 
 
 def test_every_other_plant_of_a_row_may_be_missing_from_the_map() -> None:
-    """A crop that nobody found stands in line with those that were found: it stays dry."""
+    """A crop that was not found stands in line with those that were found: it stays dry."""
     assert spray(ROW[::2], ROW) == {f"weed{i}" for i in range(len(BESIDE))}
 
 

@@ -1,4 +1,4 @@
-"""Beside the rows, nozzles open where the looks suspect weeds of which none is on the map."""
+"""Beside the rows, nozzles open where the looks suspect weeds that are not on the map."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Crop pixels, told as cells of the ground."""
+"""Crop pixels as cells of the ground."""
 
 from __future__ import annotations
 

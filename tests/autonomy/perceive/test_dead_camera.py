@@ -1,4 +1,4 @@
-"""A camera that shows nothing tells nothing."""
+"""A camera that shows nothing is no evidence."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ PAIR = ((0.9, 0.1, 0.05, CROP), (0.9, -0.15, 0.05, WEED))
 
 
 def misname(class_map: ClassMap, disc: int, wrong_ratio: float, sure: float) -> ClassMap:
-    """Give so much of the leaves of a disc the other name, all its pixels so sure of theirs."""
+    """Give `wrong_ratio` of a disc's pixels the other name, all with the confidence `sure`."""
     class_id, confidence = class_map.class_id.copy(), class_map.confidence.copy()
     rows, columns = np.nonzero(number_pixels(*PAIR) == disc)
     wrong = rows[: round(wrong_ratio * len(rows))], columns[: round(wrong_ratio * len(rows))]

@@ -60,7 +60,7 @@ def seen(discs: list[Disc]) -> RowLine | None:
 def errors(
     line: RowLine, offset_m: float, heading_rad: float, bend_m: float = math.inf
 ) -> tuple[float, float]:
-    """Of offset and heading, in sigmas, against the row where the line is told."""
+    """Errors of offset and heading, in sigmas, against the row where the line is stated."""
     assert line.offset_m is not None
     assert line.heading_rad is not None
     ahead_m = line.at_ahead_m

@@ -123,7 +123,7 @@ def test_a_robot_that_only_knows_little_creeps_on_until_it_may_see_its_row_again
     for change in (
         {"fact": PictureFrozen(0.05)},
         {"across_unknown_m": 0.66 / 1.6},  # the GNSS may lie
-        {"row_seen": None},  # neither a camera nor corrections will tell
+        {"row_seen": None},  # neither a camera nor corrections show it
     ):
         assert CropGuard().judge(msgspec.structs.replace(unsure, **change), LIMIT_M)
 
@@ -139,7 +139,7 @@ def test_without_a_camera_and_corrections_it_stands_at_the_limit_until_a_person_
 
 
 class Ride:
-    """A mission over two rows of 4 m, its robot wherever it should be."""
+    """A mission over two rows of 4 m, its robot always where it should be."""
 
     def __init__(self) -> None:
         rows = lay_rows(FieldConfig(row_count=2, row_length_m=4.0))

@@ -1,4 +1,4 @@
-"""Stuck, the robot backs out as it came and tries again, a few times at one place."""
+"""Stuck, the robot backs out along its own track and tries again, a few times at one place."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Drive:
         clearance_m: float = math.inf,
         protection_m: float = 0.0,
     ) -> None:
-        """`clod_m` along the first row there is a clod that holds it so many times."""
+        """`clod_m` along the first row a clod holds it a number of times."""
         self.mission = Mission(PaperTask(plan, ROWS, clearance_m=clearance_m), config)
         self.protection_m = protection_m
         self.clod_north_m, self.holds = 2.0 + clod_m, holds

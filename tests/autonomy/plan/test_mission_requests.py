@@ -192,7 +192,7 @@ def test_a_new_task_is_not_asked_about_what_an_earlier_run_was_sent_to() -> None
 
 
 class Later:
-    """A planning host that answers when it is told to."""
+    """A planning host that answers when the test lets it."""
 
     def __init__(self) -> None:
         self.is_ready = True

@@ -1,4 +1,4 @@
-"""A mission that is cut off goes on where it was; skipped rows, the way home, what is told."""
+"""A mission that is cut off goes on where it was; skipped rows, the way home, the reports."""
 
 from __future__ import annotations
 

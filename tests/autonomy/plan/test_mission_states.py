@@ -23,7 +23,7 @@ ROWS = lay_rows(TWO_ROWS)
 
 
 class Ride:
-    """A robot that is wherever the test puts it, 50 times a second."""
+    """A robot that is where the test puts it, 50 times a second."""
 
     def __init__(self, mission: Mission) -> None:
         self.mission = mission

@@ -1,4 +1,4 @@
-"""Every request that carries an id is told what became of it, and of no other."""
+"""Every request that carries an id gets its own result, and no other."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def ask(
 def step(
     drive: Drive, where: tuple[float, float], *events: OperatorEvent, v_mps: float = 0.0
 ) -> dict[str, str]:
-    """One tick; what was told in it, by the id of the request."""
+    """One tick; the answers in it, by the id of the request."""
     drive.t_s += 0.02
     here: Estimate = msgspec.structs.replace(at(*where, drive.t_s), v_mps=v_mps)
     answers = drive.mission.step(here, events).status.answers

@@ -121,7 +121,7 @@ def test_what_was_not_seen_before_a_crash_is_not_forgotten() -> None:
 
 
 def work(log: RowLog, row: int, metres: Sequence[tuple[float, Doubt]], t_s: float) -> None:
-    """Drive through a stretch, so many metres with each doubt; the path goes on from stretch 0."""
+    """Drive through a stretch, some metres with each doubt; the path goes on from stretch 0."""
     s_m = 10.0 * row
     log.work(row, 0.0, s_m, t_s)
     for length_m, doubt in metres:

@@ -1,4 +1,4 @@
-"""What a plan for a wider tool leaves of the ground is told with its size."""
+"""The ground that a plan for a wider tool leaves out is reported with its size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Places to visit take the place of the mission, wherever it is."""
+"""Places to visit replace the mission at any point of it."""
 
 from __future__ import annotations
 

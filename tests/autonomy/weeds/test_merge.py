@@ -18,7 +18,7 @@ STD_M = 0.02
 
 
 def runs(count: int = 3, seen_ratio: float = 0.97) -> tuple[list[PlantTable], np.ndarray]:
-    """Several passes over one field, each of which misses some plants; and the true places."""
+    """Several passes over one field, each missing some plants; and the true places."""
     places_m = scatter(1200, seed=5)
     maps = []
     for number in range(count):

@@ -127,7 +127,7 @@ def test_on_a_later_pass_a_plant_stands_where_it_is_seen_then() -> None:
 
 
 def test_many_sightings_of_a_pass_are_worth_more_than_the_first_as_the_pose_grows_unsure() -> None:
-    """A pose that nobody corrects grows unsure; the nearest looks at a plant are the best still."""
+    """A pose without corrections grows unsure; the nearest looks at a plant are the best still."""
     weed_map = WeedMap(WeedConfig())
     for look in range(30):
         t_s, is_far = 0.1 * look, look < 8

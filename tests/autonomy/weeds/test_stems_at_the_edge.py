@@ -21,7 +21,7 @@ def make_plant(x_body_m: float, seen_height_m: float | None) -> GroundPlant:
 
 
 def drive_by(ahead_m: float, seen_height_m: float | None, frames: range) -> WeedMap:
-    """Drive 4 cm a frame past a plant that stands so far ahead at first; see it in these frames."""
+    """Drive 4 cm a frame past a plant that starts this far ahead; see it in these frames."""
     weed_map = WeedMap(WeedConfig())
     for index in range(frames.stop):
         t_s, way_m = 0.1 * index, 0.04 * index

@@ -16,7 +16,7 @@ TICK_S = 0.02
 
 
 def look(*scores: float) -> WeedMap:
-    """The map after looks from one place, each of which is so sure of a weed at `PLACE_M`."""
+    """The map after looks from one place, each with this confidence in a weed at `PLACE_M`."""
     weed_map = WeedMap(WeedConfig())
     for number, score in enumerate(scores):
         weed_map.track_pose(make_estimate(TICK_S * number, 0.0, 0.0, 0.0, v_mps=0.0))

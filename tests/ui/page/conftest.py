@@ -128,7 +128,7 @@ def context(
 
 
 def describe(page: Page) -> str:
-    """What a page shows and knows, for whoever has to find out why its test failed."""
+    """What a page shows and knows, to find out why its test failed."""
     try:
         page.locator("body").wait_for(timeout=1000 * ANSWERS_WITHIN_S)  # evaluate waits for ever
         return f"{page.url}: {page.evaluate(FACTS)}"

@@ -108,7 +108,7 @@ def path() -> list[wire.Vec2]:
 
 
 class FakeRobot:
-    """Where the robot is at a time, what it was told, and every command it was sent."""
+    """Where the robot is at a time, its requests, and every command it was sent."""
 
     def __init__(self, weeds: int = 400) -> None:
         self.random = np.random.default_rng(7)

@@ -25,7 +25,7 @@ pytestmark = nightly.by_day(
     "::test_calibrations_asked_for_before_an_undo_do_not_come_back_with_a_late_answer",
 )
 
-# The rows lie so far away that a way leads to them from wherever a drive has been ended.
+# The rows lie far enough that a way leads to them from any end of a drive.
 WORDS = [
     'world="empty"', "field.start_map_m=[0.0,0.0]", "field.start_yaw_deg=90.0",
     "field.first_row_start_map_m=[30.0,2.0]", "field.obstacles_map_m=[]",

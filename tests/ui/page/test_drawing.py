@@ -217,7 +217,7 @@ def test_a_boundary_is_recorded_by_driving_along_it(page: Page, server: FakeServ
 def test_nothing_was_kept_or_asked_elsewhere_meanwhile(
     page: Page, server: FakeServer, asked: list[str]
 ) -> None:
-    """What is drawn touches no saved field, and drawing needs nobody but the robot."""
+    """What is drawn touches no saved field, and drawing needs only the robot."""
     assert [each for each in server.requests if each.startswith(("PUT", "DELETE"))] == []
     assert [url for url in asked if not url.startswith((server.address, "data:", "blob:"))] == []
 

@@ -25,7 +25,7 @@ SAVE = "fetch('/api/v1/settings', {method: 'PATCH', body: '{}'}).then((answer) =
 
 @contextmanager
 def served(home: Path, track: int, host: str = "127.0.0.1", port: int = 0) -> Iterator[Robot]:
-    """A robot that has driven so many points."""
+    """A robot with this many points driven."""
     robot = Robot(home, Address(host=host, port=port))
     robot.answers[wire.ListPanels] = []
     robot.start()

@@ -1,4 +1,4 @@
-"""The Health screen shows the GNSS receiver, and what it does not tell as missing, in red.
+"""The Health screen shows the GNSS receiver, and what it does not report as missing, in red.
 
 One page shows them all.
 """
@@ -57,7 +57,7 @@ def card_of(page: Page) -> Locator:
 
 
 def fact(page: Page, name: str) -> Locator:
-    """What is told under a name."""
+    """The text shown under a name."""
     return card_of(page).locator("dt", has_text=name).locator("xpath=following-sibling::dd")
 
 

@@ -258,7 +258,7 @@ def test_keys_drive_while_held_and_steer(open_page: OpenPage, server: FakeServer
 
 
 def hold_ahead(page: Page, server: FakeServer) -> None:
-    """Hold the key that drives ahead until the robot is told to."""
+    """Hold the key that drives ahead until the robot gets the command."""
     hold(
         page,
         lambda: drives_within(server, [0.1, 2.0]),

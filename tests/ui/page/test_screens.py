@@ -190,7 +190,7 @@ def test_a_late_answer_leaves_what_was_typed_meanwhile(
 
 
 def calibrate_compass(server: FakeServer, phase: wire.CalibrationPhase) -> None:
-    """Another stage, of which the page asks for more."""
+    """Another stage; the page requests its details."""
     server.robot.calibration = wire.CalibrationProgress(
         kind="compass", phase=phase, motion="", share=1.0, reason="", directions=None
     )

@@ -31,7 +31,7 @@ SETTINGS = ["--set", "perception.enabled=false", "--set", "seed=1"]
 STATE = "window.__agribot.state()"
 FIELD = Path(__file__).parents[3] / "examples" / "field.geojson"
 GOAL = (-1.0, 4.0)
-PACE = 4.0  # nobody drives by hand here, and an open page costs by the second
+PACE = 4.0  # no manual driving here, and an open page costs by the second
 
 
 @pytest.fixture(scope="module")

@@ -123,7 +123,7 @@ def test_displays_take_topics_of_ros_are_drawn_and_grow_pale_when_they_stop(
 
 
 def is_disparity_shown(page: Page) -> bool:
-    """Tell whether the picture at the top runs from blue to red."""
+    """Whether the picture at the top runs from blue to red."""
     box = page.locator(".map").bounding_box()
     assert box is not None
     picture = Image.open(io.BytesIO(page.locator(".map").screenshot())).convert("RGB")

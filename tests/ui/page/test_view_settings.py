@@ -29,8 +29,8 @@ pytestmark = nightly.by_day(
 MAP = "window.__agribot.map"
 ON_FIRST_ROW_M, ON_SECOND_ROW_M = 6.0, 20.0  # along the path: eastwards, then back
 
-# A banner comes, goes, and is here once more for a moment between two frames, which no observer of
-# sizes is told.
+# A banner comes, goes, and is here once more for a moment between two frames, which an observer
+# of sizes does not see.
 BANNER = """() => new Promise((resolve) => {
   const map = document.querySelector('.map'), place = map.parentElement
   const has = (banner) => { place.style.marginBottom = banner ? '48px' : '0' }

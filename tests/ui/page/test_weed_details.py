@@ -33,7 +33,7 @@ def test_the_card_of_a_plant_follows_what_becomes_of_it(
     page.evaluate("document.querySelector('.details figcaption').dataset.isSame = 'yes'")
     robot.say(wire.WeedChanges(set=[msgspec.structs.replace(make_weed(2), treated_s=83.0)]))
     expect(treated).to_have_text("Treated1:23")
-    expect(picture).to_have_attribute("data-is-same", "yes")  # nobody is asked for it again
+    expect(picture).to_have_attribute("data-is-same", "yes")  # it is not requested again
     robot.say(wire.WeedChanges(gone=[2]))
     expect(card).to_contain_text("Plant 2 is not on the map any more.")
     page.get_by_role("button", name="Plant before").click()

@@ -12,10 +12,10 @@ CLOSE_TIMEOUT_S = 2.0
 class BlockingSocket:
     """Opened and closed as a context. A thread of its own does all the reading and writing.
 
-    One thread, because OpenSSL lets nobody write to an encrypted connection while somebody reads
-    from it (openssl-threads(7)): `websockets.sync` does both at once, and loses connections.
+    One thread, because OpenSSL allows no write to an encrypted connection during a
+    read from it (openssl-threads(7)): `websockets.sync` does both at once, and loses connections.
 
-    Raises: OSError: nobody answers within the timeout, the other side refuses or is gone.
+    Raises: OSError: no answer within the timeout, the other side refuses or is gone.
     """
 
     def __init__(

@@ -49,7 +49,7 @@ class HandRates(msgspec.Struct, frozen=True, kw_only=True):
     forward_mps: float = 0.8
     backward_mps: float = 0.5
     rotation_radps: float = 1.0
-    # A terminal tells of pressed keys only, again and again; of a mouse it is asked.
+    # A terminal repeats pressed keys and reports no release; mouse events have to be requested.
     hold_s: float = 0.4
     scale: float = 1.0
 

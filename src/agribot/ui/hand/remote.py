@@ -151,7 +151,7 @@ class Remote:
     def _receive(self, timeout_s: float) -> wire.ServerMessage | None:
         """Receive one message; None when none comes in time.
 
-        Raises: PlatformError: the line is cut, the seat is lost, or nobody there speaks so.
+        Raises: PlatformError: the connection or the seat is lost, or no AGRIBOT server answers.
         """
         try:
             data = self._line.receive(timeout_s)

@@ -23,9 +23,9 @@ NO_BUTTON = -1
 
 
 def find_commands(tree: Any) -> dict[str, Any]:
-    """Find the commands of a table by their places in the file; empty where there is none.
+    """Find the commands of a table by their places in the file; empty without any.
 
-    Raises: ValueError: what teleop_twist_joy is told cannot be done here.
+    Raises: ValueError: a setting of teleop_twist_joy that is not supported here.
     """
     if not isinstance(tree, dict):
         return {}

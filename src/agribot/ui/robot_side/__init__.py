@@ -1,1 +1,1 @@
-"""The robot's end of the page: what a run shows, and what it is told."""
+"""The robot's end of the page: the states of a run, and the requests to it."""

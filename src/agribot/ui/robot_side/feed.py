@@ -1,6 +1,6 @@
 """From the robot to the page's server: newest state first, nothing that a slow page could hold up.
 
-The control loop only leaves its newest record here. A thread of its own tells the server, at
+The control loop only leaves its newest record here. A separate thread sends to the server, at
 its own pace: states by their newest value, everything that grows (trace, events, weeds) by what
 is new since the last time. A server that stalls therefore loses old states and nothing else.
 """
@@ -22,7 +22,7 @@ from agribot.ui import wire
 from agribot.ui.view import RunView, shown_event, shown_weed, thin_path
 
 STATE_HZ = 30.0
-RECEIVER_EVERY = 30  # states between two looks at what the GNSS receiver tells
+RECEIVER_EVERY = 30  # states between two looks at the GNSS receiver's status
 SLOW_EVERY = 10  # states between two looks at weeds, events and path
 TRACE_CHUNK = 2000
 
@@ -42,7 +42,7 @@ class FeedSource(Protocol):
 
 
 class Feed:
-    """`send` takes one encoded message and may block; it raises OSError once nobody listens."""
+    """`send` takes one encoded message and may block; raises OSError once the other end closed."""
 
     def __init__(self, view: RunView, source: FeedSource, send: Callable[[bytes], None]) -> None:
         self._view, self._source, self._send = view, source, send

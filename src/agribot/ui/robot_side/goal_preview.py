@@ -18,8 +18,8 @@ def preview_goal(
 ) -> wire.GoalPreview:
     """Way, length and least time to a goal (x, y and perhaps yaw).
 
-    The robot is not told; what it finds once it has stopped may differ by the way it rolled.
-    Raises: MissionError: why there is none.
+    The robot gets no command; its way from standstill may differ by the distance it rolls out.
+    Raises: MissionError: there is no way; the text says why.
     """
     if not estimate.ok or not math.isfinite(estimate.x_map_m + estimate.y_map_m):
         raise MissionError("the robot does not know where it is")

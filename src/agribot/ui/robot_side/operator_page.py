@@ -37,7 +37,7 @@ from agribot.ui.settings import show_changes
 from agribot.ui.view import RunView
 
 SERVER = "the page's server"
-SERVER_SILENT_S = 3.0  # of a server that hangs: it does not tell that its operator is lost
+SERVER_SILENT_S = 3.0  # of a server that hangs: it does not report that its operator is lost
 
 
 class OperatorPage:
@@ -124,7 +124,7 @@ class OperatorPage:
         return 1.0 if is_driving else math.inf
 
     def close(self) -> None:
-        """Tell the pages that it is over and end the server. Safe to call twice."""
+        """Send the end to the pages and end the server. Safe to call twice."""
         self._plants.close()
         takes_nothing = not self._close_feeds()  # any more, not even a goodbye
         self.server.close(at_once=takes_nothing)

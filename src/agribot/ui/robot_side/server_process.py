@@ -1,7 +1,7 @@
 """The page's server as a process of its own, with two lines to it: states and pictures.
 
-When it dies it is started again. The robot's side keeps the listening socket, so that nobody else
-gets the port meanwhile and pages that connect wait in its queue; tokens and the key of the
+After a crash it is started again. The robot's side keeps the listening socket: no other program
+gets the port meanwhile, and pages that connect wait in its queue; tokens and the key of the
 sessions stay the same, so that pages come back logged in, and so does the number of the run, by
 which pages know that it is not another one.
 """
@@ -30,13 +30,13 @@ READY_TIMEOUT_S = 30.0
 # Pages have given up their lines by then; a slow machine needs far less for the longest step.
 HANG_S = 10.0
 PAUSES_S = (0.0, 1.0, 2.0, 5.0, 10.0, 30.0)  # before it is started again, the longer the oftener
-STEADY_S = 60.0  # after so long it counts as started for the first time
+STEADY_S = 60.0  # uptime after which the pauses begin anew
 END = wire.encode(wire.End())
 READY = wire.encode(wire.Ready())  # it serves; it may have said before that its loop goes round
 
 
 def report(text: str) -> None:
-    """To whoever looks at the terminal."""
+    """Write to the terminal."""
     sys.stderr.write(f"{text}\n")
     sys.stderr.flush()
 

@@ -23,7 +23,7 @@ class Tokens(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 def read_or_make_tokens(path: Path) -> Tokens:
-    """From a file that its owner alone may read; where there is none it is made.
+    """Read tokens from a file that its owner alone may read; make it if it is missing.
 
     Raises: ConfigError: it cannot be read or made, holds no tokens, or others may read it.
     """

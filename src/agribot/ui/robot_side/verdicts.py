@@ -40,10 +40,10 @@ class Verdicts:
                 asked.is_settled.set()
 
     def ask(self, event: OperatorEvent) -> str:
-        """Post a request; why it is refused, or nothing.
+        """Post a request; return why it is refused, or "".
 
-        A goal that takes long to settle counts as taken: the robot still rolls out, and what
-        becomes of it is told by the mission's state.
+        A goal that takes long to settle counts as taken: the robot still rolls out, and the
+        mission's state shows what becomes of it.
         """
         id = f"page-{next(self._numbers)}"
         asked = self._asked[id] = _Asked()

@@ -3,8 +3,8 @@
 A browser shows its origin and carries a cookie; a program shows no origin and carries a bearer
 token. On the machine itself a page needs no token, on the network every page does.
 
-A session is a signed cookie: the server keeps nothing of it, so that nobody can push another one
-out, and a server that is started again knows its browsers.
+A session is a signed cookie: the server stores none, so that no client can push another one out,
+and a server that is started again knows its browsers.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ OPEN_FOLDERS = ("/assets/",)
 
 
 class Caller(msgspec.Struct, frozen=True, kw_only=True):
-    """`session` is empty where a browser has none yet; `role` is None for an unknown visitor.
+    """`session` is empty for a browser without one; `role` is None for an unknown visitor.
 
     `cookie` is the renewed one where the browser's has grown old.
     """
@@ -97,8 +97,8 @@ class Access:
     def login(self, token: str, address: str) -> str | Refusal:
         """Make the cookie of a new session for the owner of a token.
 
-        The right token counts at once, whoever else guesses from the same address: behind a proxy
-        all have one. Only wrong ones are counted, and told to wait.
+        The right token counts at once, also while others guess from the same address: behind a
+        proxy all share one. Only wrong tokens are counted and have to wait.
         """
         role = self._role_of(token)
         if role is not None:
@@ -163,5 +163,5 @@ def read_boot_id() -> str:
 
 
 def _is_open(path: str) -> bool:
-    """List what a browser needs to show the login; none of it tells of the robot."""
+    """Whether a browser needs this path to show the login; none of these shows the robot."""
     return path in OPEN_PATHS or path == "/api/v1/session" or path.startswith(OPEN_FOLDERS)

@@ -14,7 +14,7 @@ class Allowance:
         self._left, self._at_s = float(MAX_BURST), now_s
 
     def take(self, now_s: float, cost: float = 1.0) -> bool:
-        """Whether so much more is within the limit."""
+        """Whether another `cost` is within the limit; if it is, count it."""
         refill = (now_s - self._at_s) * MAX_FRAMES_PER_S
         self._left, self._at_s = min(self._left + refill, MAX_BURST), now_s
         if self._left < cost:

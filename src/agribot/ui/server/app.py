@@ -70,7 +70,7 @@ class RequestGate:
         await self._app(scope, receive, send)
 
     def _renewal(self, path: str, cookie: str) -> list[tuple[bytes, bytes]]:
-        """Renew a session in use, by answers that are in nobody's cache and set no other cookie."""
+        """Renew a session in use, by answers that no cache keeps and that set no other cookie."""
         if not cookie or not path.startswith("/api/") or path == LOGIN:
             return []
         renewed = _with_cookie(Response(), self._hub.access, cookie)

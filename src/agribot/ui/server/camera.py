@@ -165,7 +165,7 @@ class Viewer:
             self._camera.leave(id(self))
 
     def _note_drawing(self) -> None:
-        if self._sent_s:  # whoever gives back more than it got gains nothing
+        if self._sent_s:  # a page that acknowledges more than it got gains nothing
             self._ladder.note_drawing(time.monotonic() - self._sent_s.popleft())
             self._credits.release()
 

@@ -12,7 +12,7 @@ from agribot.ui.server.window import LEAST_BYTES, Window
 
 STATES_KEPT = 4  # older ones are worth nothing
 DIRECT_KEPT = 100
-# Of one message, over a line of which nothing is known; each is some two kilobytes, so that an
+# Of one message, over a line of unknown speed; each is about two kilobytes, so that an
 # answer to a ping waits a fraction of a second behind it where the line takes 8 kB a second.
 POINTS, WEEDS, EVENTS = 100, 25, 15
 MOST_PARTS = 16  # as many times more, over a quick line

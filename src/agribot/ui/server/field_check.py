@@ -78,7 +78,7 @@ class _Fault(Exception):
 def _shape_of(feature: dict[str, Any], kind: str, frame: MapFrame) -> Any:
     """Convert the shape to the map, metres.
 
-    Raises: _Fault: it is none.
+    Raises: _Fault: it is not a shape of this kind.
     """
     import shapely
     from shapely.geometry import shape as shape_of

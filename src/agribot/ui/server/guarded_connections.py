@@ -1,4 +1,4 @@
-"""Uvicorn's connections with the deadlines it lacks: nobody holds one by being slow or silent.
+"""Uvicorn's connections with the deadlines it lacks: a slow or silent client cannot hold one.
 
 Uvicorn ends idle connections only between two requests. Here the head of a request has to come
 within a time, an answer has to be taken, and a WebSocket whose other side is not heard is cut.
@@ -153,7 +153,7 @@ async def serve_guarded(
     """Do what the loop's `create_server` does, with `GuardedTls` and without its long rounds.
 
     The loop accepts as many connections in one round as may wait, before any of them gives way to
-    another: a flood would take all descriptors, and then nobody is let in for a second.
+    another: a flood would take all descriptors, and then no client is accepted for 1 s.
     """
     make = make_http if ssl is None else lambda: GuardedTls(make_http(), ssl)
     server = await create_server(make, sock=sock, backlog=ACCEPTED_AT_ONCE)
@@ -169,7 +169,7 @@ def count_unsent(line: asyncio.Transport) -> int:
 
 
 def _count_in_system(line: socket.socket) -> int:
-    """Count what the system has not sent yet; 0 where it does not tell, as on Windows."""
+    """Count the bytes that the system has not sent yet; 0 where unknown, as on Windows."""
     try:
         import fcntl
         import termios

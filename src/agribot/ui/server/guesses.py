@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-MAX_GUESSES = 10  # wrong tokens in a minute from one address, before it is told to wait
+MAX_GUESSES = 10  # wrong tokens in a minute from one address, before it has to wait
 FORGET_S = 60.0
 MAX_ADDRESSES = 1000
 

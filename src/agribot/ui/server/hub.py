@@ -80,7 +80,7 @@ class Hub:
         return self.replays.find(_browser_of(session)) or self.live
 
     def start_replay(self, browser: str, replay: Replay, role: Role | None) -> None:
-        """Show a recording to one browser; whoever it takes the place of is told.
+        """Show a recording to one browser; a browser that loses its place for it gets a message.
 
         Raises: NoRoom: see `Replays.start`.
         """
@@ -99,7 +99,7 @@ class Hub:
             socket.cut_if_gone(now_s)
 
     def tell_live(self) -> None:
-        """Those who look at a recording are told what the robot itself does meanwhile."""
+        """Send what the robot itself does to the pages that show a recording."""
         watching = [socket for socket in self.sockets if socket.channel is not self.live]
         state = self.live.state if watching and self.has_robot else None
         if state is not None:

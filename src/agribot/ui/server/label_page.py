@@ -128,7 +128,7 @@ def serve_labels(labels: LabelSet, port: int | None = None) -> Iterator[str]:
 
 
 def _is_news(record: logging.LogRecord) -> bool:
-    """Leave out that the server's end cuts answers short: whoever ends it knows."""
+    """Leave out that the server's end cuts answers short, which is intended."""
     return not str(record.msg).startswith("Cancel ")
 
 

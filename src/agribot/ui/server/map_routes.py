@@ -54,7 +54,7 @@ def _list_maps(folder: Path) -> list[wire.MapSource]:
             about = {**describe_map(path), "url": f"/tiles/{name}/{{z}}/{{x}}/{{y}}"}
             maps.append(msgspec.convert(about, wire.MapSource))
         except ConfigError:
-            continue  # a file that somebody put there by hand and that is none
+            continue  # a file copied here by hand that is not a map
     return maps
 
 
@@ -75,7 +75,7 @@ async def map_tile(request: Request) -> Response:
 
 
 def _fetch_kept_tile(path: Path, address: MapTile) -> bytes | None:
-    """From the server behind a live map, kept for the next time; None where there is none."""
+    """Fetch from the server behind a live map, and keep it; None without a tile."""
     template = read_live_template(path)
     if not template:
         return None

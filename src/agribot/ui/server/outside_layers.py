@@ -30,7 +30,7 @@ class LayerOrder(wire.OutsideLayer, frozen=True, kw_only=True, forbid_unknown_fi
 class OutsideLayers:
     """The layers by name. They live as long as the page's server.
 
-    `is_known` tells whether a type of display is known.
+    `is_known` returns whether a type of display is known.
     """
 
     def __init__(self, is_known: Callable[[str], bool]) -> None:

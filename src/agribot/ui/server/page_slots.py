@@ -11,10 +11,10 @@ MAX_VIEWERS = 40  # of them; the rest is for operators
 
 
 def make_room(hub: Hub, caller: Caller, now_s: float) -> str:
-    """Why another page finds no place; "" where it does.
+    """Return why there is no room for another page; "" where there is.
 
     When all places are taken, an operator gets that of the operator's page that was silent for
-    longest, never that of the seat. Whoever has the seat gets one even where all are lively.
+    longest, never that of the seat. The holder of the seat gets one even where all are lively.
     """
     total = len(hub.sockets)
     if caller.role != "operator":

@@ -109,7 +109,7 @@ class RecordedTopics:
         kept.is_read = True
 
     def _take_transforms(self, t_s: float) -> None:
-        """Bring the tree to `t_s`: whoever goes back begins anew."""
+        """Bring the tree to `t_s`; going back in time begins anew."""
         kept = self._kept["/tf"]
         if not kept.is_read:
             return

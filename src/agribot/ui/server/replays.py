@@ -8,7 +8,7 @@ from agribot.ui.server.access import Role
 from agribot.ui.server.replay import Replay
 
 MAX_REPLAYS = 4  # of browsers at a time, each with a whole recording in memory
-EVERYBODY = ""  # whoever has chosen no recording of their own
+EVERYBODY = ""  # browsers that have chosen no recording of their own
 NO_ROOM = (
     f"{MAX_REPLAYS} recordings are shown to operators, as many as there is room for; "
     "try again when one of them has gone back to the robot"

@@ -97,7 +97,7 @@ async def mark(request: Request) -> Response:
 
 
 async def start_recording(request: Request) -> Response:
-    """Begin a recording; the state tells in which folder."""
+    """Begin a recording; the state names its folder."""
     return _record(request, "start_recording")
 
 

@@ -161,7 +161,7 @@ def _close(server: uvicorn.Server) -> None:
 
 
 async def _watch(hub: Hub) -> None:
-    """Tells pages when the seat becomes free, and the robot when its operator is gone.
+    """Report to pages that the seat is free, and to the robot that its operator is gone.
 
     The robot hears each time that the loop goes round.
     """
@@ -180,7 +180,7 @@ async def _watch(hub: Hub) -> None:
 
 
 async def _keep_topics(hub: Hub) -> None:
-    """Take layers from ROS, and leave the topics that nobody looks at any more."""
+    """Take layers from ROS, and leave the topics that no page shows any more."""
     loop = asyncio.get_running_loop()
     while True:
         for network in hub.about.ros.layers_from:

@@ -103,7 +103,7 @@ class ShownTopic:
             self._keep(shown, now_s)
 
     def take_waiting(self) -> None:
-        """Decode what has come; one that cannot be read is told of in the note."""
+        """Decode the messages that have come; the note names one that cannot be read."""
         while True:
             try:
                 ros_type, data = self._waiting.popleft()

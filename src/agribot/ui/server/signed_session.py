@@ -7,7 +7,7 @@ import hmac
 import math
 from typing import Literal, NamedTuple
 
-SESSION_LIFE_S = 12 * 3600.0  # without a request for so long, a browser has to show a token again
+SESSION_LIFE_S = 12 * 3600.0  # time without a request after which a browser needs a token again
 RENEW_AFTER_S = 600.0  # age at which a request is answered with a cookie that begins anew
 
 
@@ -20,7 +20,7 @@ class Session(NamedTuple):
 
 
 class Signer:
-    """Whoever has the key can make sessions; it knows no clock, the caller says what time it is."""
+    """Signs and checks sessions with its key; it has no clock, the caller passes the time."""
 
     def __init__(self, key: str) -> None:
         self._key = key.encode()

@@ -1,4 +1,4 @@
-"""STOP as it goes on to the robot: the first at once, a flood of further ones merged."""
+"""Pass STOP on to the robot: the first at once, a flood of further ones merged."""
 
 from __future__ import annotations
 

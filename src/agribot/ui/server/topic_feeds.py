@@ -130,7 +130,7 @@ class TopicFeeds:
                 self._texts = self._network.take_texts(name, on_bytes)
 
     def close_idle(self) -> None:
-        """Leave the topics that nobody looks at; without any, leave the network."""
+        """Leave the topics that no page shows; without any, leave the network."""
         with self._lock:
             now_s = self._now_s()
             for name, feed in list(self._feeds.items()):
