@@ -124,7 +124,7 @@ class OperatorPage:
         return 1.0 if is_driving else math.inf
 
     def close(self) -> None:
-        """Send the end to the pages and end the server. Safe to call twice."""
+        """Send `End` to the pages and end the server. Safe to call twice."""
         self._plants.close()
         takes_nothing = not self._close_feeds()  # any more, not even a goodbye
         self.server.close(at_once=takes_nothing)

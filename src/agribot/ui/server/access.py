@@ -163,5 +163,5 @@ def read_boot_id() -> str:
 
 
 def _is_open(path: str) -> bool:
-    """Whether a browser needs this path to show the login; none of these shows the robot."""
+    """Whether a browser needs this path for the login; none of these has data of the robot."""
     return path in OPEN_PATHS or path == "/api/v1/session" or path.startswith(OPEN_FOLDERS)

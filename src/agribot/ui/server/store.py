@@ -39,7 +39,7 @@ class Store:
     def read(self, name: str) -> bytes:
         """Read a document.
 
-        Raises: Unusable: there is none of this name.
+        Raises: Unusable: no document has this name.
         """
         try:
             return self._path(name).read_bytes()
@@ -60,7 +60,7 @@ class Store:
     def delete(self, name: str) -> None:
         """Delete a document.
 
-        Raises: Unusable: there is none of this name.
+        Raises: Unusable: no document has this name.
         """
         try:
             self._path(name).unlink()
