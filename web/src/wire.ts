@@ -94,7 +94,7 @@ export interface UseName {
   name: string
 }
 
-/** Operate the robot from now on; `force` takes the seat from whoever has it. */
+/** Operate the robot from now on; `force` takes the seat from its holder. */
 export interface TakeSeat {
   kind: 'take_seat'
   id?: string
@@ -189,7 +189,7 @@ export interface DrawShape {
   corners_map_m: Vec2[]
 }
 
-/** The newest fix; `quality` has the numbers of NMEA GGA field 6, 0 is none. */
+/** The newest fix; `quality` has the numbers of NMEA GGA field 6; 0 is no fix. */
 export interface GnssState {
   lat_deg: number
   lon_deg: number
@@ -221,7 +221,7 @@ export interface MissionProgress {
 /**
  * A calibration that is under way, or has ended and is not put aside yet.
  *
- * `directions` are those that the compass has seen so far; null for any other.
+ * `directions` are those that the compass has seen until now; null for any other.
  */
 export interface CalibrationProgress {
   kind: string
@@ -241,7 +241,7 @@ export interface ReplayProgress {
   speed: number
 }
 
-/** One thing that the implement tells of itself, in its own words. */
+/** One line of the implement's own status, in its own words. */
 export interface ImplementLine {
   name: string
   text: string
@@ -250,7 +250,7 @@ export interface ImplementLine {
 /**
  * State of the last gate before the motors, the time from which on it is so, and why.
  *
- * `reason` is empty where the state of the robot tells it already.
+ * `reason` is empty where the state of the robot says it already.
  */
 export interface ShownGate {
   state: GateState
@@ -449,11 +449,11 @@ export function readSeenSatellite(row: SeenSatelliteRow): SeenSatellite {
 }
 
 /**
- * What the GNSS receiver tells, once a second where it is new; null and empty: not told.
+ * The GNSS receiver's status, once a second where it is new; null and empty: not reported.
  *
  * Ages are those when the message was made. `quality` has the numbers of NMEA GGA field 6,
  * `std_m` is 1 sigma of East and of North. `device` is where it is read from, empty for the
- * platform's own receiver. The counts are of all satellites, of which `satellites` has the most
+ * platform's own receiver. The counts are of all satellites; `satellites` has the most
  * important. `correction_hz` counts the messages of `caster` that were passed on, and
  * `correction_use_ratio` is the share of those since the state before that the receiver says to
  * have used. The troubles are for a person. `unmeasured` is how a place came about without
@@ -569,7 +569,7 @@ export interface Login {
   token: string
 }
 
-/** All that a stranger is told. */
+/** All that a caller without a session gets. */
 export interface LoginNeeded {
   version: string
   needs_login: boolean
@@ -915,7 +915,7 @@ export interface ListedTopic {
   publishers: string[]
 }
 
-/** One network or recording and its topics; `problem` says why there are none. */
+/** One network or recording and its topics; `problem` says why it has no topics. */
 export interface TopicNetworkInfo {
   source: string
   title: string
