@@ -62,8 +62,8 @@ class NewestView:
         return None if self._message is None else show_message(self._message, place)
 
 
-class MarkerView:
-    """All markers that live, by namespace and number."""
+class _LivingMarkers:
+    """Markers by namespace and number, until they are deleted or their time is over."""
 
     def __init__(self) -> None:
         self._markers: OrderedDict[tuple[str, int], tuple[Any, float]] = OrderedDict()
@@ -72,21 +72,33 @@ class MarkerView:
     def take(self, message: Any, t_s: float) -> None:
         self._heard = True
         for marker in getattr(message, "markers", [message]):
-            key = (marker.ns, int(marker.id))
-            if marker.action == _DELETE_ALL:
-                self._markers.clear()
-            elif marker.action == _DELETE:
-                self._markers.pop(key, None)
-            else:
-                self._markers.pop(key, None)
-                self._markers[key] = (marker, _end_of_life_s(marker, t_s))
-                if len(self._markers) > MOST_MARKERS:
-                    self._markers.popitem(last=False)
+            self._take_one(marker, t_s)
+
+    def _take_one(self, marker: Any, t_s: float) -> None:
+        key = (marker.ns, int(marker.id))
+        self._markers.pop(key, None)
+        if marker.action != _DELETE:
+            self._markers[key] = (marker, _end_of_life_s(marker, t_s))
+            if len(self._markers) > MOST_MARKERS:
+                self._markers.popitem(last=False)
+
+    def _list_living(self, t_s: float) -> list[Any]:
+        return [marker for marker, end_s in self._markers.values() if t_s < end_s]
+
+
+class MarkerView(_LivingMarkers):
+    """Shapes, all of which one message can delete."""
+
+    def _take_one(self, marker: Any, t_s: float) -> None:
+        if marker.action == _DELETE_ALL:
+            self._markers.clear()
+        else:
+            super()._take_one(marker, t_s)
 
     def show(self, place: Place, t_s: float) -> ShownMessage | None:
         if not self._heard:
             return None
-        living = [marker for marker, end_s in self._markers.values() if t_s < end_s]
+        living = self._list_living(t_s)
         shown: list[Value] = [{"action": _DELETE_ALL, "type": 0}]
         unknown: dict[str, int] = {}
         room, cut = MOST_MARKER_POINTS, 0
@@ -185,25 +197,13 @@ def _fold_cells(cells: Cells, every: int) -> Cells:
     return folded
 
 
-class TextureView:
+class TextureView(_LivingMarkers):
     """Textured markers, each a picture on the ground."""
-
-    def __init__(self) -> None:
-        self._markers: OrderedDict[tuple[str, int], tuple[Any, float]] = OrderedDict()
-        self._heard = False
-
-    def take(self, message: Any, t_s: float) -> None:
-        self._heard = True
-        for marker in getattr(message, "markers", [message]):
-            key = (marker.ns, int(marker.id))
-            self._markers.pop(key, None)
-            if marker.action != _DELETE:
-                self._markers[key] = (marker, _end_of_life_s(marker, t_s))
 
     def show(self, place: Place, t_s: float) -> ShownMessage | None:
         if not self._heard:
             return None
-        living = [marker for marker, end_s in self._markers.values() if t_s < end_s]
+        living = self._list_living(t_s)
         kept = living[-MOST_TEXTURES:]
         notes = [f"the newest {MOST_TEXTURES} of {len(living)} pictures"] * (
             len(kept) < len(living)
