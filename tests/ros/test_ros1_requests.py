@@ -114,7 +114,7 @@ def test_the_pose_of_the_parameter_is_believed_by_a_robot_that_stands(robot: Pee
     wait_for(lambda: robot.events("pose_estimate"), "the event")
 
 
-def test_a_goal_of_the_action_is_driven_told_of_and_succeeds(robot: Peer) -> None:
+def test_a_goal_of_the_action_is_driven_reported_and_succeeds(robot: Peer) -> None:
     x_m, y_m = robot.spawn
     robot.send("first", x_m - 1.0, y_m + 1.5)
     assert robot.result("first")[0] == SUCCEEDED

@@ -107,7 +107,7 @@ def test_what_the_tools_of_rviz_publish_is_heard(user: User) -> None:
 
 
 @nightly.by_day(
-    "tests/ros/test_ros1_requests.py::test_a_goal_of_the_action_is_driven_told_of_and_succeeds",
+    "tests/ros/test_ros1_requests.py::test_a_goal_of_the_action_is_driven_reported_and_succeeds",
     "tests/ros/test_ros1_requests.py::test_a_goal_that_is_none_is_rejected_and_one_beyond_the_fence_aborted",
     "tests/ros/test_ros1_requests.py::test_a_list_of_places_is_visited_in_place_of_the_mission",
 )

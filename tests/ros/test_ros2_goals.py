@@ -142,7 +142,7 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
         yield client
 
 
-def test_a_goal_is_driven_told_of_and_succeeds(client: Client) -> None:
+def test_a_goal_is_driven_reported_and_succeeds(client: Client) -> None:
     x_m, y_m = client.map_from
     places = [(x_m - 1.0, y_m + 1.0), (x_m - 1.0, y_m + 3.0)]
     assert client.send(1, *places)

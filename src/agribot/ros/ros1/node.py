@@ -229,8 +229,7 @@ class Node:
         self._master("close")()
         self._slave.shutdown()
         self._slave.server_close()
-        with contextlib.suppress(OSError):
-            self._listener.shutdown(socket.SHUT_RDWR)  # wakes the thread in accept
+        tcpros.wake(self._listener)
         self._listener.close()
         for publication in self._publications.values():
             publication.close()

@@ -84,8 +84,7 @@ class Ros1ServiceServer:
             for name in self._services:
                 self._node.ask_master("unregisterService", name, self._uri)
         for sock in (self._listener, *self._clients.copy()):
-            with contextlib.suppress(OSError):
-                sock.shutdown(socket.SHUT_RDWR)  # wakes the thread that waits there
+            tcpros.wake(sock)
             sock.close()
 
     def _accept(self) -> None:

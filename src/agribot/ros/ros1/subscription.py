@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import socket
 import threading
 import xmlrpc.client
@@ -49,8 +48,7 @@ class Subscription:
     def close(self) -> None:
         self._stopped.set()
         for sock in tuple(self._sockets):
-            with contextlib.suppress(OSError):  # wakes the thread that waits for a message
-                sock.shutdown(socket.SHUT_RDWR)
+            tcpros.wake(sock)
 
     def _update_publishers(self, _topic: str, uris: list[str]) -> None:
         wanted = {uri for uri in uris if uri != self._node.uri}

@@ -5,6 +5,7 @@ Source: wiki.ros.org/ROS/TCPROS and wiki.ros.org/ROS/Connection Header.
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import struct
 import threading
@@ -53,6 +54,12 @@ def receive_frame(sock: socket.socket, limit: int) -> bytes:
     if size > limit:
         raise BridgeError(f"a ROS 1 peer announces {size} bytes, more than {limit}")
     return _receive_exactly(sock, size)
+
+
+def wake(sock: socket.socket) -> None:
+    """Shut a socket down, so that a thread that waits on it goes on; it may be closed already."""
+    with contextlib.suppress(OSError):
+        sock.shutdown(socket.SHUT_RDWR)
 
 
 def _receive_exactly(sock: socket.socket, size: int) -> bytes:
