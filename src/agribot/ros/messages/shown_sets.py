@@ -87,7 +87,7 @@ class _LivingMarkers:
 
 
 class MarkerView(_LivingMarkers):
-    """Shapes, all of which one message can delete."""
+    """Shapes that one message can delete together."""
 
     def _take_one(self, marker: Any, t_s: float) -> None:
         if marker.action == _DELETE_ALL:
