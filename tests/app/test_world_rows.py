@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from agribot.app.run_world import make_run_world
 from agribot.app.simulated_run import simulate
 from agribot.app.world_rows import check_rows, take_world_rows
+from agribot.autonomy.plan.tasks.row_task import RowTask
 from agribot.cli.main import main
 from agribot.core.config import FieldConfig, RunConfig, load
 from agribot.core.errors import MissionError
@@ -19,6 +21,7 @@ from agribot.core.geo import Datum
 from agribot.core.own_world import OF_A_WORLD
 from agribot.description.field_generator import generate_field
 from agribot.description.field_settings import FieldSettings, RowsSettings
+from agribot.description.loader import load_robot
 from agribot.description.package import ROOT
 from agribot.description.row_table import fit_row_table
 from agribot.description.sdf_export import write_world
@@ -81,6 +84,13 @@ def test_the_pole_of_a_world_and_its_bent_rows_come_too() -> None:
     assert field_of("world1").obstacles_map_m == ()
     assert field_of("hills").row_curvature_radpm == 0.03
     assert field_of("volcano").row_curvature_radpm == -0.0175
+
+
+def test_rows_of_a_world_in_which_nothing_grows_are_bare_to_the_robot() -> None:
+    assert not field_of("volcano").has_crop
+    assert field_of("final").has_crop and field_of("hills").has_crop
+    task = RowTask(load("farm", ["field.has_crop=false"]), load_robot())
+    assert (task.has_crop, task.clearance_m) == (False, math.inf)
 
 
 def test_what_the_settings_state_beside_a_world_stays() -> None:

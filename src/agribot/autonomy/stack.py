@@ -208,7 +208,7 @@ def _localize(config: RunConfig, robot: RobotSpec, task: Task, plants: StemMap |
     localizer = Localizer(config.estimate, config.field, robot, corrections)
     if task.work is not None:
         localizer.take_rows(find_rows(task.work, config.field.plant_spacing_m))
-    elif task.explorer is not None:
+    elif task.explorer is not None or not config.field.has_crop:
         localizer.take_rows(MappedRows(()))
     if plants is not None:
         localizer.take_plants(plants)
@@ -225,8 +225,9 @@ def find_rows(work: FieldWork, spacing_m: float | None) -> MappedRows:
 
 def find_row_spacing_m(config: RunConfig, task: Task) -> float | None:
     """Find how far apart the field's rows are; None where they are unknown or from a plan."""
-    is_told = task.work is None and task.explorer is None and config.field.row_count > 1
-    return config.field.row_pitch_m if is_told else None
+    field = config.field
+    is_known = task.work is None and task.explorer is None and field.row_count > 1
+    return field.row_pitch_m if is_known and field.has_crop else None
 
 
 def perceiving(

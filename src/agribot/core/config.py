@@ -57,6 +57,7 @@ class FieldConfig(Config, frozen=True):
     row_curvature_radpm: Annotated[float, msgspec.Meta(ge=-0.2, le=0.2)] = 0.0
     row_pitch_m: Positive = 1.0  # from row to row
     row_count: Annotated[int, msgspec.Meta(ge=1, le=10000)] = 6  # how many rows
+    has_crop: bool = True  # false: nothing grows in the rows yet, and no camera finds them
     row_map_std_m: NonNegative = 0.03  # how far rows stand off these lines, 1 sigma
     plant_spacing_m: Positive | None = None  # from plant to plant in a row; None: not regular
     # The weed map of an earlier run (its weeds.geojson), by whose crop the robot knows its place.

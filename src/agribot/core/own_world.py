@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 WORLD = "Farm"  # that is simulated where the settings name none
 OF_A_WORLD = (
     "first_row_start_map_m", "row_yaw_deg", "row_length_m", "row_curvature_radpm", "row_pitch_m",
-    "row_count", "plant_spacing_m", "obstacles_map_m", "start_map_m", "start_yaw_deg", "datum",
+    "row_count", "plant_spacing_m", "has_crop", "obstacles_map_m", "start_map_m", "start_yaw_deg",
+    "datum",
 )  # fmt: skip
 
 

@@ -180,6 +180,7 @@ class RowTable(msgspec.Struct, frozen=True, kw_only=True):
     row_pitch_m: float
     row_count: int
     plant_spacing_m: float | None = None
+    has_crop: bool = True  # whether crop of the world stands in them
 
 
 class WorldSpec(msgspec.Struct, frozen=True, kw_only=True, eq=False):

@@ -6,6 +6,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
@@ -75,9 +76,10 @@ def _read(element: ET.Element, name: str, source: SourceFile) -> float:
 
 def find_row_table(world: WorldSpec) -> RowTable | None:
     """Return the rows that a world states, or those in which its crop stands; None without any."""
+    crop_xy_m = list_crop_m(world.plants)
     if world.rows is not None:
-        return world.rows
-    return fit_row_table(list_crop_m(world.plants), world.spawn_xy_map_m)
+        return msgspec.structs.replace(world.rows, has_crop=len(crop_xy_m) > 0)
+    return fit_row_table(crop_xy_m, world.spawn_xy_map_m)
 
 
 def list_crop_m(plants: Sequence[Plant]) -> FloatArray:

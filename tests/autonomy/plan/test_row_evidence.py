@@ -83,10 +83,14 @@ def test_a_gap_in_the_row_does_not_undo_it() -> None:
     assert (status.rows_done, status.rows_unproven) == ((0, 1), ())
 
 
+@pytest.mark.parametrize("has_crop", [True, False], ids=["no camera", "bare rows"])
 @pytest.mark.parametrize(("std_m", "is_done"), [(0.2, True), (0.3, False)])
-def test_without_a_camera_the_position_has_to_tell_rows_apart(std_m: float, is_done: bool) -> None:
+def test_without_camera_or_crop_the_position_has_to_distinguish_rows(
+    std_m: float, is_done: bool, has_crop: bool
+) -> None:
     cov = (std_m**2, 0.0, 0.0, 0.0, std_m**2, 0.0, 0.0, 0.0, 1e-4)
-    status = drive(mission(), lambda *_: {"pose_cov": cov})
+    row_seen = None if has_crop else False
+    status = drive(mission(has_crop=has_crop), lambda *_: {"pose_cov": cov, "row_seen": row_seen})
     assert row_pitch_m(ROWS) == pytest.approx(1.0)
     assert status.rows_done == ((0, 1) if is_done else ())
     if not is_done:

@@ -39,12 +39,12 @@ def link_stretches(rows: Sequence[Row]) -> dict[int, int]:
 def find_doubt(task: Task, estimate: Estimate, row_yaw_rad: float, pitch_m: float) -> Doubt:
     """Say why the robot may not be in the row of a task; empty where it has good reason to.
 
-    Where a camera looks, it has to see the crop of the row; without one, the position has to be
-    known well enough. A swath without crop is where the position says.
+    Where a camera looks, it has to see the crop of the row; without one, or without crop, the
+    position has to be known well enough. A swath without crop is where the position says.
     """
-    if not task.has_crop:
+    if not task.has_crop and (task.work is not None or task.explorer is not None):
         return ""
-    if estimate.row_seen is not None:
+    if task.has_crop and estimate.row_seen is not None:
         return "" if estimate.row_seen else "unseen"
     is_sure = across_std_m(estimate, row_yaw_rad) <= TELLS_APART_RATIO * pitch_m
     return "" if is_sure else "unsure"

@@ -23,14 +23,14 @@ class RowTask:
     """Drive over every row of the field once, neighbours in alternating direction."""
 
     waypoints: tuple[MapPoint, ...] = ()
-    has_crop = has_ways = True
+    has_ways = True
     bounds = work = explorer = None
     text = name = ""
     planning_s = errand_planning_s = 0.0
 
     def __init__(self, config: RunConfig, robot: RobotSpec) -> None:
         """Lay the rows. Raises: MissionError: they are bent too tightly, or too narrow for it."""
-        self.rows = lay_rows(config.field)
+        self.rows, self.has_crop = lay_rows(config.field), config.field.has_crop
         self.tool = Tool(x_m=robot.tool_x_m)
         self.clearance_m = row_clearance_m(config.field, robot)
         self._mission, self._robot = config.mission, robot
@@ -74,5 +74,7 @@ class RowTask:
 
 def row_clearance_m(field: FieldConfig, robot: RobotSpec) -> float:
     """Measure how far a robot may be off a row of the field before a wheel reaches crop."""
+    if not field.has_crop:
+        return math.inf
     pitch_m = field.row_pitch_m if field.row_count > 1 else math.inf
     return protection_limit_m(robot.drive, pitch_m)
