@@ -9,7 +9,7 @@ import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from agribot.app.localization.log import LogSensor
     from agribot.app.localization.study import Study, StudyOptions
     from agribot.core.messages import Vec3
+    from agribot.record.bag.source import BagTopic
+    from agribot.record.localization.camera import CameraStudy
     from agribot.record.localization.result import LocalizationRun
 
 _SENSORS: tuple[LogSensor, ...] = ("odom", "imu", "gnss", "mag")
@@ -35,6 +37,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f"--{sensor}", metavar="TOPIC|FILE", help="default: by the type of the topic"
         )
+    parser.add_argument(
+        "--camera", nargs="?", const="auto", metavar="TOPIC",
+        help="look at pictures of the log, too: plants, row line and doubt of up to 30 of them "
+        "(without a name: the topic with the most)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--model", metavar="NAME|FILE", help="network for --camera (default: that of a run)"
+    )
     _add_robot(parser)
     parser.add_argument(
         "--outage", action="append", default=[], metavar="A-B",
@@ -81,6 +91,7 @@ def _read_length(text: str) -> float:
 
 def run(options: argparse.Namespace) -> int:
     extras.require("report", "agribot localize")
+    from agribot.app.localization.log_pictures import find_camera
     from agribot.app.localization.study import make_config, open_study
     from agribot.record.bag.opening import check_target
     from agribot.record.localization.result import OUTPUT_NAMES
@@ -90,10 +101,12 @@ def run(options: argparse.Namespace) -> int:
     for path, name in itertools.product(options.logs, OUTPUT_NAMES):
         if path.is_file():
             check_target(path, options.out / name, "result")
-    study = open_study(options.logs, stated, lambda total: _show_progress(total, "read"))
-    _tell_facts(study)
-    runs = _localize(study, options)
-    _print_result(runs, options)
+    found = None if options.camera is None else find_camera(options.logs, options.camera)
+    study = open_study(options.logs, stated, lambda total: _show_progress(total, "messages read"))
+    _print_facts(study)
+    camera = _study_pictures(found, study, options)
+    runs, camera = _localize(study, camera, options)
+    _print_result(runs, camera, options)
     return 0 if runs[0].result.started_after_s is not None else 1
 
 
@@ -101,7 +114,7 @@ def _show_progress(total: int, what: str) -> Callable[[int], None]:
     """Show how much of a log is done; nothing where its files do not say how much it is."""
     if not total:
         return lambda done: None
-    progress = CountProgress(total, f"messages {what}")
+    progress = CountProgress(total, what)
 
     def show(done: int) -> None:
         progress(done)
@@ -149,7 +162,7 @@ def _read_outage(text: str) -> tuple[float, float]:
     raise ConfigError(f"--outage {text}: write two times, as in --outage 100-160")
 
 
-def _tell_facts(study: Study) -> None:
+def _print_facts(study: Study) -> None:
     facts = study.facts
     for each in facts.sources:
         sys.stderr.write(
@@ -161,9 +174,29 @@ def _tell_facts(study: Study) -> None:
     sys.stderr.write("".join(f"{line}\n" for line in lines))
 
 
-def _localize(study: Study, options: argparse.Namespace) -> list[LocalizationRun]:
+def _study_pictures(
+    found: tuple[Path, BagTopic] | None, study: Study, options: argparse.Namespace
+) -> CameraStudy | None:
+    """Look at the pictures of the log, where that is asked for."""
+    if found is None:
+        return None
+    from agribot.app.localization.log_pictures import MOST_PICTURES, study_pictures
+    from agribot.autonomy.perceive.segmenter import Segmenter
+
+    network = Segmenter(options.model or study.config.perception.model, threads=2)
+    shown = _show_progress(min(found[1].count, MOST_PICTURES), "pictures looked at")
+    return study_pictures(
+        found, network, study.facts.start_stamp_s, shown, uses_log_times=options.stamps == "log"
+    )
+
+
+def _localize(
+    study: Study, camera: CameraStudy | None, options: argparse.Namespace
+) -> tuple[list[LocalizationRun], CameraStudy | None]:
     from agribot.app.localization.localize import LocalizedTick
+    from agribot.app.localization.log_pictures import PicturePoses
     from agribot.app.localization.study import run_study
+    from agribot.record.localization.camera import write_pictures_table
     from agribot.record.localization.page import write_localization_page
     from agribot.record.localization.pose_files import EstimateMcap, PoseFiles
 
@@ -179,22 +212,32 @@ def _localize(study: Study, options: argparse.Namespace) -> list[LocalizationRun
                 poses.add(tick.estimate)
 
         total = sum(each.messages for each in study.facts.sources)
-        shown = _show_progress(total, "through the filter")
-        runs = run_study(study, options.changes, (write,), shown)
+        shown = _show_progress(total, "messages through the filter")
+        placed = PicturePoses([] if camera is None else [one.t_s for one in camera.pictures])
+        runs = run_study(study, options.changes, (write, placed), shown)
         poses.write_gpx(study.facts.name)
-    write_localization_page(out / "report.html", runs, study.facts)
-    return runs
+    if camera is not None:
+        camera = msgspec.structs.replace(camera, poses=placed.poses)
+        write_pictures_table(out / "pictures.csv", camera)
+    write_localization_page(out / "report.html", runs, study.facts, camera)
+    return runs, camera
 
 
-def _print_result(runs: list[LocalizationRun], options: argparse.Namespace) -> None:
+def _print_result(
+    runs: list[LocalizationRun], camera: CameraStudy | None, options: argparse.Namespace
+) -> None:
     if options.json:
         line = msgspec.to_builtins(runs[0].result)
+        if camera is not None:
+            line["camera"] = camera.summarize()
         if len(runs) > 1:
             line["with"] = {"settings": options.changes, **msgspec.to_builtins(runs[1].result)}
         sys.stdout.write(msgspec.json.encode(line).decode() + "\n")
         return
     for one in runs:
         sys.stdout.write(_format_run(one) + "\n")
+    if camera is not None:
+        sys.stdout.write(_format_camera(camera.summarize()) + "\n")
     sys.stdout.write(f"{options.out}/report.html\n")
 
 
@@ -219,3 +262,11 @@ def _format_run(one: LocalizationRun) -> str:
 
 def _format(value: float | None) -> str:
     return "no" if value is None else f"{value:.2f}"
+
+
+def _format_camera(summary: dict[str, Any]) -> str:
+    return (
+        f"camera {summary['topic']}: looked at {summary['pictures']} of {summary['messages']} "
+        f"pictures, row line in {summary['rows_found']}, crop on {summary['crop_ratio']:.1%} and "
+        f"weed on {summary['weed_ratio']:.1%} of their pixels, {summary['unfit']} unfit"
+    )

@@ -24,3 +24,12 @@ def read_pictures(paths: Iterable[Path | io.BytesIO]) -> Iterator[ByteArray]:
                 yield np.asarray(image.convert("RGB"))
         except (OSError, UnidentifiedImageError) as error:
             raise ConfigError(f"a picture cannot be read ({error}); leave it out") from error
+
+
+def reduce_width(image_rgb: ByteArray, most_px: int) -> ByteArray:
+    """Reduce a picture (H, W, 3) that is wider than `most_px` to that width."""
+    height, width = image_rgb.shape[:2]
+    if width <= most_px:
+        return image_rgb
+    size = (most_px, max(1, round(height * most_px / width)))
+    return np.asarray(Image.fromarray(image_rgb).resize(size, Image.Resampling.BOX))

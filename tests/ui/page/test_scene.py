@@ -64,7 +64,7 @@ def test_the_described_robot_stands_where_it_is_and_its_wheels_turn(
     rolled_m = WHEEL_PITCH_RAD * (after["joints"][wheel] - before["joints"][wheel])
     assert rolled_m == pytest.approx(end_m - start_m, abs=NEAR_M)
     wait_for(lambda: shown(page)["pictures"] > before["pictures"], "another picture")
-    assert page.evaluate("document.querySelector('.stage canvas').width") > 300
+    assert page.evaluate("document.querySelector('.stage canvas').clientWidth") > 300
 
 
 def test_the_eye_goes_with_the_robot_until_it_is_let_go_and_turns_by_dragging(page: Page) -> None:

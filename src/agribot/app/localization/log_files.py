@@ -104,6 +104,13 @@ def find_own_recording(paths: Sequence[Path]) -> Path | None:
     return None
 
 
+def list_bags(paths: Sequence[Path]) -> Iterator[Path]:
+    """List the bags among the files of a drive."""
+    for path, _ in _list_files(paths):
+        if path.is_dir() or _read_start(path).startswith(_BAG_STARTS):
+            yield path
+
+
 def _list_files(paths: Sequence[Path]) -> Iterator[tuple[Path, bool]]:
     """List the files, and whether each was only found in a folder."""
     for path in paths:

@@ -28,6 +28,7 @@ from agribot.core.messages import ByteArray, FloatArray, PlantClass
 from agribot.lab.dataset.classes import UNLABELLED
 from agribot.lab.dataset.pictures import PictureError, read_picture
 from agribot.lab.dataset.taught_set import TaughtSet
+from agribot.record.picture_files import reduce_width
 
 Progress = Callable[[int], None]
 
@@ -53,12 +54,7 @@ def read_small(path: Path) -> ByteArray:
 
     Raises: PictureError: it cannot be read.
     """
-    image_rgb = read_picture(path)
-    height, width = image_rgb.shape[:2]
-    if width <= MOST_WIDTH_PX:
-        return image_rgb
-    size = (MOST_WIDTH_PX, max(1, round(height * MOST_WIDTH_PX / width)))
-    return np.asarray(Image.fromarray(image_rgb).resize(size, Image.Resampling.BOX))
+    return reduce_width(read_picture(path), MOST_WIDTH_PX)
 
 
 def measure_green(image_rgb: ByteArray) -> FloatArray:

@@ -11,6 +11,7 @@ from agribot.core.version import __version__
 from agribot.record.drawing import encode_svg
 from agribot.record.html_tables import format_number, render_table
 from agribot.record.localization import page_figures
+from agribot.record.localization.camera import CameraStudy, render_camera
 from agribot.record.localization.result import LocalizationResult, LocalizationRun, LogFacts
 from agribot.record.report import write_file
 
@@ -23,15 +24,22 @@ _TILES = (
 )
 
 
-def write_localization_page(path: Path, runs: Sequence[LocalizationRun], facts: LogFacts) -> None:
+def write_localization_page(
+    path: Path,
+    runs: Sequence[LocalizationRun],
+    facts: LogFacts,
+    camera: CameraStudy | None = None,
+) -> None:
     """Write report.html of a log; `runs` are one or two passes of the filter.
 
     Raises: RecordingError: the file cannot be written.
     """
-    write_file(path, render_page(runs, facts).encode())
+    write_file(path, render_page(runs, facts, camera).encode())
 
 
-def render_page(runs: Sequence[LocalizationRun], facts: LogFacts) -> str:
+def render_page(
+    runs: Sequence[LocalizationRun], facts: LogFacts, camera: CameraStudy | None = None
+) -> str:
     css = resources.files("agribot.record").joinpath("report.css").read_text("utf-8")
     result = runs[0].result
     is_good = result.reason == "ok"
@@ -44,13 +52,15 @@ def render_page(runs: Sequence[LocalizationRun], facts: LogFacts) -> str:
         f"{runs[0].duration_s:.0f} s, {runs[0].driven_m:.0f} m driven</p>\n"
         f'<h1>{escape(facts.name)}</h1>\n<div class="verdict{" ok" if is_good else ""}">'
         f"<strong>{verdict}</strong> <span>{escape(result.reason)}</span></div></header>\n"
-        f"{render_sections(runs, facts)}\n<footer>AGRIBOT {escape(__version__)}. poses.csv, "
-        "poses.tum and estimate.mcap in the same folder hold the poses.</footer>\n"
+        f"{render_sections(runs, facts, camera)}\n<footer>AGRIBOT {escape(__version__)}. "
+        "poses.csv, poses.tum and estimate.mcap in the same folder hold the poses.</footer>\n"
         "</main>\n</body>\n</html>\n"
     )
 
 
-def render_sections(runs: Sequence[LocalizationRun], facts: LogFacts) -> str:
+def render_sections(
+    runs: Sequence[LocalizationRun], facts: LogFacts, camera: CameraStudy | None = None
+) -> str:
     """Render all that the page shows below its head, for other pages as well."""
     figures = (
         ("Map", page_figures.draw_map(runs), "Map of fixes and poses", " map"),
@@ -63,6 +73,7 @@ def render_sections(runs: Sequence[LocalizationRun], facts: LogFacts) -> str:
     ]
     parts = [
         _render_tiles(runs[0].result), *cards, _render_comparison(runs), _render_outages(runs),
+        "" if camera is None else render_camera(camera),
         _render_sources(facts), _render_unused(runs[0], facts), _render_assumed(facts),
     ]  # fmt: skip
     return "\n".join(part for part in parts if part)

@@ -8,7 +8,9 @@ from agribot.core.geo import Datum
 from agribot.core.messages import FloatArray
 
 # What is written into the folder of a result; no log of a drive.
-OUTPUT_NAMES = ("poses.csv", "poses.tum", "poses.gpx", "estimate.mcap", "report.html")
+OUTPUT_NAMES = (
+    "poses.csv", "poses.tum", "poses.gpx", "estimate.mcap", "report.html", "pictures.csv",
+)  # fmt: skip
 # Columns of the tables for figures.
 POSE_COLUMNS = ("t_s", "x_map_m", "y_map_m", "yaw_map_rad", "pos_std_m")
 FIX_COLUMNS = ("t_s", "x_map_m", "y_map_m", "std_m", "off_m", "nis", "is_given")
