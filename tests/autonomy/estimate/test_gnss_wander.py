@@ -11,9 +11,12 @@ import pytest
 
 from agribot.autonomy.estimate.gnss_noise import noise_model
 from agribot.autonomy.estimate.gnss_wander import GnssWander
-from agribot.core.messages import FloatArray
+from agribot.autonomy.estimate.localizer import Localizer
+from agribot.core.config import EstimateConfig, FieldConfig
+from agribot.core.messages import FloatArray, RowLine
 from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, record, rows
+from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import batches, error, localizer, play
 from tests.autonomy.estimate.test_first_heading import URBAN, displace
 
@@ -95,6 +98,30 @@ def test_rejections_in_a_row_never_leave_a_small_sigma_behind() -> None:
     estimates = play(msgspec.structs.replace(recording, fixes=fixes), into)
     assert into.rejected["gnss outlier"] > 10
     assert estimates[-1].pos_std_m > 2.0
+
+
+def test_a_camera_holds_the_robot_to_its_row_when_the_fixes_step_aside() -> None:
+    """Fixes step 12 m to the East for good; the row runs North, its neighbours are 1 m away."""
+    recording = record(lambda t_s: (0.4, 0.0) if t_s > 3.0 else (0.0, 0.0), 60.0, 4, URBAN)
+    fixes = [(t_s, displace(fix, 12.0) if t_s > 30.0 else fix) for t_s, fix in recording.fixes]
+    field = FieldConfig(row_length_m=40.0, start_map_m=(1.0, 2.0), start_yaw_deg=90.0)
+    into = Localizer(EstimateConfig(), field, robot())
+    for number, batch in enumerate(batches(msgspec.structs.replace(recording, fixes=fixes))):
+        estimate = into.update(batch)
+        if number % 10 == 0:
+            off_m = field.first_row_start_map_m[0] - recording.pose(batch.t_s)[0]
+            into.observe_line(
+                RowLine(
+                    t_s=batch.t_s - 0.06, offset_m=off_m, heading_rad=0.0, offset_std_m=0.015,
+                    heading_std_rad=0.02,
+                )
+            )  # fmt: skip
+    assert into.rejected["gnss outlier"] > 25
+    assert into.rejected["row line ambiguous"] == 0
+    east_m, north_m, _ = error(recording, estimate)
+    east_std_m, north_std_m = np.sqrt(np.diag(np.array(estimate.pose_cov).reshape(3, 3))[:2])
+    assert abs(east_m) < 0.03 and east_std_m < 0.1  # the row is as well known as before
+    assert north_std_m > 0.8 and abs(north_m) < 3.0 * north_std_m
 
 
 def test_fixed_ambiguities_are_not_touched() -> None:

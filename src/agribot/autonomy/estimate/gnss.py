@@ -440,14 +440,23 @@ class Gnss(Correction[GnssFix]):
         if not self._is_corrected:
             error_m = math.hypot(*residuals)
             self.wander.enlarge(error_m)
-            states = (
-                (GNSS_BIAS_X, GNSS_BIAS_Y, X, Y) if self._is_wide else (GNSS_BIAS_X, GNSS_BIAS_Y)
-            )
+            if self._is_wide:
+                self._doubt_pose(error_m**2 / 2.0)
+            states = (GNSS_BIAS_X, GNSS_BIAS_Y)
             opens = tuple((state, error_m**2 / 2.0) for state in states)
             self.pose.open_for(measured._replace(opens=opens, is_retaken=True))
             return
         self.moved_m = _sum(self.moved_m, residuals)
         self._open(measured)
+
+    def _doubt_pose(self, more_m2: float) -> None:
+        """Doubt the pose as far as it follows fixes whose slow error is larger by a variance.
+
+        Rows that a camera sees and a mark hold it all the same.
+        """
+        before_m2 = self._widest_m2
+        self._widest_m2 += more_m2
+        self.pose.ekf.doubt_fixes(self._widest_m2 / before_m2)
 
     def _open(self, measured: Measurement) -> None:
         """Let the filter go where a fix is."""
