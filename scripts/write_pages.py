@@ -12,7 +12,6 @@ import firmware_page
 import hazards_page
 import llms_page
 import mission_page
-import nightly_page
 import original_page
 import python_page
 import settings_page
@@ -22,7 +21,6 @@ ROOT = Path(__file__).parents[1]
 # Where each lies, and what makes it.
 PAGES: dict[str, Callable[[], str]] = {
     "CONTRIBUTING.md": architecture_page.contributing,
-    "docs/nightly.md": nightly_page.page,
     "docs/architecture.md": architecture_page.page,
     "docs/commands.md": commands_page.page,
     "docs/faults.md": faults_page.page,
