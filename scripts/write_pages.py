@@ -29,6 +29,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "docs/hazards.md": hazards_page.page,
     "docs/mission.md": mission_page.page,
     "docs/original.md": original_page.page,
+    "docs/results/original.csv": original_page.rows,
     "docs/python.md": python_page.page,
     "docs/settings.md": settings_page.page,
     "docs/topics.md": topics_page.page,

@@ -14,7 +14,7 @@ NAMES = (
     "CONTRIBUTING.md", "docs/architecture.md", "docs/commands.md",
     "docs/faults.md", "docs/field-file.md", "docs/firmware.md", "docs/hazards.md",
     "docs/mission.md", "docs/original.md", "docs/python.md", "docs/settings.md",
-    "docs/topics.md", "llms.txt",
+    "docs/results/original.csv", "docs/topics.md", "llms.txt",
 )  # fmt: skip
 
 
