@@ -23,13 +23,12 @@ Written by `make pages` from
 [`hazards.py`](../src/agribot/autonomy/control/hazards.py) and
 [`gate_machine.py`](../src/agribot/autonomy/control/gate_machine.py).
 
-The last gate before the motors works through this table in every tick, from top to bottom. What
-each reaction means for people stands on [the page about stops](safety.md); how the faults are
-injected on [the page of faults](faults.md). The last column is read from
-[the measured campaign](results/fault-campaign.md): of each fault the share of its runs in which it
-was noticed, by this row or by another, the median time until then, and how far the robot rolled
-after a stop at most. Small faults are in it that change nothing, such as a motor that is weak and
-has not to be strong; "-" where no fault proves the row.
+The last gate before the motors works through this table in every tick, from top to bottom.
+[Safety](safety.md) says what each reaction means for people, [faults](faults.md) how faults are
+injected. The last column is read from [the measured campaign](results/fault-campaign.md): of each
+fault the share of its runs in which it was noticed, by this row or by another, and the median time
+until then. Small faults that change nothing are in it, such as a motor that is weak and need not be
+strong; "-" where no fault proves the row.
 
 | hazard | seen by | limit | reaction | holds a hand | proven by, and measured |
 |---|---|---|---|---|---|
@@ -117,9 +116,7 @@ def _row(hazard: Hazard, measured: dict[str, list[dict[str, str]]]) -> str:
 def _describe_fault(name: str, rows: list[dict[str, str]]) -> str:
     noticed = _span([row["detected"] for row in rows], 0, " %")
     after = _span([row["after"] for row in rows], 1, " s")
-    rolled = _span([row.get("rolled", "-") for row in rows], 2, " m")
-    parts = [noticed, after and f"after {after}", rolled and f"rolled {rolled}"]
-    words = ", ".join(part for part in parts if part) or "not measured"
+    words = ", ".join(part for part in (noticed, after) if part) or "not measured"
     return f"`{name}` ({words})"
 
 
