@@ -74,6 +74,7 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/python scripts/lint_language.py
+	$(BIN)/python scripts/count_words.py
 	$(BIN)/python scripts/lint_page.py
 
 types: $(VENV)/.dev

@@ -1,5 +1,6 @@
-"""Print docs/commands.md: every command and its options, as the parsers declare them.
+"""Print docs/commands.md: every command with its example and the names of its options.
 
+What an option does is printed by `--help`; those that many commands share are explained once.
 `make pages` writes all such pages.
 """
 
@@ -8,16 +9,25 @@ from __future__ import annotations
 import argparse
 import importlib
 import sys
+from collections import Counter
 from collections.abc import Iterator
 
 from agribot.cli.main import COMMANDS
 
 HEAD = """# Commands
 
-Written by `make pages` from the code; `agribot COMMAND --help` says the same. Exit status: 0 done
-and good, 1 ran but the result is bad, 2 wrong use or bad input, 130 interrupted after a clean stop.
+Written by `make pages` from the code. `agribot COMMAND --help` explains every option; this page
+has their names, and what the ones that many commands share mean. Exit status: 0 done and good, 1
+ran but the result is bad, 2 wrong use or bad input, 130 interrupted after a clean stop.
 
+## Options of many commands
+
+| option | what |
+|---|---|
 """
+# Commands with the same words from which on an option is explained at the top of the page.
+MANY = 4
+Commands = list[tuple[str, str, str, argparse.ArgumentParser]]
 Groups = argparse._SubParsersAction
 
 
@@ -43,20 +53,39 @@ def _below(
             yield from _below(f"{name} {inner_name}", inner)
 
 
-def options(parser: argparse.ArgumentParser) -> str:
-    """Format the arguments of one parser as a table; empty where it has none."""
-    lines = []
-    for action in parser._actions:
-        if isinstance(action, Groups | argparse._HelpAction) or action.help == argparse.SUPPRESS:
-            continue
-        names = ", ".join(f"`{name}`" for name in action.option_strings)
-        value = _value(action)
-        shown = f"{names} {value}".strip() if names else value or f"`{action.dest}`"
-        words = (action.help or "").replace("%%", "%").replace("|", "\\|")
-        if "%(" in words:
-            words %= {**vars(action), "prog": parser.prog}
-        lines.append(f"| {shown} | {words} |\n")
-    return "".join(["| argument | what |\n", "|---|---|\n", *lines]) if lines else ""
+def list_options(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    """List the options of one parser; what stands without a name is in its example."""
+    return [
+        action
+        for action in parser._actions
+        if action.option_strings
+        and not isinstance(action, argparse._HelpAction)
+        and action.help != argparse.SUPPRESS
+    ]
+
+
+def explain_shared(every: Commands) -> str:
+    """Format a row for each option that many commands explain with the same words."""
+    found: dict[str, Counter[str]] = {}
+    for *_, parser in every:
+        for action in list_options(parser):
+            found.setdefault(_name(action), Counter())[_explain(action, parser)] += 1
+    rows = []
+    for name, texts in sorted(found.items()):
+        words, count = max(texts.items(), key=lambda item: (bool(item[0]), item[1]))
+        rows += [f"| {name} | {words} |\n"] if words and count >= MANY else []
+    return "".join(rows)
+
+
+def _name(action: argparse.Action) -> str:
+    return ", ".join(f"`{name}`" for name in action.option_strings)
+
+
+def _explain(action: argparse.Action, parser: argparse.ArgumentParser) -> str:
+    words = (action.help or "").replace("%%", "%").replace("|", "\\|")
+    words = words % {**vars(action), "prog": parser.prog} if "%(" in words else words
+    value = _value(action)
+    return f"{value}: {words}" if value and words else words
 
 
 def _value(action: argparse.Action) -> str:
@@ -70,13 +99,14 @@ def _value(action: argparse.Action) -> str:
 
 
 def page() -> str:
-    text = HEAD
-    for name, words, example, parser in commands():
+    every = list(commands())
+    text = HEAD + explain_shared(every)
+    for name, words, example, parser in every:
         depth = "##" if " " not in name else "###"
-        about = words[:1].upper() + words[1:]
-        text += f"{depth} agribot {name}\n\n{about}.\n\n"
-        text += f"```\n{example}\n```\n\n" if example else ""
-        text += f"{table}\n" if (table := options(parser)) else ""
+        text += f"\n{depth} agribot {name}\n\n{words[:1].upper() + words[1:]}.\n"
+        text += f"\n```\n{example}\n```\n" if example else ""
+        names = ", ".join(_name(action) for action in list_options(parser))
+        text += f"\nOptions: {names}\n" if names else ""
     return text
 
 

@@ -1,6 +1,8 @@
 """Hooks of mkdocs.yml: links that leave docs/ lead to a page of the site, or are plain text.
 
-README.md, CONTRIBUTING.md and CHANGELOG.md become pages; source files have no page here.
+README.md, CONTRIBUTING.md and CHANGELOG.md become pages; source files have no page here. What the
+tests read behind the language of a block (`sh run`, `toml file=NAME`) is no option of Markdown: a
+file becomes the title of its block.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ PAGES = {
     "CHANGELOG.md": "changelog.md",
 }
 _LINK = re.compile(r"(?<!!)\[([^\]]*)\]\(([^)#\s]*)(#[^)\s]*)?\)")
+_BLOCK = re.compile(r"^```(\w+) (?:run|file=(\S+))$", re.MULTILINE)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -31,7 +34,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Lead links that leave docs/ to pages of the site."""
+    """Lead links that leave docs/ to pages of the site, and name the files of blocks."""
     depth = page.file.src_uri.count("/")
 
     def lead(link: re.Match[str]) -> str:
@@ -41,7 +44,11 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         name = PAGES.get(target.removeprefix("../" * (depth + 1)))
         return f"[{words}]({'../' * depth}{name}{anchor})" if name else words
 
-    return _LINK.sub(lead, markdown)
+    return _BLOCK.sub(_title, _LINK.sub(lead, markdown))
+
+
+def _title(block: re.Match[str]) -> str:
+    return f'```{block[1]} title="{block[2]}"' if block[2] else f"```{block[1]}"
 
 
 def _move_links(text: str) -> str:

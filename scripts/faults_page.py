@@ -56,8 +56,8 @@ rolled or drove on, `after_standstill`, or `by_fault`, which lay where hands set
 
 `agribot bench faults` drives into a row, lets one thing go wrong there, and judges the robot. The
 same drives without a fault stand beside them: what stops the robot there is a false alarm. It goes
-on where it was interrupted; its table is `faults.md` in the folder, and `--markdown PAGE` writes it
-between the marks of a page, too.
+on where it was interrupted; its table is `faults.md` in the folder. `--markdown PAGE` writes the
+summary and the open rows between the marks of a page, and all rows into the `.csv` file beside it.
 
 ```
 agribot bench faults --seeds 1 --no-camera           # three minutes of a CPU
@@ -97,7 +97,7 @@ receiver 10 s, an empty battery and a pole in the way 5 s), but for a creeping r
 motor, which no sensor on board shows. What lies where hands set the robot down does not count.
 `km_without_fault` is the way of the `missions_without_fault`.
 
-[What it measured](fault-campaign.md) last. Which of them proves which [hazard](hazards.md).
+[What it measured](results/fault-campaign.md) last. Which of them proves which [hazard](hazards.md).
 """
 
 

@@ -1,33 +1,34 @@
 """Print docs/hazards.md: hazards, states of the gate and checks, from the tables in the code.
 
-What was measured of each fault is read from docs/fault-campaign.md. `make pages` writes all such
-pages.
+What was measured of each fault is read from docs/results/fault-campaign.csv. `make pages` writes
+all such pages.
 """
 
 from __future__ import annotations
 
+import csv
 import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 from agribot.autonomy.control.gate_machine import STATES
 from agribot.autonomy.control.hazards import CHECKS, HAZARDS, ForHand, Hazard, Reaction
 from agribot.core.config import EstimateConfig, SafetyConfig
 
-CAMPAIGN = Path(__file__).parents[1] / "docs" / "fault-campaign.md"
+CAMPAIGN = Path(__file__).parents[1] / "docs" / "results" / "fault-campaign.csv"
 HEAD = """# Hazards
 
 Written by `make pages` from
 [`hazards.py`](../src/agribot/autonomy/control/hazards.py) and
 [`gate_machine.py`](../src/agribot/autonomy/control/gate_machine.py).
 
-The last gate before the motors works through this table in every tick, from top to bottom. What
-each reaction means for people stands on [the page about stops](safety.md); how the faults are
-injected on [the page of faults](faults.md). The last column is read from
-[the measured campaign](fault-campaign.md): of each fault the share of its runs in which it was
-noticed, by this row or by another, the median time until then, and how far the robot rolled after
-a stop at most. Small faults are in it that change nothing, such as a motor that is weak and has
-not to be strong; "-" where no fault proves the row.
+The last gate before the motors works through this table in every tick, from top to bottom.
+[Safety](safety.md) says what each reaction means for people, [faults](faults.md) how faults are
+injected. The last column is read from [the measured campaign](results/fault-campaign.md): of each
+fault the share of its runs in which it was noticed, by this row or by another, and the median time
+until then. Small faults that change nothing are in it, such as a motor that is weak and need not be
+strong; "-" where no fault proves the row.
 
 | hazard | seen by | limit | reaction | holds a hand | proven by, and measured |
 |---|---|---|---|---|---|
@@ -77,27 +78,23 @@ _DEFAULTS = {"safety": SafetyConfig(), "estimate": EstimateConfig()}
 
 
 def page() -> str:
-    measured = read_campaign(CAMPAIGN.read_text(encoding="utf-8"))
+    with CAMPAIGN.open(encoding="utf-8", newline="") as lines:
+        measured = read_campaign(csv.DictReader(lines))
     rows = "".join(_row(hazard, measured) for hazard in HAZARDS)
     states = "".join(f"| `{row.state}` | {row.passes} | {row.ends} |\n" for row in STATES)
     checks = "".join(f"| {name} | {_list_rows(name)} |\n" for name in CHECKS)
     return HEAD + rows + WHERE + states + CHECK_HEAD + checks
 
 
-def read_campaign(text: str) -> dict[str, list[dict[str, str]]]:
-    """Read the measured lines of each fault, by its name: a text for each head of the table.
+def read_campaign(table: Iterable[dict[str, str]]) -> dict[str, list[dict[str, str]]]:
+    """Sort the measured rows by the name of their fault.
 
     What was measured twice counts by the more runs, or as it stands further down.
     """
     found: dict[str, dict[tuple[str, str], dict[str, str]]] = {}
-    heads: list[str] = []
-    for line in text.splitlines():
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        if cells[0] == "fault":
-            heads = cells
-        if line.startswith("| `"):
-            row = dict(zip(heads, cells, strict=False))
-            name = re.split(r"[=+`]", row["fault"].strip("`"))[0]
+    for row in table:
+        if row["fault"] != "no fault":
+            name = re.split("[=+]", row["fault"])[0]
             rows, place = found.setdefault(name, {}), (row["fault"], row["drive"])
             if place not in rows or int(row["runs"]) >= int(rows[place]["runs"]):
                 rows[place] = row
@@ -119,9 +116,7 @@ def _row(hazard: Hazard, measured: dict[str, list[dict[str, str]]]) -> str:
 def _describe_fault(name: str, rows: list[dict[str, str]]) -> str:
     noticed = _span([row["detected"] for row in rows], 0, " %")
     after = _span([row["after"] for row in rows], 1, " s")
-    rolled = _span([row.get("rolled", "-") for row in rows], 2, " m")
-    parts = [noticed, after and f"after {after}", rolled and f"rolled {rolled}"]
-    words = ", ".join(part for part in parts if part) or "not measured"
+    words = ", ".join(part for part in (noticed, after) if part) or "not measured"
     return f"`{name}` ({words})"
 
 

@@ -39,6 +39,7 @@ NAMES: dict[type, str] = {
     types.BoolType: "true or false",
     types.StrType: "text",
     types.NoneType: "nothing",
+    types.DictType: "table",
 }
 
 
@@ -115,7 +116,7 @@ def describe(kind: types.Type) -> str:
             name = "number" if isinstance(kind, types.FloatType) else "whole number"
             words = name + _limits(kind)
         case _:
-            words = NAMES.get(type(kind), type(kind).__name__)
+            words = NAMES[type(kind)]
     return words
 
 

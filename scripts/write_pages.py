@@ -12,7 +12,6 @@ import firmware_page
 import hazards_page
 import llms_page
 import mission_page
-import nightly_page
 import original_page
 import python_page
 import settings_page
@@ -22,7 +21,6 @@ ROOT = Path(__file__).parents[1]
 # Where each lies, and what makes it.
 PAGES: dict[str, Callable[[], str]] = {
     "CONTRIBUTING.md": architecture_page.contributing,
-    "docs/nightly.md": nightly_page.page,
     "docs/architecture.md": architecture_page.page,
     "docs/commands.md": commands_page.page,
     "docs/faults.md": faults_page.page,
@@ -31,6 +29,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "docs/hazards.md": hazards_page.page,
     "docs/mission.md": mission_page.page,
     "docs/original.md": original_page.page,
+    "docs/results/original.csv": original_page.rows,
     "docs/python.md": python_page.page,
     "docs/settings.md": settings_page.page,
     "docs/topics.md": topics_page.page,

@@ -47,3 +47,10 @@ def test_pictures_of_the_first_page_are_there(site: Path) -> None:
     pictures = re.findall(r'src="(images/[^"]+)"', text)
     assert len(pictures) == 3
     assert all((site / name).is_file() for name in pictures)
+
+
+def test_every_block_of_code_is_one_and_bears_the_name_of_its_file(site: Path) -> None:
+    pages = {path: path.read_text("utf-8") for path in site.rglob("*.html")}
+    assert not [path.name for path, text in pages.items() if "```" in text]
+    text = pages[site / "tutorials" / "your-field.html"]
+    assert '<span class="filename">field.toml</span>' in text

@@ -44,10 +44,10 @@ def test_by_day_a_test_takes_few_seeds_and_by_night_the_same_test_takes_all() ->
 
 
 def test_each_test_that_is_left_to_the_night_names_tests_that_prove_it_by_day() -> None:
-    page = runpy.run_path(str(ROOT / "scripts" / "nightly_page.py"))
+    listed = runpy.run_path(str(ROOT / "scripts" / "nightly_tests.py"))
     nightly = {
-        str(path.relative_to(ROOT)): page["list_by_day"](tree)
-        for path, tree in page["read_files"]().items()
+        str(path.relative_to(ROOT)): listed["list_by_day"](tree)
+        for path, tree in listed["read_files"]().items()
     }
     named = {
         (file, test, day if "::" in day else f"{file}::{day}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from agribot.app.workers import usable_cpus
@@ -15,8 +16,14 @@ from agribot.core import extras
 from agribot.core.errors import ConfigError, RecordingError
 from agribot.core.whole_file import write_at_once
 from agribot.lab.bench import faults
-from agribot.lab.bench.fault_rows import make_rows, summarise_rows
-from agribot.lab.bench.fault_tables import describe_result, format_table, rewrite_block
+from agribot.lab.bench.fault_rows import FaultRow, make_rows, summarise_rows
+from agribot.lab.bench.fault_tables import (
+    describe_result,
+    format_open,
+    format_table,
+    rewrite_block,
+    rewrite_rows,
+)
 from agribot.lab.bench.faults import FaultScenario
 from agribot.lab.sweep.plan import SweepJob
 
@@ -58,7 +65,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--markdown", type=Path, metavar="PAGE",
-        help="put the finished table into its place on a page such as docs/fault-campaign.md",
+        help="put the summary and the rows that are open into their place on a page such as "
+        "docs/results/fault-campaign.md, and all rows into the .csv file beside it",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print the result as the last line")
 
@@ -90,9 +98,17 @@ def run(options: argparse.Namespace) -> int:
                          "rest\n")  # fmt: skip
         return 130
     if page is not None:
-        block = f"`{_tell_command(options)}`: {describe_result(result)}\n{table}"
-        _write(options.markdown, rewrite_block(page, _name(options), block))
+        summary = f"`{_tell_command(options)}`: {describe_result(result)}"
+        _publish(options.markdown, page, _name(options), summary, rows)
     return int(bool(errors))
+
+
+def _publish(path: Path, page: str, name: str, summary: str, rows: Sequence[FaultRow]) -> None:
+    """Write the rows into the CSV file beside a page, and what they sum up to into the page."""
+    table = path.with_suffix(".csv")
+    kept = table.read_text(encoding="utf-8") if table.exists() else ""
+    _write(table, rewrite_rows(kept, name, rows))
+    _write(path, rewrite_block(page, name, f"{summary}\n{format_open(rows)}"))
 
 
 def _choose(options: argparse.Namespace) -> tuple[tuple[FaultScenario, ...], tuple[SweepJob, ...]]:

@@ -1,7 +1,9 @@
-"""The campaign of faults as text: its table, what it sums up to, and its part of a page."""
+"""The campaign of faults as text: its table, its sum, and its part of a page and of a CSV file."""
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,34 +13,59 @@ from agribot.lab.bench.faults import name_drive
 
 HEADS = ("fault", "drive", "runs", "detected", "harmless", "after", "reaction", "rolled", "allowed",
          "named", "one of two", "crushed", "outside", "it said")  # fmt: skip
+OPEN_HEADS = ("fault", "drive", "runs", "detected", "harmless", "after", "crushed")
 MOST_SAID = 160
+# The first column of a CSV file of campaigns: the name of the campaign.
+CAMPAIGN = "campaign"
+ALL_NOTICED = "Every fault was noticed in every run, and no plant was crushed.\n"
 
 
-def format_table(rows: Sequence[FaultRow]) -> str:
+def format_table(rows: Sequence[FaultRow], heads: Sequence[str] = HEADS) -> str:
     """Format one line for each scenario; "-" where nothing was measured."""
-    lines = [f"| {' | '.join(HEADS)} |", "|---" * len(HEADS) + "|"]
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for row in rows:
-        said = row.reason or "-"
-        if row.ended_badly:
-            said = f"{said}; {row.ended_badly} ended by: {row.why_ended}"
-        cells = (
-            f"`{row.fault}`" if row.fault != "no fault" else row.fault,
-            name_drive(row.profile, row.sensors, row.platform, has_camera=row.has_camera),
-            str(row.runs),
-            _format(row.detected_ratio, 100.0, " %", 0),
-            _format(row.harmless / row.injected if row.injected else None, 100.0, " %", 0),
-            _format(row.time_to_detect_s, 1.0, " s", 2),
-            row.reaction,
-            _format(row.stop_distance_m_max, 1.0, " m", 2),
-            _describe_allowed(row),
-            _format(row.named_ratio, 100.0, " %", 0),
-            _format(row.one_of_two / row.injected if row.injected else None, 100.0, " %", 0),
-            _describe_crushed(row),
-            _format(row.outside_m_max, 1.0, " m", 1),
-            said.replace("|", "\\|").replace("\n", " ")[:MOST_SAID],
-        )
-        lines.append(f"| {' | '.join(cells)} |")
+        cells = dict(zip(HEADS, (_escape(cell) for cell in list_cells(row)), strict=True))
+        if row.fault != "no fault":
+            cells["fault"] = f"`{cells['fault']}`"
+        lines.append(f"| {' | '.join(cells[head] for head in heads)} |")
     return "\n".join(lines) + "\n"
+
+
+def _escape(cell: str) -> str:
+    return cell.replace("|", "\\|")
+
+
+def format_open(rows: Sequence[FaultRow]) -> str:
+    """Format what a reader of a page has to know: faults not always noticed, plants crushed."""
+    left = [row for row in rows if is_open(row)]
+    return format_table(left, OPEN_HEADS) if left else ALL_NOTICED
+
+
+def is_open(row: FaultRow) -> bool:
+    return bool(row.crushed_after) or (row.injected > 0 and row.noticed < row.injected)
+
+
+def list_cells(row: FaultRow) -> tuple[str, ...]:
+    """List the cells of a scenario in the order of `HEADS`."""
+    said = row.reason or "-"
+    if row.ended_badly:
+        said = f"{said}; {row.ended_badly} ended by: {row.why_ended}"
+    return (
+        row.fault,
+        name_drive(row.profile, row.sensors, row.platform, has_camera=row.has_camera),
+        str(row.runs),
+        _format(row.detected_ratio, 100.0, " %", 0),
+        _format(row.harmless / row.injected if row.injected else None, 100.0, " %", 0),
+        _format(row.time_to_detect_s, 1.0, " s", 2),
+        row.reaction,
+        _format(row.stop_distance_m_max, 1.0, " m", 2),
+        _describe_allowed(row),
+        _format(row.named_ratio, 100.0, " %", 0),
+        _format(row.one_of_two / row.injected if row.injected else None, 100.0, " %", 0),
+        _describe_crushed(row),
+        _format(row.outside_m_max, 1.0, " m", 1),
+        said.replace("\n", " ")[:MOST_SAID],
+    )
 
 
 def _describe_allowed(row: FaultRow) -> str:
@@ -104,3 +131,14 @@ def rewrite_block(page: str, name: str, block: str) -> str:
             f"the page has no lines '{begin.strip()}' and '{end}'; add them where the table goes"
         )
     return f"{before}{begin}\n{block.strip()}\n\n{end}{after}"
+
+
+def rewrite_rows(text: str, name: str, rows: Sequence[FaultRow]) -> str:
+    """Put the rows of a campaign into the CSV text of all campaigns, instead of its old ones."""
+    _, *others = csv.reader(io.StringIO(text)) if text else ([],)
+    target = io.StringIO()
+    writer = csv.writer(target, lineterminator="\n")
+    writer.writerow((CAMPAIGN, *HEADS))
+    writer.writerows(cells for cells in others if cells[0] != name)
+    writer.writerows((name, *list_cells(row)) for row in rows)
+    return target.getvalue()

@@ -1,7 +1,7 @@
-"""Print docs/nightly.md: the tests that `make test` leaves to the night.
+"""Print every test that `make test` leaves to the night: `python scripts/nightly_tests.py`.
 
-They are read from the decorators of tests/nightly.py, the last results from
-tests/nightly-results.csv. `make pages` writes all such pages.
+Beside it stand the counts of day and night, or the tests that prove the same by day, as the
+decorators of tests/nightly.py say.
 """
 
 from __future__ import annotations
@@ -12,40 +12,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-HEAD = """# What runs at night
-
-Written by `make pages` from the decorators of [`tests/nightly.py`](../tests/nightly.py).
-
-`make test` proves every behaviour once, in its cheapest form. `make nightly` runs what is left:
-statistics, long drives, whole missions and browser journeys, in shards that can be run alone
-(`make nightly TESTS=tests/mission`). It writes the last result of each file, with date, commit and
-machine, to `tests/nightly-results.csv`, and lists the files that
-did not run for two weeks.
-
-## The same test with more
-
-By day with fewer seeds, drives or cases; at night with all.
-
-| test | by day | at night |
-|---|---|---|
-"""
-BY_DAY = """
-## Tests with a cheaper form by day
-
-| left to the night | proved by day in |
-|---|---|
-"""
 
 
-def page() -> str:
-    files = read_files()
-    counts = [row for path, tree in files.items() for row in _list_counts(path, tree)]
-    moved = [
-        f"| `{_name(path)}`: {_say(test)} | {', '.join(_link(day) for day in days)} |\n"
-        for path, tree in files.items()
-        for test, days in list_by_day(tree).items()
-    ]
-    return HEAD + "".join(counts) + BY_DAY + "".join(moved)
+def list_all() -> str:
+    """List every test of the night, with its counts or the tests that prove it by day."""
+    lines = []
+    for path, tree in read_files().items():
+        lines += [f"{_name(path)}: {line}\n" for line in list_counts(tree)]
+        for test, days in list_by_day(tree).items():
+            lines.append(f"{_name(path)}: {_say(test)}: {', '.join(_link(day) for day in days)}\n")
+    return "".join(lines)
 
 
 def read_files() -> dict[Path, ast.Module]:
@@ -78,15 +54,16 @@ def _list_marks(tree: ast.Module) -> Iterator[tuple[str, ast.AST]]:
             yield "*", node.value
 
 
-def _list_counts(path: Path, tree: ast.Module) -> Iterator[str]:
+def list_counts(tree: ast.Module) -> Iterator[str]:
+    """List the tests that run by day with fewer cases: name, cases by day, cases at night."""
     for name, part in _list_marks(tree):
         if isinstance(part, ast.Call) and ast.unparse(part.func) in {
             "nightly.all_or_first",
             "nightly.one_by_one",
         }:
             words = [*part.args[2:], *(word.value for word in part.keywords)]
-            cases = ast.unparse(part.args[1]).replace("|", "\\|")
-            yield f"| `{_name(path)}`: {_say(name)} | {ast.unparse(words[0])} | `{cases}` |\n"
+            cases = ast.unparse(part.args[1])
+            yield f"{_say(name)}: {ast.unparse(words[0])} by day, at night {cases}"
 
 
 def _name(path: Path) -> str:
@@ -99,8 +76,8 @@ def _say(test: str) -> str:
 
 def _link(day: str) -> str:
     file, _, test = day.rpartition("::")
-    return (f"`{file.removeprefix('tests/')}`: " if file else "") + _say(test)
+    return (f"{file.removeprefix('tests/')}: " if file else "") + _say(test)
 
 
 if __name__ == "__main__":
-    sys.stdout.write(page())
+    sys.stdout.write(list_all())
