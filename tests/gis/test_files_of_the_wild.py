@@ -234,6 +234,8 @@ def area_kml(comma: str = ",") -> str:
 
 
 TRACK = "".join(f"<gx:coord>{lon} {lat} 0</gx:coord>" for lon, lat in ring(FIELD))
+COORDS = TRACK.partition("</gx:coord>")
+PAUSED = f"<gx:Track>{COORDS[0]}{COORDS[1]}</gx:Track><gx:Track>{COORDS[2]}</gx:Track>"
 KML = {
     "spaces beside commas": kml(area_kml(" , ")),
     "an empty point": kml("<Point><coordinates></coordinates></Point>", area_kml()),
@@ -241,6 +243,12 @@ KML = {
         f"<LineString><coordinates>{places(FIELD)}</coordinates></LineString>"
     ),
     "a track around the field": kml(f"<gx:Track>{TRACK}</gx:Track>"),
+    "a track that was paused": kml(f"<gx:MultiTrack>{PAUSED}</gx:MultiTrack>"),
+    "an & and entities of HTML": kml(
+        "<name>Hill &amp; Dale & Co&nbsp;&uuml;</name>",
+        "<description><![CDATA[a && b]]></description>",
+        area_kml(),
+    ),
     "a prefix without a namespace": kml(f"<gx:drawOrder>1</gx:drawOrder>{area_kml()}"),
     "a line before its declaration": kml(area_kml(), head='\n<?xml version="1.0"?>'),
 }

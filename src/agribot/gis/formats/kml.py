@@ -68,8 +68,8 @@ def _read_line(element: ET.Element) -> Geometry | None:
 
 
 def _read_track(element: ET.Element) -> Geometry | None:
-    """Read gx:Track, whose places are `lon lat altitude` each."""
-    places = [(e.text or "").split()[:2] for e in element if e.tag == "coord"]
+    """Read gx:Track, whose places are `lon lat altitude` each; a gx:MultiTrack was paused."""
+    places = [(e.text or "").split()[:2] for e in element.iter("coord")]
     points = [[float(number) for number in place] for place in places if place]
     return {"type": "LineString", "coordinates": points} if points else None
 
@@ -92,9 +92,10 @@ _SHAPES: dict[str, Callable[[ET.Element], Geometry | None]] = {
     "LinearRing": _read_ring,
     "Polygon": _read_area,
     "Track": _read_track,
+    "MultiTrack": _read_track,
     "Model": lambda _: None,
 }
-_COLLECTIONS = {"MultiGeometry", "MultiTrack"}
+_COLLECTIONS = {"MultiGeometry"}
 _WITHOUT_SHAPE = {"NetworkLink", "GroundOverlay", "PhotoOverlay", "ScreenOverlay"}
 
 
