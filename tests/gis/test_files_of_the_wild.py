@@ -382,6 +382,18 @@ def packed_tasks(text: str) -> bytes:
     return packed.getvalue()
 
 
+def test_a_file_of_its_own_that_is_not_in_the_archive_is_named(tmp_path: Path) -> None:
+    path, main = tmp_path / "f.zip", '<ISO11783_TaskData><XFR A="{}"/></ISO11783_TaskData>'
+    for name, read in (
+        ("PFD00001", lambda: read_field(path, HERE)),
+        ("TSK00001", lambda: read_prescription("f.zip", path.read_bytes(), HERE)),
+    ):
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("TASKDATA.XML", main.format(name))
+        with pytest.raises(MissionError, match=f"{name}.XML is not inside"):
+            read()
+
+
 def test_a_task_in_a_file_of_its_own_is_the_prescription() -> None:
     zones = "".join(
         f'<TZN A="{code}"><PDV A="0001" B="{rate}"/></TZN>'
