@@ -238,6 +238,7 @@ COORDS = TRACK.partition("</gx:coord>")
 PAUSED = f"<gx:Track>{COORDS[0]}{COORDS[1]}</gx:Track><gx:Track>{COORDS[2]}</gx:Track>"
 KML = {
     "spaces beside commas": kml(area_kml(" , ")),
+    "commas behind places": kml(area_kml().replace("\n", ",\n")),
     "an empty point": kml("<Point><coordinates></coordinates></Point>", area_kml()),
     "a path around the field": kml(
         f"<LineString><coordinates>{places(FIELD)}</coordinates></LineString>"

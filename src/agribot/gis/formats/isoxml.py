@@ -43,8 +43,8 @@ def read_isoxml(data: bytes) -> Found:
     absent = list_absent(trees, "PFD")
     if absent and not fields:
         raise ValueError(f"{', '.join(absent)} is not inside, which {MAIN_FILE} names")
-    for name in absent:
-        yield describe_left_out(f"{name}, which is not inside")
+    for file in absent:
+        yield describe_left_out(f"{file}, which is not inside")
     for number, field in enumerate(fields):
         of = {"partfield": number} if len(fields) > 1 else {}
         ground = PartfieldGround([_read_positions(ring) for ring in _find_outlines(field)])

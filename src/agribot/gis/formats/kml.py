@@ -17,6 +17,7 @@ from agribot.gis.geojson import Feature, Found, Geometry, LonLat, describe_left_
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
 _MAIN_FILE = "doc.kml"
+_COMMAS = 3  # in one place, with one behind its altitude
 _COMMA = re.compile(r"\s*,\s*")  # many programs write spaces beside the commas of a place
 
 
@@ -101,10 +102,10 @@ _WITHOUT_SHAPE = {"NetworkLink", "GroundOverlay", "PhotoOverlay", "ScreenOverlay
 
 def _read_points(element: ET.Element) -> list[list[float]]:
     text = next((e.text or "" for e in element.iter() if e.tag == "coordinates"), "")
-    return [
-        [float(number) for number in point.split(",")[:2]]
-        for point in _COMMA.sub(",", text).split()
-    ]
+    places = _COMMA.sub(",", text).split()
+    if any(place.count(",") > _COMMAS for place in places):  # one stands behind each place, too
+        places = [place.rstrip(",") for place in text.split()]
+    return [[float(number) for number in place.split(",")[:2]] for place in places]
 
 
 def write_kml(features: Sequence[Feature]) -> bytes:
