@@ -209,6 +209,8 @@ def test_the_pictures_of_a_topic_are_seen_whatever_their_size(
 
 
 def test_a_topic_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["live", "/usb_cam/image_raw"]) == 2
+    assert "of a topic write ros1:/usb_cam/image_raw or ros2:/usb" in capsys.readouterr().err
     assert main(["live", "ros1:"]) == 2
     assert "ros1: names no topic; write ros1:/image_raw or ros2://HOST:PORT/image_raw" in (
         capsys.readouterr().err

@@ -187,7 +187,7 @@ def test_ground_of_infinite_friction_leaves_the_grip_to_the_tyre(
 def test_names_that_gazebo_writes_with_two_colons_are_left_alone(tmp_path: Path) -> None:
     tags = (
         "<plugin name='p' filename='f'><gz::system_priority>-100</gz::system_priority>"
-        "<ignition::gazebo::x a='1'/></plugin>"
+        "<ignition::gazebo::x gz::a='1'/></plugin>"
     )
     world = load_world(_file(tmp_path, tags))
     assert world.warnings == () and world.ground[0].x_max_m == 15.0

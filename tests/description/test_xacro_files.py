@@ -35,8 +35,14 @@ def names(robot: str) -> set[str]:
     return {link.name for link in load_robot(robot).links}
 
 
-def test_a_xacro_is_expanded_whatever_its_file_is_called(rover: str) -> None:
-    assert "left_lamp" in names(rover)
+@pytest.mark.parametrize("name", ["rover.urdf", "rover.urdf.xml", "rover.model", "rover"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_a_xacro_is_expanded_whatever_its_file_is_called_and_however_it_is_saved(
+    rover: str, name: str, encoding: str
+) -> None:
+    file = Path(rover).with_name(name)
+    file.write_text(Path(rover).read_text("utf-8"), encoding)
+    assert "left_lamp" in names(str(file))
 
 
 def test_a_plain_file_that_declares_the_names_of_xacro_stays_as_it_is(tmp_path: Path) -> None:

@@ -11,12 +11,25 @@ from agribot.core.geo import compass_deg_from_yaw
 from agribot.core.messages import GnssHeading
 from agribot.drivers.nmea import write_sentence
 from agribot.drivers.receiver_decoder import HeadingMount, ReceiverDecoder
+from agribot.drivers.unicore import compute_crc32
 from tests.drivers import maker_bytes
 
 USUAL_DEG = HeadingMount().std_deg
 AVR = "PTNL,AVR,093015.50,{yaw},Yaw,-0.5,Tilt,,,1.002,{quality},1.2,17"
 HRP = "PSSN,HRP,093015.50,040526,143.20,,-0.708,0.084,,0.181,21,{mode},2.400,E"
 TAR = "PQTMTAR,1,093015.500,{quality},,1.002,-0.5,0.7,143.200,0.146,0.296,0.190,25"
+VHD = "PTNL,VHD,093015.50,040526,143.200,-0.138,-0.5,-0.015,1.002,0.006,{quality},17,1.4"
+KSXT = "KSXT,20260504093015.50,004.51,52.15,56.5,143.20,-0.50,90.0,0.4,,3,{quality},20,20,,,,,,,,"
+HPR = "PSAT,HPR,093015.50,143.20,-0.50,,{source}"
+PSTI = "PSTI,036,093015.500,040526,143.20,-0.50,0.00,{mode}"
+PASHR = "PASHR,093015.500,143.20,T,-0.50,0.70,+0.10,0.020,0.020,0.190,{quality}"
+NOVATEL = "COM1,0,70.5,FINESTEERING,2417,120633.500,02000000,0000,16809"
+
+
+def make_novatel_line(name: str, kind: str) -> bytes:
+    body = f"SOL_COMPUTED,{kind},1.002,143.2000,-0.5,0.0,0.1900,0.29,0000,BASE,25,25,25,20,0,1,3,3"
+    text = f"{name}A,{NOVATEL};{body}".encode()
+    return b"#%s*%08x\r\n" % (text, compute_crc32(text))
 
 
 def decode(*data: bytes) -> list[GnssHeading]:
@@ -35,6 +48,15 @@ def decode(*data: bytes) -> list[GnssHeading]:
         (write_sentence(AVR.format(yaw="-216.8000", quality=3)), USUAL_DEG),
         (write_sentence(HRP.format(mode=2)), 0.084),
         (write_sentence(TAR.format(quality=4)), 0.19),
+        (write_sentence("GPTRA,093015.50,143.20,-0.50,000.00,4,20,0.00,0001"), USUAL_DEG),
+        (write_sentence(VHD.format(quality=3)), USUAL_DEG),
+        (write_sentence(KSXT.format(quality=3)), USUAL_DEG),
+        (write_sentence(HPR.format(source="N")), USUAL_DEG),
+        (write_sentence(PSTI.format(mode="R")), USUAL_DEG),
+        (write_sentence(PASHR.format(quality=2)), 0.19),
+        (make_novatel_line("HEADING", "NARROW_INT"), 0.19),
+        (make_novatel_line("HEADING2", "NARROW_INT"), 0.19),
+        (make_novatel_line("DUALANTENNAHEADING", "L1_INT"), 0.19),
         (maker_bytes.make_unicore_line("UNIHEADING", maker_bytes.make_uniheading_text()), 0.19),
         (maker_bytes.make_unicore_frame(972, maker_bytes.make_uniheading_body()), 0.19),
     ],
@@ -55,6 +77,14 @@ def test_a_heading_is_read_with_the_accuracy_that_it_states(data: bytes, std_deg
         write_sentence(AVR.format(yaw="+143.2000", quality=2)),
         write_sentence(HRP.format(mode=1)),
         write_sentence(TAR.format(quality=5)),
+        write_sentence("GPTRA,093015.50,143.20,-0.50,000.00,5,20,0.00,0001"),
+        write_sentence(VHD.format(quality=2)),
+        write_sentence(KSXT.format(quality=2)),
+        write_sentence(HPR.format(source="G")),
+        write_sentence(PSTI.format(mode="F")),
+        write_sentence(PASHR.format(quality=0)),
+        write_sentence("PASHR,ATT,120633.5,143.20,-0.50,0.70,0.01,0.02,0"),
+        make_novatel_line("HEADING2", "NARROW_FLOAT"),
         maker_bytes.make_unicore_line(
             "UNIHEADING", maker_bytes.make_uniheading_text("NARROW_FLOAT")
         ),
@@ -89,6 +119,7 @@ def test_headings_between_epochs_have_stamps_of_their_own() -> None:
     decoder.feed(write_sentence(gga))
     for part in ("00", "05", "10"):
         body = f"GNHPR,093015.{part},143.2000,-0.5,0.0,4,38,1.00,0001"
-        found = decoder.feed(write_sentence(body))
+        dated = KSXT.format(quality=3).replace("15.50", f"15.{part}")
+        found = decoder.feed(write_sentence(body if part == "05" else dated))
         stamps_s += [stamp_s for stamp_s, one in found if isinstance(one, GnssHeading)]
     assert [b - a for a, b in itertools.pairwise(stamps_s)] == pytest.approx([0.05] * 2)

@@ -94,11 +94,11 @@ def test_a_receiver_that_searches_is_in_no_trouble() -> None:
 def test_kinds_that_are_not_read_are_named_beside_fixes() -> None:
     decoder, found = ReceiverDecoder(pytest.fail), []
     for second in range(4):
-        for body in (GGA.format(second=second, quality=4), "PASHR,093015.000,10.5,T,0.3,-0.7",
+        for body in (GGA.format(second=second, quality=4), "PASHR,ATT,10.5,0.3,-0.7",
                      "GPZDA,093015.00,04,05,2026,00,00", "PTNL,GGK,093015.00,050426"):  # fmt: skip
             found += decoder.feed(write_sentence(body), float(second))
     statuses = [one for _, one in found if isinstance(one, GnssStatus)]
-    assert decoder.heard.name_unread() == ("PASHR", "ZDA", "PTNL,GGK")
+    assert decoder.heard.name_unread() == ("PASHR,ATT", "ZDA", "PTNL,GGK")
     assert not any(status.trouble for status in statuses)
 
 

@@ -234,13 +234,22 @@ def area_kml(comma: str = ",") -> str:
 
 
 TRACK = "".join(f"<gx:coord>{lon} {lat} 0</gx:coord>" for lon, lat in ring(FIELD))
+COORDS = TRACK.partition("</gx:coord>")
+PAUSED = f"<gx:Track>{COORDS[0]}{COORDS[1]}</gx:Track><gx:Track>{COORDS[2]}</gx:Track>"
 KML = {
     "spaces beside commas": kml(area_kml(" , ")),
+    "commas behind places": kml(area_kml().replace("\n", ",\n")),
     "an empty point": kml("<Point><coordinates></coordinates></Point>", area_kml()),
     "a path around the field": kml(
         f"<LineString><coordinates>{places(FIELD)}</coordinates></LineString>"
     ),
     "a track around the field": kml(f"<gx:Track>{TRACK}</gx:Track>"),
+    "a track that was paused": kml(f"<gx:MultiTrack>{PAUSED}</gx:MultiTrack>"),
+    "an & and entities of HTML": kml(
+        "<name>Hill &amp; Dale & Co&nbsp;&uuml;</name>",
+        "<description><![CDATA[a && b]]></description>",
+        area_kml(),
+    ),
     "a prefix without a namespace": kml(f"<gx:drawOrder>1</gx:drawOrder>{area_kml()}"),
     "a line before its declaration": kml(area_kml(), head='\n<?xml version="1.0"?>'),
 }
@@ -372,6 +381,18 @@ def packed_tasks(text: str) -> bytes:
         archive.writestr("TASKDATA\\TSK00001.XML", text)
         archive.writestr("TASKDATA\\GRD00001.BIN", bytes([1, 2, 1, 2]))
     return packed.getvalue()
+
+
+def test_a_file_of_its_own_that_is_not_in_the_archive_is_named(tmp_path: Path) -> None:
+    path, main = tmp_path / "f.zip", '<ISO11783_TaskData><XFR A="{}"/></ISO11783_TaskData>'
+    for name, read in (
+        ("PFD00001", lambda: read_field(path, HERE)),
+        ("TSK00001", lambda: read_prescription("f.zip", path.read_bytes(), HERE)),
+    ):
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("TASKDATA.XML", main.format(name))
+        with pytest.raises(MissionError, match=f"{name}.XML is not inside"):
+            read()
 
 
 def test_a_task_in_a_file_of_its_own_is_the_prescription() -> None:

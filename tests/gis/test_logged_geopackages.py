@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from agribot.app.prescribed_zones import read_prescription_file
 from agribot.cli.main import main
 from agribot.core.config import load
+from agribot.core.errors import MissionError
 from agribot.gis.formats.geopackage import TABLES, WGS84_SRS
 from agribot.gis.formats.table import read_field_file
 
@@ -82,6 +83,17 @@ def test_a_file_that_comes_alone_is_read_and_what_may_be_missing_is_named(tmp_pa
     collection = read_field_file("field.gpkg", path.read_bytes())
     assert len(collection["features"]) == 1
     assert "-wal file" in collection["left_out"]
+
+
+def test_a_file_whose_whole_content_stands_in_a_log_that_is_missing_is_refused(
+    tmp_path: Path,
+) -> None:
+    with closing(sqlite3.connect(tmp_path / "field.gpkg")) as database:
+        database.execute("PRAGMA journal_mode = WAL")
+        database.executescript(TABLES)
+        alone = (tmp_path / "field.gpkg").read_bytes()
+    with pytest.raises(MissionError, match=r"-wal file that is not beside it; close it"):
+        read_field_file("field.gpkg", alone)
 
 
 def test_zones_in_a_log_are_prescribed(tmp_path: Path) -> None:

@@ -73,10 +73,12 @@ def test_near_infrared_that_is_marked_as_alpha_is_left_out_and_the_picture_is_op
     """GDAL's default mark for a fourth band without a colour interpretation."""
     picture = (_make_picture() * 255).astype(np.uint8)
     infrared = np.random.default_rng(4).integers(60, 220, (1, SIDE_PX, SIDE_PX), dtype=np.uint8)
-    pixels = _import(tmp_path / "nir.tif", np.concatenate([picture, infrared]))
-    assert "band 4 is marked as alpha" in capsys.readouterr().err
+    overexposed = np.where(infrared > 120, 255, infrared).astype(np.uint8)
     plain = _import(tmp_path / "plain.tif", picture)
-    assert pixels == pytest.approx(plain, abs=1)
+    for name, band in (("nir", infrared), ("bright", overexposed)):
+        pixels = _import(tmp_path / f"{name}.tif", np.concatenate([picture, band]))
+        assert "band 4 is marked as alpha" in capsys.readouterr().err
+        assert pixels == pytest.approx(plain, abs=1)
     picture[:, :, :64], infrared[:, :, :64] = 0, 0
     edged = _import(tmp_path / "edged.tif", np.concatenate([picture, infrared]))
     assert (edged[:, 3] > 250).sum() == pytest.approx(0.5 * (plain[:, 3] > 250).sum(), rel=0.05)
@@ -96,12 +98,19 @@ def test_an_alpha_band_with_soft_edges_stays_one(kind: Any, top: int, tmp_path: 
     assert ((pixels[:, 3] > 20) & (pixels[:, 3] < 230)).any()
 
 
-@pytest.mark.parametrize("nodata", [-9999.0, float("nan"), float(np.finfo(np.float32).min)])
-@pytest.mark.parametrize("is_stated", [True, False])
+@pytest.mark.parametrize(
+    ("kind", "nodata", "is_stated"),
+    [
+        (np.float32, -9999.0, True), (np.float32, -10000.0, False), (np.float32, np.nan, True),
+        (np.float32, np.nan, False), (np.float32, float(np.finfo(np.float32).min), False),
+        (np.float32, -3.4e38, False), (np.float32, 1e20, False), (np.int16, -10000, False),
+        (np.uint16, 65535, True), (np.uint16, 65535, False),
+    ],
+)  # fmt: skip
 def test_numbers_for_no_data_are_transparent_and_darken_nothing(
-    nodata: float, is_stated: bool, tmp_path: Path
+    kind: Any, nodata: float, is_stated: bool, tmp_path: Path
 ) -> None:
-    picture = (_make_picture() * 0.4).astype(np.float32)
+    picture = (_make_picture() * (0.4 if kind is np.float32 else 4095)).astype(kind)
     whole = _import(tmp_path / "whole.tif", picture)
     picture[:, :, : SIDE_PX // 2] = nodata
     pixels = _import(tmp_path / "half.tif", picture, **({"nodata": nodata} if is_stated else {}))
@@ -129,6 +138,7 @@ def _make_ground(noise_m: float) -> np.ndarray:
     [
         ("field", _make_ground(0.02).astype(np.float32)),
         ("field", _make_ground(0.02).round().astype(np.int16)),
+        ("flat", (_make_ground(0.02) / 12.0).astype(np.float32)),
         ("farm_dsm", _make_ground(2.0).astype(np.float32)),
         ("DEM-2026", (10.0 * _make_ground(2.0)).astype(np.uint16)),
     ],

@@ -455,7 +455,8 @@ def write_multipoints(path: Path, count: int) -> Path:
     shape = {"type": "MultiPoint", "coordinates": places}
     if path.suffix == ".geojson":
         empty: dict[str, Any] = {"type": "Feature", "geometry": None, "properties": {}}
-        features = [empty, {"type": "Feature", "geometry": shape, "properties": {}}]
+        lost = {**empty, "geometry": {"type": "Point", "coordinates": []}}
+        features = [empty, lost, {"type": "Feature", "geometry": shape, "properties": {}}]
         path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     elif path.suffix == ".shp":
         with shapefile.Writer(str(path), shapeType=shapefile.MULTIPOINT) as writer:

@@ -156,6 +156,12 @@ class Capture:
     """OpenCV's reader of a file or a camera."""
 
     def __init__(self, source: str) -> None:
+        """Open it. Raises: ConfigError: there is no such file or camera."""
+        if source.startswith("/") and not Path(source).exists():
+            raise ConfigError(
+                f"{source} does not exist; check the path, or of a topic write ros1:{source} or "
+                f"ros2:{source}"
+            )
         self.name = source
         self.ends = self.is_file = Path(source).is_file()
         is_number = source.isascii() and source.isdigit() and len(source) <= MOST_DIGITS

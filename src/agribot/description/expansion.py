@@ -17,7 +17,7 @@ from agribot.description.elements import FileFinding, SourceFile
 from agribot.description.markup import copy_tree, parse_xml, read_xml
 from agribot.description.package import list_robot_files, read_search_paths
 from agribot.description.xacro_arithmetic import bound_arithmetic
-from agribot.description.xacro_dialect import OldDialect
+from agribot.description.xacro_dialect import OldDialect, read_utf_8
 from agribot.description.xacro_yaml import bound_yaml
 
 # xacro keeps the files it works on in module variables.
@@ -71,7 +71,7 @@ def is_xacro(path: Path) -> bool:
     Raises: DescriptionError: it cannot be read.
     """
     try:
-        return path.suffix == ".xacro" or b"xmlns:xacro" in path.read_bytes()
+        return path.suffix == ".xacro" or b"xmlns:xacro" in read_utf_8(path)
     except OSError as error:
         raise DescriptionError(
             f"{path} cannot be read: {error.strerror or error}; check the path"

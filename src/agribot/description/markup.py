@@ -16,7 +16,7 @@ _DECLARED = re.compile(rb"\sxmlns:([\w.-]+)\s*=")
 _FIRST_TAG = re.compile(rb"<[A-Za-z_][\w.:-]*")
 # Of XML itself, and of xacro, without whose namespace nothing would be expanded.
 _NEVER_DECLARED = {b"xml", b"xmlns", b"xacro"}
-_GAZEBO_NAME = re.compile(rb"</?[\w.-]+(?:::[\w.-]+)+")
+_GAZEBO_NAME = re.compile(rb"</?[\w.-]+(?:::[\w.-]+)+|\s[\w.-]+(?:::[\w.-]+)+(?=\s*=\s*[\"'])")
 
 
 class PlacedElement(ET.Element):
@@ -53,7 +53,7 @@ def parse_xml(text: bytes | str, file: str) -> ET.Element:
 
 
 def _join_prefixes(text: bytes) -> bytes:
-    """Write Gazebo's `<gz::name>`, which is no XML, as an element that is left alone."""
+    """Write Gazebo's `gz::name`, which is no XML, as an element or attribute that is left alone."""
     return _GAZEBO_NAME.sub(lambda name: name[0].replace(b"::", b"-"), text)
 
 

@@ -108,14 +108,14 @@ def split_arguments(robot: str) -> tuple[str, dict[str, str]]:
 def find_packaged_or_file(
     kind: str, name_or_path: str, known: dict[str, Path], suffixes: tuple[str, str]
 ) -> Path:
-    """Find a packaged file by its name, or any path with one of the suffixes.
+    """Find a packaged file by its name, or any file, or a path with one of the suffixes.
 
     Raises: DescriptionError: neither; the message lists the known names.
     """
     if name_or_path in known:
         return known[name_or_path]
     path = Path(name_or_path)
-    if path.suffix in suffixes:
+    if path.suffix in suffixes or path.is_file():
         return path
     raise DescriptionError(
         f"unknown {kind} '{name_or_path}'; known: {', '.join(sorted(known))}, "

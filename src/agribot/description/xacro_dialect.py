@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from typing import Any
 
 import xacro
 
+from agribot.core.xml_text import recode_xml
 from agribot.description.elements import FileFinding, SourceFile
 from agribot.description.markup import PlacedElement
 
@@ -31,9 +33,11 @@ class OldDialect:
         parse, call = xacro.parse, xacro.handle_macro_call
 
         def parse_both(inp: Any, filename: str | None = None) -> Any:
-            document = parse(inp, filename)
-            if filename is not None:
-                self._read(document.documentElement, Path(filename))
+            if inp is not None or filename is None:
+                return parse(inp, filename)
+            data = read_utf_8(Path(filename)) if Path(filename).is_file() else None
+            document = parse(None if data is None else io.BytesIO(data), filename)
+            self._read(document.documentElement, Path(filename), data or b"")
             return document
 
         def call_both(node: Any, macros: Any, symbols: Any) -> Any:
@@ -63,8 +67,8 @@ class OldDialect:
                     element.file, element.line = file, number
                     return
 
-    def _read(self, top: Any, file: Path) -> None:
-        text = file.read_text("utf-8", errors="replace")
+    def _read(self, top: Any, file: Path, data: bytes) -> None:
+        text = data.decode("utf-8", errors="replace")
         self._texts[file.name] = text.splitlines()
         old = sorted(_translate(top))
         if old:
@@ -76,6 +80,18 @@ class OldDialect:
         for number, words in enumerate(text.splitlines(), 1):
             if words.strip().endswith(">>"):
                 self._source.findings.append(FileFinding(file.name, number, "a '>' too many", ""))
+
+
+def read_utf_8(path: Path) -> bytes:
+    """Read XML as UTF-8, unless it declares another encoding or is no text.
+
+    Raises: OSError: it cannot be read.
+    """
+    data = path.read_bytes()
+    try:
+        return recode_xml(data)
+    except ValueError:
+        return data
 
 
 def _translate(node: Any) -> set[str]:

@@ -13,7 +13,7 @@ from agribot.drivers import sbf, ubx_older
 from agribot.drivers.fix_kinds import DEAD_RECKONING, HELD
 from agribot.drivers.nmea import Sentence
 from agribot.drivers.nmea_fixes import TIME_FIELDS, TIMELESS
-from agribot.drivers.nmea_headings import HEADING_KINDS, is_about_heading
+from agribot.drivers.nmea_headings import HEADING_KINDS, name_kind
 from agribot.drivers.nmea_places import PLACE_KINDS
 from agribot.drivers.ubx import NAV_HPPOSLLH, NAV_PVT, NAV_RELPOSNED, UbxFrame
 from agribot.drivers.unicore import BESTNAV
@@ -105,11 +105,8 @@ class Heard:
 
     def add_sentence(self, sentence: Sentence, arrived_s: float) -> None:
         """Note an NMEA sentence."""
-        is_read = sentence.kind in _READ_OF_NMEA
-        kind = sentence.kind
-        if kind in ("PTNL", "PSSN"):
-            is_read, kind = is_about_heading(sentence), f"{kind},{(sentence.fields or ('',))[0]}"
-        self.add("NMEA", kind, arrived_s, is_read=is_read)
+        kind = name_kind(sentence)
+        self.add("NMEA", kind, arrived_s, is_read=kind in _READ_OF_NMEA)
 
     def add_frame(self, frame: UbxFrame, arrived_s: float) -> None:
         """Note a frame of UBX."""

@@ -141,7 +141,7 @@ class ReceiverDecoder:
             self._lack_fix(found, "", arrived_s)
 
     def _add_unicore(self, found: Stamped, frame: unicore.UnicoreFrame, arrived_s: float) -> None:
-        is_read = frame.name in unicore.NAMES.values()
+        is_read = frame.name in (*unicore.NAMES.values(), *unicore.HEADINGS)
         self.heard.add("Unicore", frame.name, arrived_s, is_read=is_read)
         try:
             self._read_unicore(found, frame, arrived_s)
@@ -149,7 +149,7 @@ class ReceiverDecoder:
             self._refuse(f"{frame.name} that cannot be read: {error}")
 
     def _read_unicore(self, found: Stamped, frame: unicore.UnicoreFrame, arrived_s: float) -> None:
-        if frame.name == unicore.NAMES[unicore.UNIHEADING]:
+        if frame.name in unicore.HEADINGS:
             heading = unicore_fixes.read_heading(frame)
             if heading is not None:
                 self._add_heading(found, heading, arrived_s)

@@ -1,7 +1,8 @@
 """Frames of Unicore receivers (UM980, UM982), in ASCII behind a # and in binary.
 
-Source: Unicore N4 high precision products, reference commands manual: both headers and the CRC-32,
-which are near those of NovAtel. `unicore_fixes.py` reads what they hold.
+Sources: Unicore N4 high precision products, reference commands manual: both headers and the CRC-32;
+NovAtel OEM7 commands and logs reference manual: the ASCII header, whose CRC is the same.
+`unicore_fixes.py` reads what they hold.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from typing import NamedTuple
 SYNC = b"\xaa\x44\xb5"
 BESTNAV, UNIHEADING = 2118, 972
 NAMES = {BESTNAV: "BESTNAV", UNIHEADING: "UNIHEADING"}
+# What NovAtel, ComNav and Bynav call theirs, whose fields are those of UNIHEADING.
+HEADINGS = (NAMES[UNIHEADING], "HEADING", "HEADING2", "DUALANTENNAHEADING")
 LONGEST_BODY = 8192
 LONGEST_LINE = 1024
 HEAD = struct.Struct("<3sBHHBBHIIBBH")
@@ -76,9 +79,7 @@ class UnicoreDecoder:
         if compute_crc32(waiting[start + 1 : match.end() - 9]) != int(checksum, 16):
             self.bad += 1
             return 1, None
-        words = head.split(",")
-        is_timed = len(words) > 4 and words[3].isdecimal() and words[4].isdecimal()
-        stamp_s = _make_stamp_s(int(words[3]), int(words[4])) if is_timed else 0.0
+        stamp_s = _read_stamp_s(head.split(","))
         return match.end() - start, UnicoreFrame(name, stamp_s, tuple(body.split(",")))
 
     def _read_binary(self, start: int) -> tuple[int, UnicoreFrame | None]:
@@ -108,6 +109,15 @@ def _find_start(waiting: bytearray, start: int) -> int:
         return min(places)
     kept = next((k for k in (2, 1) if waiting.endswith(SYNC[:k])), 0)
     return max(len(waiting) - kept, start)
+
+
+def _read_stamp_s(words: list[str]) -> float:
+    """Read week and milliseconds of a header, or NovAtel's week and seconds; 0 without a time."""
+    if len(words) > 4 and words[3].isdecimal() and words[4].isdecimal():
+        return _make_stamp_s(int(words[3]), int(words[4]))
+    if len(words) > 5 and words[4].isdecimal() and re.fullmatch(r"\d+\.\d+", words[5]):
+        return _make_stamp_s(int(words[4]), round(float(words[5]) * 1e3))
+    return 0.0
 
 
 def _make_stamp_s(week: int, time_ms: int) -> float:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from agribot.gis.formats.isoxml import list_absent
 from agribot.gis.formats.untrusted import parse_xml, unpack
 from agribot.gis.weeds.isoxml_tasks import MM3PM2_PER_LPHA, SETPOINT_RATE
 
@@ -35,13 +36,14 @@ def read_task_zones(data: bytes) -> list[RateGrid | tuple[Rings, float]]:
     Raises: ValueError: no such task, or it is broken.
     """
     files = {PurePosixPath(k).name.upper(): v for k, v in unpack(data, ".xml", ".bin").items()}
-    trees = [parse_xml(text) for name, text in files.items() if name.endswith(".XML")]
-    tasks = [e for tree in trees for e in tree.iter() if e.tag == "TSK" and _has_zones(e)]
+    trees = {n.removesuffix(".XML"): parse_xml(t) for n, t in files.items() if n.endswith(".XML")}
+    tasks = [e for tree in trees.values() for e in tree.iter("TSK") if _has_zones(e)]
     planned = [task for task in tasks if task.get("G") == _PLANNED]
     chosen = tasks if len(tasks) == 1 else planned
     if len(chosen) != 1:
         names = ", ".join(task.get("B", "") for task in tasks)[:100] or "none"
-        raise ValueError(f"one task with treatment zones is wanted; it has: {names}")
+        absent = "".join(f"; {name} is not inside" for name in list_absent(trees, "TSK"))
+        raise ValueError(f"one task with treatment zones is wanted; it has: {names}{absent}")
     return _read_task(chosen[0], files)
 
 

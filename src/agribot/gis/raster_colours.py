@@ -20,10 +20,11 @@ if TYPE_CHECKING:
 SAMPLE_PX = 1024  # side of the sample that a whole raster is judged by
 CUT_PERCENT = (2.0, 98.0)  # black and white, as GIS programs stretch pictures
 # Numbers that stand for "no data" by habit, where a file does not state one.
-USUAL_NODATA = (-9999.0, -99999.0, -32768.0, -32767.0, float(np.finfo(np.float32).min))
+USUAL_NODATA = (-9999.0, -99999.0, -32768.0, -32767.0, -10_000.0, 65_535.0)
+_BEYOND_DATA = 1e20  # a number as large, such as the least of a float, stands for none, too
 _OPAQUE_SHARE = 0.5  # of the pixels that an alpha band shows, those that it shows fully
 _MASK_VALUES = 16  # an alpha band of no more values is one, whatever they are
-_INDEX_SPAN = 2.0  # of vegetation indices and reflectance, which no heights are
+_INDEX_MOST = 2.0  # of vegetation indices and reflectance, which no heights are
 _SMOOTH_RATIO = 0.02  # of the step between neighbours to the span: ground, not a picture
 _HEIGHT_WORDS = re.compile(r"(?i)(^|[^a-z])(dem|dsm|dtm|dgm|chm|ndsm|heights?|elevation)([^a-z]|$)")
 _METRES = ("m", "metre", "meter", "metres", "meters")
@@ -108,8 +109,9 @@ def _is_mask(alpha: Any) -> bool:
     shown = alpha[alpha > 0]
     if not shown.size:
         return True
-    opaque = float(np.mean(shown == shown.max()))
-    return opaque >= _OPAQUE_SHARE or len(np.unique(shown)) <= _MASK_VALUES
+    if len(np.unique(shown)) <= _MASK_VALUES:
+        return True
+    return shown.size < alpha.size and float(np.mean(shown == shown.max())) >= _OPAQUE_SHARE
 
 
 def _find_bands(raster: rasterio.DatasetReader, alpha: int | None) -> tuple[int, ...]:
@@ -125,15 +127,17 @@ def _find_bands(raster: rasterio.DatasetReader, alpha: int | None) -> tuple[int,
 
 
 def _find_nodata(raster: rasterio.DatasetReader, pixels: Any) -> float | None:
-    """Return the stated number of no data, else a usual one that is the least of all pixels."""
+    """Return the stated number of no data, else a usual one that lies far from all others."""
     if raster.nodata is not None:
         return float(raster.nodata)
-    if pixels.dtype.kind == "u":
-        return None
     finite = pixels[np.isfinite(pixels)]
-    least = float(finite.min(initial=0.0))
-    found = next((usual for usual in USUAL_NODATA if least == usual), None)
-    return math.nan if found is None and pixels.dtype.kind == "f" else found
+    edges = (finite.min(), finite.max()) if finite.size and pixels.dtype != np.uint8 else ()
+    for edge in edges:
+        rest = finite[finite != edge].astype(np.float64)
+        is_usual = edge in USUAL_NODATA or abs(float(edge)) >= _BEYOND_DATA
+        if is_usual and rest.size and np.abs(rest - float(edge)).min() > np.ptp(rest):
+            return float(edge)
+    return math.nan if pixels.dtype.kind == "f" else None
 
 
 def _select_shown(
@@ -171,7 +175,7 @@ def _refuse_heights(raster: rasterio.DatasetReader, band: Any, shown: Any, name:
     title, unit = raster.descriptions[0] or "", raster.units[0] or ""
     is_named = bool(_HEIGHT_WORDS.search(title) or _HEIGHT_WORDS.search(name.partition(".")[0]))
     is_signed, span = shown.dtype.kind != "u", high - low
-    is_ground = is_signed and span > _INDEX_SPAN and _is_smooth(raster, span)
+    is_ground = is_signed and max(abs(low), abs(high)) > _INDEX_MOST and _is_smooth(raster, span)
     if is_named or unit.lower() in _METRES or is_ground:
         raise ConfigError(
             f"{name} holds heights (one band of {shown.dtype}, {low:g} to {high:g}), not a "

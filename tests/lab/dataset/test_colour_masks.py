@@ -75,7 +75,7 @@ def test_colours_are_read_as_ids_name_them(
 ) -> None:
     folder = make_set(tmp_path / "set", paint())
     assert np.array_equal(read(folder, IDS), truth())
-    assert check(folder, capsys, "--ids", IDS)[0] == 0
+    assert check(folder, capsys, "--ids", "#" + IDS.replace(",", ",#"))[0] == 0
 
 
 def test_colours_that_nobody_named_are_listed_with_what_to_write(
@@ -95,6 +95,7 @@ TABLES = {
     "labelmap.txt": LABELMAP,
     "masks/labelmap.txt": LABELMAP.replace("\n", "\r\n"),
     "class_dict.csv": "name,r,g,b\nbackground,0,0,0\ncrop,128,0,0\nweed,0,128,0\n",
+    "label_colors.txt": "0 0 0\tVoid\n128 0 0\tcrop\n0 128 0\tweed\n",
     "masks/class_dict.csv": "name;r;g;b\nSoil;0;0;0\nCrop;128;0;0\nWeed;0;128;0\n",
 }
 
@@ -147,9 +148,28 @@ def test_grey_values_of_every_depth_are_read(mode: str, tmp_path: Path) -> None:
         assert np.array_equal(read(usual), truth())
 
 
-def test_a_mask_of_black_and_white_is_read_as_ids_say(tmp_path: Path) -> None:
+def test_values_of_16_bits_are_named_by_ids_and_listed_without(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = make_set(tmp_path / "set", in_values("I;16", 500, 1000, 65535))
+    assert np.array_equal(read(folder, "500=soil,1000=crop,65535=weed"), truth())
+    _, report = check(folder, capsys, "--ids", "500=soil,1000=crop")
+    advice = "--ids 500=CLASS,1000=CLASS,65535=CLASS (found: 500 95.8%, 1000 2.9%, 65535 1.2%)"
+    assert report["problems"][0]["detail"] == f"30 pixels; say which value is what: {advice}"
+
+
+def test_masks_of_jpeg_are_not_to_be_used_by_their_many_colours(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    noise = Image.fromarray(np.random.default_rng(1).integers(0, 9, (*SHAPE, 3), np.uint8))
+    _, report = check(make_set(tmp_path / "set", noise), capsys)
+    assert "export the masks as PNG" in report["problems"][0]["detail"]
+
+
+@pytest.mark.parametrize("ids", ["0=soil,1=crop", "0=soil,255=crop"])
+def test_a_mask_of_black_and_white_is_read_as_ids_say(ids: str, tmp_path: Path) -> None:
     folder = make_set(tmp_path / "set", in_values("1", 0, 1, 1))
-    found = read(folder, "0=soil,1=crop")
+    found = read(folder, ids)
     assert np.array_equal(found == PlantClass.CROP, truth() < PlantClass.SOIL)
 
 

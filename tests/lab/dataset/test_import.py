@@ -266,7 +266,7 @@ def stroke_cut_off() -> list[dict[str, Any]]:
         ("labels.json", bomb, "a mask that is no picture (Image size (900000000 pixels) exceeds"),
         ("labels.json", boxes, "is a box without an outline"),
         ("labels.json", stroke_cut_off, "a brush stroke that was cut off"),
-        ("a.txt", lambda: "0 0.1 0.1 0.2 0.2 0.3", "an odd count"),
+        ("a.txt", lambda: "0 0.1 0.1 0.2 0.2 0.3 0.3 0.4", "an odd count"),
         ("a.txt", lambda: "0 0.5 0.5 0.2 0.2", "a box; export segmentations"),
         ("a.txt", lambda: "0 10 10 20 10 20 20", "are these pixels?"),
         ("labels.json", lambda: {"rows": []}, "is of no known format; say which with --format"),
@@ -354,6 +354,7 @@ def with_clicks_labelme() -> dict[str, Any]:
         {"label": "beet", "points": [[40, 40], [41, 40]], "shape_type": "polygon"},
         {"label": "beet", "points": [[40, 40], [41, 40], [42, 40]], "shape_type": "polygon"},
         {"label": "beet", "points": [[40, 40]], "shape_type": "point"},
+        {"label": "beet", "points": [[40, 40], [40, 44]], "shape_type": "rectangle"},
     ]
     return value
 
@@ -364,6 +365,7 @@ def with_clicks_coco() -> dict[str, Any]:
         {"image_id": 7, "category_id": 1, "segmentation": [[40, 40, 41, 40]]},
         {"image_id": 7, "category_id": 1, "segmentation": [], "bbox": [40, 40, 0, 0]},
         {"image_id": 7, "category_id": 1, "segmentation": [[]]},
+        {"image_id": 7, "category_id": 1, "segmentation": [[40, 40]]},
     ]
     value["annotations"][0]["segmentation"].append([1, 1, 2, 2])
     return value
@@ -380,6 +382,7 @@ def with_clicks_label_studio() -> list[dict[str, Any]]:
     place = {"x": 3.0, "y": 4.0, "width": 0.5, "keypointlabels": ["beet"]}
     value[0]["annotations"][0]["result"] += [
         {"type": "keypointlabels", "value": place, **size},
+        {"type": "rectanglelabels", "value": {**place, "width": 0, "height": 2}, **size},
         {"type": "rating", "value": {"rating": 4}},
         {"type": "number", "value": {"number": 4}},
         {"type": "taxonomy", "value": {"taxonomy": [["a", "b"]]}},
@@ -391,6 +394,7 @@ def with_clicks_label_studio() -> list[dict[str, Any]]:
 def with_clicks_cvat() -> str:
     shapes = '<polygon label="beet" points="40,40;41,40" z_order="0"/>'
     shapes += '<points label="beet" points="40,40" z_order="0"/><polygon label="beet" points=""/>'
+    shapes += '<box label="beet" xtl="40.0" ytl="40.0" xbr="40.0" ybr="44.0" z_order="0"/>'
     return cvat().replace("</image>", f"{shapes}</image>")
 
 
@@ -409,8 +413,8 @@ def test_a_shape_that_covers_nothing_is_left_out_by_name_and_its_picture_kept(
     assert imported(tmp_path, make(), *NAMES, "--json", name=name) == 0
     printed = capsys.readouterr()
     report = json.loads(printed.out.splitlines()[-1])
-    assert len(report["without_area"]) == 3
-    assert "3 shapes without an area were left out (a.png: " in printed.err
+    assert len(report["without_area"]) == 4
+    assert "4 shapes without an area were left out (a.png: " in printed.err
     check_drawn(np.asarray(Image.open(tmp_path / "set" / "masks" / "a.png")))
 
 
@@ -418,10 +422,12 @@ def test_a_shape_that_covers_nothing_is_left_out_by_name_and_its_picture_kept(
     "change",
     [
         lambda text: "\n".join(f"{line} 0.913" for line in text.split("\n")) + "\n",
+        lambda text: "\n".join(f"{line} 0.9 {5 - k}" for k, line in enumerate(text.split("\n"))),
         lambda text: "\n".join(f"{float(line[0])}{line[1:]}" for line in text.split("\n")),
+        lambda text: "\n".join(f"{float(line[0]):.18e}{line[1:]}" for line in text.split("\n")),
         lambda text: "\ufeff" + text.replace("\n", "\r\n"),
     ],
-    ids=["how sure it was at the end", "class as numpy writes it", "mark at the beginning"],
+    ids=["how sure it was", "how sure, and its track", "numpy", "savetxt", "mark"],
 )
 def test_labels_that_a_network_or_an_editor_wrote_are_read(
     change: Callable[[str], str], tmp_path: Path

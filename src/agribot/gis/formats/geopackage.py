@@ -44,9 +44,7 @@ def read_geopackage(data: bytes) -> Found:
     if expects_log(data):
         yield describe_left_out("what a -wal file beside it holds; close it in QGIS first")
     with closing(_open_database(data)) as database:
-        tables = database.execute(
-            "SELECT table_name, column_name, srs_id FROM gpkg_geometry_columns"
-        ).fetchall()
+        tables = _list_layers(database, is_alone=expects_log(data))
         for table, column, srs in tables:
             if srs != WGS84_SRS and srs not in UNDEFINED_SRS:
                 raise ValueError(f"layer '{table}' is in EPSG:{srs}; convert it to EPSG:4326 first")
@@ -61,6 +59,24 @@ def read_geopackage(data: bytes) -> Found:
                     shape = wkb.loads(extract_wkb(blob))
                     plain = {k: v for k, v in values.items() if isinstance(v, str | int | float)}
                     yield dict(mapping(shape)), plain
+
+
+def _list_layers(database: sqlite3.Connection, *, is_alone: bool) -> list[tuple[str, str, int]]:
+    """List tables, their columns of geometries and reference systems.
+
+    Raises: ValueError: all of it stands in a log that is not there. sqlite3.Error: no GeoPackage.
+    """
+    try:
+        return database.execute(
+            "SELECT table_name, column_name, srs_id FROM gpkg_geometry_columns"
+        ).fetchall()
+    except sqlite3.OperationalError as error:
+        if not is_alone:
+            raise
+        raise ValueError(
+            f"{error}: its content stands in a -wal file that is not beside it; close it in the "
+            "program that wrote it, and copy it again"
+        ) from error
 
 
 def _open_database(data: bytes) -> sqlite3.Connection:

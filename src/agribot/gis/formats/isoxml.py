@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -40,6 +40,11 @@ def read_isoxml(data: bytes) -> Found:
     files = unpack(data, ".xml")
     trees = {PurePosixPath(name).stem.upper(): parse_xml(text) for name, text in files.items()}
     fields = [e for tree in trees.values() for e in tree.iter() if e.tag == "PFD"]
+    absent = list_absent(trees, "PFD")
+    if absent and not fields:
+        raise ValueError(f"{', '.join(absent)} is not inside, which {MAIN_FILE} names")
+    for file in absent:
+        yield describe_left_out(f"{file}, which is not inside")
     for number, field in enumerate(fields):
         of = {"partfield": number} if len(fields) > 1 else {}
         ground = PartfieldGround([_read_positions(ring) for ring in _find_outlines(field)])
@@ -50,6 +55,15 @@ def read_isoxml(data: bytes) -> Found:
                 name = properties.get("name") or of_field or element.get("B") or field.get("C")
                 known = {**({"name": name} if name else {}), **of}
                 yield geometry, properties | (known if geometry else {})
+
+
+def list_absent(trees: Mapping[str, ET.Element], kind: str) -> list[str]:
+    """List the files of partfields (PFD) or tasks (TSK) that are named and not there.
+
+    `trees` are by the name of their file, in capitals and without its ending.
+    """
+    named = (e.get("A", "").upper() for tree in trees.values() for e in tree.iter("XFR"))
+    return sorted({f"{n[:20]}.XML" for n in named if n.startswith(kind) and n not in trees})
 
 
 def _find_outlines(field: ET.Element) -> Iterator[ET.Element]:

@@ -17,6 +17,7 @@ from agribot.gis.geojson import Feature, Found, Geometry, LonLat, describe_left_
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
 _MAIN_FILE = "doc.kml"
+_COMMAS = 3  # in one place, with one behind its altitude
 _COMMA = re.compile(r"\s*,\s*")  # many programs write spaces beside the commas of a place
 
 
@@ -68,8 +69,8 @@ def _read_line(element: ET.Element) -> Geometry | None:
 
 
 def _read_track(element: ET.Element) -> Geometry | None:
-    """Read gx:Track, whose places are `lon lat altitude` each."""
-    places = [(e.text or "").split()[:2] for e in element if e.tag == "coord"]
+    """Read gx:Track, whose places are `lon lat altitude` each; a gx:MultiTrack was paused."""
+    places = [(e.text or "").split()[:2] for e in element.iter("coord")]
     points = [[float(number) for number in place] for place in places if place]
     return {"type": "LineString", "coordinates": points} if points else None
 
@@ -92,18 +93,19 @@ _SHAPES: dict[str, Callable[[ET.Element], Geometry | None]] = {
     "LinearRing": _read_ring,
     "Polygon": _read_area,
     "Track": _read_track,
+    "MultiTrack": _read_track,
     "Model": lambda _: None,
 }
-_COLLECTIONS = {"MultiGeometry", "MultiTrack"}
+_COLLECTIONS = {"MultiGeometry"}
 _WITHOUT_SHAPE = {"NetworkLink", "GroundOverlay", "PhotoOverlay", "ScreenOverlay"}
 
 
 def _read_points(element: ET.Element) -> list[list[float]]:
     text = next((e.text or "" for e in element.iter() if e.tag == "coordinates"), "")
-    return [
-        [float(number) for number in point.split(",")[:2]]
-        for point in _COMMA.sub(",", text).split()
-    ]
+    places = _COMMA.sub(",", text).split()
+    if any(place.count(",") > _COMMAS for place in places):  # one stands behind each place, too
+        places = [place.rstrip(",") for place in text.split()]
+    return [[float(number) for number in place.split(",")[:2]] for place in places]
 
 
 def write_kml(features: Sequence[Feature]) -> bytes:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html.entities
 import io
+import re
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Iterator
@@ -16,6 +18,8 @@ MAX_FILE_BYTES = 100_000_000
 MAX_MEMBERS = 10_000
 MAX_ELEMENTS = 1_000_000
 MAX_DEPTH = 100
+_AMPERSAND = re.compile(rb"<!\[CDATA\[.*?\]\]>|&(#?\w{1,32};)?", re.DOTALL)
+_OF_XML = (b"amp;", b"lt;", b"gt;", b"apos;", b"quot;")
 
 
 def parse_xml(data: bytes) -> ET.Element:
@@ -23,17 +27,35 @@ def parse_xml(data: bytes) -> ET.Element:
 
     Raises: ValueError: no XML, with entities of its own, or beyond the limits.
     """
+    text = recode_xml(data)
+    try:
+        return _build(text)
+    except (expat.ExpatError, LookupError) as error:  # also an encoding that is not known
+        mended = _AMPERSAND.sub(_write_reference, text)
+        try:
+            return _build(mended)
+        except (expat.ExpatError, LookupError):
+            raise ValueError(f"not XML: {error}") from error
+
+
+def _build(text: bytes) -> ET.Element:
     parser, tree = expat.ParserCreate(), _BoundedTree()
     parser.buffer_text = True
     parser.StartDoctypeDeclHandler = refuse_doctype
     parser.StartElementHandler = tree.begin
     parser.EndElementHandler = tree.end
     parser.CharacterDataHandler = tree.read
-    try:
-        parser.Parse(recode_xml(data), True)
-    except (expat.ExpatError, LookupError) as error:  # also an encoding that is not known
-        raise ValueError(f"not XML: {error}") from error
+    parser.Parse(text, True)
     return tree.close()
+
+
+def _write_reference(found: re.Match[bytes]) -> bytes:
+    """Write a bare & of a name, or an entity of HTML, so that XML has it too."""
+    if found[0].startswith(b"<") or found[1] in _OF_XML or (found[1] or b"").startswith(b"#"):
+        return found[0]
+    characters = html.entities.html5.get((found[1] or b"").decode("ascii", "replace"), "")
+    written = "".join(f"&#{ord(one)};" for one in characters).encode()
+    return written or b"&amp;" + (found[1] or b"")
 
 
 class _BoundedTree:

@@ -25,6 +25,7 @@ from agribot.gis.weeds.records import COLUMNS, Record, iterate_records
 
 FORMAT = 1
 MAX_TEXT_BYTES = 800_000_000
+_PLACES = {"Point", "MultiPoint"}
 _PLACE = {
     "lon_deg": ("lon_deg", "lon", "longitude", "x"),
     "lat_deg": ("lat_deg", "lat", "latitude", "y"),
@@ -104,9 +105,10 @@ def _decode_features(features: list[msgspec.Raw]) -> Iterator[tuple[float, float
     decoder = msgspec.json.Decoder(_Member)
     for raw in features:
         member = decoder.decode(raw)
-        if member.geometry is None:  # a record without a place, as in GeoPackages
+        shape = member.geometry
+        if shape is None or (shape.type in _PLACES and not shape.coordinates):  # without a place
             continue
-        lon_deg, lat_deg = _find_point(member.geometry)[:2]
+        lon_deg, lat_deg = _find_point(shape)[:2]
         yield float(lon_deg), float(lat_deg), member.properties or {}
 
 

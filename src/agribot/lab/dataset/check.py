@@ -22,7 +22,6 @@ from agribot.lab.dataset.classes import (
     advise_ids,
     advise_swapped,
     explain_no_classes,
-    names_colours,
     read_classes,
 )
 from agribot.lab.dataset.layouts import Item, Layout
@@ -156,8 +155,8 @@ def _check_item(root: Path, item: Item, tally: CheckTally, ids: MaskIds) -> None
         tally.note("nothing labelled", item.mask, ALL_IGNORED)
         return
     if counts[UNKNOWN]:
-        advice = "" if ids and not names_colours(ids) else advise_ids(mask)
-        tally.note("unknown class", item.mask, f"{int(counts[UNKNOWN])} pixels{advice}")
+        unknown = f"{int(counts[UNKNOWN])} pixels{advise_ids(mask)}"
+        tally.note("unknown class", item.mask, unknown)
     tally.holds_values |= mask.mode in VALUE_MODES
     tally.pairs += 1
     tally.sizes[size] += 1

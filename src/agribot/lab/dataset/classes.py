@@ -21,7 +21,9 @@ UNKNOWN = 254
 COLOUR_MODES = {"RGB", "RGBA", "P", "PA"}
 VALUE_MODES = {"L", "LA", "1", *DEEP_MODES}
 COLOUR = 1 << 24  # marks a key of ids as a colour
-MOST_COLOURS = 8  # that are named
+MOST_NAMED = 8  # values or colours
+MOST_VALUE = 0xFFFF
+MANY_COLOURS = 64  # no tool has that many classes
 # Colour as one number 0xRRGGBB. Soil is blue here and black in CWFID and in the Bonn data.
 COLOURS = {0xFF0000: 0, 0x00FF00: 1, 0x0000FF: 2, 0x000000: 2}
 NAMES = {**{kind.name.lower(): int(kind) for kind in PlantClass}, "ignore": UNLABELLED}
@@ -54,9 +56,9 @@ def read_ids(text: str | None) -> dict[int, int] | None:
         key = _read_key(value)
         if key is None or name not in NAMES:
             raise ConfigError(
-                f"--ids {text}: '{word.strip()}' is not VALUE=CLASS with a value from 0 to 255, or "
-                f"a colour RRGGBB, and a class of {', '.join(NAMES)}; write for instance --ids "
-                f"{EXAMPLE_IDS} or --ids {EXAMPLE_COLOURS}"
+                f"--ids {text}: '{word.strip()}' is not VALUE=CLASS with a value from 0 to "
+                f"{MOST_VALUE}, or a colour RRGGBB, and a class of {', '.join(NAMES)}; write for "
+                f"instance --ids {EXAMPLE_IDS} or --ids {EXAMPLE_COLOURS}"
             )
         if key in ids:
             raise ConfigError(f"--ids {text}: value {value} is given twice")
@@ -67,10 +69,11 @@ def read_ids(text: str | None) -> dict[int, int] | None:
 
 
 def _read_key(text: str) -> int | None:
-    """Read a value of up to three digits, or a colour of six hexadecimal ones."""
+    """Read a value of up to five digits, or a colour of six hexadecimal ones, also behind a #."""
+    text = text.removeprefix("#") if len(text) == 1 + COLOUR_DIGITS else text
     if len(text) == COLOUR_DIGITS and set(text.lower()) <= set("0123456789abcdef"):
         return COLOUR | int(text, 16)
-    is_value = text.isascii() and text.isdigit() and len(text) <= 3 and int(text) <= 255
+    is_value = text.isascii() and text.isdigit() and len(text) <= 5 and int(text) <= MOST_VALUE
     return int(text) if is_value else None
 
 
@@ -93,6 +96,8 @@ def read_classes(mask: Image.Image, ids: MaskIds) -> ByteArray | None:
     """
     if not names_colours(ids) and (ids or mask.mode in VALUE_MODES):
         values = read_values(mask)
+        if values is not None and mask.mode == "1" and ids.get(255, UNLABELLED) != UNLABELLED:
+            values = values * 255  # as programs show white
         return None if values is None else _look_up(values, ids)
     if mask.mode not in COLOUR_MODES | VALUE_MODES:
         return None
@@ -139,19 +144,31 @@ def explain_no_classes(mask: Image.Image, *, is_named: bool) -> str:
 
 
 def advise_ids(mask: Image.Image) -> str:
-    """Say how the unknown classes of a mask that was read without ids may be read."""
-    if read_values(mask) is None:
+    """Say how the unknown classes of a mask may be read."""
+    values = read_values(mask)
+    if values is None:
         return f"; say which colour is what: {advise_colours(mask)}"
-    return f"; if it holds other values, say what they mean, such as --ids {EXAMPLE_IDS}"
+    return f"; say which value is what: {_advise_keys(values)}"
 
 
 def advise_colours(mask: Image.Image) -> str:
     """Write --ids for the colours of a mask, the most frequent first, with their shares."""
-    colours, counts = np.unique(_colour_codes(mask), return_counts=True)
-    most = np.argsort(-counts, kind="stable")[:MOST_COLOURS]
-    shares = ", ".join(f"{colours[at]:06x} {counts[at] / counts.sum():.1%}" for at in most)
-    more = f" and {len(colours) - len(most)} more" if len(colours) > len(most) else ""
-    ids = ",".join(f"{colours[at]:06x}=CLASS" for at in most)
+    codes = _colour_codes(mask)
+    if len(np.unique(codes)) > MANY_COLOURS:
+        return (
+            f"{_advise_keys(codes | COLOUR)}; this many come from JPEG or from soft edges: export "
+            "the masks as PNG"
+        )
+    return _advise_keys(codes | COLOUR)
+
+
+def _advise_keys(found: npt.NDArray[np.int64]) -> str:
+    keys, counts = np.unique(found, return_counts=True)
+    most = np.argsort(-counts, kind="stable")[:MOST_NAMED]
+    named = [(format_key(int(keys[at])), counts[at] / counts.sum()) for at in most]
+    shares = ", ".join(f"{key} {share:.1%}" for key, share in named)
+    more = f" and {len(keys) - len(most)} more" if len(keys) > len(most) else ""
+    ids = ",".join(f"{key}=CLASS" for key, _ in named)
     return f"--ids {ids} (found: {shares}{more})"
 
 
@@ -169,12 +186,12 @@ def advise_swapped(*, holds_values: bool) -> str:
 
 
 def _look_up(values: npt.NDArray[np.int64], ids: MaskIds) -> ByteArray:
-    table = np.full(256, UNKNOWN, np.uint8)
+    table = np.full(MOST_VALUE + 1, UNKNOWN, np.uint8)
     meaning = ids or {**{kind: kind for kind in PlantClass}, UNLABELLED: UNLABELLED}
     for value, kind in meaning.items():
         table[value] = kind
-    is_byte = (values >= 0) & (values < 256)
-    classes: ByteArray = np.where(is_byte, table[values.clip(0, 255)], np.uint8(UNKNOWN))
+    has_class = (values >= 0) & (values <= MOST_VALUE)
+    classes: ByteArray = np.where(has_class, table[values.clip(0, MOST_VALUE)], np.uint8(UNKNOWN))
     return classes
 
 

@@ -11,10 +11,10 @@ from agribot.core.messages import PlantClass
 from agribot.core.table_text import find_separator, read_text_file
 from agribot.lab.dataset.classes import COLOUR, NAMES, UNLABELLED, format_key
 
-# CVAT and VOC; Roboflow; several programs for segmentation.
-TABLE_NAMES = ("labelmap.txt", "_classes.csv", "class_dict.csv")
+# CVAT and VOC; Roboflow; several programs for segmentation; CamVid.
+TABLE_NAMES = ("labelmap.txt", "_classes.csv", "class_dict.csv", "label_colors.txt")
 MAX_BYTES = 1_000_000
-SOIL = ("background", "ground", "_background_", "unlabelled", "unlabeled")
+SOIL = ("background", "void", "ground", "_background_", "unlabelled", "unlabeled")
 MEANING = {**NAMES, **dict.fromkeys(SOIL, int(PlantClass.SOIL))}
 
 
@@ -64,8 +64,7 @@ def _read_table(path: Path) -> dict[int, str]:
         if path.stat().st_size > MAX_BYTES:
             raise ValueError(f"more than {MAX_BYTES} bytes")
         lines = read_text_file(path).split("\n")
-        read = _read_labelmap if path.name == TABLE_NAMES[0] else _read_rows
-        table = dict(read(lines))
+        table = dict(_READERS.get(path.name, _read_rows)(lines))
     except (OSError, ValueError, IndexError) as error:
         raise ConfigError(f"{path} is no table of colours: {error}") from error
     if not table:
@@ -90,6 +89,17 @@ def _read_rows(lines: list[str]) -> Iterator[tuple[int, str]]:
             yield int(cells[0]), cells[1]
         elif len(cells) >= 4:
             yield _pack(cells[1:4]), cells[0]
+
+
+def _read_colours(lines: list[str]) -> Iterator[tuple[int, str]]:
+    """Read red, green, blue and name, with blanks or tabs between."""
+    for line in lines:
+        words = line.split(maxsplit=3)
+        if len(words) > 3:
+            yield _pack(words[:3]), words[3].strip()
+
+
+_READERS = {"labelmap.txt": _read_labelmap, "label_colors.txt": _read_colours}
 
 
 def _pack(parts: list[str]) -> int:

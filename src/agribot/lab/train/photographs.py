@@ -21,7 +21,6 @@ from agribot.lab.dataset.classes import (
     advise_swapped,
     explain_no_classes,
     format_key,
-    names_colours,
     read_classes,
 )
 from agribot.lab.dataset.colour_tables import find_table_ids
@@ -222,7 +221,7 @@ def read_label(path: Path, ids: MaskIds, *, is_named: bool = False) -> ByteArray
         allowed = f"weed 0, crop 1, soil 2, unlabelled 255; {USUAL_COLOURS}{advise_ids(mask)}"
         if ids:
             allowed = f"values {', '.join(format_key(key) for key in sorted(ids))}"
-            allowed += advise_ids(mask) if names_colours(ids) else ""
+            allowed += advise_ids(mask)
         raise PictureError(
             f"{path}: {unknown} pixels have a value or colour that is no class; allowed: {allowed}"
             + (", as --ids says" if is_named else "")

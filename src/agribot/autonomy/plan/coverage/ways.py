@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 IndexArray = npt.NDArray[np.int64]
 
-MAX_CORNERS = 800
+# Simplified corners are hidden from a place in a notch of the outline, so that no way is found.
+MAX_CORNERS = 10_000
+MAX_PAIRS = 500_000  # of corners at once: 60 MB
 FIRST_SIMPLIFY_M = 0.05
 # A way that is no longer than this against the distance, and this, is searched for first, m.
 DETOUR_RATIO, DETOUR_M = 1.2, 4.0
@@ -69,10 +71,7 @@ class Ways:
     def _build(self) -> _Corners:
         """Find every pair of corners that see each other and that a shortest way may join."""
         corners = _find_inner_corners(self._region)
-        first, second = np.triu_indices(len(corners.places), 1)
-        starts, ends = corners.places[first], corners.places[second]
-        touches = corners.is_tangent(second, starts) & corners.is_tangent(first, ends)
-        first, second = first[touches], second[touches]
+        first, second = corners.pair_up()
         seen = self._find_covered(corners.places[first], corners.places[second])
         first, second = first[seen], second[seen]
         lengths = np.hypot(*(corners.places[first] - corners.places[second]).T)
@@ -162,6 +161,20 @@ class _Corners(NamedTuple):
         one, other = _cross(ahead, self.before[at]), _cross(ahead, self.after[at])
         is_left = (one >= -ALONG_M) & (other >= -ALONG_M)
         return np.asarray(is_left | ((one <= ALONG_M) & (other <= ALONG_M)))
+
+    def pair_up(self) -> tuple[IndexArray, IndexArray]:
+        """Find the pairs of corners whose line has the outline on one side at both."""
+        count = len(self.places)
+        at_once = max(1, MAX_PAIRS // max(count, 1))
+        found = [np.zeros((2, 0), np.int64)]
+        for begin in range(0, count, at_once):
+            first, second = np.triu_indices(min(at_once, count - begin), 1, count - begin)
+            first, second = first + begin, second + begin
+            starts, ends = self.places[first], self.places[second]
+            touches = self.is_tangent(second, starts) & self.is_tangent(first, ends)
+            found.append(np.stack([first[touches], second[touches]]))
+        pairs = np.concatenate(found, axis=1)
+        return pairs[0], pairs[1]
 
 
 def _aim(starts: FloatArray, ends: FloatArray) -> FloatArray:

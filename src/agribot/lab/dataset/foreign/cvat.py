@@ -20,8 +20,9 @@ from agribot.lab.dataset.foreign.shapes import (
     read_shapes,
 )
 
-NO_AREA = {"polyline", "points"}
-NO_OUTLINE = {"box", "cuboid", "skeleton", "ellipse"}
+NO_AREA = {"polyline", "points", "skeleton"}
+NO_OUTLINE = {"box", "cuboid", "ellipse"}
+BOX_SIDES = ("xtl", "xbr"), ("ytl", "ybr")
 
 
 def read_cvat(data: bytes) -> list[LabelledPicture]:
@@ -61,12 +62,18 @@ def _read_shape(element: ET.Element, size_px: tuple[int, int]) -> DrawnShape:
         return DrawnShape(name=name, polygons=(make_polygon(points),))
     if element.tag == "mask":
         return DrawnShape(name=name, mask=partial(_read_mask, element, size_px))
-    if element.tag in NO_AREA:
+    if element.tag in NO_AREA or _is_click(element):
         raise NoAreaError(f"'{name}' is a {element.tag}")
     what = element.tag if element.tag in NO_OUTLINE else f"<{element.tag[:20]}>"
     raise LabelFileError(
         f"'{name}' is a {what}; only polygons and masks say which pixels are plant"
     )
+
+
+def _is_click(element: ET.Element) -> bool:
+    """Return whether a box has no width or no height."""
+    sides = [(element.get(low), element.get(high)) for low, high in BOX_SIDES]
+    return element.tag == "box" and any(low is not None and low == high for low, high in sides)
 
 
 def _read_mask(element: ET.Element, size_px: tuple[int, int]) -> Mask:

@@ -22,7 +22,8 @@ from agribot.lab.dataset.foreign.shapes import (
 )
 
 _PLACES = {"points", "rle", "x", "vertices"}
-_NO_AREA = {"keypointlabels", "keypoint"}
+_NO_AREA = {"keypointlabels", "keypoint", "vectorlabels", "vector"}
+_SIDES = ({"width", "height"}, {"radiusX", "radiusY"})  # of boxes and ellipses
 CHANNELS = 4  # a brush stroke is stored as red, green, blue and alpha
 
 
@@ -102,7 +103,7 @@ def _is_drawn(value: Any) -> bool:
 def _read_shape(result: _Result, size_px: tuple[int, int]) -> DrawnShape:
     value = convert_json(result.value, _Value, "Label Studio")
     names = value.polygonlabels or value.brushlabels
-    if result.type in _NO_AREA:
+    if result.type in _NO_AREA or _is_click(result.value):
         raise NoAreaError(f"a {result.type[:30]}")
     if result.type not in {"polygonlabels", "brushlabels"} or len(names) != 1:
         raise LabelFileError(
@@ -115,6 +116,11 @@ def _read_shape(result: _Result, size_px: tuple[int, int]) -> DrawnShape:
         name=names[0],
         polygons=(make_polygon(value.points or []) * (np.array(size_px) / 100.0),),
     )
+
+
+def _is_click(value: dict[str, Any]) -> bool:
+    """Return whether a box or an ellipse has a side of zero."""
+    return any(sides <= value.keys() and 0 in map(value.get, sides) for sides in _SIDES)
 
 
 def _fill_brush(rle: list[int], size_px: tuple[int, int]) -> Mask:

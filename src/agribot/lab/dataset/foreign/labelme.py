@@ -25,6 +25,7 @@ from agribot.lab.dataset.foreign.shapes import (
 )
 
 _NO_AREA = {"point", "points", "line", "linestrip"}
+_OF_TWO_POINTS = {"rectangle", "circle"}
 
 
 class _Shape(msgspec.Struct):
@@ -61,7 +62,7 @@ def _read_shape(shape: _Shape, size_px: tuple[int, int]) -> DrawnShape:
         return DrawnShape(
             name=shape.label, mask=partial(_read_mask, shape.mask, shape.points, size_px)
         )
-    if shape.shape_type in _NO_AREA:
+    if shape.shape_type in _NO_AREA or _is_click(shape):
         raise NoAreaError(f"'{shape.label}' is a {shape.shape_type}")
     if shape.shape_type not in {"polygon", None}:
         raise LabelFileError(
@@ -69,6 +70,15 @@ def _read_shape(shape: _Shape, size_px: tuple[int, int]) -> DrawnShape:
             "are plant"
         )
     return DrawnShape(name=shape.label, polygons=(make_polygon(shape.points),))
+
+
+def _is_click(shape: _Shape) -> bool:
+    """Return whether a box has no width or no height, or a circle no radius."""
+    if shape.shape_type not in _OF_TWO_POINTS or len(shape.points) != 2:
+        return False
+    (u, v), (other_u, other_v) = shape.points
+    sides = abs(u - other_u), abs(v - other_v)
+    return not (max(sides) if shape.shape_type == "circle" else min(sides))
 
 
 def _read_mask(text: str, points: list[tuple[float, float]], size_px: tuple[int, int]) -> Mask:

@@ -6,6 +6,7 @@ classes stand in another file.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 
@@ -33,25 +34,31 @@ def read_yolo(file: str, data: bytes, names: Mapping[int, str]) -> LabelledPictu
     except ValueError as error:
         raise LabelFileError(f"is no text ({error})") from error
     found = [(number, line.split()) for number, line in enumerate(lines, 1) if line.strip()]
-    read = partial(_read_numbered, file=file, names=names, drops_last=_has_confidence(found, lines))
+    extra = _count_extra([words for _, words in found], is_whole=len(found) > 1 or not lines[-1])
+    read = partial(_read_numbered, file=file, names=names, extra=extra)
     return read_shapes(file, None, found, read)
 
 
-def _has_confidence(found: Sequence[tuple[int, list[str]]], lines: Sequence[str]) -> bool:
-    """Return whether each line ends with a confidence: all have one number too many.
+def _count_extra(lines: Sequence[Sequence[str]], *, is_whole: bool) -> int:
+    """Count the words behind the corners: how sure the network was, and the number of a track.
 
-    A file that ends amid a line was cut off.
+    Each line has them, or none. A file that ends amid a line was cut off.
     """
-    is_whole = len(found) > 1 or lines[-1] == ""
-    return is_whole and all(len(words) >= SURE_WORDS and not len(words) % 2 for _, words in found)
+    if not is_whole or any(len(words) < SURE_WORDS for words in lines):
+        return 0
+    if all(not len(words) % 2 for words in lines):
+        return 1
+    tracks = [words[-1] for words in lines if len(words) % 2]
+    has_tracks = len(tracks) == len(lines) and all(word.isdecimal() for word in tracks)
+    return 2 if has_tracks and any(int(word) > 1 for word in tracks) else 0
 
 
 def _read_numbered(
-    line: tuple[int, list[str]], file: str, names: Mapping[int, str], drops_last: bool
+    line: tuple[int, list[str]], file: str, names: Mapping[int, str], extra: int
 ) -> DrawnShape:
     number, words = line
     try:
-        return _read_words(words[:-1] if drops_last else words, names)
+        return _read_words(words[: len(words) - extra], names)
     except LabelFileError as error:
         raise type(error)(f"{file}.txt, line {number}: {error}") from error
 
@@ -59,6 +66,11 @@ def _read_numbered(
 def _read_words(words: Sequence[str], names: Mapping[int, str]) -> DrawnShape:
     first, *numbers = words
     kind = _read_kind(first)
+    if len(numbers) == BOX_NUMBERS + 1:
+        raise LabelFileError(
+            "a box and how sure the network was, or an odd count: it was cut off; export "
+            "segmentations, with the corners of each plant"
+        )
     if len(numbers) == BOX_NUMBERS:
         raise LabelFileError("a box; export segmentations, with the corners of each plant")
     polygon = pair_numbers(numbers)
@@ -72,11 +84,14 @@ def _read_words(words: Sequence[str], names: Mapping[int, str]) -> DrawnShape:
 
 
 def _read_kind(text: str) -> int:
-    """Read the number of a class; numpy writes it as 1.0."""
-    whole = text.removesuffix(".0")
-    if not whole.isascii() or not whole.isdigit():
+    """Read the number of a class; numpy writes it as 1.0, or as 1.000000000000000000e+00."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (value >= 0.0 and value.is_integer()):
         raise LabelFileError(f"'{text[:20]}' is no number of a class")
-    return int(whole)
+    return int(value)
 
 
 def read_names(file: str, data: bytes) -> dict[int, str]:
