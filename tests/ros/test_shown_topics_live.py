@@ -30,6 +30,7 @@ from agribot.ui.server.topic_sources import make_decoder
 from tests import machine, nightly
 from tests.ros.live import free_port, program
 from tests.ros.messages.shown_scene import LASER, make_scene
+from tests.ros.publications import list_scene, write_for_ros2
 from tests.ros.ros1_system import Ros1
 from tests.ros.scene_talker import start_talker
 from tests.waiting import wait_for
@@ -118,10 +119,12 @@ def test_each_display_gets_its_message_over_zenoh_and_latched_ones_afterwards() 
             assert graph.nodes == ("/talker",)
 
 
-def test_topics_of_dds_are_listed_by_type_shown_and_left_again() -> None:
+def test_topics_of_dds_are_listed_by_type_shown_and_left_again(tmp_path: Path) -> None:
     pytest.importorskip("cyclonedds")
     domain = 120 + os.getpid() % 20
-    command = ("-m", "tests.ros.dds_talker", str(domain), "/tf_static", "/scan", "/map")
+    scene = tmp_path / "scene.jsonl"
+    write_for_ros2(scene, list_scene("/tf_static", "/scan", "/map"))
+    command = ("-m", "tests.ros.ros2_talker", str(scene), str(domain))
     network = DdsTopics("page", domain, ros2_store)
     with program(sys.executable, *command), closing(DdsNode("watcher", domain)) as node:
         watcher = Discovery(node)
