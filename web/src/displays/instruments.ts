@@ -24,6 +24,8 @@ export interface Surface {
   at: (x: number, y: number) => [number, number]
   pxPerM: number
   bearing: number
+  /** To be called when what is painted has changed since. */
+  repaint: () => void
 }
 export interface Box {
   x: number
@@ -223,11 +225,13 @@ export function foldRobotPose(_: FramePose | undefined, message: PoseStamped, { 
 const pictures = new Map<string, HTMLImageElement>()
 const DEFAULT_PICTURE = './robot.svg'
 
-export function paintRobot([x, y, yaw]: FramePose, { pen, at, pxPerM, bearing }: Surface, { options }: Setting): void {
+export function paintRobot([x, y, yaw]: FramePose, surface: Surface, { options }: Setting): void {
+  const { pen, at, pxPerM, bearing, repaint } = surface
   const url = words(options, 'image') || DEFAULT_PICTURE
   let picture = pictures.get(url)
   if (!picture) {
     picture = new Image()
+    picture.onload = repaint
     picture.src = url
     pictures.set(url, picture)
   }
