@@ -1,11 +1,12 @@
 """A node of rospy that publishes messages of any type, run by the system's own Python.
 
-Its only argument is a file of JSON lines: topic, type, definition, the message in ROS 1's bytes
-(hexadecimal), rate in Hz (0 is latched and once). Says "ready" when all are advertised.
+Its only argument is a file of JSON lines: topic, type, definition, messages in ROS 1's bytes
+(hexadecimal), rate in Hz (0 is the first alone, latched). Says "ready" when all are advertised.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import sys
 import threading
@@ -17,16 +18,18 @@ from genpy.dynamic import generate_dynamic
 
 def talk(line: str) -> None:
     topic, ros_type, definition, data, rate_hz = json.loads(line)
-    message = generate_dynamic(ros_type, definition)[ros_type]()
-    message.deserialize(bytes.fromhex(data))
-    publisher = rospy.Publisher(topic, type(message), queue_size=2, latch=not rate_hz)
+    kind = generate_dynamic(ros_type, definition)[ros_type]
+    messages = [kind().deserialize(bytes.fromhex(each)) for each in data]
+    publisher = rospy.Publisher(topic, kind, queue_size=2, latch=not rate_hz)
     if not rate_hz:
-        publisher.publish(message)
+        publisher.publish(messages[0])
         return
 
     def run() -> None:
         rate = rospy.Rate(rate_hz)
-        while not rospy.is_shutdown():
+        for message in itertools.cycle(messages):
+            if rospy.is_shutdown():
+                return
             publisher.publish(message)
             rate.sleep()
 

@@ -20,8 +20,9 @@ from agribot.core import topics
 from agribot.core.inbound_topics import INBOUND_TOPICS
 from agribot.core.messages import GnssFix, GnssQuality, Inbox, OperatorEvent
 from agribot.ros.dds.gateway import DdsGateway
-from agribot.ros.dds.types import load_dds_types, make_dds_type, to_dds_name
+from agribot.ros.dds.types import load_dds_types, make_dds_type
 from agribot.ros.messages import rosmsg
+from agribot.ros.messages.dds_names import to_dds_name
 from agribot.ros.requests import Requests
 from tests import machine, nightly
 from tests.ros.live import Talk, first, peer, program
@@ -178,6 +179,6 @@ def test_commands_and_goals_of_a_peer_reach_the_inbox() -> None:
 def test_types_are_described_as_ros_describes_them() -> None:
     assert to_dds_name("sensor_msgs/msg/Imu") == "sensor_msgs::msg::dds_::Imu_"
     for topic in OUT:
-        described = make_dds_type(topic.ros_type)
+        described = make_dds_type(topic.ros_type, load_dds_types())
         names = [name for name, _ in load_dds_types().fielddefs[topic.ros_type][1]]
         assert list(described.__annotations__) == names

@@ -47,7 +47,7 @@ def named(name: str) -> Topic:
     return next(topic for topic in found.list_named() if topic.name == name)
 
 
-def hear(gateway: Gateway, subscribe: Callable[[Topic, Callable[[bytes], None]], None]) -> None:
+def hear(gateway: Gateway, subscribe: Callable[[Topic, Callable[[bytes], None]], object]) -> None:
     """Publish again and again until each name has been heard with the very bytes."""
     heard: dict[str, bytes] = {}
     for name in NAMES:

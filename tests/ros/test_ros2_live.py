@@ -19,6 +19,7 @@ from agribot.core.geo import Datum
 from agribot.core.messages import Inbox, TickRecord
 from agribot.core.topics import STREAM, Topic
 from agribot.ros.messages.camera_log import CameraLog
+from agribot.ros.messages.dds_names import to_dds_name
 from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.requests import Requests
 from agribot.ros.ros2 import wire
@@ -134,7 +135,7 @@ def test_a_peer_sees_one_node_and_each_topic_with_its_type_and_qos(heard: dict[s
     assert sum("/NN/" in token for token in tokens) == 1
     for topic in OUT:
         described = (
-            f"/MP/%/%/agribot/{topic.name.replace('/', '%')}/{wire.to_dds_name(topic.ros_type)}/"
+            f"/MP/%/%/agribot/{topic.name.replace('/', '%')}/{to_dds_name(topic.ros_type)}/"
             f"{load_types().hash_rihs01(topic.ros_type)}/{wire.format_qos(topic.qos)}"
         )
         assert sum(token.endswith(described) for token in tokens) == 1, topic.name

@@ -22,7 +22,7 @@ function drawn(type: string, message: unknown, options: Options = {}): Drawn[] {
   const setting: Setting = { options: filled(known.options, options), robot: [10, 5, Math.PI / 2], projection }
   const drawing = new Drawing(projection)
   const state = known.fold ? known.fold(undefined as never, message as never, setting) : message
-  known.draw(state as never, drawing, setting)
+  if (state !== undefined || known.needsNoSource) known.draw(state as never, drawing, setting)
   return drawing.features.map(toDrawn)
 }
 
@@ -190,4 +190,13 @@ test('a pose looks along its heading, and a frame has a red axis ahead and a gre
   const axes = drawn('tf_frame', { header: MAP, child_frame_id: 'tool', transform })
   assert.equal(at(axes, 22.7, -11)[0].color, '#d22f26')
   assert.equal(at(axes, 22, -10.3)[0].color, '#17923f')
+})
+
+test('features come as they are or as the text of a topic, and other text draws nothing', () => {
+  const at = projection.toLonLat(3, 4)
+  const post = { type: 'Feature', properties: {}, geometry: { type: 'Point', coordinates: at } }
+  const [own] = drawn('geojson', post, { color: '#d07000' })
+  assert.equal(own.color, '#d07000')
+  assert.deepEqual(drawn('geojson', { data: JSON.stringify(post) }, { color: '#d07000' }), [own])
+  for (const data of ['hoeing', 'null', '{"type": "Point"}']) assert.deepEqual(drawn('geojson', { data }), [])
 })

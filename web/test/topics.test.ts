@@ -19,6 +19,7 @@ test('the id of a topic names its network, and nothing else is one', () => {
   for (const [source, name] of [
     ['ros1', '/scan'],
     ['ros2', '/agribot/weeds'],
+    ['dds', '/scan'],
     ['recording', 'frame:base_link'],
     ['bag:a:b.bag', '/tf'],
   ])

@@ -1,4 +1,4 @@
-"""`agribot graph`: who publishes and who listens, in ROS 1, in ROS 2, or inside the robot."""
+"""`agribot graph`: who publishes and who listens, over ROS 1, ROS 2 or DDS, or inside the robot."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ ENDINGS = (".svg", ".dot", ".json", ".txt")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "what",
-        choices=("ros1", "ros2", "robot"),
-        help="a ROS 1 master, a ROS 2 domain over zenoh, or the parts of the robot's own program",
+        choices=("ros1", "ros2", "dds", "robot"),
+        help="a ROS 1 master, a ROS 2 domain (zenoh, DDS), or the parts of the robot's own program",
     )
     parser.add_argument(
         "--topics", default="*", metavar="PATTERN", help="those alone: '/agribot/*'"
@@ -87,6 +87,8 @@ def _read(options: argparse.Namespace) -> Graph:
         from agribot.ros.ros1.system_state import read_graph
 
         return read_graph(read_master(options))
+    if options.what == "dds":
+        return _read_dds(options)
     extras.require("ros", "agribot graph ros2")
     from contextlib import closing
 
@@ -95,6 +97,17 @@ def _read(options: argparse.Namespace) -> Graph:
 
     with closing(Ros2Node(NODE, read_domain(options), read_router(options), listen=False)) as node:
         return read_ros2_graph(node)
+
+
+def _read_dds(options: argparse.Namespace) -> Graph:
+    extras.require("dds", "agribot graph dds")
+    from contextlib import closing
+
+    from agribot.ros.dds.open_topics import DdsTopics
+    from agribot.ros.dds.types import load_dds_types
+
+    with closing(DdsTopics(NODE, read_domain(options), load_dds_types)) as topics:
+        return topics.read_graph()
 
 
 def _format(graph: Graph, kind: str) -> str:

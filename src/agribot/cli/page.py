@@ -110,7 +110,9 @@ def find_ros_places(options: argparse.Namespace) -> RosPlaces:
         master=read_master(options),
         router=read_router(options),
         domain=read_domain(options),
-        layers_from=tuple(name for name in ("ros1", "ros2") if getattr(options, name, False)),
+        layers_from=tuple(
+            name for name in ("ros1", "ros2", "dds") if getattr(options, name, False)
+        ),
     )
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from rosbags.typesys.store import Typestore
+
+from agribot.core.errors import BridgeError
 from agribot.ros.graph import Graph
 
 OnBytes = Callable[[str, bytes], None]  # a message's type and bytes, in a thread of the network
@@ -43,3 +46,16 @@ class TopicNetwork(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+def check_definition(types: Typestore, name: str, ros_type: str, type_hash: str, node: str) -> None:
+    """Check that `types` has the type of a topic as `node` defines it; no hash says nothing.
+
+    Raises: BridgeError: the type is not known, or is another one.
+    """
+    if ros_type not in types.fielddefs:
+        raise BridgeError(f"{name}: the type {ros_type} is not known")
+    if type_hash and type_hash != types.hash_rihs01(ros_type):
+        raise BridgeError(
+            f"{name}: {ros_type} of {node} has another definition than in ROS 2 Jazzy"
+        )

@@ -19,7 +19,7 @@ class RosPlaces(msgspec.Struct, frozen=True, kw_only=True):
     master: str = "http://127.0.0.1:11311"
     router: str = "tcp/127.0.0.1:7447"
     domain: int = 0
-    layers_from: tuple[str, ...] = ()  # the networks (ros1, ros2) whose programs may add layers
+    layers_from: tuple[str, ...] = ()  # networks whose programs may add layers
 
 
 class About(msgspec.Struct, kw_only=True):

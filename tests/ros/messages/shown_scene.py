@@ -7,7 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from agribot.record.bag.definitions import make_transcoder, ros1_store, ros2_store, serialize
+from agribot.record.bag.definitions import (
+    make_transcoder,
+    name_in_ros1,
+    ros1_store,
+    ros2_store,
+    serialize,
+)
 from tests.ros.messages import shown_samples as samples
 
 LASER = (2.0, 6.0)  # of the frame `laser` in the map, m
@@ -99,5 +105,6 @@ def make_disparity() -> Any:
 def to_ros1(message: Any) -> bytes:
     """Turn a message of ROS 2 into the bytes of ROS 1; what only ROS 1 has is zero."""
     ros_type = message.__msgtype__
-    convert = make_transcoder(ros2_store(), ros_type, True, ros1_store(), ros_type, False)
+    target_type = name_in_ros1(ros_type)
+    convert = make_transcoder(ros2_store(), ros_type, True, ros1_store(), target_type, False)
     return convert(serialize(ros2_store(), ros_type, True, message))

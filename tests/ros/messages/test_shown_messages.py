@@ -22,7 +22,7 @@ from agribot.ros.messages.shown_messages import (
     read_cloud,
     show_message,
 )
-from agribot.ros.messages.shown_sets import MOST_CELLS, GridView, make_view
+from agribot.ros.messages.shown_sets import MOST_CELLS, GridView, RouteView, make_view
 from agribot.ros.messages.shown_types import GRID_UPDATE, SHOWN_TYPES
 from tests.ros.messages import shown_samples as samples
 
@@ -166,6 +166,27 @@ def test_a_grid_takes_its_updates_and_ignores_one_outside() -> None:
     assert shown is not None
     cells = np.frombuffer(base64.b64decode(shown.value["data"]), dtype=np.int8).reshape(3, 4)
     assert cells.tolist() == [[0, 0, 0, 0], [0, 100, 100, 0], [0, 100, 100, 0]]
+
+
+def test_a_route_takes_the_place_on_it_and_none_of_another_route() -> None:
+    """Half a metre beyond the second point, which is 5 m from the first."""
+    view = RouteView()
+    position = "marti_nav_msgs/msg/RoutePosition"
+    view.take(samples.make(position, samples.header(), "", "b", 0.5), 0.0)
+    assert view.show(MAP, 0.0) is None
+    route = samples.make_default(ros2_store(), "marti_nav_msgs/msg/Route")
+    for id, x, y in (("a", 0.0, 0.0), ("b", 3.0, 4.0), ("c", 3.0, 9.0)):
+        point = samples.make_default(ros2_store(), "marti_nav_msgs/msg/RoutePoint")
+        point.id, point.pose = id, samples.pose(x, y)
+        route.route_points.append(point)
+    view.take(route, 0.0)
+    shown = view.show(MAP, 0.0)
+    assert shown is not None
+    assert (len(shown.value["route_points"]), shown.value["position_m"]) == (3, 5.5)
+    view.take(samples.make(position, samples.header(), "", "elsewhere", 0.5), 0.0)
+    shown = view.show(MAP, 0.0)
+    assert shown is not None
+    assert "position_m" not in shown.value
 
 
 def test_a_large_grid_is_folded_to_the_most_occupied_cells() -> None:

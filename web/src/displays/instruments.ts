@@ -24,6 +24,8 @@ export interface Surface {
   at: (x: number, y: number) => [number, number]
   pxPerM: number
   bearing: number
+  /** To be called when what is painted has changed since. */
+  repaint: () => void
 }
 export interface Box {
   x: number
@@ -150,7 +152,7 @@ export function paintAttitude({ roll, pitch }: Tilt, surface: Surface, { options
   pen.restore()
   pen.beginPath()
   pen.arc(box.x + box.w / 2, box.y + box.h / 2, radius, 0, 7)
-  pen.strokeStyle = '#1a211c'
+  pen.strokeStyle = FRAME_COLOUR
   pen.lineWidth = 3
   pen.stroke()
 }
@@ -183,6 +185,9 @@ export function paintText(text: string, surface: Surface, { options }: Setting):
 }
 
 type Picture = HTMLCanvasElement
+/** Around a picture, and behind what is clear in it. */
+const FRAME_COLOUR = '#1a211c'
+const FRAME_PX = 2
 
 /** A picture message, or a picture that the page has already. */
 export async function foldImage(
@@ -198,7 +203,10 @@ export function foldDisparity(known: Picture | undefined, message: DisparityImag
 
 export function paintImage(picture: Picture, surface: Surface, { options }: Setting): void {
   const { x, y, w, h } = placedBox(options, surface, ...sizeOf(options, surface, picture))
-  surface.pen.drawImage(picture, x, y, w, h)
+  const { pen } = surface
+  pen.fillStyle = FRAME_COLOUR
+  pen.fillRect(x - FRAME_PX, y - FRAME_PX, w + 2 * FRAME_PX, h + 2 * FRAME_PX)
+  pen.drawImage(picture, x, y, w, h)
 }
 
 export const ROBOT_IMAGE_OPTIONS: Option[] = [
@@ -217,11 +225,13 @@ export function foldRobotPose(_: FramePose | undefined, message: PoseStamped, { 
 const pictures = new Map<string, HTMLImageElement>()
 const DEFAULT_PICTURE = './robot.svg'
 
-export function paintRobot([x, y, yaw]: FramePose, { pen, at, pxPerM, bearing }: Surface, { options }: Setting): void {
+export function paintRobot([x, y, yaw]: FramePose, surface: Surface, { options }: Setting): void {
+  const { pen, at, pxPerM, bearing, repaint } = surface
   const url = words(options, 'image') || DEFAULT_PICTURE
   let picture = pictures.get(url)
   if (!picture) {
     picture = new Image()
+    picture.onload = repaint
     picture.src = url
     pictures.set(url, picture)
   }

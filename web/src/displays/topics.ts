@@ -21,7 +21,7 @@ export function topicId(source: string, name: string): string {
 
 /** Source and name of a topic's id; null for the id of anything else. */
 export function readTopicId(id: string): { source: string; name: string } | null {
-  const found = /^(ros1|ros2|recording|bag:.+?):(\/.*|frame:.+)$/.exec(id)
+  const found = /^(ros1|ros2|dds|recording|bag:.+?):(\/.*|frame:.+)$/.exec(id)
   return found && { source: found[1], name: found[2] }
 }
 

@@ -1,8 +1,8 @@
 /** The kinds of display that the map knows, one row each: what they read, what can be set, how they are drawn. */
 
-import type { Feature, FeatureCollection } from 'geojson'
 import { CLOUD_OPTIONS, drawSpots, foldCloud, foldScan, SCAN_OPTIONS } from './clouds.ts'
 import type { Drawing } from './drawing.ts'
+import { drawGeoJson, foldGeoJson } from './features.ts'
 import type { ToolId } from './host.ts'
 import {
   ATTITUDE_OPTIONS,
@@ -201,7 +201,7 @@ export const DISPLAY_TYPES: DisplayType[] = [
   shapes(
     'geojson',
     'GeoJSON',
-    'longitude and latitude',
+    'longitude and latitude, also as text in std_msgs/String',
     [
       colour('#b1128a'),
       number('width_px', 'Line width', 2, 1, 20, 1, 'px'),
@@ -209,6 +209,7 @@ export const DISPLAY_TYPES: DisplayType[] = [
       number('opacity', 'Opacity', 1, 0, 1, 0.05),
     ],
     drawGeoJson,
+    foldGeoJson,
   ),
 ]
 
@@ -225,15 +226,4 @@ function drawGrid(_: unknown, draw: Drawing, { options, robot }: Setting): void 
   const look = { color: words(options, 'color'), width: amount(options, 'width') }
   for (let i = 0; i <= columns; i++) draw.line([at(x0 + i * size, y0), at(x0 + i * size, y0 + rows * size)], look)
   for (let i = 0; i <= rows; i++) draw.line([at(x0, y0 + i * size), at(x0 + columns * size, y0 + i * size)], look)
-}
-
-/** Each feature in the display's style, unless its own properties say another. */
-function drawGeoJson(data: FeatureCollection | Feature, draw: Drawing, { options }: Setting): void {
-  const look = {
-    color: words(options, 'color'),
-    width: amount(options, 'width_px'),
-    radius: amount(options, 'radius_px'),
-    alpha: amount(options, 'opacity'),
-  }
-  for (const feature of 'features' in data ? data.features : [data]) draw.foreign(feature, look)
 }

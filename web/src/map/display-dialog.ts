@@ -87,7 +87,10 @@ function describe(type: DisplayType, sources: number): string {
 }
 
 function networkOf(source: string): string {
-  return { ros1: 'ROS 1', ros2: 'ROS 2', recording: 'the recording' }[source] ?? source.replace(/^bag:/, '')
+  return (
+    { ros1: 'ROS 1', ros2: 'ROS 2', dds: 'ROS 2 on DDS', recording: 'the recording' }[source] ??
+    source.replace(/^bag:/, '')
+  )
 }
 
 type Set = (name: string, value: OptionValue) => void

@@ -138,6 +138,7 @@ export class Overlay {
       at: (x, y) => this.at([x, y]),
       pxPerM: Math.hypot(x1 - x0, y1 - y0),
       bearing: (this.map.getBearing() * Math.PI) / 180,
+      repaint: () => this.request(),
     }
   }
 

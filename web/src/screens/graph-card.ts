@@ -8,6 +8,7 @@ const NETWORKS: [id: string, title: string][] = [
   ['robot', 'Inside the robot'],
   ['ros1', 'ROS 1'],
   ['ros2', 'ROS 2'],
+  ['dds', 'ROS 2 on DDS'],
 ]
 
 export class GraphCard {

@@ -11,14 +11,16 @@ from collections.abc import Callable
 from importlib import metadata
 from typing import Any
 
+import msgspec
 import numpy as np
+from rosbags.typesys.store import Typestore
 
 from agribot.core.errors import BridgeError
 from agribot.core.extras import format_install
 from agribot.core.topics import LATCHED, Qos, Topic
 from agribot.ros.dds.types import load_dds_types, make_dds_type
 
-_DISCOVERY = Topic(
+NODES = Topic(
     name="ros_discovery_info",
     ros_type="rmw_dds_common/msg/ParticipantEntitiesInfo",
     qos=LATCHED,
@@ -26,6 +28,7 @@ _DISCOVERY = Topic(
 _ANY_STATE = 127
 _TAKEN_AT_ONCE = 32
 _BLOCKING_MS = 100
+_MOST_PARTICIPANTS = 100  # whose nodes are kept until they are read
 # By default nothing leaves this machine; with small fragments Fast DDS would lose images. Late
 # peers are found, too: Cyclone alone announces itself every 30 s, and stops without a first answer.
 _LOCAL = """<CycloneDDS><Domain><General>
@@ -69,17 +72,58 @@ class DdsNode:
         self._kept: list[Any] = []
         self._readers: list[bytes] = []
         self._writers: list[bytes] = []
-        self._discovery = self._create_writer(_DISCOVERY, _DISCOVERY.name)
+        self._discovery = self._create_writer(NODES, NODES.name)
         self.announce()
 
-    def create_publisher(self, topic: Topic) -> Callable[[bytes], None]:
-        """Create a publisher that takes CDR; call `announce` after the last one."""
-        writer = self._create_writer(topic, f"rt{topic.name}")
+    @property
+    def participant(self) -> Any:
+        return self._participant
+
+    def create_publisher(
+        self, topic: Topic, types: Typestore | None = None
+    ) -> Callable[[bytes], None]:
+        """Create a publisher that takes CDR; call `announce` after the last one.
+
+        `types` has the topic's type where the default types have not.
+        """
+        writer = self._create_writer(topic, f"rt{topic.name}", types)
         self._writers.append(writer.guid.bytes)
         return lambda data: _write(writer, data)
 
-    def subscribe(self, topic: Topic, on_message: Callable[[bytes], None]) -> None:
-        """Call `on_message` with CDR in a thread of DDS; call `announce` after the last one."""
+    def subscribe(
+        self, topic: Topic, on_message: Callable[[bytes], None], types: Typestore | None = None
+    ) -> Callable[[], None]:
+        """Call `on_message` with CDR in a thread of DDS; call `announce` after the last one.
+
+        Return what ends the subscription.
+        """
+        made = self._create_reader(topic, f"rt{topic.name}", on_message, types)
+        guid = made[0].guid.bytes
+        self._readers.append(guid)
+
+        def end() -> None:
+            if made not in self._kept:
+                return  # the node was closed
+            self._kept.remove(made)
+            made.clear()  # which removes them from the domain
+            self._readers.remove(guid)
+            self.announce()
+
+        return end
+
+    def subscribe_nodes(self, on_message: Callable[[bytes], None]) -> None:
+        """Call `on_message` with what each participant says of its nodes, in a thread of DDS."""
+        topic = msgspec.structs.replace(NODES, qos=Qos(latched=True, depth=_MOST_PARTICIPANTS))
+        self._create_reader(topic, topic.name, on_message, None)
+
+    def _create_reader(
+        self,
+        topic: Topic,
+        name: str,
+        on_message: Callable[[bytes], None],
+        types: Typestore | None,
+    ) -> list[Any]:
+        """Create a reader; it lives as long as the list of it and its parts."""
         from cyclonedds.core import Listener
         from cyclonedds.sub import DataReader
 
@@ -91,14 +135,11 @@ class DdsNode:
                     on_message(data)
 
         listener = MessageListener()  # type: ignore[no-untyped-call]
-        reader = DataReader(
-            self._subscriber,
-            self._create_topic(topic, f"rt{topic.name}"),
-            _make_qos(topic),
-            listener,
-        )
-        self._kept.append((reader, listener))
-        self._readers.append(reader.guid.bytes)
+        made = self._create_topic(topic, name, types)
+        qos = _make_qos(topic, types)
+        reader = [DataReader(self._subscriber, made, qos, listener), listener, made]
+        self._kept.append(reader)
+        return reader
 
     def announce(self) -> None:
         """Announce the name of the node of these endpoints."""
@@ -109,8 +150,8 @@ class DdsNode:
             [_make_gid(guid) for guid in self._readers],
             [_make_gid(guid) for guid in self._writers],
         )
-        info = make[_DISCOVERY.ros_type](_make_gid(self._participant.guid.bytes), [node])
-        _write(self._discovery, bytes(load_dds_types().serialize_cdr(info, _DISCOVERY.ros_type)))
+        info = make[NODES.ros_type](_make_gid(self._participant.guid.bytes), [node])
+        _write(self._discovery, bytes(load_dds_types().serialize_cdr(info, NODES.ros_type)))
 
     def close(self) -> None:
         """Drop all entities, which removes them from the domain."""
@@ -118,19 +159,19 @@ class DdsNode:
         self._discovery = self._publisher = self._subscriber = self._participant = None
         self._domain = None
 
-    def _create_writer(self, topic: Topic, name: str) -> Any:
+    def _create_writer(self, topic: Topic, name: str, types: Typestore | None = None) -> Any:
         from cyclonedds.pub import DataWriter
 
-        writer = DataWriter(self._publisher, self._create_topic(topic, name), _make_qos(topic))
-        self._kept.append(writer)
+        made = self._create_topic(topic, name, types)
+        writer = DataWriter(self._publisher, made, _make_qos(topic, types))
+        self._kept.append([writer, made])
         return writer
 
-    def _create_topic(self, topic: Topic, name: str) -> Any:
+    def _create_topic(self, topic: Topic, name: str, types: Typestore | None) -> Any:
         from cyclonedds.topic import Topic as DdsTopic
 
-        made = DdsTopic(self._participant, name, make_dds_type(topic.ros_type))
-        self._kept.append(made)
-        return made
+        described = make_dds_type(topic.ros_type, types or load_dds_types())
+        return DdsTopic(self._participant, name, described)
 
 
 def _join_domain(make: Any, domain: int) -> Any:
@@ -146,14 +187,14 @@ def _join_domain(make: Any, domain: int) -> Any:
         return None
 
 
-def _make_qos(topic: Topic) -> Any:
+def _make_qos(topic: Topic, types: Typestore | None) -> Any:
     from cyclonedds.qos import Policy
     from cyclonedds.qos import Qos as DdsQos
     from cyclonedds.util import duration
 
     qos: Qos = topic.qos
     reliable = Policy.Reliability.Reliable(duration(milliseconds=_BLOCKING_MS))
-    type_hash = load_dds_types().hash_rihs01(topic.ros_type)
+    type_hash = (types or load_dds_types()).hash_rihs01(topic.ros_type)
     return DdsQos(
         reliable if qos.reliable else Policy.Reliability.BestEffort,
         Policy.Durability.TransientLocal if qos.latched else Policy.Durability.Volatile,

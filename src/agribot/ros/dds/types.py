@@ -10,6 +10,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from agribot.ros.messages.char_types import replace_char
+from agribot.ros.messages.dds_names import to_dds_name
 from agribot.ros.messages.gps_types import IN_ROS2, register_gps_types
 
 PLACEHOLDER = "structure_needs_at_least_one_member"  # of a message without fields
@@ -23,31 +24,26 @@ def load_dds_types() -> Typestore:
     return store
 
 
-def to_dds_name(ros_type: str) -> str:
-    """Convert `sensor_msgs/msg/Imu` to `sensor_msgs::msg::dds_::Imu_`."""
-    package, kind, name = ros_type.split("/")
-    return f"{package}::{kind}::dds_::{name}_"
-
-
 @functools.cache
-def make_dds_type(ros_type: str) -> Any:
-    """Make the description of a type; messages are written and read as bytes."""
+def make_dds_type(ros_type: str, store: Typestore) -> Any:
+    """Make the description of a type of `store`; messages are written and read as bytes."""
     from cyclonedds.idl import make_idl_struct, types
     from cyclonedds.idl.annotations import final
 
-    _, fields = load_dds_types().fielddefs[ros_type]
-    members = {name: _make_member(kind) for name, kind in fields} or {PLACEHOLDER: types.uint8}
+    _, fields = store.fielddefs[ros_type]
+    members = {name: _make_member(kind, store) for name, kind in fields}
+    members = members or {PLACEHOLDER: types.uint8}
     struct: Any = make_idl_struct(f"{ros_type.rpartition('/')[2]}_", to_dds_name(ros_type), members)
     return final(struct)
 
 
-def _make_member(kind: Any) -> Any:
+def _make_member(kind: Any, store: Typestore) -> Any:
     from cyclonedds.idl import types
 
     make: Any = types
     node, detail = kind
     if node == Nodetype.NAME:
-        return make_dds_type(detail)
+        return make_dds_type(detail, store)
     if node == Nodetype.BASE:
         name, limit = detail
         if name in {"string", "wstring"}:
@@ -56,8 +52,7 @@ def _make_member(kind: Any) -> Any:
             return bool
         return make.uint8 if name in {"octet", "byte"} else getattr(make, name)
     inner, count = detail
+    element = _make_member(inner, store)
     if node == Nodetype.ARRAY:
-        return make.array[_make_member(inner), count]
-    return (
-        make.sequence[_make_member(inner), count] if count else make.sequence[_make_member(inner)]
-    )
+        return make.array[element, count]
+    return make.sequence[element, count] if count else make.sequence[element]

@@ -1,4 +1,4 @@
-"""Messages that add up: markers, textured markers, and a grid with its updates."""
+"""Messages that add up: markers, textured markers, a grid with its updates, a route and a place."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from agribot.ros.messages.shown_messages import (
     to_plain,
 )
 from agribot.ros.messages.shown_pictures import MOST_TEXTURE_PX, read_picture, shrink, to_file
-from agribot.ros.messages.shown_types import GRID_UPDATE
+from agribot.ros.messages.shown_types import GRID_UPDATE, ROUTE_POSITION
 
 Cells = npt.NDArray[np.int8]
 
@@ -31,6 +31,7 @@ MOST_TEXTURES = 8
 _DELETE, _DELETE_ALL = 2, 3
 _MESH = 10
 _GRID = "nav_msgs/msg/OccupancyGrid"
+_ROUTE = "marti_nav_msgs/msg/Route"
 _UNKNOWN = -1
 
 
@@ -186,6 +187,39 @@ class GridView:
         return ShownMessage(value, note)
 
 
+class RouteView:
+    """A route, and the place on it that somebody is at."""
+
+    def __init__(self) -> None:
+        self._route: Any = None
+        self._position: Any = None
+
+    def take(self, message: Any, _t_s: float) -> None:
+        if message.__msgtype__ == ROUTE_POSITION:
+            self._position = message
+        else:
+            self._route = message
+
+    def show(self, place: Place, _t_s: float) -> ShownMessage | None:
+        if self._route is None:
+            return None
+        shown = show_message(self._route, place)
+        position_m = self._find_position_m()
+        known = {} if position_m is None else {"position_m": position_m}
+        return shown._replace(value=shown.value | known)
+
+    def _find_position_m(self) -> float | None:
+        """Find how far along the route the place is; None where its point is not on the route."""
+        passed_m, before = 0.0, None
+        for point in self._route.route_points if self._position is not None else ():
+            at = point.pose.position
+            passed_m += 0.0 if before is None else math.hypot(at.x - before.x, at.y - before.y)
+            if point.id == self._position.id:
+                return passed_m + float(self._position.distance)
+            before = at
+        return None
+
+
 def _fold_cells(cells: Cells, every: int) -> Cells:
     """Make one cell of a square of them: the most occupied; unknown is less than free."""
     if every == 1:
@@ -236,6 +270,8 @@ def make_view(ros_type: str) -> TopicView:
         return MarkerView()
     if ros_type.startswith("marti_visualization_msgs/msg/TexturedMarker"):
         return TextureView()
+    if ros_type in (_ROUTE, ROUTE_POSITION):
+        return RouteView()
     return GridView() if ros_type in (_GRID, GRID_UPDATE) else NewestView()
 
 

@@ -39,7 +39,9 @@ SHOWN_TYPES: dict[str, tuple[str, ...]] = {
 # Every display that reads messages.
 SHOWN_DISPLAYS = frozenset(display for displays in SHOWN_TYPES.values() for display in displays)
 GRID_UPDATE = "map_msgs/msg/OccupancyGridUpdate"
-GRID_UPDATE_SUFFIX = "_updates"  # of the topic beside the grid's
+ROUTE_POSITION = "marti_nav_msgs/msg/RoutePosition"
+# By type, the ending of the topic beside that adds to it.
+BESIDE = {"nav_msgs/msg/OccupancyGrid": "_updates", "marti_nav_msgs/msg/Route": "_position"}
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
 

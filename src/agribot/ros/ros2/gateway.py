@@ -14,6 +14,7 @@ from agribot.core import topics
 from agribot.core.errors import BridgeError
 from agribot.core.messages import TickRecord
 from agribot.core.topics import Qos, Topic
+from agribot.ros.messages.dds_names import to_dds_name
 from agribot.ros.requests import Requests, read_twist_cdr
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.node import ROUTER, Ros2Node
@@ -90,7 +91,7 @@ class Ros2Gateway:
         """Report publishers of twists that are refused, or of another type, which cannot arrive."""
         import zenoh
 
-        wanted = wire.to_dds_name(topics.CMD_VEL.ros_type)
+        wanted = to_dds_name(topics.CMD_VEL.ros_type)
 
         def on_endpoint(sample: zenoh.Sample) -> None:
             peer = wire.read_endpoint(str(sample.key_expr))

@@ -13,6 +13,7 @@ from rosbags.typesys.store import Typestore
 from agribot.core.errors import BridgeError
 from agribot.core.extras import format_install
 from agribot.core.topics import Qos, Topic
+from agribot.ros.messages.dds_names import from_dds_name
 from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.ros2 import wire
 
@@ -82,7 +83,7 @@ class Ros2Node:
     def list_topics(self) -> dict[str, str]:
         """List the topics that nodes of the domain publish, with their types."""
         found = (wire.read_endpoint(token) for token in self.list_tokens())
-        return {one.name: wire.from_dds_name(one.type_name) for one in found
+        return {one.name: from_dds_name(one.type_name) for one in found
                 if one and one.kind == "MP"}  # fmt: skip
 
     def subscribe_found(

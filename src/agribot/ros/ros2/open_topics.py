@@ -7,14 +7,13 @@ from collections.abc import Callable
 
 from rosbags.typesys.store import Typestore
 
-from agribot.core.errors import BridgeError
 from agribot.core.topics import STREAM, Topic
 from agribot.ros.graph import Graph
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.connection import NO_HASH
 from agribot.ros.ros2.node import Ros2Node
 from agribot.ros.ros2.system_state import read_graph
-from agribot.ros.topic_network import OnBytes
+from agribot.ros.topic_network import OnBytes, check_definition
 
 
 class Ros2Topics:
@@ -40,7 +39,8 @@ class Ros2Topics:
         found = next((one for one in announced if one is not None and one.name == name), None)
         if found is None:
             return None
-        self._check_definition(found)
+        type_hash = "" if found.type_hash == NO_HASH else found.type_hash
+        check_definition(self._types(), name, found.ros_type, type_hash, found.node)
         end = node.subscribe_found(found, lambda data: on_bytes(found.ros_type, data))
         return Ros2Topic(end)
 
@@ -59,16 +59,6 @@ class Ros2Topics:
         if self._node is None:
             self._node = Ros2Node(self._name, self._domain, self._router, listen=False)
         return self._node
-
-    def _check_definition(self, found: wire.FoundPublisher) -> None:
-        types = self._types()
-        if found.ros_type not in types.fielddefs:
-            raise BridgeError(f"{found.name}: the type {found.ros_type} is not known")
-        if found.type_hash not in {types.hash_rihs01(found.ros_type), NO_HASH}:
-            raise BridgeError(
-                f"{found.name}: {found.ros_type} of {found.node} has another definition than in "
-                "ROS 2 Jazzy"
-            )
 
 
 class Ros2Topic:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 
 from agribot.ros.graph import Graph, make_graph
+from agribot.ros.messages.dds_names import from_dds_name
 from agribot.ros.ros2 import wire
 from agribot.ros.ros2.node import Ros2Node
 
@@ -30,5 +31,5 @@ def read_graph(node: Ros2Node) -> Graph:
             continue
         side = publishers if endpoint.kind == "MP" else subscribers
         side[endpoint.name].add(name)
-        types.setdefault(endpoint.name, wire.from_dds_name(endpoint.type_name))
+        types.setdefault(endpoint.name, from_dds_name(endpoint.type_name))
     return make_graph("ROS 2", nodes, types, dict(publishers), dict(subscribers))

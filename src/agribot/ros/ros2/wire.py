@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from agribot.core.topics import Qos
+from agribot.ros.messages.dds_names import from_dds_name, to_dds_name
 
 ADMIN_SPACE = "@ros2_lv"
 GID_SIZE = 16
@@ -76,19 +77,11 @@ def mangle(name: str) -> str:
     return name.replace("/", "%")
 
 
-def to_dds_name(ros_type: str) -> str:
-    """Convert `sensor_msgs/msg/Imu` to `sensor_msgs::msg::dds_::Imu_`."""
-    package, kind, name = ros_type.split("/")
-    return f"{package}::{kind}::dds_::{name}_"
-
-
 def read_topic_key(key: str) -> tuple[str, str] | None:
     """Read ROS type and type hash of a topic's key; None if it is no topic's."""
     *_, name, type_hash = key.split("/")
-    parts = name.split("::")
-    if len(parts) != 4 or parts[2] != "dds_":
-        return None
-    return f"{parts[0]}/{parts[1]}/{parts[3].removesuffix('_')}", type_hash
+    ros_type = from_dds_name(name)
+    return (ros_type, type_hash) if ros_type else None
 
 
 def make_topic_key(domain: int, name: str, ros_type: str, type_hash: str) -> str:
@@ -150,11 +143,3 @@ def read_node_name(token: str) -> str:
     if len(parts) < 9 or parts[0] != ADMIN_SPACE:
         return ""
     return f"{parts[7].replace('%', '/').rstrip('/')}/{parts[8]}"
-
-
-def from_dds_name(name: str) -> str:
-    """Convert `sensor_msgs::msg::dds_::Imu_` to `sensor_msgs/msg/Imu`; "" for other names."""
-    parts = name.split("::")
-    if len(parts) != 4 or parts[2] != "dds_":
-        return ""
-    return f"{parts[0]}/{parts[1]}/{parts[3].removesuffix('_')}"

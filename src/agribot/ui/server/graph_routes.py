@@ -37,10 +37,11 @@ async def _find(request: Request, of: str) -> Graph:
     hub: Hub = request.app.state.hub
     if of == "robot":
         return make_own_graph(hub)
-    if of not in ("ros1", "ros2"):
-        raise Unusable(404, f"no network '{of[:20]}'; there are robot, ros1 and ros2")
+    sources = hub.find_topics()
+    if of not in sources.feeds:
+        raise Unusable(404, f"no network '{of[:20]}'; there are robot, {', '.join(sources.feeds)}")
     try:
-        return select_topics(await run_in_thread(hub.find_topics().read_graph, of))
+        return select_topics(await run_in_thread(sources.read_graph, of))
     except BridgeError as error:
         raise Unusable(503, str(error)) from error
 

@@ -19,7 +19,7 @@ from agribot.record.bag.source import Bag, BagMessage, UndecodableMessage
 from agribot.ros.messages.frame_tree import FrameTree
 from agribot.ros.messages.shown_messages import FramePlaces
 from agribot.ros.messages.shown_sets import adds_up
-from agribot.ros.messages.shown_types import GRID_UPDATE_SUFFIX, SHOWN_TYPES
+from agribot.ros.messages.shown_types import BESIDE, SHOWN_TYPES
 from agribot.ui import wire
 from agribot.ui.server.shown_topic import MOST_WAITING, Decode, ShownTopic
 
@@ -99,7 +99,8 @@ class RecordedTopics:
         return self._kept[name]
 
     def _load(self, name: str, kept: _Kept) -> None:
-        names = TRANSFORM_TOPICS if name == "/tf" else {name, name + GRID_UPDATE_SUFFIX}
+        beside = {name + ending for ending in BESIDE.values()}
+        names = TRANSFORM_TOPICS if name == "/tf" else {name, *beside}
         try:
             with warnings.catch_warnings(action="ignore"), open_bag(self._path) as bag:
                 kept.decode = _make_decoder(bag)

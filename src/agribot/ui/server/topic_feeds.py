@@ -16,7 +16,7 @@ from agribot.core.messages import FloatArray
 from agribot.ros.graph import Graph
 from agribot.ros.messages.frame_tree import FrameTree
 from agribot.ros.messages.shown_messages import FramePlaces, UnknownFrame
-from agribot.ros.messages.shown_types import GRID_UPDATE_SUFFIX, SHOWN_TYPES
+from agribot.ros.messages.shown_types import BESIDE, SHOWN_TYPES
 from agribot.ros.topic_network import OpenTopic, TopicNetwork
 from agribot.ui import wire
 from agribot.ui.server.shown_topic import Decode, ShownTopic, show_frame
@@ -170,13 +170,13 @@ class TopicFeeds:
         return feed
 
     def _open(self, name: str, feed: _Feed) -> None:
-        """Open a topic, and the updates beside a grid; again and again until somebody is there."""
+        """Open a topic, and the one beside it; again and again until somebody is there."""
         now_s = self._now_s()
         if now_s < feed.next_try_s:
             return
         wanted = [] if feed.opened else [name]
-        if len(feed.opened) == 1 and feed.shown.ros_type == "nav_msgs/msg/OccupancyGrid":
-            wanted = [name + GRID_UPDATE_SUFFIX]
+        if len(feed.opened) == 1 and feed.shown.ros_type in BESIDE:
+            wanted = [name + BESIDE[feed.shown.ros_type]]
         feed.next_try_s = now_s + LIST_S
         try:
             for one in wanted:

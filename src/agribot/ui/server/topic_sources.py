@@ -1,4 +1,4 @@
-"""Everything whose topics displays can show: ROS 1, ROS 2, the recording on show, and bags."""
+"""Everything whose topics displays can show: networks of ROS, the recording on show, and bags."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MOST_BYTES = 3_000_000  # of one answer; the rest comes with the next
 MOST_BAGS = 2
 BAG = "bag:"
 RECORDING = "recording"
-TITLES = {"ros1": "ROS 1", "ros2": "ROS 2", RECORDING: "Recording"}
+TITLES = {"ros1": "ROS 1", "ros2": "ROS 2", "dds": "ROS 2 on DDS", RECORDING: "Recording"}
 BAG_ENDINGS = (".bag", ".mcap", ".db3")
 OPTICAL_FRAME, FOOTPRINT = "camera_optical_frame", "base_footprint"
 
@@ -176,7 +176,14 @@ def _make_ros2(places: RosPlaces) -> Any:
     return Ros2Topics(NODE, places.domain, places.router, ros2_store)
 
 
-_NETWORKS = {"ros1": _make_ros1, "ros2": _make_ros2}
+def _make_dds(places: RosPlaces) -> Any:
+    from agribot.record.bag.definitions import ros2_store
+    from agribot.ros.dds.open_topics import DdsTopics
+
+    return DdsTopics(NODE, places.domain, ros2_store)
+
+
+_NETWORKS = {"ros1": _make_ros1, "ros2": _make_ros2, "dds": _make_dds}
 
 
 def make_decoder(network: str) -> Callable[[str, bytes], Any]:
@@ -188,7 +195,7 @@ def make_decoder(network: str) -> Callable[[str, bytes], Any]:
     def decode(ros_type: str, data: bytes) -> Any:
         from agribot.record.bag.definitions import deserialize, ros1_store, ros2_store
 
-        is_ros2 = network == "ros2"
+        is_ros2 = network != "ros1"
         try:
             return deserialize(ros2_store() if is_ros2 else ros1_store(), ros_type, is_ros2, data)
         except Exception as error:  # the generated code of rosbags raises any error
