@@ -28,6 +28,7 @@ import type {
   TopicWish,
   TopicWishes,
 } from './wire.ts'
+import { say } from './say.ts'
 
 /** What a lost network swallows would keep a connection for minutes. */
 const SESSION_MS = 10_000
@@ -45,7 +46,7 @@ async function request(path: string, init: RequestInit = {}): Promise<Response> 
   try {
     response = await fetch(path, { credentials: 'same-origin', ...init })
   } catch {
-    throw new ApiError(0, 'No answer from the robot: check the link and try again.')
+    throw new ApiError(0, say('noAnswerFromTheRobotCheck'))
   }
   if (!response.ok) throw new ApiError(response.status, await reason(response))
   return response
@@ -58,7 +59,7 @@ async function reason(response: Response): Promise<string> {
   } catch {
     // not JSON: the status has to do
   }
-  return `The robot answered ${response.status} ${response.statusText}.`
+  return say('robotAnsweredStatus', { status: `${response.status} ${response.statusText}` })
 }
 
 async function get<T>(path: string, init: RequestInit = {}): Promise<T> {

@@ -4,6 +4,7 @@ import { parseMessage } from './decode.ts'
 import { DEAD_MS, PING_MS } from './link-monitor.ts'
 import type { Store } from './store.ts'
 import type { PageMessage, PageRequest, ServerMessage, Verdict } from './wire.ts'
+import { say } from './say.ts'
 
 const TICK_MS = 100
 /** The id of every STOP of this page: it is said again until one is answered. */
@@ -189,10 +190,10 @@ export class Link {
   /** Send a command and wait for what the robot says to it. */
   command(command: PageRequest): Promise<Outcome> {
     const id = `c${this.nextId++}`
-    if (!this.send({ ...command, id })) return Promise.resolve({ ok: false, reason: 'No link to the robot.' })
+    if (!this.send({ ...command, id })) return Promise.resolve({ ok: false, reason: say('noLinkToTheRobot') })
     return new Promise((resolve) => {
       const timer = setTimeout(
-        () => this.settle(id, { ok: false, reason: 'The robot did not answer in 5 s.' }),
+        () => this.settle(id, { ok: false, reason: say('theRobotDidNotAnswerIn') }),
         ACK_TIMEOUT_MS,
       )
       this.waiting.set(id, (outcome) => {
@@ -271,8 +272,7 @@ export class Link {
     if (!this.isOpened) this.onUnopened()
     this.openBy = Infinity
     this.store.setLinked(false)
-    for (const id of [...this.waiting.keys()])
-      this.settle(id, { ok: false, reason: 'The link broke before the robot answered.' })
+    for (const id of [...this.waiting.keys()]) this.settle(id, { ok: false, reason: say('theLinkBrokeBeforeTheRobot') })
     const pause = BACKOFF_MS[Math.min(this.attempt++, BACKOFF_MS.length - 1)]
     clearTimeout(this.retry)
     this.retry = window.setTimeout(() => this.open(), pause)

@@ -21,6 +21,7 @@ import { Toasts } from './shell/toasts.ts'
 import { Store } from './store.ts'
 import { installHooks } from './test-hooks.ts'
 import type { SessionInfo } from './wire.ts'
+import { say } from './say.ts'
 
 const RETRY_MS = 1500
 /** A login lasts for hours after what was asked last, and a page that only listens asks nothing. */
@@ -28,7 +29,7 @@ const RENEW_MS = 3_600_000
 
 /** Asks until the robot answers who it is; what keeps it from that is said in the middle of the page. */
 async function openSession(main: HTMLElement, logIn: () => Promise<void>): Promise<SessionInfo> {
-  const problem = el('p', { class: 'boot', role: 'status' }, 'Waiting for the first answer of the robot…')
+  const problem = el('p', { class: 'boot', role: 'status' }, say('waitingForTheFirstAnswerOf'))
   main.append(problem)
   for (;;) {
     try {
@@ -45,7 +46,7 @@ async function openSession(main: HTMLElement, logIn: () => Promise<void>): Promi
         await logIn()
         continue
       }
-      problem.textContent = `${message(error)} Trying again…`
+      problem.textContent = say('tryingAgain', { problem: message(error) })
       await new Promise((resolve) => setTimeout(resolve, RETRY_MS))
     }
   }
@@ -89,14 +90,14 @@ function beginPage() {
     el('div', { class: 'brand' }, el('b', { class: 'brand-name' }, 'AGRIBOT')),
   )
   const content = el('div', { class: 'content' }, banners.node, main)
-  const heading = el('h1', { class: 'visually-hidden' }, 'AGRIBOT operator page')
+  const heading = el('h1', { class: 'visually-hidden' }, say('agribotOperatorPage'))
   top.append(heading)
   const shell = el('div', { class: 'shell' }, top, content)
   document.body.append(shell)
   const toasts = new Toasts()
   const dialogs = new Dialogs(shell)
   const stop = new StopButton(link)
-  link.onRefusal = (reason) => toasts.show('warn', reason || 'The robot refused.')
+  link.onRefusal = (reason) => toasts.show('warn', reason || say('theRobotRefused'))
   link.onOutdated = () => location.reload()
   dialogs.onOpen = () => {
     toasts.raise()
@@ -129,7 +130,7 @@ async function boot(): Promise<void> {
   store.setHasRobot(session.source !== 'replay')
   link.onUnopened = sessionCheck(session.run)
   link.expect(session.run)
-  page.banners.onRelease = () => void app.command({ kind: 'clear_stop' }, 'Stop released.')
+  page.banners.onRelease = () => void app.command({ kind: 'clear_stop' }, say('stopReleased'))
   const bar = new StatusBar(app).node
   bar.append(page.heading)
   page.top.replaceWith(bar)

@@ -1,14 +1,15 @@
 /** Pictures and videos of the map with everything drawn over it. */
 
 import type { Map as MapLibre } from 'maplibre-gl'
+import { say } from '../say.ts'
 
 const VIDEO_FPS = 15
 const VIDEO_TYPES = ['video/webm;codecs=vp9', 'video/webm;codecs=vp8', 'video/webm', 'video/mp4']
 
 export const CAPTURE_SIZES = {
-  window: 'As large as the window',
-  '480p': '480p (640 × 480)',
-  '720p': '720p (1280 × 720)',
+  window: say('asLargeAsTheWindow'),
+  '480p': say('size480p640480'),
+  '720p': say('size720p1280720'),
 }
 export type CaptureSize = keyof typeof CAPTURE_SIZES
 const SIZES_PX: Partial<Record<CaptureSize, [width: number, height: number]>> = {

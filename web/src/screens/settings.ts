@@ -7,10 +7,12 @@ import { quantity, words } from '../format.ts'
 import { setTheme, theme, THEME_NAMES, THEMES } from '../shell/theme.ts'
 import { CalibrationCard } from './calibration.ts'
 import type { Setting, SettingGroup, SettingValue } from '../wire.ts'
+import type { Language } from '../say.ts'
+import { keepLanguage, language, LANGUAGES, say } from '../say.ts'
 
 export const settings: Screen = {
   id: 'settings',
-  title: 'Settings',
+  title: say('screenSettings'),
   icon: 'settings',
   async mount(host, app) {
     const calibration = new CalibrationCard(app)
@@ -19,7 +21,7 @@ export const settings: Screen = {
       { class: 'column' },
       pageCard(),
       calibration.node,
-      el('p', { class: 'empty' }, 'Reading the settings…'),
+      el('p', { class: 'empty' }, say('readingTheSettings')),
     )
     host.append(column)
     const [found] = await Promise.all([app.attempt(api.settings()), calibration.look()])
@@ -27,15 +29,14 @@ export const settings: Screen = {
     const groups = el('div', { class: 'column' })
     const show = (all: boolean): void => {
       replace(groups, ...found.groups.map((group) => groupCard(group, all, app)))
-      if (!groups.childElementCount)
-        groups.append(el('p', { class: 'card empty' }, 'No setting of this robot may change while it runs.'))
+      if (!groups.childElementCount) groups.append(el('p', { class: 'card empty' }, say('noSettingOfThisRobotMay')))
     }
     const all = el('input', { type: 'checkbox', onchange: () => show(all.checked) })
     replace(
       column,
       pageCard(),
       calibration.node,
-      el('label', { class: 'check' }, all, 'Show also what is fixed while the robot runs'),
+      el('label', { class: 'check' }, all, say('showAlsoWhatIsFixedWhile')),
       groups,
     )
     show(false)
@@ -77,16 +78,36 @@ function pageCard(): HTMLElement {
     el(
       'div',
       {},
-      el('h2', {}, 'This page'),
-      el('p', { class: 'muted' }, 'Colours on this device. Sunlight has the strongest contrast.'),
+      el('h2', {}, say('thisPage')),
+      el('p', { class: 'muted' }, say('coloursAndLanguageOnThisDevice')),
       el(
         'p',
         { class: 'small' },
-        el('a', { href: './licences.txt', target: '_blank', rel: 'noopener' }, 'Licences of the software in this page'),
+        el('a', { href: './licences.txt', target: '_blank', rel: 'noopener' }, say('licencesOfTheSoftwareInThis')),
       ),
     ),
-    el('div', { class: 'segments', role: 'group', 'aria-label': 'Theme' }, ...buttons),
+    el(
+      'div',
+      { class: 'page-choices' },
+      el('div', { class: 'segments', role: 'group', 'aria-label': say('theme') }, ...buttons),
+      el('label', { class: 'field' }, el('span', {}, say('language')), languageChoice()),
+    ),
   )
+}
+
+function languageChoice(): HTMLElement {
+  const known = Object.entries(LANGUAGES) as [Language, string][]
+  const select = el(
+    'select',
+    {
+      onchange: () => {
+        keepLanguage(select.value as Language)
+        location.reload()
+      },
+    },
+    ...known.map(([value, name]) => el('option', { value, lang: value, selected: value === language }, name)),
+  )
+  return select
 }
 
 function row(setting: Setting, app: App): HTMLElement {
@@ -96,8 +117,9 @@ function row(setting: Setting, app: App): HTMLElement {
   const describe = (): void => {
     const parts = [setting.about]
     if (setting.min !== null || setting.max !== null)
-      parts.push(`From ${setting.min ?? '–∞'} to ${setting.max ?? '∞'}.`)
-    if (String(setting.value) !== String(setting.default)) parts.push(`Default ${setting.default}.`)
+      parts.push(say('settingRange', { min: setting.min ?? '–∞', max: setting.max ?? '∞' }))
+    if (String(setting.value) !== String(setting.default))
+      parts.push(say('settingDefault', { value: String(setting.default) }))
     note.textContent = parts.filter(Boolean).join(' ')
     note.classList.remove('form-error')
   }
@@ -110,10 +132,8 @@ function row(setting: Setting, app: App): HTMLElement {
     if (answer && setting.key in answer.applied) {
       setting.value = answer.applied[setting.key]
       describe()
-      app.toasts.show(
-        'info',
-        `${quantity(setting.key)} is now ${setting.value}${setting.unit ? ` ${setting.unit}` : ''}.`,
-      )
+      const shown = `${setting.value}${setting.unit ? ` ${setting.unit}` : ''}`
+      app.toasts.show('info', say('settingIsNow', { name: quantity(setting.key), value: shown }))
     } else if (refused) {
       note.textContent = refused
       note.classList.add('form-error')

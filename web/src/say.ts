@@ -1,0 +1,93 @@
+/** Texts of the page in the language that this browser uses, which stays the same until the page is loaded again. */
+
+import { en } from './texts/en.ts'
+import type { Forms, Key, Texts, ValuesOf } from './texts/types.ts'
+
+interface Table {
+  texts: Texts
+  /** What the robot calls by an English name. */
+  names: Readonly<Record<string, string>>
+}
+
+const TABLES = {
+  en: async (): Promise<Table> => ({ texts: en, names: {} }),
+  de: async (): Promise<Table> => {
+    const { de, names } = await import('./texts/de.ts')
+    return { texts: de, names }
+  },
+}
+export type Language = keyof typeof TABLES
+/** Each by its own name. */
+export const LANGUAGES: Record<Language, string> = { en: 'English', de: 'Deutsch' }
+const KEPT = 'language'
+
+const isLanguage = (name: string): name is Language => name in TABLES
+
+/** The one that was chosen here, or the first of the browser's that the page knows. */
+export function findLanguage(kept: string | null, wanted: readonly string[]): Language {
+  const known = [kept ?? '', ...wanted].map((name) => name.toLowerCase().split('-')[0])
+  return known.find(isLanguage) ?? 'en'
+}
+
+/** Kept in this browser; takes effect when the page is loaded again. */
+export function keepLanguage(language: Language): void {
+  localStorage.setItem(KEPT, language)
+}
+
+const isPage = typeof document !== 'undefined'
+const wanted = isPage ? navigator.languages : []
+export const language: Language = isPage ? findLanguage(localStorage.getItem(KEPT), wanted) : 'en'
+if (isPage) document.documentElement.lang = language
+let table = await TABLES[language]().catch(TABLES.en) // a page without its texts still has STOP
+/** That of the region, where the browser names one. */
+let locale = wanted.find((name) => name.toLowerCase().startsWith(language)) ?? language
+let plurals = new Intl.PluralRules(locale)
+const formats = new Map<number, Intl.NumberFormat>()
+
+/** For tests: the page itself has one language. */
+export async function useLanguage(other: Language): Promise<void> {
+  table = await TABLES[other]()
+  locale = other
+  plurals = new Intl.PluralRules(locale)
+  formats.clear()
+}
+
+/** A text of the page, with values in place of the names in braces. */
+export function say<K extends Key>(key: K, ...[values]: ValuesOf<K>): string {
+  return fill(table.texts[key], values ?? {})
+}
+
+function fill(text: string | Forms, values: Record<string, string | number>): string {
+  if (typeof text !== 'string') return fill(choose(text, Number(values.count)), values)
+  return text.replace(/\{(\w+)\}/g, (_, name: string) => String(values[name]))
+}
+
+function choose(forms: Forms, count: number): string {
+  return plurals.select(count) === 'one' ? forms.one : forms.other
+}
+
+/** What a name of the robot's is called on the page; undefined where the language has none for it. */
+export function findName(name: string): string | undefined {
+  return table.names[name]
+}
+
+/** A number with as many decimals, as the language writes it. */
+export function decimals(value: number, digits: number): string {
+  let format = formats.get(digits)
+  if (!format) {
+    const options = { minimumFractionDigits: digits, maximumFractionDigits: digits, useGrouping: false }
+    format = new Intl.NumberFormat(locale, options)
+    formats.set(digits, format)
+  }
+  return format.format(value)
+}
+
+/** A count of many things, with its thousands apart. */
+export function many(count: number): string {
+  return count.toLocaleString(locale)
+}
+
+/** Day and time of the day. */
+export function dated(when: Date): string {
+  return when.toLocaleString(locale, { dateStyle: 'medium', timeStyle: 'short' })
+}
