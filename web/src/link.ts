@@ -4,7 +4,7 @@ import { parseMessage } from './decode.ts'
 import { DEAD_MS, PING_MS } from './link-monitor.ts'
 import type { Store } from './store.ts'
 import type { PageMessage, PageRequest, ServerMessage, Verdict } from './wire.ts'
-import { say } from './say.ts'
+import { language, say } from './say.ts'
 
 const TICK_MS = 100
 /** The id of every STOP of this page: it is said again until one is answered. */
@@ -109,7 +109,7 @@ export class Link {
 
   private open(): void {
     clearTimeout(this.retry)
-    const socket = new WebSocket(socketUrl(`/ws/v1?tab=${this.tab}&acks=1`))
+    const socket = new WebSocket(socketUrl(`/ws/v1?tab=${this.tab}&acks=1&language=${language}`))
     this.socket = socket
     this.isOpened = false
     this.openBy = performance.now() + OPEN_MS[Math.min(this.attempt, OPEN_MS.length - 1)]

@@ -6,6 +6,8 @@ import math
 from collections import deque
 from typing import get_args
 
+from msgspec import UNSET
+
 from agribot.autonomy.estimate.verdicts import SILENT_S
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig
@@ -93,7 +95,7 @@ class RunView:
             return None
         estimate, status = record.estimate, record.status
         cross_m = record.tracking.cross_track_m if record.tracking else None
-        fact = record.fact or status.fact or status.gate.told_fact
+        reason, fact = _choose_reason(record)
         return wire.State(
             tick=self.ticks,
             t_s=round(record.batch.t_s, 4),
@@ -110,7 +112,9 @@ class RunView:
             mission=_mission(status),
             mode=self._mode(record),
             stop=status.stopped,
-            reason=record.reason or status.reason or status.gate.told,
+            stop_fact=status.stopped_fact or UNSET,
+            reason=reason,
+            reason_fact=fact or UNSET,
             gate=self._show_gate(fact),
             checks=self._checks,
             doubts=_doubts(estimate.verdicts),
@@ -148,6 +152,7 @@ class RunView:
             state=gate.state,
             since_s=round(self._gate_since_s, 2),
             reason="" if is_said else gate.reason,
+            reason_fact=UNSET if is_said or fact is None else fact,
         )
 
     def _trace(self, record: TickRecord) -> None:
@@ -226,11 +231,22 @@ def _pose(estimate: Estimate) -> tuple[float, float, float] | None:
     return round(x_m, 5), round(y_m, 5), round(yaw_rad, 5)
 
 
+def _choose_reason(record: TickRecord) -> tuple[str, Fact | None]:
+    """Choose the nearest reason, and the fact that it is the text of."""
+    status = record.status
+    if record.reason:
+        return record.reason, record.fact
+    if status.reason:
+        return status.reason, status.fact
+    return status.gate.told, status.gate.told_fact
+
+
 def _mission(status: MissionStatus) -> wire.MissionProgress:
     eta_s = status.eta_s if status.state == "running" else None
     return wire.MissionProgress(
         state=status.state,
         reason=status.reason,
+        reason_fact=status.fact or UNSET,
         row=status.row,
         rows_total=status.rows_total,
         rows_done=len(status.rows_done),
@@ -246,15 +262,21 @@ def _mission(status: MissionStatus) -> wire.MissionProgress:
 
 def _show_check(check: Check) -> wire.StartCheck:
     if check.is_ok:
-        return wire.StartCheck(name=check.name, remark=check.text)
-    return wire.StartCheck(name=check.name, wrong=check.text)
+        return wire.StartCheck(name=check.name, remark=check.text, remark_fact=check.fact)
+    return wire.StartCheck(name=check.name, wrong=check.text, wrong_fact=check.fact)
 
 
 def _doubts(verdicts: SensorVerdicts) -> list[wire.SensorDoubt]:
     """List the sensors that are not fine, which are few."""
     names: tuple[wire.SensorName, ...] = get_args(wire.SensorName)
     return [
-        wire.SensorDoubt(sensor=name, state=one.state, since_s=one.since_s, reason=one.reason)
+        wire.SensorDoubt(
+            sensor=name,
+            state=one.state,
+            since_s=one.since_s,
+            reason=one.reason,
+            reason_fact=one.fact or UNSET,
+        )
         for name in names
         if (one := getattr(verdicts, name)).state != "fine"
     ]

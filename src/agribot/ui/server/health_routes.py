@@ -170,7 +170,7 @@ def _bundle(hub: Hub) -> bytes:
         archive.writestr("versions.txt", "\n".join([machine, *versions]) + "\n")
         archive.writestr("health.json", msgspec.json.format(msgspec.json.encode(_health(hub))))
         archive.writestr("settings.json", msgspec.json.encode(hub.about.settings))
-        archive.writestr("state.json", hub.live.state_text or "{}")
+        archive.writestr("state.json", hub.live.write_state() or "{}")
         run = Path(hub.about.runs_dir) / hub.about.current
         for name in SUPPORT_FILES:
             if hub.about.current and (run / name).is_file():
