@@ -20,6 +20,7 @@ export type Language = keyof typeof TABLES
 /** Each by its own name. */
 export const LANGUAGES: Record<Language, string> = { en: 'English', de: 'Deutsch' }
 const KEPT = 'language'
+const NUMBER = /\d+(?:\.\d+)?/g
 
 const isLanguage = (name: string): name is Language => name in TABLES
 
@@ -66,9 +67,16 @@ function choose(forms: Forms, count: number): string {
   return plurals.select(count) === 'one' ? forms.one : forms.other
 }
 
-/** What a name of the robot's is called on the page; undefined where the language has none for it. */
+/** What is called so by the robot, with its own numbers; undefined where the language has no name for it. */
 export function findName(name: string): string | undefined {
-  return table.names[name]
+  const numbers = name.match(NUMBER) ?? []
+  const known = table.names[name.replace(NUMBER, '#')]
+  return known?.replace(/#/g, () => numbers.shift() ?? '')
+}
+
+/** The name that the language has for it, else the robot's own. */
+export function named(name: string): string {
+  return findName(name) ?? name
 }
 
 /** A number with as many decimals, as the language writes it. */

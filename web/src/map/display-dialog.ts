@@ -12,7 +12,7 @@ import { el, replace } from '../dom.ts'
 import { icon } from '../icons.ts'
 import type { Choice } from '../shell/dialogs.ts'
 import type { MapView } from './view.ts'
-import { findName, say } from '../say.ts'
+import { named, say } from '../say.ts'
 
 const PICTURE_PX = 256
 
@@ -118,7 +118,7 @@ function control(option: Option, value: OptionValue, set: (value: OptionValue) =
     const select = el(
       'select',
       { onchange: () => set(select.value) },
-      ...option.choices.map((name) => el('option', { value: name, selected: name === value }, findName(name) ?? name)),
+      ...option.choices.map((name) => el('option', { value: name, selected: name === value }, named(name))),
     )
     return select
   }

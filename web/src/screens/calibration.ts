@@ -14,7 +14,7 @@ import type {
   CalibrationKind,
   Calibrations,
 } from '../wire.ts'
-import { say } from '../say.ts'
+import { named, say } from '../say.ts'
 
 const DIGITS: Record<string, number> = { m: 4, uT: 2, deg: 2, '%': 0, '': 3 }
 
@@ -186,24 +186,24 @@ export class CalibrationCard {
         class: 'button',
         disabled: this.app.store.seat !== 'you',
         onclick: () => void this.start(kind),
-        'aria-label': say('calibrateThis', { title: kind.title }),
+        'aria-label': say('calibrateThis', { title: named(kind.title) }),
       },
       say('calibrate'),
     )
     return el(
       'div',
       { class: 'calibration-kind' },
-      el('div', {}, el('h3', {}, kind.title), el('p', { class: 'small muted' }, kind.about)),
+      el('div', {}, el('h3', {}, named(kind.title)), el('p', { class: 'small muted' }, named(kind.about))),
       start,
     )
   }
 
   private async start(kind: CalibrationKind): Promise<void> {
     const go = await this.app.dialogs.confirm(
-      kind.title,
+      named(kind.title),
       [
-        el('p', {}, kind.about),
-        el('p', {}, say('drivesByItself', { time: duration(kind.duration_s), ground: kind.ground })),
+        el('p', {}, named(kind.about)),
+        el('p', {}, say('drivesByItself', { time: duration(kind.duration_s), ground: named(kind.ground) })),
         el('p', {}, say('endsAtOnce')),
       ],
       say('driveNow'),
@@ -220,7 +220,7 @@ export class CalibrationCard {
   }
 
   private title(name: string): string {
-    return this.known?.kinds.find((kind) => kind.name === name)?.title ?? name
+    return named(this.known?.kinds.find((kind) => kind.name === name)?.title ?? name)
   }
 }
 

@@ -11,7 +11,7 @@ import type { ImplementLine } from '../wire.ts'
 import { GateCard, GateLine } from './gate-card.ts'
 import { HeadingCard } from './heading-card.ts'
 import { MissionButtons } from './mission-buttons.ts'
-import { decimals, findName, say } from '../say.ts'
+import { decimals, named, say } from '../say.ts'
 
 const TEXT_EVERY_MS = 200
 
@@ -159,5 +159,5 @@ function absolute(value: number | null | undefined): number | null {
 
 /** What the implement does, in its own words. */
 function implementText(lines: ImplementLine[] | undefined): string {
-  return lines?.map(({ name, text }) => `${findName(name) ?? name} ${findName(text) ?? text}`).join(', ') || NONE
+  return lines?.map(({ name, text }) => `${named(name)} ${named(text)}`).join(', ') || NONE
 }

@@ -6,7 +6,7 @@ import { words } from '../format.ts'
 import { icon } from '../icons.ts'
 import type { GateState, SensorDoubt, SensorName, SensorState, StartCheck, State } from '../wire.ts'
 import { readStartCheck } from '../wire.ts'
-import { findName, say } from '../say.ts'
+import { named, say } from '../say.ts'
 
 type Tone = 'plain' | 'good' | 'note' | 'warn' | 'bad'
 
@@ -39,7 +39,7 @@ const SENSOR_NAMES: Record<SensorName, string> = {
 export function tellWhy({ mode, stop, reason, gate, mission }: State): string {
   const told = mode === 'replay' ? '' : stop // the banner of a replay is the robot's own
   const why = gate?.state === 'driving' ? '' : gate?.reason
-  const all = [reason, why, mission?.reason, mission?.leg]
+  const all = [reason, why, mission?.reason, mission?.leg && named(mission.leg)]
   return sentence(all.find((each) => each && !repeats(each, told)) ?? '')
 }
 
@@ -109,7 +109,7 @@ export function readSensors(state: State, hasCompass: boolean): SensorLine[] {
 }
 
 function doubtLine({ sensor, state, since_s, reason }: SensorDoubt, t_s: number, said: string[]): SensorLine {
-  const text = `${SENSOR_NAMES[sensor]} ${findName(state) ?? state}`
+  const text = `${SENSOR_NAMES[sensor]} ${named(state)}`
   return { text, tone: SENSOR_TONES[state], since: tellSince(t_s, since_s), reason: tellAnew(reason, said) }
 }
 

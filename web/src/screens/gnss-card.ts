@@ -6,7 +6,7 @@ import { fixed, metres, NONE } from '../format.ts'
 import type { ReceiverState, SeenSatellite, SensorDoubt } from '../wire.ts'
 import { readSeenSatellite } from '../wire.ts'
 import { tellSince } from './gate-card.ts'
-import { findName, say } from '../say.ts'
+import { named, say } from '../say.ts'
 
 type Tone = 'plain' | 'good' | 'warn' | 'bad'
 
@@ -54,7 +54,7 @@ export function readFacts(receiver: ReceiverState, doubt: SensorDoubt | undefine
   else if (receiver.device) facts.push(fact(say('line'), say('noBrokenMessagesReported')))
   if (receiver.unread.length) facts.push(fact(say('notRead'), receiver.unread.join(', ')))
   if (doubt) {
-    const since = [findName(doubt.state) ?? doubt.state, tellSince(t_s, doubt.since_s)].filter(Boolean).join(' ')
+    const since = [named(doubt.state), tellSince(t_s, doubt.since_s)].filter(Boolean).join(' ')
     facts.push(fact(say('doubt'), doubt.reason ? `${since}: ${doubt.reason}` : since, 'bad'))
   }
   return facts

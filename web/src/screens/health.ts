@@ -8,7 +8,7 @@ import { icon } from '../icons.ts'
 import type { Health, HealthCheck, LogEvent } from '../wire.ts'
 import { GnssCard } from './gnss-card.ts'
 import { GraphCard } from './graph-card.ts'
-import { findName, say } from '../say.ts'
+import { named, say } from '../say.ts'
 
 const REFRESH_MS = 2000
 const SLOW = 0.8
@@ -125,7 +125,7 @@ function logRow(event: LogEvent): HTMLElement {
     'div',
     { class: `log-row ${event.level}` },
     el('span', { class: 'mono muted' }, duration(event.t_s)),
-    el('span', { class: 'log-source' }, findName(event.source) ?? (event.source || NONE)),
+    el('span', { class: 'log-source' }, named(event.source) || NONE),
     el('span', {}, event.text),
   )
 }

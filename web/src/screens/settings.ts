@@ -8,7 +8,7 @@ import { setTheme, theme, THEME_NAMES, THEMES } from '../shell/theme.ts'
 import { CalibrationCard } from './calibration.ts'
 import type { Setting, SettingGroup, SettingValue } from '../wire.ts'
 import type { Language } from '../say.ts'
-import { keepLanguage, language, LANGUAGES, say } from '../say.ts'
+import { keepLanguage, language, LANGUAGES, named, say } from '../say.ts'
 
 export const settings: Screen = {
   id: 'settings',
@@ -115,7 +115,7 @@ function row(setting: Setting, app: App): HTMLElement {
   const input = control(setting, id)
   const note = el('p', { class: 'small muted', 'aria-live': 'polite' })
   const describe = (): void => {
-    const parts = [setting.about]
+    const parts = [named(setting.about)]
     if (setting.min !== null || setting.max !== null)
       parts.push(say('settingRange', { min: setting.min ?? '–∞', max: setting.max ?? '∞' }))
     if (String(setting.value) !== String(setting.default))

@@ -13,7 +13,7 @@ import type { WeedUpdate } from '../store.ts'
 import type { Weed } from '../wire.ts'
 import { passes, sinceS } from '../weed-filter.ts'
 import type { WeedFilter } from '../weed-filter.ts'
-import { findName, many, say } from '../say.ts'
+import { many, named, say } from '../say.ts'
 
 const COUNT_EVERY_MS = 1000
 const PICK_PX = 8
@@ -274,7 +274,7 @@ class Details {
       [say('firstSeen'), duration(weed.first_seen_s)],
       [say('lastSeen'), duration(weed.last_seen_s)],
       [say('treated'), weed.treated_s === null ? NONE : duration(weed.treated_s)],
-      ...(weed.left ? [[say('leftBecause'), findName(weed.left) ?? weed.left] as [string, string]] : []),
+      ...(weed.left ? [[say('leftBecause'), named(weed.left)] as [string, string]] : []),
       [say('eastNorth'), `${fixed(x, 2)}, ${fixed(y, 2)} m`],
     ]
     const lines = rows.map(([name, text]) => el('div', {}, el('dt', {}, name), el('dd', {}, text)))
