@@ -70,9 +70,13 @@ const SIGNAL_NAMES: Record<string, string> = {
   protection: say('protectionLevel'),
 }
 
+export function bareName(name: string): string {
+  return name.slice(name.lastIndexOf('.') + 1).replace(UNIT_SUFFIX, '')
+}
+
 /** A name of the robot's code without its unit, as words: `yaw_rate_radps` is 'Yaw rate'. */
 export function quantity(name: string): string {
-  const bare = name.slice(name.lastIndexOf('.') + 1).replace(UNIT_SUFFIX, '')
+  const bare = bareName(name)
   return SIGNAL_NAMES[bare] ?? words(bare)
 }
 

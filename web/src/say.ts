@@ -20,6 +20,7 @@ export type Language = keyof typeof TABLES
 /** Each by its own name. */
 export const LANGUAGES: Record<Language, string> = { en: 'English', de: 'Deutsch' }
 const KEPT = 'language'
+const PLAIN_DIGITS = 6
 const NUMBER = /\d+(?:\.\d+)?/g
 
 const isLanguage = (name: string): name is Language => name in TABLES
@@ -79,6 +80,11 @@ export function named(name: string): string {
   return findName(name) ?? name
 }
 
+/** The language of what the robot says: null for the page's own, as an attribute of the element that shows it. */
+export function langOf(said: string): Language | null {
+  return language === 'en' || !/[a-z]/i.test(said) || findName(said) !== undefined ? null : 'en'
+}
+
 /** A number with as many decimals, as the language writes it. */
 export function decimals(value: number, digits: number): string {
   let format = formats.get(digits)
@@ -88,6 +94,11 @@ export function decimals(value: number, digits: number): string {
     formats.set(digits, format)
   }
   return format.format(value)
+}
+
+/** A number with the decimals that it has. */
+export function plain(value: number): string {
+  return value.toLocaleString(locale, { maximumFractionDigits: PLAIN_DIGITS, useGrouping: false })
 }
 
 /** A count of many things, with its thousands apart. */

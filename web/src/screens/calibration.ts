@@ -14,7 +14,7 @@ import type {
   CalibrationKind,
   Calibrations,
 } from '../wire.ts'
-import { named, say } from '../say.ts'
+import { langOf, named, say } from '../say.ts'
 
 const DIGITS: Record<string, number> = { m: 4, uT: 2, deg: 2, '%': 0, '': 3 }
 
@@ -139,7 +139,7 @@ export class CalibrationCard {
     return [
       el('h3', {}, this.title(now.kind)),
       el('p', { class: found.ok ? '' : 'form-error' }, verdict),
-      ...found.reasons.map((reason) => el('p', { class: 'form-error' }, words(reason))),
+      ...found.reasons.map((reason) => el('p', { class: 'form-error', lang: langOf(reason) }, words(reason))),
       el(
         'div',
         { class: 'calibration-pictures' },
@@ -245,7 +245,7 @@ function table(changes: CalibrationChange[]): HTMLElement {
         return el(
           'tr',
           {},
-          el('td', {}, unit ? `${change.label} (${unit})` : change.label),
+          el('td', { lang: langOf(change.label) }, unit ? `${named(change.label)} (${unit})` : named(change.label)),
           value(change.before),
           value(change.after),
           value(change.std),

@@ -8,7 +8,7 @@ import { icon } from '../icons.ts'
 import type { Health, HealthCheck, LogEvent } from '../wire.ts'
 import { GnssCard } from './gnss-card.ts'
 import { GraphCard } from './graph-card.ts'
-import { named, say } from '../say.ts'
+import { langOf, named, say } from '../say.ts'
 
 const REFRESH_MS = 2000
 const SLOW = 0.8
@@ -78,12 +78,16 @@ function checkCard(check: HealthCheck): HTMLElement {
       'div',
       { class: 'check-head' },
       icon(check.state === 'ok' ? 'check' : 'warning', 20),
-      el('h3', {}, words(check.name)),
-      el('span', { class: 'value' }, value),
+      el('h3', { lang: langOf(check.name) }, words(check.name)),
+      el('span', { class: 'value', lang: langOf(value) }, value),
     ),
-    el('p', {}, check.text),
-    check.advice !== '' && el('p', { class: 'advice' }, check.advice),
+    said(check.text),
+    check.advice !== '' && said(check.advice, 'advice'),
   )
+}
+
+function said(text: string, kind = ''): HTMLElement {
+  return el('p', { class: kind || null, lang: langOf(text) }, named(text))
 }
 
 function rateTable(found: Health): HTMLElement {
@@ -92,7 +96,7 @@ function rateTable(found: Health): HTMLElement {
     return el(
       'tr',
       {},
-      el('td', {}, rate.topic),
+      el('td', { lang: langOf(rate.topic) }, rate.topic),
       el('td', { class: 'number' }, fixed(rate.expected_hz, 0)),
       el('td', { class: `number ${slow ? 'slow' : ''}` }, fixed(rate.measured_hz, 1)),
     )
@@ -126,6 +130,6 @@ function logRow(event: LogEvent): HTMLElement {
     { class: `log-row ${event.level}` },
     el('span', { class: 'mono muted' }, duration(event.t_s)),
     el('span', { class: 'log-source' }, named(event.source) || NONE),
-    el('span', {}, event.text),
+    el('span', { lang: langOf(event.text) }, event.text),
   )
 }

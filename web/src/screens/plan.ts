@@ -17,7 +17,7 @@ import { fileCard } from '../plan/files.ts'
 import { shapePanel } from '../plan/shape-panel.ts'
 import { takeSeat } from '../shell/seat.ts'
 import type { PlanReply, PlanWish } from '../wire.ts'
-import { say } from '../say.ts'
+import { langOf, say } from '../say.ts'
 
 const TOOLS: [Kind, string, IconName][] = [
   ['boundary', say('boundary'), 'polygon'],
@@ -253,7 +253,7 @@ function verdict(reply: PlanReply): HTMLElement[] {
     return [el('p', { class: 'tag good' }, say('thePlanCanBeDriven')), el('p', {}, figures), ...leftOut(reply)]
   return [
     el('p', { class: 'tag bad' }, say('thePlanCannotBeDriven')),
-    el('ol', { class: 'reasons' }, ...reply.reasons.map(({ text }) => el('li', {}, text))),
+    el('ol', { class: 'reasons' }, ...reply.reasons.map(({ text }) => el('li', { lang: langOf(text) }, text))),
     ...leftOut(reply),
   ]
 }
@@ -263,7 +263,7 @@ function leftOut(reply: PlanReply): HTMLElement[] {
   if (!reply.warnings.length) return []
   return [
     el('p', { class: 'tag warn' }, say('groundIsLeftOut')),
-    el('ul', { class: 'reasons' }, ...reply.warnings.map((text) => el('li', {}, text))),
+    el('ul', { class: 'reasons' }, ...reply.warnings.map((text) => el('li', { lang: langOf(text) }, text))),
   ]
 }
 

@@ -6,7 +6,7 @@ import { el, replace } from '../dom.ts'
 import { bytes, duration } from '../format.ts'
 import { icon } from '../icons.ts'
 import type { RecordingInfo, Recordings, ReplayProgress } from '../wire.ts'
-import { dated, say } from '../say.ts'
+import { dated, langOf, say } from '../say.ts'
 
 /** Files that are called by what they are, in the order of how often people want them. */
 const FILE_NAMES: [file: string, text: string][] = [
@@ -173,7 +173,7 @@ function result(recording: RecordingInfo, current: boolean): HTMLElement {
         'span',
         {},
         el('span', { class: 'tag bad' }, say('failed')),
-        el('span', { class: 'small muted' }, ` ${recording.reason}`),
+        el('span', { class: 'small muted', lang: langOf(recording.reason) }, ` ${recording.reason}`),
       )
 }
 

@@ -6,7 +6,7 @@ import { fixed, words } from '../format.ts'
 import { icon } from '../icons.ts'
 import type { Joint, Scene } from '../scene/scene.ts'
 import { onTheme } from '../shell/theme.ts'
-import { decimals, say } from '../say.ts'
+import { decimals, langOf, say } from '../say.ts'
 
 export const robot: Screen = {
   id: 'robot',
@@ -81,7 +81,7 @@ function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]):
           setText(angle, `${decimals((((state.joints_rad[index] ?? 0) * 180) / Math.PI) % 360, 0)}°`),
         ),
       )
-      return el('div', { class: 'label-row' }, el('span', {}, words(name)), angle)
+      return el('div', { class: 'label-row' }, el('span', { lang: langOf(name) }, words(name)), angle)
     }
     const at = Math.min(Math.max(0, lower), upper)
     const place = el('span', { class: 'value' }, jointPlace(joint, at))
@@ -97,7 +97,12 @@ function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]):
         setText(place, jointPlace(joint, Number(slider.value)))
       },
     })
-    return el('div', { class: 'field' }, el('div', { class: 'label-row' }, el('span', {}, words(name)), place), slider)
+    return el(
+      'div',
+      { class: 'field' },
+      el('div', { class: 'label-row' }, el('span', { lang: langOf(name) }, words(name)), place),
+      slider,
+    )
   })
   replace(panel, el('h2', {}, say('joints')), ...rows)
   return undo

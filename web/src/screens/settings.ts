@@ -3,12 +3,12 @@
 import { api } from '../api.ts'
 import type { App, Screen } from '../app.ts'
 import { el, replace } from '../dom.ts'
-import { quantity, words } from '../format.ts'
+import { bareName, quantity, words } from '../format.ts'
 import { setTheme, theme, THEME_NAMES, THEMES } from '../shell/theme.ts'
 import { CalibrationCard } from './calibration.ts'
 import type { Setting, SettingGroup, SettingValue } from '../wire.ts'
 import type { Language } from '../say.ts'
-import { keepLanguage, language, LANGUAGES, named, say } from '../say.ts'
+import { keepLanguage, langOf, language, LANGUAGES, named, say } from '../say.ts'
 
 export const settings: Screen = {
   id: 'settings',
@@ -50,7 +50,7 @@ function groupCard(group: SettingGroup, all: boolean, app: App): HTMLElement | n
   return el(
     'section',
     { class: 'card stack' },
-    el('h2', {}, words(group.name)),
+    el('h2', { lang: langOf(group.name) }, words(group.name)),
     ...keys.map((setting) => row(setting, app)),
   )
 }
@@ -113,14 +113,15 @@ function languageChoice(): HTMLElement {
 function row(setting: Setting, app: App): HTMLElement {
   const id = `setting-${setting.key}`
   const input = control(setting, id)
+  const about = setting.about && el('p', { class: 'small muted', lang: langOf(setting.about) }, named(setting.about))
   const note = el('p', { class: 'small muted', 'aria-live': 'polite' })
   const describe = (): void => {
-    const parts = [named(setting.about)]
+    const parts: string[] = []
     if (setting.min !== null || setting.max !== null)
       parts.push(say('settingRange', { min: setting.min ?? '–∞', max: setting.max ?? '∞' }))
     if (String(setting.value) !== String(setting.default))
       parts.push(say('settingDefault', { value: String(setting.default) }))
-    note.textContent = parts.filter(Boolean).join(' ')
+    note.textContent = parts.join(' ')
     note.classList.remove('form-error')
   }
   describe()
@@ -143,7 +144,7 @@ function row(setting: Setting, app: App): HTMLElement {
   return el(
     'div',
     { class: 'setting' },
-    el('div', {}, el('label', { for: id }, quantity(setting.key)), note),
+    el('div', {}, el('label', { for: id, lang: langOf(bareName(setting.key)) }, quantity(setting.key)), about, note),
     el('div', { class: 'setting-control' }, input, setting.unit !== '' && el('span', { class: 'muted' }, setting.unit)),
   )
 }

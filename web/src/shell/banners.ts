@@ -61,6 +61,7 @@ export class Banners {
       this.stopped.node,
       this.replay.node,
     )
+    this.main.dataset.replay = say('replayMark')
     this.release.addEventListener('click', () => this.onRelease?.())
     new ResizeObserver(() => this.tellHeight()).observe(this.node)
     setInterval(() => this.update(), UPDATE_MS)

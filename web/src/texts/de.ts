@@ -76,6 +76,7 @@ export const de: Texts = {
   stopNotConfirmed: 'STOPP ist nicht bestätigt: seit {time} keine Antwort. Den roten Taster am Roboter drücken.',
   replayBanner: 'Wiedergabe von {name}: Von hier wird der Roboter nicht gesteuert.',
   replayBannerWithStop: 'Wiedergabe von {name}: Nur STOPP wirkt auf den Roboter.',
+  replayMark: 'WIEDERGABE',
   robotItself: 'Der Roboter selbst: {mode}.',
   // The line
   tooSlow:
@@ -358,7 +359,7 @@ export const de: Texts = {
   timeInTheRecording: 'Zeit in der Aufnahme',
   backToLive: 'Zurück zu jetzt',
   // Settings
-  screenSettings: 'Einstellungen',
+  screenSettings: 'Optionen',
   readingTheSettings: 'Einstellungen werden gelesen…',
   noSettingOfThisRobotMay: 'Keine Einstellung dieses Roboters ist während der Fahrt änderbar.',
   showAlsoWhatIsFixedWhile: 'Auch zeigen, was während der Fahrt fest ist',
@@ -419,7 +420,7 @@ export const de: Texts = {
   nodesAndTopics: 'Knoten und Themen',
   // GNSS receiver
   singleFixNoCorrections: 'Einzelfix, keine Korrekturen',
-  rtkFixed: 'RTK fest',
+  rtkFixed: 'RTK Fix',
   rtkFloat: 'RTK Float',
   deadReckoning: 'Koppelnavigation',
   heldPlace: 'Festgehaltener Ort',
@@ -498,7 +499,7 @@ export const de: Texts = {
   filmingTheMapPressAgainTo: 'Die Karte wird gefilmt. Zum Beenden und Speichern noch einmal drücken.',
   thisBrowserCannotRecordAVideo: 'Dieser Browser kann kein Video aufnehmen.',
   theBrowserCouldNotMakeThe: 'Der Browser konnte das Bild nicht machen.',
-  addDisplay: 'Anzeige hinzufügen',
+  addDisplay: 'Hinzufügen',
   layers: 'Ebenen',
   opacityOf: 'Deckkraft von {name}',
   changeThis: '{name} ändern',

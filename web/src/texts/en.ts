@@ -75,6 +75,7 @@ export const en = {
     'STOP is not confirmed: nothing from the robot about it for {time}. Press the red button on the robot.',
   replayBanner: 'Replay of {name}: nothing here commands the robot.',
   replayBannerWithStop: 'Replay of {name}: nothing here commands the robot, but STOP does.',
+  replayMark: 'REPLAY',
   robotItself: 'The robot itself: {mode}.',
   // The line
   tooSlow:
