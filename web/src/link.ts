@@ -13,7 +13,7 @@ const ACK_TIMEOUT_MS = 5000
 const BACKOFF_MS = [0, 250, 500, 1000]
 /** A connection that is not open by then is tried anew: that of a lost network would wait for a minute. */
 const OPEN_MS = [3000, 4000, 5000]
-/** What was received is acknowledged after so long or so much, but not all the time. */
+/** What was received is acknowledged after this time or this many bytes, but not all the time. */
 const GOT_AFTER_MS = 100
 const GOT_AFTER_BYTES = 2000
 const GOT_APART_MS = 20
@@ -155,7 +155,7 @@ export class Link {
     this.store.checkAge(nowMs)
   }
 
-  /** A socket that nobody answers would say so only after a minute or more. */
+  /** A socket without an answer would say so only after a minute or more. */
   private giveUp(): void {
     this.drop(this.socket)
     this.lost()
@@ -180,7 +180,7 @@ export class Link {
     this.send({ kind: 'press_stop', id: STOP_ID })
   }
 
-  /** Say a STOP that no robot has confirmed again, to whoever answers on this line. */
+  /** Say a STOP that no robot has confirmed again, to the robot at the other end of this line. */
   private repeatStop(): void {
     if (!this.store.stop.isPending) return
     this.store.stop.repeat()
@@ -228,7 +228,7 @@ export class Link {
     this.renew()
   }
 
-  /** The run that this page is told to be of; its line may have reached another one meanwhile. */
+  /** The run that this page belongs to; its line may have reached another one meanwhile. */
   expect(run: number): void {
     this.run ??= run
     if (run !== this.run) this.isOutdated = true

@@ -52,7 +52,7 @@ async function openSession(main: HTMLElement, logIn: () => Promise<void>): Promi
   }
 }
 
-/** Loads the page anew where another run answers by now, or one that wants a login and does not tell. */
+/** Loads the page anew where another run answers by now, or one that wants a login and does not say so. */
 function sessionCheck(run: number): () => void {
   let isAsking = false
   return () => {
@@ -105,7 +105,7 @@ function beginPage() {
   }
   link.start()
   const logIn = async (): Promise<void> => {
-    link.rest() // whoever has no token is turned away each time, and the robot notes it
+    link.rest() // a page without a token is turned away each time, and the robot notes it
     stop.hide() // and stops nothing
     await login(main)
     stop.raise()

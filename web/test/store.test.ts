@@ -85,7 +85,7 @@ test('what belongs to something that is not shown any more is left out', () => {
   assert.equal(store.signals.length, 1, 'the plots begin afresh')
 })
 
-test('a change of what is shown is told, and a lost line that is back is none', () => {
+test('a change of what is shown is announced, and a line that comes back is no change', () => {
   const store = live()
   const told: string[] = []
   store.on('restart', () => told.push('restart'))

@@ -51,7 +51,7 @@ def test_the_status_bar_tells_link_age_position_battery_stop_operator_and_viewer
         "GNSS": "RTK 1.4 cm",
         "Battery": "87 %",
         "Stop": "Clear",
-        "Operator": "Nobody",
+        "Operator": "None",
         "Connected": "1",
     }
     for label, said in told.items():

@@ -132,7 +132,7 @@ function drawEllipses(places: Place[], draw: Drawing, color: string): void {
 
 const LAP_M = 1
 
-/** Pieces of a track, cut wherever it comes back to where it began. */
+/** Pieces of a track, cut each time that it comes back to its beginning. */
 export function laps(track: Place[]): Place[][] {
   if (!track.length) return []
   const [x, y] = track[0].p
@@ -181,7 +181,7 @@ export function drawRoute(route: Route, draw: Drawing, setting: Setting): void {
   if (here) draw.arrow([here[0], here[1]], here[2], 1, { color: words(setting.options, 'icon') })
 }
 
-/** The place and heading so many metres along a polyline; null where it has none. */
+/** The place and heading at a distance along a polyline; null for a line without length. */
 export function along(points: Vec2[], distanceM: number): FramePose | null {
   let left = distanceM
   for (let i = 1; i < points.length; i++) {

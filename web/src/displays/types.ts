@@ -45,7 +45,7 @@ import {
 import { say } from '../say.ts'
 
 /**
- * What a display remembers of the messages so far is made by `fold`; without it, that is the newest message.
+ * What a display remembers of earlier messages is made by `fold`; without it, that is the newest message.
  * What messages and memory are is the type's own affair, hence `never`.
  */
 type Fold = (state: never, message: never, setting: Setting) => unknown

@@ -78,7 +78,7 @@ export class Session extends Emitter<Events> implements Painter {
     this.emit('list', undefined)
   }
 
-  /** Opens what was begun last time, else the picture of which the network is least sure. */
+  /** Opens what was begun last time, else the picture that the network is least sure about. */
   async start(): Promise<void> {
     await this.refresh()
     const begun = this.pictures.find((one) => one.state === 'draft')

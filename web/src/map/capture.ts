@@ -79,7 +79,7 @@ export class Capture {
     return true
   }
 
-  /** The film and how its file name ends; null when there is none. */
+  /** The film and how its file name ends; null without a film. */
   stop(): Promise<{ film: Blob; suffix: string } | null> {
     const recorder = this.recorder
     if (!recorder) return Promise.resolve(null)

@@ -109,7 +109,7 @@ function liveLayers(c: Palette): AddLayerObject[] {
       type: 'circle',
       source: 'weeds',
       paint: {
-        // Weeds are discs, crops larger rings: colour alone does not tell them apart for everybody.
+        // Weeds are discs, crops larger rings: not everybody distinguishes them by colour alone.
         'circle-radius': byPlant(byZoom(15, 1, 19, 2.4, 22, 9), [1.5, 3.8, 14]),
         'circle-color': ['match', ['get', 'plant'], 0, c.weed, c.crop],
         'circle-opacity': ['match', ['get', 'plant'], 0, ['case', ['get', 'treated'], 0.35, 0.9], 0],

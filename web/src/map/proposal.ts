@@ -24,7 +24,7 @@ export interface Proposal {
 
 /** The path of another page's goal comes a little later than the word that the robot follows it. */
 const PATH_WITHIN_S = 0.5
-/** A robot that has moved so far is asked for its way again. */
+/** Distance after which the robot is asked for its way again, m. */
 const WAY_LASTS_M = 1
 /** Between a message and what is proposed, the edge of the map included. */
 const GAP_PX = 24

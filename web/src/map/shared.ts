@@ -7,7 +7,7 @@ import { say } from '../say.ts'
 
 let made: MapView | null = null
 
-/** The page's map inside `host`, or null (and a word about it) where there is none. */
+/** The page's map inside `host`, or null, with a sentence about it, where it cannot be drawn. */
 export async function openMap(host: HTMLElement, app: App): Promise<MapView | null> {
   if (app.off.has('map')) {
     host.append(el('p', { class: 'empty' }, say('theMapIsSwitchedOffBy')))

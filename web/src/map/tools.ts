@@ -80,7 +80,7 @@ export class MapTools {
   readonly proposals: Proposals
   private pressed: { at: Vec2; px: Vec2 } | null = null
   private readonly pointers = new Set<number>()
-  /** More than one finger has been down since the last time that there was none. */
+  /** More than one finger has been down since the map was last without a finger. */
   private isGesture = false
   private tap = 0
 

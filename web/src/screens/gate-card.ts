@@ -35,12 +35,12 @@ const SENSOR_NAMES: Record<SensorName, string> = {
   clock: say('clock'),
 }
 
-/** The reason beside the gate's state; one that the banner of a stop tells already is left out. */
+/** The reason beside the gate's state; one that the banner of a stop shows already is left out. */
 export function tellWhy({ mode, stop, reason, gate, mission }: State): string {
-  const told = mode === 'replay' ? '' : stop // the banner of a replay is the robot's own
+  const shown = mode === 'replay' ? '' : stop // the banner of a replay is the robot's own
   const why = gate?.state === 'driving' ? '' : gate?.reason
   const all = [reason, why, mission?.reason, mission?.leg && named(mission.leg)]
-  return sentence(all.find((each) => each && !repeats(each, told)) ?? '')
+  return sentence(all.find((each) => each && !repeats(each, shown)) ?? '')
 }
 
 /** How long something has been so; not to the second, once that does not matter any more. */
@@ -152,7 +152,7 @@ export class GateLine {
   }
 }
 
-/** List and sensors; built anew only where something else is to be told. */
+/** List and sensors; built anew only where they changed. */
 export class GateCard {
   private readonly title = el('summary')
   private readonly items = el('ul')
@@ -195,7 +195,7 @@ export class GateCard {
 function checkLine({ name, isGood, reason }: StartList['items'][number]): HTMLElement {
   return el(
     'li',
-    { class: `${isGood ? 'good' : 'bad'}${reason && ' told'}` },
+    { class: `${isGood ? 'good' : 'bad'}${reason && ' explained'}` },
     icon(isGood ? 'check' : 'warning', 16),
     el('span', {}, words(name), reason !== '' && el('span', { class: 'reason' }, reason)),
     el('span', { class: 'visually-hidden' }, say(isGood ? 'good' : 'notGood')),

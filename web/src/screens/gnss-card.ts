@@ -17,7 +17,7 @@ export interface Fact {
 }
 
 const LATE_FIX_S = 2
-const LATE_STATUS_S = 5 // from then on the robot tells nothing of the sky any more
+const LATE_STATUS_S = 5 // from then on the robot reports no satellites any more
 const OLD_CORRECTION_S = { warn: 10, bad: 60 } // a carrier fix outlives half a minute without them
 const POOR_HDOP = { warn: 2, bad: 5 }
 const STATES: Record<number, [string, Tone]> = {
@@ -30,7 +30,7 @@ const STATES: Record<number, [string, Tone]> = {
 const WITHOUT_SATELLITES: Record<string, string> = { 'dead reckoning': say('deadReckoning'), held: say('heldPlace') }
 const LONG_TEXT = 50 // letters, that take a line of their own
 
-/** The receiver's state in words; a fix that is late is none. */
+/** The receiver's state in words; a late fix counts as no fix. */
 export function readFix(receiver: ReceiverState | null): { text: string; tone: Tone } {
   if (!receiver) return { text: say('nothingHeardYet'), tone: 'bad' }
   if (receiver.fix_age_s === null) return { text: say('noFixYet'), tone: 'bad' }
@@ -43,7 +43,7 @@ export function readFix(receiver: ReceiverState | null): { text: string; tone: T
   return { text, tone }
 }
 
-/** Line by line what is told, and what is missing as such. */
+/** Line by line what is reported, and what is missing as such. */
 export function readFacts(receiver: ReceiverState, doubt: SensorDoubt | undefined, t_s: number): Fact[] {
   const facts = [lastFix(receiver), accuracy(receiver), satellites(receiver)]
   if (receiver.position_trouble) facts.unshift(fact(say('noPosition'), receiver.position_trouble, 'bad'))
@@ -83,7 +83,7 @@ function accuracy(receiver: ReceiverState): Fact {
   return fact(name, keepUnits(say('accuracyText', { std })))
 }
 
-/** What is said where a receiver tells nothing of the sky, or does not any more. */
+/** What is said where a receiver reports no satellites, or not any more. */
 function silence({ is_simulated, status_age_s }: ReceiverState): Pick<Fact, 'text' | 'tone'> {
   if (status_age_s !== null && status_age_s > LATE_STATUS_S) {
     return { text: say('notReportedFor', { time: fixed(status_age_s, 0, 's') }), tone: 'bad' }
@@ -153,7 +153,7 @@ function grade(value: number, limits: { warn: number; bad: number }): Tone {
   return value > limits.bad ? 'bad' : value > limits.warn ? 'warn' : 'plain'
 }
 
-/** Built anew only where something else is to be told. */
+/** Built anew only where its text changed. */
 export class GnssCard {
   private readonly state = el('span', { class: 'tag', role: 'status' })
   private readonly simulated = el('span', { class: 'tag note', hidden: true }, say('simulated'))

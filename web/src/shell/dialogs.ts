@@ -56,7 +56,7 @@ export class Dialogs {
         choices.length > 0 && el('footer', {}, ...actions),
       )
       const layer = el('div', { class: 'dialog-layer', popover: 'manual' }, panel)
-      window.addEventListener('keydown', onKey) // wherever the focus is: a tap on the text leaves it nowhere
+      window.addEventListener('keydown', onKey) // of the window: a tap on the text leaves no focus
       layer.addEventListener('pointerdown', (event) => {
         if (event.target === layer) close(null)
       })

@@ -43,7 +43,7 @@ function rename(app: App, name: string): void {
   app.link.send({ kind: 'use_name', name })
 }
 
-/** Takes the seat where nobody has it, and asks before it is taken over; whether this page has it then. */
+/** Takes the seat where it is free, and asks before it is taken over; whether this page has it then. */
 export async function takeSeat(app: App): Promise<boolean> {
   const { seat } = app.store
   if (seat === 'you') return true

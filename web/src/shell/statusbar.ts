@@ -128,7 +128,7 @@ function linkTone({ answers, monitor }: Store): '' | 'good' | 'warn' | 'bad' {
 function operatorText(seat: string, holder: string): string {
   if (seat === 'you') return say('you')
   if (seat === 'other') return holder || say('another')
-  return say('nobody')
+  return say('noOperator')
 }
 
 function themeButton(): HTMLElement {

@@ -131,7 +131,7 @@ export const de: Texts = {
   linkDown: 'Weg',
   you: 'Sie',
   another: 'Andere',
-  nobody: 'Niemand',
+  noOperator: 'Niemand',
   themeIs: 'Farben: {name}. Ändern',
   // STOP
   stopTheRobotNowSpaceA:

@@ -130,7 +130,7 @@ export const en = {
   linkDown: 'Down',
   you: 'You',
   another: 'Another',
-  nobody: 'Nobody',
+  noOperator: 'None',
   themeIs: 'Theme: {name}. Change',
   // STOP
   stopTheRobotNowSpaceA: 'Stop the robot now (Space). A software stop: the red button on the robot cuts the power.',
