@@ -1,7 +1,7 @@
 """Check the words of comments, docstrings, messages and pages: `python scripts/lint_language.py`.
 
-`scripts/words.toml` lists the words and what to write instead; the operator's page counts too. With `--list NAME` prints every
-place of one entry.
+`scripts/words.toml` lists the words and what to write instead; the operator's page counts too.
+With `--list NAME` prints every place of one entry.
 """
 
 from __future__ import annotations
