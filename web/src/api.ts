@@ -28,7 +28,7 @@ import type {
   TopicWish,
   TopicWishes,
 } from './wire.ts'
-import { say } from './say.ts'
+import { language, say } from './say.ts'
 
 /** What a lost network swallows would keep a connection for minutes. */
 const SESSION_MS = 10_000
@@ -44,7 +44,8 @@ export class ApiError extends Error {
 async function request(path: string, init: RequestInit = {}): Promise<Response> {
   let response: Response
   try {
-    response = await fetch(path, { credentials: 'same-origin', ...init })
+    const headers = { ...init.headers, 'Accept-Language': language }
+    response = await fetch(path, { credentials: 'same-origin', ...init, headers })
   } catch {
     throw new ApiError(0, say('noAnswerFromTheRobotCheck'))
   }

@@ -62,11 +62,15 @@ def render(fact: Fact | None, language: str = "en") -> str:
     """Make the text of a fact, and what to do about it; empty without a fact."""
     if fact is None:
         return ""
-    table = load_table(language)
-    entry = table.facts[fact.code]
-    text = _fill(choose(entry.text, fact), fact, language)
-    advice = _fill(choose(entry.do, fact), fact, language)
+    text, advice = render_apart(fact, language)
     return f"{text}; {advice}" if advice else text
+
+
+def render_apart(fact: Fact, language: str = "en") -> tuple[str, str]:
+    """Make the text of a fact, and that of what to do about it, which may be empty."""
+    entry = load_table(language).facts[fact.code]
+    text = _fill(choose(entry.text, fact), fact, language)
+    return text, _fill(choose(entry.do, fact), fact, language)
 
 
 def choose(template: Template, fact: Fact) -> str:

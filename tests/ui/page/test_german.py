@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import msgspec
 from playwright.sync_api import Browser, Page, expect
 
-from agribot.core.fact_text import render
-from agribot.core.facts import StoppedBy, StopToClear
+from agribot.core.fact_text import render, render_apart
+from agribot.core.facts import DiskFree, Fact, ProgramSilent, StoppedBy, StopToClear
+from agribot.ui import wire
 from tests.ui.page.conftest import SCREENS, WITHOUT_GL, new_context, show, until
+from tests.ui.page.fake_answers import HEALTH
 from tests.ui.page.fake_server import FakeServer
 
 # Words that are English and no German ones.
@@ -34,6 +37,11 @@ READ = """() => {
 }"""
 
 
+def show_german(name: str, fact: Fact) -> wire.HealthCheck:
+    text, advice = render_apart(fact, "de")
+    return wire.HealthCheck(name=name, state="warn", text=text, advice=advice, value=None)
+
+
 def open_german(browser: Browser, server: FakeServer, **options: Any) -> Page:
     page = new_context(browser, locale="de-DE", **options).new_page()
     page.goto(f"{server.address}/?{WITHOUT_GL}")
@@ -51,7 +59,11 @@ def test_no_screen_and_no_dialog_shows_an_english_sentence_in_german(
     browser: Browser, server: FakeServer
 ) -> None:
     server.robot.stop = render(StopToClear(StoppedBy("Ann")), "de")
-    server.robot.gate = None
+    checks = [
+        show_german("control loop", ProgramSilent(1.25)),
+        show_german("disk", DiskFree(0.5, is_low=True)),
+    ]
+    server.answers["health"] = msgspec.structs.replace(HEALTH, checks=checks)
     page = open_german(browser, server)
     assert page.evaluate("document.documentElement.lang") == "de"
     found = {}

@@ -79,15 +79,11 @@ function checkCard(check: HealthCheck): HTMLElement {
       { class: 'check-head' },
       icon(check.state === 'ok' ? 'check' : 'warning', 20),
       el('h3', { lang: langOf(check.name) }, words(check.name)),
-      el('span', { class: 'value', lang: langOf(value) }, value),
+      el('span', { class: 'value' }, value),
     ),
-    said(check.text),
-    check.advice !== '' && said(check.advice, 'advice'),
+    el('p', {}, check.text),
+    check.advice !== '' && el('p', { class: 'advice' }, check.advice),
   )
-}
-
-function said(text: string, kind = ''): HTMLElement {
-  return el('p', { class: kind || null, lang: langOf(text) }, named(text))
 }
 
 function rateTable(found: Health): HTMLElement {

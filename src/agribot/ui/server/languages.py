@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any, NamedTuple, TypeVar
 
 import msgspec
+from starlette.requests import Request
 
 from agribot.core.fact_text import LANGUAGES, render
 from agribot.core.facts import Fact
@@ -26,6 +27,11 @@ class _Plan(NamedTuple):
 def find_language(wanted: str) -> str:
     """Find the language that a page asks for; English where there are no texts in it."""
     return wanted if wanted in LANGUAGES else LANGUAGES[0]
+
+
+def language_of(request: Request) -> str:
+    """Find the language of who sent a request, by the first that its header names."""
+    return find_language(request.headers.get("accept-language", "")[:2].lower())
 
 
 def say_in(language: str, message: M) -> M:
