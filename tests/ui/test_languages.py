@@ -9,10 +9,12 @@ import pytest
 
 from agribot.core.fact_text import render
 from agribot.core.facts import GnssSilent, NoFixesYet, SensorSilent, StoppedBy, StopToClear
+from agribot.record.events import make_event
 from agribot.ui import wire
 from agribot.ui.server.channel import Channel
 from agribot.ui.server.client import Client
 from agribot.ui.server.languages import find_language, say_in
+from agribot.ui.view import shown_event
 from tests.ui.messages import make_state
 
 STOP, HELD = StopToClear(StoppedBy("Ann")), SensorSilent("imu", 0.5, 0.3, "imu")
@@ -83,6 +85,16 @@ def test_pages_of_two_languages_follow_one_robot() -> None:
     live = wire.LiveState(mode="stopped", stop=render(STOP), stop_fact=STOP)
     german.tell(live)
     assert "angehalten von Ann" in (german.take() or "")
+
+
+def test_the_log_has_the_facts_of_its_events_in_german() -> None:
+    held, row = make_event(1.0, "hold", render(HELD), HELD), make_event(2.0, "row", "row 1", None)
+    channel = Channel("sim")
+    channel.publish_growth(wire.NewEvents(events=[shown_event(held), shown_event(row)]))
+    opening = msgspec.json.decode(Client(channel, language="de").take() or "")
+    assert [event["text"] for event in opening["events"]["events"]] == [
+        render(HELD, "de"), "row 1",
+    ]  # fmt: skip
 
 
 def test_german_numbers_have_a_comma() -> None:

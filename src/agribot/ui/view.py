@@ -44,6 +44,8 @@ _LEVEL: dict[str, wire.EventLevel] = {
     "lost": "warn",
     "truth": "warn",
 }
+# Kinds of events whose text is that of their fact and no more.
+_TEXT_OF_FACT = frozenset({"fault", "stop", "hold", "limit"})
 # The page's names of a mission that does not run and was not stopped.
 _MODES: dict[MissionState, wire.Mode] = {
     "waiting": "waiting",
@@ -330,4 +332,7 @@ def thin_path(path: Path) -> wire.PathPiece:
 def shown_event(event: Event) -> wire.LogEvent:
     level = _LEVEL.get(event.kind, "info")
     text = event.reason or "no objection any more"
-    return wire.LogEvent(t_s=event.t_s, level=level, source=event.kind, text=text)
+    fact = event.fact if event.kind in _TEXT_OF_FACT else None
+    return wire.LogEvent(
+        t_s=event.t_s, level=level, source=event.kind, text=text, text_fact=fact or UNSET
+    )

@@ -368,6 +368,7 @@ class LogEvent(msgspec.Struct, frozen=True, kw_only=True):
     level: EventLevel
     source: str
     text: str
+    text_fact: AnyFact | UnsetType = UNSET
 
 
 class TracePiece(Message, frozen=True, kw_only=True, tag="trace"):

@@ -13,6 +13,8 @@ import { langOf, named, say } from '../say.ts'
 const REFRESH_MS = 2000
 const SLOW = 0.8
 const LOG_ROWS = 200
+/** Kinds of events whose text comes in the page's language. */
+const OF_FACTS = new Set(['fault', 'stop', 'hold', 'limit'])
 
 export const health: Screen = {
   id: 'health',
@@ -126,6 +128,6 @@ function logRow(event: LogEvent): HTMLElement {
     { class: `log-row ${event.level}` },
     el('span', { class: 'mono muted' }, duration(event.t_s)),
     el('span', { class: 'log-source' }, named(event.source) || NONE),
-    el('span', { lang: langOf(event.text) }, event.text),
+    el('span', { lang: OF_FACTS.has(event.source) ? null : langOf(event.text) }, event.text),
   )
 }

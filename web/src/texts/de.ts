@@ -71,7 +71,7 @@ export const de: Texts = {
   stopReleased: 'Stopp gelöst.',
   // What must not be missed
   releaseStop: 'Stopp lösen',
-  stoppedFor: 'Angehalten: {reason}',
+  stoppedFor: 'Stopp: {reason}',
   robotItselfIsHeld: 'Der Roboter selbst steht: {reason}',
   stopNotConfirmed: 'STOPP ist nicht bestätigt: seit {time} keine Antwort. Den roten Taster am Roboter drücken.',
   replayBanner: 'Wiedergabe von {name}: Von hier wird der Roboter nicht gesteuert.',
