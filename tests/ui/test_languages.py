@@ -88,12 +88,18 @@ def test_pages_of_two_languages_follow_one_robot() -> None:
 
 
 def test_the_log_has_the_facts_of_its_events_in_german() -> None:
-    held, row = make_event(1.0, "hold", render(HELD), HELD), make_event(2.0, "row", "row 1", None)
+    events = [
+        make_event(1.0, "hold", render(HELD), HELD),
+        make_event(2.0, "gate", f"driving -> held: {render(HELD)}", HELD, "held"),
+        make_event(3.0, "row", "row 1", None),
+        make_event(4.0, "clear", "", None),
+    ]
     channel = Channel("sim")
-    channel.publish_growth(wire.NewEvents(events=[shown_event(held), shown_event(row)]))
+    channel.publish_growth(wire.NewEvents(events=[shown_event(event) for event in events]))
     opening = msgspec.json.decode(Client(channel, language="de").take() or "")
-    assert [event["text"] for event in opening["events"]["events"]] == [
-        render(HELD, "de"), "row 1",
+    assert [(event["state"], event["text"]) for event in opening["events"]["events"]] == [
+        ("", render(HELD, "de")), ("held", render(HELD, "de")), ("", "row 1"),
+        ("", "no objection any more"),
     ]  # fmt: skip
 
 

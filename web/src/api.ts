@@ -47,7 +47,7 @@ async function request(path: string, init: RequestInit = {}): Promise<Response> 
     const headers = { ...init.headers, 'Accept-Language': language }
     response = await fetch(path, { credentials: 'same-origin', ...init, headers })
   } catch {
-    throw new ApiError(0, say('noAnswerFromTheRobotCheck'))
+    throw new ApiError(0, say('noAnswerCheckLink'))
   }
   if (!response.ok) throw new ApiError(response.status, await reason(response))
   return response

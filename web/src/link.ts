@@ -190,12 +190,9 @@ export class Link {
   /** Send a command and wait for what the robot says to it. */
   command(command: PageRequest): Promise<Outcome> {
     const id = `c${this.nextId++}`
-    if (!this.send({ ...command, id })) return Promise.resolve({ ok: false, reason: say('noLinkToTheRobot') })
+    if (!this.send({ ...command, id })) return Promise.resolve({ ok: false, reason: say('noLink') })
     return new Promise((resolve) => {
-      const timer = setTimeout(
-        () => this.settle(id, { ok: false, reason: say('theRobotDidNotAnswerIn') }),
-        ACK_TIMEOUT_MS,
-      )
+      const timer = setTimeout(() => this.settle(id, { ok: false, reason: say('noAnswerIn5S') }), ACK_TIMEOUT_MS)
       this.waiting.set(id, (outcome) => {
         clearTimeout(timer)
         resolve(outcome)
@@ -272,7 +269,7 @@ export class Link {
     if (!this.isOpened) this.onUnopened()
     this.openBy = Infinity
     this.store.setLinked(false)
-    for (const id of [...this.waiting.keys()]) this.settle(id, { ok: false, reason: say('theLinkBrokeBeforeTheRobot') })
+    for (const id of [...this.waiting.keys()]) this.settle(id, { ok: false, reason: say('linkBroke') })
     const pause = BACKOFF_MS[Math.min(this.attempt++, BACKOFF_MS.length - 1)]
     clearTimeout(this.retry)
     this.retry = window.setTimeout(() => this.open(), pause)

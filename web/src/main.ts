@@ -29,7 +29,7 @@ const RENEW_MS = 3_600_000
 
 /** Asks until the robot answers who it is; what keeps it from that is said in the middle of the page. */
 async function openSession(main: HTMLElement, logIn: () => Promise<void>): Promise<SessionInfo> {
-  const problem = el('p', { class: 'boot', role: 'status' }, say('waitingForTheFirstAnswerOf'))
+  const problem = el('p', { class: 'boot', role: 'status' }, say('waitingForFirstAnswer'))
   main.append(problem)
   for (;;) {
     try {

@@ -6,11 +6,13 @@ import math
 from collections import deque
 from typing import get_args
 
+import msgspec
 from msgspec import UNSET
 
 from agribot.autonomy.estimate.verdicts import SILENT_S
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig
+from agribot.core.fact_text import render
 from agribot.core.facts import Fact
 from agribot.core.implement.plants import REASONS
 from agribot.core.implement.spec import ImplementSpec, describe_command
@@ -44,8 +46,8 @@ _LEVEL: dict[str, wire.EventLevel] = {
     "lost": "warn",
     "truth": "warn",
 }
-# Kinds of events whose text is that of their fact and no more.
-_TEXT_OF_FACT = frozenset({"fault", "stop", "hold", "limit"})
+# Kinds of events whose text is that of their fact; that of the others says more.
+_TEXT_OF_FACT = frozenset({"fault", "stop", "hold", "limit", "mission", "gate"})
 # The page's names of a mission that does not run and was not stopped.
 _MODES: dict[MissionState, wire.Mode] = {
     "waiting": "waiting",
@@ -331,8 +333,9 @@ def thin_path(path: Path) -> wire.PathPiece:
 
 def shown_event(event: Event) -> wire.LogEvent:
     level = _LEVEL.get(event.kind, "info")
-    text = event.reason or "no objection any more"
     fact = event.fact if event.kind in _TEXT_OF_FACT else None
-    return wire.LogEvent(
-        t_s=event.t_s, level=level, source=event.kind, text=text, text_fact=fact or UNSET
-    )
+    line = wire.LogEvent(t_s=event.t_s, level=level, source=event.kind, text=event.reason)
+    if fact is not None:
+        text, state = render(fact), event.state or ""
+        return msgspec.structs.replace(line, text=text, text_fact=fact, state=state)
+    return line if event.reason else msgspec.structs.replace(line, text="no objection any more")

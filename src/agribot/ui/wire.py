@@ -364,11 +364,14 @@ class Weed(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
 
 
 class LogEvent(msgspec.Struct, frozen=True, kw_only=True):
+    """A line of the log; `state` is the new one of the mission or the gate, where that changed."""
+
     t_s: float
     level: EventLevel
     source: str
     text: str
     text_fact: AnyFact | UnsetType = UNSET
+    state: str = ""
 
 
 class TracePiece(Message, frozen=True, kw_only=True, tag="trace"):

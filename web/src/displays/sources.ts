@@ -155,7 +155,7 @@ export function robotSources(app: App): Source[] {
     },
     {
       id: 'route',
-      title: say('plannedPathAndThePlaceOn'),
+      title: say('pathAndPlace'),
       types: ['route'],
       listen: pathListener(
         app,

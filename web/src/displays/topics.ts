@@ -57,7 +57,7 @@ export class TopicPoller {
       if (news) watchers.forEach((watcher, i) => this.take(watcher, news[i]))
       else {
         next = AFTER_FAILURE_MS
-        for (const { tell } of watchers) tell({ note: say('theRobotDoesNotAnswer'), leftOut: '', isStale: true })
+        for (const { tell } of watchers) tell({ note: say('doesNotAnswer'), leftOut: '', isStale: true })
       }
     }
     this.schedule(next)

@@ -156,7 +156,7 @@ export const DISPLAY_TYPES: DisplayType[] = [
     foldMarkers,
   ),
   tool('measuring', say('measure'), say('tapsOnTheMap'), 'measure'),
-  tool('move_base', say('driveToAPlace'), say('aPressAndDragOnThe'), 'goal'),
+  tool('move_base', say('driveToAPlace'), say('aPressAndDrag'), 'goal'),
   shapes('navsat', say('fixes'), 'sensor_msgs/NavSatFix', TRACK_OPTIONS, drawTrack, foldFix),
   {
     kind: 'laid',
@@ -198,12 +198,12 @@ export const DISPLAY_TYPES: DisplayType[] = [
     lay: layTexture,
   },
   shapes('tf_frame', say('kindFrame'), 'geometry_msgs/TransformStamped', FRAME_OPTIONS, drawFrame, foldFrame),
-  { kind: 'tiles', id: 'tile_map', title: say('tileMap'), reads: say('aMapImportedWithAgribotMap'), options: [] },
+  { kind: 'tiles', id: 'tile_map', title: say('tileMap'), reads: say('anImportedMap'), options: [] },
   {
     kind: 'tiles',
     id: 'multires_image',
     title: say('multiResolutionImage'),
-    reads: say('aGeoPyramidImportedWithAgribot'),
+    reads: say('anImportedPyramid'),
     options: [],
   },
   shapes(

@@ -9,11 +9,11 @@ import { countWaiting, type Session, type Tool } from './session.ts'
 import { decimals, say } from '../say.ts'
 
 const TOOLS: [Tool, string, string, string][] = [
-  ['plant', say('plant'), 'P', say('aClickNamesAWholePlant')],
-  ['rename', say('rename'), 'R', say('aBrushThatNamesVegetationAnd')],
-  ['brush', say('brush'), 'B', say('paintsWhateverItPassesOver')],
-  ['fill', say('superpixels'), 'F', say('aClickNamesASmallArea')],
-  ['move', say('move'), 'V', say('movesThePicture')],
+  ['plant', say('plant'), 'P', say('plantToolAbout')],
+  ['rename', say('rename'), 'R', say('renameToolAbout')],
+  ['brush', say('brush'), 'B', say('brushToolAbout')],
+  ['fill', say('superpixels'), 'F', say('fillToolAbout')],
+  ['move', say('move'), 'V', say('moveToolAbout')],
 ]
 const STATE_NAMES = { new: say('notLabelled'), draft: say('begun'), done: say('labelled') }
 const RADII = { least: 1, most: 80 }

@@ -37,7 +37,7 @@ async function ask(path: string, init?: RequestInit): Promise<Response> {
   try {
     answer = await fetch(`${BASE}${path}`, init)
   } catch {
-    throw new NoAnswer(say('agribotLabelDoesNotAnswerIs'))
+    throw new NoAnswer(say('labelDoesNotAnswer'))
   }
   if (!answer.ok) {
     const told = (await answer.json().catch(() => null)) as { error?: string } | null

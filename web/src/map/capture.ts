@@ -7,9 +7,9 @@ const VIDEO_FPS = 15
 const VIDEO_TYPES = ['video/webm;codecs=vp9', 'video/webm;codecs=vp8', 'video/webm', 'video/mp4']
 
 export const CAPTURE_SIZES = {
-  window: say('asLargeAsTheWindow'),
-  '480p': say('size480p640480'),
-  '720p': say('size720p1280720'),
+  window: say('asLargeAsWindow'),
+  '480p': say('size480p'),
+  '720p': say('size720p'),
 }
 export type CaptureSize = keyof typeof CAPTURE_SIZES
 const SIZES_PX: Partial<Record<CaptureSize, [width: number, height: number]>> = {

@@ -59,7 +59,7 @@ export function mapControls(
       follow,
       mapButton('fit', say('wholeField'), () => view.overview()),
       layersButton,
-      mapButton('image', say('saveAPictureOfTheMap'), () => void savePicture(view, app)),
+      mapButton('image', say('saveMapPicture'), () => void savePicture(view, app)),
       film,
     ),
     bar.node,
@@ -194,12 +194,12 @@ function stamp(): string {
 }
 
 function filmButton(view: MapView, app: App): HTMLElement {
-  const button = mapButton('video', say('recordAVideoOfTheMap'), () => void toggle())
+  const button = mapButton('video', say('recordMapVideo'), () => void toggle())
   const show = (): void => button.setAttribute('aria-pressed', String(view.capture.isRecording))
   const toggle = async (): Promise<void> => {
     if (!view.capture.isRecording) {
-      if (view.capture.start()) app.toasts.show('info', say('filmingTheMapPressAgainTo'))
-      else app.toasts.show('warn', say('thisBrowserCannotRecordAVideo'))
+      if (view.capture.start()) app.toasts.show('info', say('filmingMap'))
+      else app.toasts.show('warn', say('noVideo'))
     } else {
       const film = await view.capture.stop()
       if (film) download(`map-${stamp()}.${film.suffix}`, film.film)
@@ -213,7 +213,7 @@ function filmButton(view: MapView, app: App): HTMLElement {
 async function savePicture(view: MapView, app: App): Promise<void> {
   const picture = await view.capture.picture()
   if (picture) download(`map-${stamp()}.png`, picture)
-  else app.toasts.show('warn', say('theBrowserCouldNotMakeThe'))
+  else app.toasts.show('warn', say('noMapPicture'))
 }
 
 function layerPanel(view: MapView, useTool: (id: ToolId) => void, settings: ViewSettings): HTMLElement {
@@ -292,7 +292,7 @@ function viewButtons(view: MapView, refresh: () => void): HTMLElement {
   const load = async (): Promise<void> => {
     const names = await app.attempt(api.views())
     if (!names) return
-    const body = names.length ? say('viewsKeepThePlaceTheZoom') : say('noViewHasBeenSavedYet')
+    const body = names.length ? say('viewsAbout') : say('noViewSaved')
     const name = await app.dialogs.ask(
       say('openAView'),
       [body],

@@ -66,7 +66,7 @@ export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void)
   const chosen = typeOf(type.value)
   if (chosen?.kind === 'tool') useTool(chosen.tool)
   else if (!view.displays.make(type.value, title.value.trim() || type.value, source.value, options))
-    view.app.toasts.show('warn', say('thisDisplayCouldNotBeAdded'))
+    view.app.toasts.show('warn', say('displayNotAdded'))
 }
 
 /** The robot's own first, then the topics of each network below its name. */

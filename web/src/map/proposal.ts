@@ -125,10 +125,7 @@ export class Proposals {
       what === 'goal' ? { kind: 'go_to', ...place, yaw_map_rad: yaw } : { kind: 'correct_pose', ...place }
     if (what === 'goal') this.sent = [x, y]
     this.end()
-    const isTaken = await this.app.command(
-      command,
-      what === 'goal' ? say('theRobotDrivesToThePlace') : say('poseCorrected'),
-    )
+    const isTaken = await this.app.command(command, what === 'goal' ? say('drivesToPlace') : say('poseCorrected'))
     if (!isTaken) this.sent = null
   }
 
@@ -140,20 +137,20 @@ export class Proposals {
   private text(proposal: Proposal): CardText {
     const { what, at, yaw, way, problem } = proposal
     const { state, seat } = this.app.store
-    const noSeat = seat === 'you' ? '' : say('takeControlFirstOnlyTheOperator')
+    const noSeat = seat === 'you' ? '' : say('onlyOperatorMaySend')
     if (what === 'pose')
       return {
-        title: say('doesTheRobotStandHere'),
+        title: say('standsHere'),
         about: yaw === null ? say('atThisPlace') : say('atThisPlaceLooking', { heading: compassText(yaw) }),
         problem: noSeat,
         yes: say('correctThePose'),
       }
     const straight = state?.pose
       ? say('straightAway', { distance: metres(distanceM([state.pose[0], state.pose[1]], at)) })
-      : say('theRobotDoesNotKnowWhere')
+      : say('placeUnknown')
     const about =
       way === null
-        ? say('askingTheRobotForAWay')
+        ? say('askingForWay')
         : way.length_m === null
           ? sentenceOf(straight, yaw)
           : sentenceOf(say('wayThere', { length: metres(way.length_m), time: wait(way.time_s) }), yaw)

@@ -10,7 +10,7 @@ let made: MapView | null = null
 /** The page's map inside `host`, or null, with a sentence about it, where it cannot be drawn. */
 export async function openMap(host: HTMLElement, app: App): Promise<MapView | null> {
   if (app.off.has('map')) {
-    host.append(el('p', { class: 'empty' }, say('theMapIsSwitchedOffBy')))
+    host.append(el('p', { class: 'empty' }, say('mapIsOff')))
     return null
   }
   try {
@@ -19,7 +19,7 @@ export async function openMap(host: HTMLElement, app: App): Promise<MapView | nu
       made = new MapView(app)
     }
   } catch {
-    host.append(el('p', { class: 'empty' }, say('thisBrowserCannotDrawTheMap')))
+    host.append(el('p', { class: 'empty' }, say('noWebGlForMap')))
     return null
   }
   made.attach(host)

@@ -27,41 +27,41 @@ export interface ToolInfo {
 }
 
 export const TOOLS: ToolInfo[] = [
-  { id: 'measure', title: say('measure'), icon: 'measure', hint: say('tapPointsToMeasureAlongThem'), commands: false },
-  { id: 'coordinates', title: say('readPosition'), icon: 'pin', hint: say('tapTheMapToReadA'), commands: false },
+  { id: 'measure', title: say('measure'), icon: 'measure', hint: say('hintMeasure'), commands: false },
+  { id: 'coordinates', title: say('readPosition'), icon: 'pin', hint: say('hintRead'), commands: false },
   {
     id: 'goal',
     title: say('driveToAPlace'),
     icon: 'goal',
-    hint: say('tapThePlaceOrPressAnd'),
+    hint: say('hintGoTo'),
     commands: true,
   },
   {
     id: 'pose',
-    title: say('correctTheRobotsPose'),
+    title: say('correctRobotPose'),
     icon: 'pose',
-    hint: say('pressWhereTheRobotIsDrag'),
+    hint: say('hintPose'),
     commands: true,
   },
   {
     id: 'point',
     title: say('publishAPoint'),
     icon: 'point',
-    hint: say('tapAPointToSendIt'),
+    hint: say('hintPoint'),
     commands: true,
   },
   {
     id: 'polygon',
     title: say('drawAPolygon'),
     icon: 'polygon',
-    hint: say('tapTheCornersTapTheFirst'),
+    hint: say('hintCorners'),
     commands: true,
   },
   {
     id: 'route',
     title: say('planARoute'),
     icon: 'line',
-    hint: say('tapTheStopsOfARoute'),
+    hint: say('hintRoute'),
     commands: true,
   },
 ]

@@ -40,8 +40,8 @@ export class BoundaryRecorder {
     const points = this.points
     this.points = points ? null : []
     this.button.setAttribute('aria-pressed', String(!points))
-    if (!points) this.app.toasts.show('info', say('driveAlongTheEdgeOfThe'))
-    else if (points.length < FEWEST_POINTS) this.app.toasts.show('warn', say('tooShortForABoundaryDrive'))
+    if (!points) this.app.toasts.show('info', say('driveAlongEdge'))
+    else if (points.length < FEWEST_POINTS) this.app.toasts.show('warn', say('tooShortForBoundary'))
     else this.done(points)
   }
 

@@ -72,7 +72,7 @@ async function importOne(app: App, file: File): Promise<Awaited<ReturnType<typeo
 }
 
 async function exportTo(app: App, document: Document): Promise<void> {
-  const about = say('aFileForThisDeviceIn')
+  const about = say('exportAbout')
   const ending = await app.dialogs.ask(
     say('exportTheField'),
     [about],
@@ -85,7 +85,7 @@ async function exportTo(app: App, document: Document): Promise<void> {
 async function open(app: App, document: Document): Promise<void> {
   const names = await app.attempt(api.fields())
   if (!names) return
-  const about = names.length ? say('openingReplacesWhatIsDrawnUndo') : say('noFieldHasBeenSavedOn')
+  const about = names.length ? say('openingReplaces') : say('noFieldSaved')
   const name = await app.dialogs.ask(
     say('openAField'),
     [about],

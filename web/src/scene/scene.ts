@@ -52,7 +52,7 @@ export class Scene {
     this.renderer = new THREE.WebGLRenderer({ antialias: true })
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio))
     this.renderer.domElement.setAttribute('role', 'img')
-    this.renderer.domElement.setAttribute('aria-label', say('robotInThreeDimensions'))
+    this.renderer.domElement.setAttribute('aria-label', say('robotIn3D'))
     this.renderer.domElement.addEventListener('webglcontextrestored', () => this.request())
     host.append(this.renderer.domElement)
     this.eye.up.set(0, 0, 1)

@@ -111,7 +111,7 @@ export class CalibrationCard {
     )
     return [
       el('h3', {}, this.title(now.kind)),
-      el('p', {}, say('keepAnEyeOnTheRobot')),
+      el('p', {}, say('keepAnEyeOnIt')),
       ...(now.directions ? [this.ring.node] : []),
       ...(now.phase === 'driving' ? [this.bar, this.step, cancel] : [this.step]),
     ]
@@ -132,7 +132,7 @@ export class CalibrationCard {
     )
     const verdict = found.ok
       ? found.settings.length
-        ? say('goodItCountsFromTheNext')
+        ? say('calibrationIsGood')
         : say('allAsItShouldBe')
       : say('doNotUseIt')
     this.ring.show(now.directions)
@@ -148,14 +148,14 @@ export class CalibrationCard {
       ),
       el('div', { class: 'table-scroll' }, table(found.changes)),
       el('div', { class: 'button-row' }, found.ok && found.settings.length > 0 && accept, leave),
-      ...(mine || !found.ok ? [] : [el('p', { class: 'small muted' }, say('usingThemNeedsTheOperatorsSeat'))]),
+      ...(mine || !found.ok ? [] : [el('p', { class: 'small muted' }, say('calibrationNeedsSeat'))]),
     ]
   }
 
   private choice(known: Calibrations, now: CalibrationProgress | null): HTMLElement[] {
     const measured = known.settings.length
       ? el('p', { class: 'small' }, say('measuredOf', { settings: known.settings.join(', ') }))
-      : el('p', { class: 'small muted' }, say('nothingWasMeasuredOfThisRobot'))
+      : el('p', { class: 'small muted' }, say('nothingMeasured'))
     const back = el(
       'button',
       { type: 'button', class: 'button', disabled: this.app.store.seat !== 'you', onclick: () => void this.goBack() },
@@ -212,11 +212,11 @@ export class CalibrationCard {
   }
 
   private async accept(): Promise<void> {
-    if (await this.change('accept')) this.app.toasts.show('info', say('inTheRobotsSettingsItCounts'))
+    if (await this.change('accept')) this.app.toasts.show('info', say('calibrationIsUsed'))
   }
 
   private async goBack(): Promise<void> {
-    if (await this.change('undo')) this.app.toasts.show('info', say('asItWasBeforeTheNewest'))
+    if (await this.change('undo')) this.app.toasts.show('info', say('calibrationIsUndone'))
   }
 
   private title(name: string): string {

@@ -13,7 +13,7 @@ export const camera: Screen = {
   icon: 'camera',
   mount(host, app) {
     if (!app.session.camera) {
-      host.append(el('p', { class: 'card empty' }, say('thisRobotHasNoCameraOr')))
+      host.append(el('p', { class: 'card empty' }, say('noCameraInProfile')))
       return () => undefined
     }
     const picture = new CameraPicture(app.store)
@@ -76,7 +76,7 @@ function keepButton(app: App): HTMLButtonElement {
       type: 'button',
       class: 'button',
       disabled: true,
-      title: say('keepsTheCamerasNewestFrameWith'),
+      title: say('keepFrameTitle'),
       onclick: () => void keepFrame(app),
     },
     icon('save', 20),

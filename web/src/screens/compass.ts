@@ -69,7 +69,7 @@ export function errorPlot(before: Sample, after: Sample): SVGSVGElement {
     ...ticks,
     line(before, 'before'),
     line(after, 'after'),
-    svg('text', { x: width / 2, y: 14 }, say('headingErrorByDirectionBefore')),
+    svg('text', { x: width / 2, y: 14 }, say('headingErrorTitle')),
     svg('text', { x: left, y: height - 6 }, '0°'),
     svg('text', { x: width - 20, y: height - 6 }, '360°'),
   )

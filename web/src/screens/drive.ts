@@ -59,7 +59,7 @@ export const drive: Screen = {
 function cameraCard(app: App): { node: HTMLElement; update: () => void; close: () => void } {
   if (!app.session.camera || app.off.has('camera')) {
     return {
-      node: el('div', { class: 'card empty' }, say('thisRobotHasNoCamera')),
+      node: el('div', { class: 'card empty' }, say('noCamera')),
       update: () => undefined,
       close: () => undefined,
     }

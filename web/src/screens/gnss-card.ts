@@ -231,7 +231,7 @@ class SkyPlot {
     'figure',
     { class: 'sky', hidden: true },
     this.picture,
-    el('figcaption', { class: 'muted' }, say('filledUsedLargerStronger')),
+    el('figcaption', { class: 'muted' }, say('skyLegend')),
   )
 
   show(seen: SeenSatellite[]): void {

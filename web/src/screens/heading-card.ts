@@ -26,7 +26,7 @@ export class HeadingCard {
     'div',
     { class: 'card stack heading-card', role: 'status', hidden: true },
     el('h2', {}, say('noHeadingYet')),
-    el('p', {}, say('drive3MStraightAheadBy')),
+    el('p', {}, say('driveForHeading')),
     el('a', { class: 'button primary', href: '#/teleop' }, say('driveByHand')),
   )
   private since_s: number | null = null

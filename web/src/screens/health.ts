@@ -123,11 +123,13 @@ function logRows(app: App): HTMLElement[] {
 }
 
 function logRow(event: LogEvent): HTMLElement {
+  const isOfFact = event.state !== '' || OF_FACTS.has(event.source)
+  const text = named(event.text)
   return el(
     'div',
     { class: `log-row ${event.level}` },
     el('span', { class: 'mono muted' }, duration(event.t_s)),
     el('span', { class: 'log-source' }, named(event.source) || NONE),
-    el('span', { lang: OF_FACTS.has(event.source) ? null : langOf(event.text) }, event.text),
+    el('span', { lang: isOfFact ? null : langOf(event.text) }, event.state ? `${words(event.state)}: ${text}` : text),
   )
 }

@@ -81,9 +81,9 @@ export class MissionButtons {
     const again = count ? say('startAgainRows', { count }) : say('startAgainBody')
     const body =
       action.action === 'cancel'
-        ? say('theRobotStopsWhereItIs')
+        ? say('endMissionBody')
         : action.action === 'return_home'
-          ? say('theRobotLeavesItsMissionAnd')
+          ? say('returnHomeBody')
           : state?.recording
             ? again
             : `${again} ${say('startAgainRecording')}`

@@ -28,7 +28,7 @@ export const panels: Screen = {
         column.append(card)
         return fill(card, panel, app)
       })
-    if (!undo.length) column.append(el('p', { class: 'card empty' }, say('noProgramHasAddedAnythingTo')))
+    if (!undo.length) column.append(el('p', { class: 'card empty' }, say('noExtras')))
     return () => undo.forEach((work) => work())
   },
 }

@@ -40,7 +40,7 @@ const COUNTS = {
 const HINTS: Record<ShapeType, string> = {
   polygon: say('hintPolygon'),
   line: say('hintLine'),
-  point: say('tapTheGoalsInTheirOrder'),
+  point: say('hintGoals'),
 }
 
 const kept = new PlanDocument() // survives going to another screen and back
@@ -55,7 +55,7 @@ export const plan: Screen = {
     host.append(mapHost, side)
     const view = await openMap(mapHost, app)
     if (!view) {
-      side.append(el('p', { class: 'card empty' }, say('drawingAPlanNeedsTheMap')))
+      side.append(el('p', { class: 'card empty' }, say('planNeedsMap')))
       return () => undefined
     }
     const controls = mapControls(view, app, ['measure', 'coordinates'])
@@ -229,12 +229,12 @@ class Editor {
   }
 
   private async use(): Promise<void> {
-    const text = say('theMissionInTheRobotIs')
+    const text = say('usePlanBody')
     const yes = this.app.store.seat === 'you' ? say('useThisPlan') : say('takeControlAndUseIt')
     if (!(await this.app.dialogs.confirm(say('askUsePlan'), [text], yes))) return
     if (!(await takeSeat(this.app))) return
     if (await this.app.attempt(api.applyPlan(this.body()))) {
-      this.app.toasts.show('info', say('thePlanIsTheMissionNow'))
+      this.app.toasts.show('info', say('planIsUsed'))
     }
   }
 
@@ -249,10 +249,9 @@ function verdict(reply: PlanReply): HTMLElement[] {
     area: area(reply.area_m2),
     time: duration(reply.time_s),
   })
-  if (reply.ok)
-    return [el('p', { class: 'tag good' }, say('thePlanCanBeDriven')), el('p', {}, figures), ...leftOut(reply)]
+  if (reply.ok) return [el('p', { class: 'tag good' }, say('planIsGood')), el('p', {}, figures), ...leftOut(reply)]
   return [
-    el('p', { class: 'tag bad' }, say('thePlanCannotBeDriven')),
+    el('p', { class: 'tag bad' }, say('planIsBad')),
     el('ol', { class: 'reasons' }, ...reply.reasons.map(({ text }) => el('li', { lang: langOf(text) }, text))),
     ...leftOut(reply),
   ]
@@ -268,7 +267,7 @@ function leftOut(reply: PlanReply): HTMLElement[] {
 }
 
 function describe(): string {
-  if (!kept.shapes.length) return say('chooseWhatToDrawThenTap')
+  if (!kept.shapes.length) return say('chooseWhatToDraw')
   const counts = new Map<Kind, number>()
   let inside = 0
   for (const { kind, points } of kept.shapes) {

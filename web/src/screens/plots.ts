@@ -104,7 +104,7 @@ class PlotPanel {
     if (!groups.size)
       replace(
         this.host,
-        el('p', { class: 'card empty' }, names.length ? say('chooseSignalsToDraw') : say('theRobotHasSentNoSignals')),
+        el('p', { class: 'card empty' }, names.length ? say('chooseSignalsToDraw') : say('noSignalsYet')),
       )
     else this.host.replaceChildren()
     this.charts = [...groups].map(

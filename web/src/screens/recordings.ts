@@ -114,7 +114,7 @@ function recordButton(app: App): RecordButton {
 function show(list: Element, found: Recordings, replay: ReplayBar): void {
   const rows = found.recordings.map((recording) => row(recording, recording.name === found.current, replay))
   const there = list.querySelectorAll<HTMLElement>('tbody > tr')
-  if (!rows.length) replace(list, el('p', { class: 'empty' }, say('noRecordingYetEveryMissionMakes')))
+  if (!rows.length) replace(list, el('p', { class: 'empty' }, say('noRecordingYet')))
   else if (rows.length !== there.length) replace(list, table(rows))
   else
     rows.forEach((one, i) => {

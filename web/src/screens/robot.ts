@@ -18,9 +18,7 @@ export const robot: Screen = {
     const view = el('div', { class: 'card stack' })
     host.append(stage, el('div', { class: 'side' }, view, joints))
     if (app.off.has('scene') || !app.robot) {
-      stage.append(
-        el('p', { class: 'empty' }, app.robot ? say('theSceneIsSwitchedOffBy') : say('theRobotHasNotDescribedItself')),
-      )
+      stage.append(el('p', { class: 'empty' }, app.robot ? say('sceneIsOff') : say('noDescription')))
       return () => undefined
     }
     const scene = await makeScene(stage)
@@ -49,7 +47,7 @@ async function makeScene(stage: HTMLElement): Promise<Scene | null> {
     const { Scene } = await import('../scene/scene.ts')
     return new Scene(stage)
   } catch {
-    stage.append(el('p', { class: 'empty' }, say('thisBrowserCannotDrawInThree')))
+    stage.append(el('p', { class: 'empty' }, say('noWebGlForScene')))
     return null
   }
 }

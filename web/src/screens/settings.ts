@@ -29,14 +29,14 @@ export const settings: Screen = {
     const groups = el('div', { class: 'column' })
     const show = (all: boolean): void => {
       replace(groups, ...found.groups.map((group) => groupCard(group, all, app)))
-      if (!groups.childElementCount) groups.append(el('p', { class: 'card empty' }, say('noSettingOfThisRobotMay')))
+      if (!groups.childElementCount) groups.append(el('p', { class: 'card empty' }, say('noLiveSetting')))
     }
     const all = el('input', { type: 'checkbox', onchange: () => show(all.checked) })
     replace(
       column,
       pageCard(),
       calibration.node,
-      el('label', { class: 'check' }, all, say('showAlsoWhatIsFixedWhile')),
+      el('label', { class: 'check' }, all, say('showFixedSettings')),
       groups,
     )
     show(false)
@@ -79,11 +79,11 @@ function pageCard(): HTMLElement {
       'div',
       {},
       el('h2', {}, say('thisPage')),
-      el('p', { class: 'muted' }, say('coloursAndLanguageOnThisDevice')),
+      el('p', { class: 'muted' }, say('pageCardAbout')),
       el(
         'p',
         { class: 'small' },
-        el('a', { href: './licences.txt', target: '_blank', rel: 'noopener' }, say('licencesOfTheSoftwareInThis')),
+        el('a', { href: './licences.txt', target: '_blank', rel: 'noopener' }, say('licences')),
       ),
     ),
     el(

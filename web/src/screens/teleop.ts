@@ -16,9 +16,9 @@ import { say } from '../say.ts'
 
 const SEND_EVERY_MS = 50
 const HUNG_MS = 1000
-const HELP = say('holdToDriveLetGoTo')
-const AGAIN = say('letGoAndHoldAgainTo')
-const ARM_FIRST = say('pressDriveByHandFirst')
+const HELP = say('driveHelp')
+const AGAIN = say('holdAgain')
+const ARM_FIRST = say('armFirst')
 const SEAT_FIRST = say('takeControlFirst')
 
 export const teleop: Screen = {
@@ -38,7 +38,7 @@ export const teleop: Screen = {
       el(
         'div',
         { class: 'card teleop-view' },
-        camera ? camera.node : el('p', { class: 'empty' }, say('thisRobotHasNoCamera')),
+        camera ? camera.node : el('p', { class: 'empty' }, say('noCamera')),
         camera && label,
       ),
       el(
@@ -91,7 +91,7 @@ function makePad(knob: HTMLElement): HTMLElement {
       class: 'pad',
       role: 'application',
       tabindex: 0,
-      'aria-label': say('drivePadDragOrUseW'),
+      'aria-label': say('drivePad'),
     },
     ...['up', 'right', 'down', 'left'].map((way) => el('span', { class: `pad-arrow ${way}`, 'aria-hidden': 'true' })),
     knob,
@@ -140,12 +140,7 @@ function armSwitch(
     const onMission = app.store.state?.mode === 'mission'
     if (
       onMission &&
-      !(await app.dialogs.confirm(
-        say('interruptTheMission'),
-        [say('theRobotIsOnItsMission')],
-        say('driveByHand'),
-        'danger',
-      ))
+      !(await app.dialogs.confirm(say('interruptTheMission'), [say('interruptBody')], say('driveByHand'), 'danger'))
     )
       return
     wanted = true
@@ -177,7 +172,7 @@ function whyNot(app: App, machine: TeleopMachine, wanted: boolean): string {
 /** Why a hand may not drive now. */
 function slowText({ store }: App): string {
   const { roundTripMs } = store.monitor
-  if (!store.linked) return say('noLinkToTheRobot')
+  if (!store.linked) return say('noLink')
   if (!store.answers || roundTripMs > HAND_MS)
     return say('answersTooLate', { time: seconds(roundTripMs), limit: seconds(HAND_MS) })
   return store.stale ? say('dataTooOld') : ''

@@ -122,7 +122,7 @@ function filterCard(filter: WeedFilter, count: HTMLElement, apply: () => void): 
     ...[
       ['', say('anyTime')],
       ['60', say('inTheLastMinute')],
-      ['600', say('inTheLast10Minutes')],
+      ['600', say('inLast10Minutes')],
     ].map(([v, text]) => el('option', { value: v }, text)),
   )
   return el(

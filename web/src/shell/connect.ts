@@ -9,7 +9,7 @@ export async function showConnect(app: App): Promise<void> {
   const people = say('pagesConnected', { count: store.clients })
   const body: Node[] = [el('p', {}, people)]
   if (session.lan_url) {
-    body.push(el('p', {}, say('openThisAddressOnADevice')), el('p', { class: 'mono select-all' }, session.lan_url))
+    body.push(el('p', {}, say('openAddressOnDevice')), el('p', { class: 'mono select-all' }, session.lan_url))
     if (session.qr_svg) body.push(qrImage(session.qr_svg))
   } else {
     body.push(el('p', {}, say('serverListensHere', { command: 'agribot ui --help' })))

@@ -10,11 +10,11 @@ export function tellLine(store: Store, nowMs: number, farewell: string): string 
   const { monitor, stale } = store
   const ageMs = store.ageMs(nowMs)
   const old = stale && Number.isFinite(ageMs) ? `${say('dataAreOld', { time: seconds(ageMs) })} ` : ''
-  if (!store.linked) return `${old}${farewell || say('noLinkToTheRobotTrying')}`
+  if (!store.linked) return `${old}${farewell || say('noLinkTryingAgain')}`
   if (!store.answers) return old + tellAnswer(monitor)
   if (!stale) return ''
-  if (!old) return say('waitingForTheFirstDataOf')
-  return `${old}${say(monitor.isPageSlow ? 'tooSlow' : 'theRobotSendsNothingNew')}`
+  if (!old) return say('waitingForFirstData')
+  return `${old}${say(monitor.isPageSlow ? 'tooSlow' : 'nothingNew')}`
 }
 
 function tellAnswer({ unansweredMs, roundTripMs }: LinkMonitor): string {

@@ -16,7 +16,7 @@ export function login(host: HTMLElement): Promise<void> {
       'form',
       { class: 'login card' },
       el('h2', {}, 'AGRIBOT'),
-      el('p', {}, say('enterTheAccessTokenThatThe')),
+      el('p', {}, say('enterToken')),
       el('label', { class: 'field' }, el('span', {}, say('accessToken')), input),
       error,
       el('button', { class: 'button primary', type: 'submit' }, say('open')),

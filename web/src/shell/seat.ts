@@ -15,14 +15,14 @@ export async function chooseSeat(app: App): Promise<boolean> {
     value: localStorage.getItem('operator') ?? '',
     placeholder: say('yourName'),
   })
-  const named = el('label', { class: 'field' }, el('span', {}, say('nameShownToTheOthers')), name)
+  const named = el('label', { class: 'field' }, el('span', {}, say('nameForOthers')), name)
   if (app.session.role === 'viewer') {
-    await dialogs.ask(say('lookingOn'), [say('thisAddressOnlyLetsYouWatch')], [])
+    await dialogs.ask(say('lookingOn'), [say('onlyWatching')], [])
     return false
   }
   const mine = store.seat === 'you'
   const about = mine
-    ? say('youOperateTheRobotHandOver')
+    ? say('seatIsYours')
     : store.seat === 'other'
       ? say('seatIsTaken', { holder: store.holder || say('anotherClient') })
       : say('seatIsFree')

@@ -25,7 +25,7 @@ export class StopButton {
         class: 'stop',
         type: 'button',
         popover: 'manual',
-        title: say('stopTheRobotNowSpaceA'),
+        title: say('stopTitle'),
       },
       icon('stop'),
       say('stopButton'),

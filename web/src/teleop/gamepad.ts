@@ -80,10 +80,10 @@ function isNumber(value: unknown): boolean {
 }
 
 const STEPS = {
-  rest: say('letGoOfAllSticksAnd'),
-  forward: say('pushTheStickThatDrivesForward'),
-  left: say('pushTheStickThatTurnsTo'),
-  deadMan: say('pressTheButtonThatHasTo'),
+  rest: say('letGoOfAll'),
+  forward: say('pushForwardStick'),
+  left: say('pushTurnStick'),
+  deadMan: say('pressHeldButton'),
 } as const
 
 /** Asks step by step what drives; call `take` with what the pad shows, again and again. */
