@@ -14,6 +14,7 @@ import { Banners } from './shell/banners.ts'
 import { Dialogs } from './shell/dialogs.ts'
 import { login } from './shell/login.ts'
 import { Router } from './shell/router.ts'
+import { sessionCheck } from './shell/session-check.ts'
 import { StatusBar } from './shell/statusbar.ts'
 import { StopButton } from './shell/stop.ts'
 import { startTheme } from './shell/theme.ts'
@@ -49,22 +50,6 @@ async function openSession(main: HTMLElement, logIn: () => Promise<void>): Promi
       problem.textContent = say('tryingAgain', { problem: message(error) })
       await new Promise((resolve) => setTimeout(resolve, RETRY_MS))
     }
-  }
-}
-
-/** Loads the page anew where another run answers by now, or one that wants a login and does not say so. */
-function sessionCheck(run: number): () => void {
-  let isAsking = false
-  return () => {
-    if (isAsking) return
-    isAsking = true
-    api
-      .session()
-      .then(
-        (now) => now.run !== run && location.reload(),
-        () => undefined,
-      )
-      .finally(() => (isAsking = false))
   }
 }
 
@@ -128,7 +113,7 @@ async function boot(): Promise<void> {
   }
   setInterval(() => void api.session().catch(() => undefined), RENEW_MS)
   store.setHasRobot(session.source !== 'replay')
-  link.onUnopened = sessionCheck(session.run)
+  link.onUnopened = sessionCheck(link, api.session, () => location.reload())
   link.expect(session.run)
   page.banners.onRelease = () => void app.command({ kind: 'clear_stop' }, say('stopReleased'))
   const bar = new StatusBar(app).node
