@@ -178,11 +178,12 @@ def _is_struct(one: Any) -> bool:
 
 
 def _fields_of(struct: Struct) -> list[tuple[str, Any, bool]]:
-    """Name, type and whether it may be left out."""
+    """Name, type and whether it may be left out; facts stay in the server."""
     hints = typing.get_type_hints(struct)
     return [
         (field.name, hints[field.name], not field.required)
         for field in msgspec.structs.fields(struct)
+        if not field.name.endswith(wire.FACT)
     ]
 
 

@@ -1,7 +1,7 @@
 """Check the words of comments, docstrings, messages and pages: `python scripts/lint_language.py`.
 
-`scripts/words.toml` lists the words and what to write instead. With `--list NAME` prints every
-place of one entry.
+`scripts/words.toml` lists the words and what to write instead; the operator's page counts too.
+With `--list NAME` prints every place of one entry.
 """
 
 from __future__ import annotations
@@ -20,10 +20,17 @@ import msgspec
 ROOT = Path(__file__).parents[1]
 WORDS = Path(__file__).with_name("words.toml")
 CODE = ("src", "scripts", "tests", "benchmarks", "examples")
+WEB = ("web/src/**/*.ts", "web/src/**/*.css", "web/test/**/*.ts", "web/*.html")
 PAGES = ("docs/**/*.md", "README.md", "CONTRIBUTING.md", "SECURITY.md")
 # This check and its own test.
 LEFT_OUT = {"scripts/lint_language.py", "tests/test_language.py"}
 TEXTS = (tokenize.COMMENT, tokenize.STRING)
+# Comments and strings of TypeScript and CSS; of HTML, which has little else, all of it.
+WEB_TEXT = re.compile(
+    r"""//[^\n]*|/\*.*?\*/|'(?:[^'\\\n]|\\.)*'|"(?:[^"\\\n]|\\.)*"|`(?:[^`\\]|\\.)*`""",
+    re.DOTALL,
+)
+ALL_TEXT = re.compile(r".+", re.DOTALL)
 
 
 class Word(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -48,10 +55,13 @@ def read_words(path: Path = WORDS) -> list[Word]:
 
 
 def iterate_text(root: Path = ROOT) -> Iterator[Place]:
-    """Yield each line of text: comments and strings of code, and whole pages."""
+    """Yield each line of text: comments and strings of code, and whole pages of documents."""
     for folder in CODE:
         for path in sorted((root / folder).rglob("*.py")):
             yield from _read_code(path, path.relative_to(root).as_posix())
+    for pattern in WEB:
+        for path in sorted(root.glob(pattern)):
+            yield from _read_web(path, path.relative_to(root).as_posix())
     for pattern in PAGES:
         for path in sorted(root.glob(pattern)):
             name = path.relative_to(root).as_posix()
@@ -66,6 +76,14 @@ def _read_code(path: Path, name: str) -> Iterator[Place]:
         if is_text:
             for at, line in enumerate(token.string.splitlines(), token.start[0]):
                 yield Place(name, at, line)
+
+
+def _read_web(path: Path, name: str) -> Iterator[Place]:
+    source = path.read_text(encoding="utf-8")
+    for found in (ALL_TEXT if path.suffix == ".html" else WEB_TEXT).finditer(source):
+        first = source.count("\n", 0, found.start()) + 1
+        for at, line in enumerate(found.group().splitlines(), first):
+            yield Place(name, at, line)
 
 
 def find_places(words: list[Word], places: Iterator[Place]) -> dict[str, list[Place]]:

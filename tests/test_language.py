@@ -34,6 +34,29 @@ def test_words_are_found_in_text_and_not_in_names(tmp_path: Path, lint: Any) -> 
     assert places["as it came"] == [("README.md", 2)]
 
 
+PAGE = """/** A comment that tells. */
+import { tell } from './tell.ts' // nobody
+const names = { told: `${told} of which` }
+"""
+
+
+def test_the_words_of_the_operators_page_count_too(tmp_path: Path, lint: Any) -> None:
+    folder = tmp_path / "web" / "src"
+    folder.mkdir(parents=True)
+    (folder / "one.ts").write_text(PAGE)
+    (folder / "one.css").write_text(".told { color: red; } /* as it came */\n")
+    (tmp_path / "web" / "index.html").write_text("<p>It is\nmended.</p>\n")
+    found = lint.find_places(lint.read_words(), lint.iterate_text(tmp_path))
+    places = {name: [(place.file, place.line) for place in found[name]] for name in found}
+    assert places["tell"] == [
+        ("web/src/one.ts", 1), ("web/src/one.ts", 2), ("web/src/one.ts", 3),
+    ]  # fmt: skip
+    assert places["nobody"] == [("web/src/one.ts", 2)]
+    assert places["of which"] == [("web/src/one.ts", 3)]
+    assert places["as it came"] == [("web/src/one.css", 1)]
+    assert places["mend"] == [("web/index.html", 2)]
+
+
 def test_every_word_has_a_limit_and_a_better_one(lint: Any) -> None:
     words = lint.read_words()
     assert len({word.name for word in words}) == len(words)

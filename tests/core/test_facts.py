@@ -101,7 +101,7 @@ def test_the_english_text_says_the_fact_and_what_to_do(fact: Fact | None, text: 
 def test_the_same_fact_in_german_has_the_same_numbers() -> None:
     silent = ContactorSilent(0.52, 0.3)
     assert render(silent, "de") == (
-        "das Schütz antwortet nicht: seit 0.52 s > 0.30 s stumm; Leitung und Stecker prüfen"
+        "das Schütz antwortet nicht: seit 0,52 s > 0,30 s stumm; Leitung und Stecker prüfen"
     )
     with pytest.raises(ConfigError, match=r"no texts in 'xx'; choose one of en, de"):
         render(silent, "xx")

@@ -86,10 +86,15 @@ class Browser:
         with urlopen(f"http://127.0.0.1:{port}/") as answer:
             self.cookie: str = answer.headers["set-cookie"].split(";")[0]
 
-    def ask(self, method: str, path: str, body: object = None) -> tuple[int, Any]:
+    def ask(
+        self, method: str, path: str, body: object = None, language: str = "en"
+    ) -> tuple[int, Any]:
         """Status and answer, as JSON where it is JSON; bytes are sent as they are."""
         data = body if isinstance(body, bytes) or body is None else json.dumps(body).encode()
-        headers = {"Cookie": self.cookie, "Origin": f"http://127.0.0.1:{self.port}"}
+        headers = {
+            "Cookie": self.cookie, "Origin": f"http://127.0.0.1:{self.port}",
+            "Accept-Language": language,
+        }  # fmt: skip
         url = f"http://127.0.0.1:{self.port}{path}"
         try:
             with urlopen(Request(url, data, headers, method=method)) as answer:

@@ -394,7 +394,10 @@ def test_health_names_the_slow_sensor_and_what_to_do(robot: Robot, browser: Brow
 
     health, slow = wait_for(health_with_gnss, "the GNSS receiver's health")
     assert slow[0]["state"] == "fault"
-    assert slow[0]["advice"]
+    assert slow[0]["advice"] == "check its cable and power"
+    german = browser.ask("GET", "/api/v1/health", language="de-AT,en;q=0.5")[1]["checks"]
+    advice = {check["name"]: check["advice"] for check in german}
+    assert advice["gnss"] == "Kabel und Strom prüfen"
     assert health["memory_bytes"] > 1e6
     assert health["cpu_ratio"] >= 0.1
 

@@ -94,7 +94,7 @@ def test_a_page_that_vanished_without_a_word_is_cut() -> None:
         "agribot.caller": SimpleNamespace(role="viewer", session="s"),
         "state": {"slot": SimpleNamespace(cut=lambda: cut.append(True))},
     }
-    hub = SimpleNamespace(channel_of=lambda _: SimpleNamespace(state_text="", weeds={}))
+    hub = SimpleNamespace(channel_of=lambda _: SimpleNamespace(state=None, weeds={}))
     line = SimpleNamespace(scope=scope, query_params={"acks": "1"})
     page = Socket(cast(Hub, hub), cast(WebSocket, line), 1)
     page.client.window.note_sent(100, 50.0)

@@ -28,6 +28,7 @@ import type {
   TopicWish,
   TopicWishes,
 } from './wire.ts'
+import { language, say } from './say.ts'
 
 /** What a lost network swallows would keep a connection for minutes. */
 const SESSION_MS = 10_000
@@ -43,9 +44,10 @@ export class ApiError extends Error {
 async function request(path: string, init: RequestInit = {}): Promise<Response> {
   let response: Response
   try {
-    response = await fetch(path, { credentials: 'same-origin', ...init })
+    const headers = { ...init.headers, 'Accept-Language': language }
+    response = await fetch(path, { credentials: 'same-origin', ...init, headers })
   } catch {
-    throw new ApiError(0, 'No answer from the robot: check the link and try again.')
+    throw new ApiError(0, say('noAnswerCheckLink'))
   }
   if (!response.ok) throw new ApiError(response.status, await reason(response))
   return response
@@ -58,7 +60,7 @@ async function reason(response: Response): Promise<string> {
   } catch {
     // not JSON: the status has to do
   }
-  return `The robot answered ${response.status} ${response.statusText}.`
+  return say('robotAnsweredStatus', { status: `${response.status} ${response.statusText}` })
 }
 
 async function get<T>(path: string, init: RequestInit = {}): Promise<T> {

@@ -9,6 +9,7 @@ import type { Toasts } from './shell/toasts.ts'
 import type { Store } from './store.ts'
 import type { Field, PageRequest, Robot, SessionInfo } from './wire.ts'
 import type { IconName } from './icons.ts'
+import { say } from './say.ts'
 
 export class App {
   field: Field | null = null
@@ -70,7 +71,7 @@ export class App {
   /** Send a command; a refusal is shown with the robot's reason. True when the robot did it. */
   async command(command: PageRequest, done = ''): Promise<boolean> {
     const ack = await this.link.command(command)
-    if (!ack.ok) this.toasts.show('warn', ack.reason || 'The robot refused.')
+    if (!ack.ok) this.toasts.show('warn', ack.reason || say('theRobotRefused'))
     else if (done) this.toasts.show('info', done)
     return ack.ok
   }

@@ -1,18 +1,20 @@
 /** Numbers as an operator reads them. */
 
+import { decimals, findName, say } from './say.ts'
+
 export const NONE = '–'
 
 export function fixed(value: number | null | undefined, digits: number, unit = ''): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return NONE
-  const text = value.toFixed(digits)
+  const text = decimals(value, digits)
   return unit ? `${text} ${unit}` : text
 }
 
 export function metres(value: number | null | undefined): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return NONE
-  if (value < 0.995) return `${(value * 100).toFixed(value < 0.0995 ? 1 : 0)} cm`
-  if (value < 1000) return `${value.toFixed(value < 100 ? 1 : 0)} m`
-  return `${(value / 1000).toFixed(2)} km`
+  if (value < 0.995) return `${decimals(value * 100, value < 0.0995 ? 1 : 0)} cm`
+  if (value < 1000) return `${decimals(value, value < 100 ? 1 : 0)} m`
+  return `${decimals(value / 1000, 2)} km`
 }
 
 /** A number that keeps its unit where the line is broken. */
@@ -38,50 +40,59 @@ export function bytes(value: number | null | undefined): string {
     v /= 1000
     i++
   }
-  return `${v.toFixed(i === 0 || v >= 100 ? 0 : 1)} ${units[i]}`
+  return `${decimals(v, i === 0 || v >= 100 ? 0 : 1)} ${units[i]}`
 }
 
 export function area(m2: number | null | undefined): string {
   if (m2 === null || m2 === undefined || !Number.isFinite(m2)) return NONE
-  if (m2 < 0.1) return `${(m2 * 1e4).toFixed(0)} cm²`
-  if (m2 < 10000) return `${m2.toFixed(m2 < 100 ? 1 : 0)} m²`
-  return `${(m2 / 10000).toFixed(2)} ha`
+  if (m2 < 0.1) return `${decimals(m2 * 1e4, 0)} cm²`
+  if (m2 < 10000) return `${decimals(m2, m2 < 100 ? 1 : 0)} m²`
+  return `${decimals(m2 / 10000, 2)} ha`
 }
 
-/** snake_case or a.dotted.path as words. */
+/** As in the middle of a sentence; German nouns keep their capitals. */
+export function uncapitalised(text: string): string {
+  return text.charAt(0).toLowerCase() + text.slice(1)
+}
+
+/** What the robot calls by this name, or the name as words: snake_case or a.dotted.path. */
 export function words(name: string): string {
-  const text = name.replace(/[._]/g, ' ').trim()
+  const text = findName(name) ?? name.replace(/[._]/g, ' ').trim()
   return text.charAt(0).toUpperCase() + text.slice(1)
 }
 
 const UNIT_SUFFIX = /_(mps2?|radps2?|rad|deg|hz|px|ratio|m|s|v|a)$/
 const SIGNAL_NAMES: Record<string, string> = {
-  v: 'Speed',
-  v_commanded: 'Speed commanded',
-  pos_std: 'Position ±',
-  yaw_std: 'Heading ±',
-  protection: 'Protection level',
+  v: say('speed'),
+  v_commanded: say('speedCommanded'),
+  pos_std: say('position'),
+  yaw_std: say('headingStd'),
+  protection: say('protectionLevel'),
+}
+
+export function bareName(name: string): string {
+  return name.slice(name.lastIndexOf('.') + 1).replace(UNIT_SUFFIX, '')
 }
 
 /** A name of the robot's code without its unit, as words: `yaw_rate_radps` is 'Yaw rate'. */
 export function quantity(name: string): string {
-  const bare = name.slice(name.lastIndexOf('.') + 1).replace(UNIT_SUFFIX, '')
+  const bare = bareName(name)
   return SIGNAL_NAMES[bare] ?? words(bare)
 }
 
 const FIX_NAMES: Record<string, string> = {
-  '0': 'No fix',
+  '0': say('noFix'),
   '1': 'GNSS',
   '2': 'DGNSS',
   '3': 'GNSS',
   '4': 'RTK',
-  '5': 'Float',
-  none: 'No fix',
+  '5': say('float'),
+  none: say('noFix'),
   single: 'GNSS',
   dgps: 'DGNSS',
   sbas: 'DGNSS',
-  float: 'Float',
-  rtk_float: 'Float',
+  float: say('float'),
+  rtk_float: say('float'),
   fixed: 'RTK',
   rtk_fixed: 'RTK',
 }

@@ -3,7 +3,7 @@
 export const PING_MS = 250
 /** Beyond it an operator is warned: a slow answer, or an old state. */
 export const LATE_MS = 1000
-/** So long without an answer, and a line that fell silent is red within a second. */
+/** Time without an answer from which on the line is red: within a second of its last word. */
 export const SILENT_MS = 700
 /** The slowest line over which a hand may drive: what it lets go of, the robot hears half of it later. */
 export const HAND_MS = 500
@@ -109,7 +109,7 @@ export class LinkMonitor {
     return this.ageMs(wallMs - this.wallLessMonoMs, nowMs)
   }
 
-  /** The quickest answer tells the clock best: it is wrong by half of its time at most. */
+  /** The quickest answer shows the clock best: it is wrong by half of its time at most. */
   private get best(): Sample | null {
     return this.samples.reduce<Sample | null>(
       (best, sample) => (best && best.rttMs <= sample.rttMs ? best : sample),

@@ -4,6 +4,7 @@ import { parseMessage } from './decode.ts'
 import { DEAD_MS, PING_MS } from './link-monitor.ts'
 import type { Store } from './store.ts'
 import type { PageMessage, PageRequest, ServerMessage, Verdict } from './wire.ts'
+import { language, say } from './say.ts'
 
 const TICK_MS = 100
 /** The id of every STOP of this page: it is said again until one is answered. */
@@ -12,7 +13,7 @@ const ACK_TIMEOUT_MS = 5000
 const BACKOFF_MS = [0, 250, 500, 1000]
 /** A connection that is not open by then is tried anew: that of a lost network would wait for a minute. */
 const OPEN_MS = [3000, 4000, 5000]
-/** What was received is acknowledged after so long or so much, but not all the time. */
+/** What was received is acknowledged after this time or this many bytes, but not all the time. */
 const GOT_AFTER_MS = 100
 const GOT_AFTER_BYTES = 2000
 const GOT_APART_MS = 20
@@ -108,7 +109,7 @@ export class Link {
 
   private open(): void {
     clearTimeout(this.retry)
-    const socket = new WebSocket(socketUrl(`/ws/v1?tab=${this.tab}&acks=1`))
+    const socket = new WebSocket(socketUrl(`/ws/v1?tab=${this.tab}&acks=1&language=${language}`))
     this.socket = socket
     this.isOpened = false
     this.openBy = performance.now() + OPEN_MS[Math.min(this.attempt, OPEN_MS.length - 1)]
@@ -154,7 +155,7 @@ export class Link {
     this.store.checkAge(nowMs)
   }
 
-  /** A socket that nobody answers would say so only after a minute or more. */
+  /** A socket without an answer would say so only after a minute or more. */
   private giveUp(): void {
     this.drop(this.socket)
     this.lost()
@@ -179,7 +180,7 @@ export class Link {
     this.send({ kind: 'press_stop', id: STOP_ID })
   }
 
-  /** Say a STOP that no robot has confirmed again, to whoever answers on this line. */
+  /** Say a STOP that no robot has confirmed again, to the robot at the other end of this line. */
   private repeatStop(): void {
     if (!this.store.stop.isPending) return
     this.store.stop.repeat()
@@ -189,12 +190,9 @@ export class Link {
   /** Send a command and wait for what the robot says to it. */
   command(command: PageRequest): Promise<Outcome> {
     const id = `c${this.nextId++}`
-    if (!this.send({ ...command, id })) return Promise.resolve({ ok: false, reason: 'No link to the robot.' })
+    if (!this.send({ ...command, id })) return Promise.resolve({ ok: false, reason: say('noLink') })
     return new Promise((resolve) => {
-      const timer = setTimeout(
-        () => this.settle(id, { ok: false, reason: 'The robot did not answer in 5 s.' }),
-        ACK_TIMEOUT_MS,
-      )
+      const timer = setTimeout(() => this.settle(id, { ok: false, reason: say('noAnswerIn5S') }), ACK_TIMEOUT_MS)
       this.waiting.set(id, (outcome) => {
         clearTimeout(timer)
         resolve(outcome)
@@ -227,7 +225,7 @@ export class Link {
     this.renew()
   }
 
-  /** The run that this page is told to be of; its line may have reached another one meanwhile. */
+  /** The run that this page belongs to; its line may have reached another one meanwhile. */
   expect(run: number): void {
     this.run ??= run
     if (run !== this.run) this.isOutdated = true
@@ -271,8 +269,7 @@ export class Link {
     if (!this.isOpened) this.onUnopened()
     this.openBy = Infinity
     this.store.setLinked(false)
-    for (const id of [...this.waiting.keys()])
-      this.settle(id, { ok: false, reason: 'The link broke before the robot answered.' })
+    for (const id of [...this.waiting.keys()]) this.settle(id, { ok: false, reason: say('linkBroke') })
     const pause = BACKOFF_MS[Math.min(this.attempt++, BACKOFF_MS.length - 1)]
     clearTimeout(this.retry)
     this.retry = window.setTimeout(() => this.open(), pause)

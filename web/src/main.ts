@@ -14,6 +14,7 @@ import { Banners } from './shell/banners.ts'
 import { Dialogs } from './shell/dialogs.ts'
 import { login } from './shell/login.ts'
 import { Router } from './shell/router.ts'
+import { sessionCheck } from './shell/session-check.ts'
 import { StatusBar } from './shell/statusbar.ts'
 import { StopButton } from './shell/stop.ts'
 import { startTheme } from './shell/theme.ts'
@@ -21,6 +22,7 @@ import { Toasts } from './shell/toasts.ts'
 import { Store } from './store.ts'
 import { installHooks } from './test-hooks.ts'
 import type { SessionInfo } from './wire.ts'
+import { say } from './say.ts'
 
 const RETRY_MS = 1500
 /** A login lasts for hours after what was asked last, and a page that only listens asks nothing. */
@@ -28,7 +30,7 @@ const RENEW_MS = 3_600_000
 
 /** Asks until the robot answers who it is; what keeps it from that is said in the middle of the page. */
 async function openSession(main: HTMLElement, logIn: () => Promise<void>): Promise<SessionInfo> {
-  const problem = el('p', { class: 'boot', role: 'status' }, 'Waiting for the first answer of the robot…')
+  const problem = el('p', { class: 'boot', role: 'status' }, say('waitingForFirstAnswer'))
   main.append(problem)
   for (;;) {
     try {
@@ -45,25 +47,9 @@ async function openSession(main: HTMLElement, logIn: () => Promise<void>): Promi
         await logIn()
         continue
       }
-      problem.textContent = `${message(error)} Trying again…`
+      problem.textContent = say('tryingAgain', { problem: message(error) })
       await new Promise((resolve) => setTimeout(resolve, RETRY_MS))
     }
-  }
-}
-
-/** Loads the page anew where another run answers by now, or one that wants a login and does not tell. */
-function sessionCheck(run: number): () => void {
-  let isAsking = false
-  return () => {
-    if (isAsking) return
-    isAsking = true
-    api
-      .session()
-      .then(
-        (now) => now.run !== run && location.reload(),
-        () => undefined,
-      )
-      .finally(() => (isAsking = false))
   }
 }
 
@@ -89,14 +75,14 @@ function beginPage() {
     el('div', { class: 'brand' }, el('b', { class: 'brand-name' }, 'AGRIBOT')),
   )
   const content = el('div', { class: 'content' }, banners.node, main)
-  const heading = el('h1', { class: 'visually-hidden' }, 'AGRIBOT operator page')
+  const heading = el('h1', { class: 'visually-hidden' }, say('agribotOperatorPage'))
   top.append(heading)
   const shell = el('div', { class: 'shell' }, top, content)
   document.body.append(shell)
   const toasts = new Toasts()
   const dialogs = new Dialogs(shell)
   const stop = new StopButton(link)
-  link.onRefusal = (reason) => toasts.show('warn', reason || 'The robot refused.')
+  link.onRefusal = (reason) => toasts.show('warn', reason || say('theRobotRefused'))
   link.onOutdated = () => location.reload()
   dialogs.onOpen = () => {
     toasts.raise()
@@ -104,7 +90,7 @@ function beginPage() {
   }
   link.start()
   const logIn = async (): Promise<void> => {
-    link.rest() // whoever has no token is turned away each time, and the robot notes it
+    link.rest() // a page without a token is turned away each time, and the robot notes it
     stop.hide() // and stops nothing
     await login(main)
     stop.raise()
@@ -127,9 +113,9 @@ async function boot(): Promise<void> {
   }
   setInterval(() => void api.session().catch(() => undefined), RENEW_MS)
   store.setHasRobot(session.source !== 'replay')
-  link.onUnopened = sessionCheck(session.run)
+  link.onUnopened = sessionCheck(link, api.session, () => location.reload())
   link.expect(session.run)
-  page.banners.onRelease = () => void app.command({ kind: 'clear_stop' }, 'Stop released.')
+  page.banners.onRelease = () => void app.command({ kind: 'clear_stop' }, say('stopReleased'))
   const bar = new StatusBar(app).node
   bar.append(page.heading)
   page.top.replaceWith(bar)

@@ -74,7 +74,7 @@ export class Store extends Emitter<Events> {
   channel: Channel | null = null
   /** The robot's own mode and stop while a recording is shown. */
   live: LiveState | null = null
-  /** False where a recording alone is served, which the first answer of the robot tells. */
+  /** False where a recording alone is served, as the first answer of the robot says. */
   hasRobot = true
   readonly monitor = new LinkMonitor()
   readonly stop = new StopRequest()
@@ -82,7 +82,7 @@ export class Store extends Emitter<Events> {
   private shownEpoch: number | null = null
   readonly counters = { state: 0, cam: 0, weeds: 0, traj: 0, dropped: 0, foreign: 0 }
 
-  /** Milliseconds since the robot was as the last state tells, by its own clock; infinite while unknown. */
+  /** Milliseconds since the robot was as in the last state, by its own clock; infinite while unknown. */
   ageMs(nowMs: number): number {
     return this.state ? this.monitor.ageMs(this.state.mono_ms, nowMs) : Infinity
   }

@@ -6,7 +6,7 @@ export interface WeedFilter {
   treated: boolean
   open: boolean
   confidence: number
-  /** Seen at most so long ago. */
+  /** Seen at most this time ago. */
   withinS: number | null
 }
 

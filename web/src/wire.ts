@@ -376,11 +376,13 @@ export function readWeed(row: WeedRow): Weed {
   }
 }
 
+/** A line of the log; `state` is the new one of the mission or the gate, where that changed. */
 export interface LogEvent {
   t_s: number
   level: EventLevel
   source: string
   text: string
+  state: string
 }
 
 /** Places where the robot was, from the one with the number `first` on. */

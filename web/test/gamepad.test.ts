@@ -30,7 +30,7 @@ test('a pad of another layout drives nothing before its axes were assigned', () 
     assert.equal(assignmentOf(unknown(axes, 4), null), null)
 })
 
-test('values beyond their range and values that are none do not drive faster', () => {
+test('values beyond their range and values that are not numbers do not drive faster', () => {
   const standard = assignmentOf(pad(), null)
   assert.ok(standard)
   const wild = pad({ axes: [0, -3.28571, Number.NaN, 0], buttons: buttons(17, 5) })

@@ -16,23 +16,23 @@ const shown = (more: object): State =>
     ...more,
   }) as unknown as State
 
-test('the reason of the gate is told once, and not at all beside the banner of a stop', () => {
+test('the reason of the gate is shown once, and not at all beside the banner of a stop', () => {
   const jump = 'GNSS jumped by 2.01 m; look where the robot stands'
   assert.equal(tellWhy(shown({ reason: jump, gate: gate('held') })), jump)
   assert.equal(tellWhy(shown({ gate: gate('held', jump) })), jump)
   const stopped = { stop: 'wheel stands', reason: 'wheel stands; clear the stop to go on', gate: gate('stopped') }
   assert.equal(tellWhy(shown(stopped)), '')
   const replayed = shown({ ...stopped, mode: 'replay' })
-  assert.equal(tellWhy(replayed), 'Wheel stands; clear the stop to go on', 'its banner tells of the robot itself')
+  assert.equal(tellWhy(replayed), 'Wheel stands; clear the stop to go on', 'its banner is about the robot itself')
 })
 
-test('a robot that drives tells where it is, not why it drives', () => {
+test('a robot that drives says where it is, not why it drives', () => {
   const mission = { reason: '', leg: 'row 3' }
   assert.equal(tellWhy(shown({ mission, gate: gate('driving', 'over: no position') })), 'Row 3')
   assert.equal(tellWhy(shown({ mission, reason: 'creeps', gate: gate('slowed') })), 'Creeps')
 })
 
-test('since when is told as long ago as matters', () => {
+test('since when is shown as precisely as matters', () => {
   assert.deepEqual(
     [tellSince(32.4, 20), tellSince(200, 20), tellSince(8000, 20), tellSince(5, null), tellSince(5, 9)],
     ['for 12 s', 'for 3 min', 'for 2 h 13 min', '', 'for 0 s'],

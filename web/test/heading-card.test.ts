@@ -6,7 +6,7 @@ import type { State } from '../src/wire.ts'
 const at = (t_s: number, more: object = {}): State =>
   ({ mode: 'waiting', t_s, pose: null, gnss: { quality: 4 }, yaw_std_rad: Math.PI, ...more }) as unknown as State
 
-test('a robot that has positions and no heading asks for a way driven after 4 s, not while a compass may tell', () => {
+test('a robot that has positions and no heading asks for a way driven after 4 s, no sooner', () => {
   const since_s = findNoHeading(at(12), null)
   assert.equal(since_s, 12)
   assert.equal(findNoHeading(at(13), since_s), 12)

@@ -30,7 +30,7 @@ function foldersOf(files: Arrows, top: string): Arrows {
   return arrows
 }
 
-/** One circle as the names along it; empty where there is none. */
+/** One circle as the names along it; empty without a circle. */
 function findCircle(arrows: Arrows): string[] {
   const done = new Set<string>()
   const follow = (name: string, way: string[]): string[] => {

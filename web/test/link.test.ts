@@ -13,7 +13,7 @@ function pass(monitor: LinkMonitor, fromMs: number, toMs: number): void {
   for (let t = fromMs; t <= toMs; t += 100) monitor.tick(t)
 }
 
-/** A ping and its answer over a line that takes so long there and so long back. */
+/** A ping and its answer over a line with a time there and a time back. */
 function answered(monitor: LinkMonitor, sentMs: number, thereMs: number, backMs: number): void {
   monitor.sent(sentMs)
   pass(monitor, sentMs, sentMs + thereMs + backMs)
@@ -128,7 +128,7 @@ test('a stop is confirmed when the server heard it and the robot stands under it
   assert.equal(stop.isPending, false)
 })
 
-test('a robot that was stopped before does not confirm a stop that nobody heard', () => {
+test('a robot that was stopped before does not confirm a stop that did not reach it', () => {
   const stop = new StopRequest()
   stop.press(100)
   stop.see(true)

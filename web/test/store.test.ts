@@ -59,7 +59,10 @@ test('what belongs to something that is not shown any more is left out', () => {
   store.accept(state(1, 11), 0)
   store.accept({ kind: 'trace', epoch: 1, first: 2, points_map_m: [[2, 0]] }, 0)
   store.accept({ kind: 'weeds', epoch: 1, set: [weed(4)], gone: [] }, 0)
-  store.accept({ kind: 'events', epoch: 1, events: [{ t_s: 1, level: 'info', source: 'x', text: 'live' }] }, 0)
+  store.accept(
+    { kind: 'events', epoch: 1, events: [{ t_s: 1, level: 'info', source: 'x', state: '', text: 'live' }] },
+    0,
+  )
   assert.equal(store.state, null)
   assert.deepEqual(store.trajectory.pieces, [[[9, 9]]])
   assert.deepEqual([...store.weeds.keys()], [40])
@@ -85,7 +88,7 @@ test('what belongs to something that is not shown any more is left out', () => {
   assert.equal(store.signals.length, 1, 'the plots begin afresh')
 })
 
-test('a change of what is shown is told, and a lost line that is back is none', () => {
+test('a change of what is shown is announced, and a line that comes back is no change', () => {
   const store = live()
   const told: string[] = []
   store.on('restart', () => told.push('restart'))

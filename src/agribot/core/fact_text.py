@@ -4,7 +4,8 @@ A section of a table is the code of a fact: `text` says what is so, `do` what to
 one template or, where the fact has variants, one for each of them. A template names the fact's
 fields as a format string does. Beside the formats of Python it knows `!d` (radians as degrees),
 `!k` (metres as kilometres) and `!l` (a list, divided by semicolons). Words in a field are looked up
-in `words.<field>`; a fact in a field is rendered in its place.
+in `words.<field>`; a fact in a field is rendered in its place. `words.number.point` is what stands
+between a number and its decimals.
 """
 
 from __future__ import annotations
@@ -61,11 +62,15 @@ def render(fact: Fact | None, language: str = "en") -> str:
     """Make the text of a fact, and what to do about it; empty without a fact."""
     if fact is None:
         return ""
-    table = load_table(language)
-    entry = table.facts[fact.code]
-    text = _fill(choose(entry.text, fact), fact, language)
-    advice = _fill(choose(entry.do, fact), fact, language)
+    text, advice = render_apart(fact, language)
     return f"{text}; {advice}" if advice else text
+
+
+def render_apart(fact: Fact, language: str = "en") -> tuple[str, str]:
+    """Make the text of a fact, and that of what to do about it, which may be empty."""
+    entry = load_table(language).facts[fact.code]
+    text = _fill(choose(entry.text, fact), fact, language)
+    return text, _fill(choose(entry.do, fact), fact, language)
 
 
 def choose(template: Template, fact: Fact) -> str:
@@ -100,7 +105,8 @@ def _write(value: Any, name: str, spec: str, conversion: str | None, language: s
         return known.get(value, value)
     if isinstance(value, tuple):
         return _join(value, known, "; " if conversion == "l" else f" {words['list']['and']} ")
-    return format(value if conversion is None else value * _SCALES[conversion], spec)
+    number = format(value if conversion is None else value * _SCALES[conversion], spec)
+    return number.replace(".", words["number"]["point"])
 
 
 def _join(values: tuple[Any, ...], known: Mapping[str, str], divider: str) -> str:

@@ -11,7 +11,7 @@ from typing import Literal
 import msgspec
 
 from agribot.core.errors import RecordingError
-from agribot.core.facts import Fact, Part, find_kind
+from agribot.core.facts import AnyFact, Fact, Part, find_kind
 from agribot.core.messages import (
     ALL_FINE,
     STOP,
@@ -51,7 +51,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     `code` is that of the fact that `reason` is the text of, `causes` are the codes of the facts
     inside it, `parts` those of the robot that are at fault, `numbers` its numbers by name; all are
-    empty where there is no fact, as of what a person pressed.
+    empty where there is no fact, as of what a person pressed. `fact` is not written.
 
     mission   the mission's state or its reason changed, or it refused something
     row       a crop row was begun or left, and how it went as the robot believes
@@ -77,6 +77,12 @@ class Event(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     causes: tuple[str, ...] = ()
     parts: tuple[Part, ...] = ()
     numbers: dict[str, float] = {}
+    fact: AnyFact | None = None
+
+
+def write_event(event: Event) -> bytes:
+    """Encode an event as a line of the file has it: a fact by its code, parts and numbers."""
+    return msgspec.json.encode(msgspec.structs.replace(event, fact=None))
 
 
 def make_event(
@@ -91,7 +97,7 @@ def make_event(
         return Event(t_s=t_s, kind=kind, reason=reason, state=state)
     return Event(
         t_s=t_s, kind=kind, reason=reason, state=state,
-        code=fact.code, causes=fact.causes, parts=fact.parts, numbers=fact.numbers,
+        code=fact.code, causes=fact.causes, parts=fact.parts, numbers=fact.numbers, fact=fact,
     )  # fmt: skip
 
 
@@ -330,7 +336,7 @@ class EventLog:
     def add(self, event: Event) -> None:
         """Add an event that no tick holds, such as a recording that could not be begun."""
         self._events.append(event)
-        self._waiting += msgspec.json.encode(event) + b"\n"
+        self._waiting += write_event(event) + b"\n"
         self._write()
 
     def close(self) -> None:

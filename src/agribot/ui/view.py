@@ -6,9 +6,13 @@ import math
 from collections import deque
 from typing import get_args
 
+import msgspec
+from msgspec import UNSET
+
 from agribot.autonomy.estimate.verdicts import SILENT_S
 from agribot.autonomy.weeds.track import Track
 from agribot.core.config import RunConfig
+from agribot.core.fact_text import render
 from agribot.core.facts import Fact
 from agribot.core.implement.plants import REASONS
 from agribot.core.implement.spec import ImplementSpec, describe_command
@@ -42,6 +46,8 @@ _LEVEL: dict[str, wire.EventLevel] = {
     "lost": "warn",
     "truth": "warn",
 }
+# Kinds of events whose text is that of their fact; that of the others says more.
+_TEXT_OF_FACT = frozenset({"fault", "stop", "hold", "limit", "mission", "gate"})
 # The page's names of a mission that does not run and was not stopped.
 _MODES: dict[MissionState, wire.Mode] = {
     "waiting": "waiting",
@@ -93,7 +99,7 @@ class RunView:
             return None
         estimate, status = record.estimate, record.status
         cross_m = record.tracking.cross_track_m if record.tracking else None
-        fact = record.fact or status.fact or status.gate.told_fact
+        reason, fact = _choose_reason(record)
         return wire.State(
             tick=self.ticks,
             t_s=round(record.batch.t_s, 4),
@@ -110,7 +116,9 @@ class RunView:
             mission=_mission(status),
             mode=self._mode(record),
             stop=status.stopped,
-            reason=record.reason or status.reason or status.gate.told,
+            stop_fact=status.stopped_fact or UNSET,
+            reason=reason,
+            reason_fact=fact or UNSET,
             gate=self._show_gate(fact),
             checks=self._checks,
             doubts=_doubts(estimate.verdicts),
@@ -148,6 +156,7 @@ class RunView:
             state=gate.state,
             since_s=round(self._gate_since_s, 2),
             reason="" if is_said else gate.reason,
+            reason_fact=UNSET if is_said or fact is None else fact,
         )
 
     def _trace(self, record: TickRecord) -> None:
@@ -226,11 +235,22 @@ def _pose(estimate: Estimate) -> tuple[float, float, float] | None:
     return round(x_m, 5), round(y_m, 5), round(yaw_rad, 5)
 
 
+def _choose_reason(record: TickRecord) -> tuple[str, Fact | None]:
+    """Choose the nearest reason, and the fact that it is the text of."""
+    status = record.status
+    if record.reason:
+        return record.reason, record.fact
+    if status.reason:
+        return status.reason, status.fact
+    return status.gate.told, status.gate.told_fact
+
+
 def _mission(status: MissionStatus) -> wire.MissionProgress:
     eta_s = status.eta_s if status.state == "running" else None
     return wire.MissionProgress(
         state=status.state,
         reason=status.reason,
+        reason_fact=status.fact or UNSET,
         row=status.row,
         rows_total=status.rows_total,
         rows_done=len(status.rows_done),
@@ -246,15 +266,21 @@ def _mission(status: MissionStatus) -> wire.MissionProgress:
 
 def _show_check(check: Check) -> wire.StartCheck:
     if check.is_ok:
-        return wire.StartCheck(name=check.name, remark=check.text)
-    return wire.StartCheck(name=check.name, wrong=check.text)
+        return wire.StartCheck(name=check.name, remark=check.text, remark_fact=check.fact)
+    return wire.StartCheck(name=check.name, wrong=check.text, wrong_fact=check.fact)
 
 
 def _doubts(verdicts: SensorVerdicts) -> list[wire.SensorDoubt]:
     """List the sensors that are not fine, which are few."""
     names: tuple[wire.SensorName, ...] = get_args(wire.SensorName)
     return [
-        wire.SensorDoubt(sensor=name, state=one.state, since_s=one.since_s, reason=one.reason)
+        wire.SensorDoubt(
+            sensor=name,
+            state=one.state,
+            since_s=one.since_s,
+            reason=one.reason,
+            reason_fact=one.fact or UNSET,
+        )
         for name in names
         if (one := getattr(verdicts, name)).state != "fine"
     ]
@@ -307,5 +333,9 @@ def thin_path(path: Path) -> wire.PathPiece:
 
 def shown_event(event: Event) -> wire.LogEvent:
     level = _LEVEL.get(event.kind, "info")
-    text = event.reason or "no objection any more"
-    return wire.LogEvent(t_s=event.t_s, level=level, source=event.kind, text=text)
+    fact = event.fact if event.kind in _TEXT_OF_FACT else None
+    line = wire.LogEvent(t_s=event.t_s, level=level, source=event.kind, text=event.reason)
+    if fact is not None:
+        text, state = render(fact), event.state or ""
+        return msgspec.structs.replace(line, text=text, text_fact=fact, state=state)
+    return line if event.reason else msgspec.structs.replace(line, text="no objection any more")

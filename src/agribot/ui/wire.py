@@ -7,6 +7,9 @@ A message is a JSON object whose `kind` names one of these structs, in both dire
 for something carries an `id` that its sender chose; what answers it carries the same one. Frames
 and units are those of `core.messages`: the map is East-North-Up, `_map_m` are its metres; `mono_ms`
 is the robot's steady clock, which no clock of a page or of the day disturbs.
+
+A text `reason` that is made of a fact has `reason_fact` beside it, and so has every other such text
+by its own name. It stays in the server, which writes the text in the language of each page.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from typing import Any, Literal
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from agribot.core.facts import AnyFact
 from agribot.core.messages import GateState, OperatorAction, PlantClass, SensorState
 
 # The page's screens in the order of its rail: each is the file of its name in `web/src/screens`.
@@ -46,6 +50,9 @@ SIGNALS = (
 CAMERA_HEAD = struct.Struct(">BBHId")
 # The same from the robot to the server: kind, number, clock (ms), height and width. Pixels follow.
 PIXELS_HEAD = struct.Struct(">BIdHH")
+
+# How the name of a fact ends that stands beside its text.
+FACT = "_fact"
 
 Vec2 = tuple[float, float]
 Mode = Literal["mission", "paused", "teleop", "stopped", "waiting", "done", "replay"]
@@ -218,6 +225,7 @@ class MissionProgress(msgspec.Struct, frozen=True, kw_only=True):
 
     state: str
     reason: str = ""
+    reason_fact: AnyFact | UnsetType = UNSET
     row: int = -1
     rows_total: int = 0
     rows_done: int = 0
@@ -270,6 +278,7 @@ class ShownGate(msgspec.Struct, frozen=True, kw_only=True):
     state: GateState
     since_s: float
     reason: str = ""
+    reason_fact: AnyFact | UnsetType = UNSET
 
 
 class StartCheck(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
@@ -281,6 +290,8 @@ class StartCheck(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     name: str
     wrong: str = ""
     remark: str = ""
+    wrong_fact: AnyFact | None = None
+    remark_fact: AnyFact | None = None
 
 
 class SensorDoubt(msgspec.Struct, frozen=True, kw_only=True):
@@ -290,6 +301,7 @@ class SensorDoubt(msgspec.Struct, frozen=True, kw_only=True):
     state: SensorState
     since_s: float | None = None
     reason: str = ""
+    reason_fact: AnyFact | UnsetType = UNSET
 
 
 class State(Message, frozen=True, kw_only=True):
@@ -319,7 +331,9 @@ class State(Message, frozen=True, kw_only=True):
     mission: MissionProgress | None = None
     mode: Mode = "waiting"
     stop: str = ""
+    stop_fact: AnyFact | UnsetType = UNSET
     reason: str = ""
+    reason_fact: AnyFact | UnsetType = UNSET
     gate: ShownGate | None = None
     checks: list[StartCheck] = []
     doubts: list[SensorDoubt] = []
@@ -350,10 +364,14 @@ class Weed(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
 
 
 class LogEvent(msgspec.Struct, frozen=True, kw_only=True):
+    """A line of the log; `state` is the new one of the mission or the gate, where that changed."""
+
     t_s: float
     level: EventLevel
     source: str
     text: str
+    text_fact: AnyFact | UnsetType = UNSET
+    state: str = ""
 
 
 class TracePiece(Message, frozen=True, kw_only=True, tag="trace"):
@@ -492,6 +510,7 @@ class LiveState(Message, frozen=True, kw_only=True):
 
     mode: Mode
     stop: str
+    stop_fact: AnyFact | UnsetType = UNSET
 
 
 class FieldChange(Message, frozen=True, kw_only=True):

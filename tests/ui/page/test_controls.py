@@ -51,7 +51,7 @@ def test_the_status_bar_tells_link_age_position_battery_stop_operator_and_viewer
         "GNSS": "RTK 1.4 cm",
         "Battery": "87 %",
         "Stop": "Clear",
-        "Operator": "Nobody",
+        "Operator": "None",
         "Connected": "1",
     }
     for label, said in told.items():
@@ -134,7 +134,7 @@ def test_escape_closes_a_dialog_wherever_the_focus_is(open_page: OpenPage) -> No
     page = open_page()
     operator = page.locator(".operator")
     operator.click()
-    page.get_by_text("Nobody operates the robot.").click()  # leaves the focus nowhere
+    page.get_by_text("The robot has no operator.").click()  # leaves the focus nowhere
     page.keyboard.press("Escape")
     expect(page.get_by_role("dialog")).to_have_count(0)
     expect(operator).to_be_focused()

@@ -69,7 +69,7 @@ def test_the_card_tells_fix_sky_and_corrections_of_a_receiver_that_is_well(
     expect(card).to_contain_text("serial:/dev/ttyACM0")
     expect(card.get_by_text("Simulated")).to_be_hidden()
     expect(fact(page, "Last fix")).to_have_text("0.1 s ago, 10 per second")
-    expect(fact(page, "Accuracy")).to_have_text("East, North ±1.4 cm; up not told")
+    expect(fact(page, "Accuracy")).to_have_text("East, North ±1.4 cm; up not reported")
     used = f"{receiver.used_count} used of {SATELLITES} in view"
     expect(fact(page, "Satellites")).to_have_text(used)
     expect(fact(page, "Signal")).to_contain_text("dB-Hz")
@@ -136,8 +136,8 @@ def test_a_receiver_that_fell_silent_is_a_fault_and_nowhere_a_zero(
     for name, said in (
         ("Last fix", "12 s ago"),
         ("Accuracy", "not known"),
-        ("Satellites", "not told for 12 s"),
-        ("Dilution", "not told for 12 s"),
+        ("Satellites", "not reported for 12 s"),
+        ("Dilution", "not reported for 12 s"),
         ("Corrections", "none"),
         ("Caster", LOST),
         ("Line", BROKEN),
@@ -157,4 +157,4 @@ def test_a_receiver_without_a_first_fix_says_so(page: Page, server: FakeServer) 
     )  # fmt: skip
     expect(card_of(page).get_by_role("status")).to_have_text("No fix yet")
     expect(fact(page, "Last fix")).to_have_text("none since the start")
-    expect(fact(page, "Satellites")).to_have_text("not told")
+    expect(fact(page, "Satellites")).to_have_text("not reported")

@@ -40,7 +40,7 @@ AXE = Path(__file__).parents[3] / "web" / "node_modules" / "axe-core" / "axe.min
 SERIOUS = {"serious", "critical"}
 # A dialog of each kind: text and name, list of screens and pages, a question, a line of text.
 DIALOGS = {
-    "drive": ("Operator Nobody", "Connected 1"),
+    "drive": ("Operator None", "Connected 1"),
     "recordings": ("Mark this moment",),
 }
 

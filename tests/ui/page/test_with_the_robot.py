@@ -166,7 +166,7 @@ def test_the_simulated_receiver_is_shown_as_such_with_what_it_gives(page: Page) 
     expect(card.get_by_text("Simulated")).to_be_visible()
     expect(card.get_by_role("status")).to_have_text("RTK fixed")
     expect(fact(page, "Last fix")).to_contain_text("per second")
-    expect(fact(page, "Satellites")).to_have_text("not told in the simulation")
+    expect(fact(page, "Satellites")).to_have_text("not reported in the simulation")
     expect(card.locator(".sky")).to_be_hidden()
 
 

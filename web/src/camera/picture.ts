@@ -4,11 +4,12 @@ import { el } from '../dom.ts'
 import type { Store } from '../store.ts'
 import { CameraStream } from './stream.ts'
 import type { Frame } from './stream.ts'
+import { decimals, say } from '../say.ts'
 
 export const CLASSES = [
-  { index: 0, name: 'Weed', rgb: [226, 54, 44] },
-  { index: 1, name: 'Crop', rgb: [52, 190, 90] },
-  { index: 2, name: 'Soil', rgb: [150, 110, 70] },
+  { index: 0, name: say('weed'), rgb: [226, 54, 44] },
+  { index: 1, name: say('crop'), rgb: [52, 190, 90] },
+  { index: 2, name: say('soil'), rgb: [150, 110, 70] },
 ] as const
 
 const RATE_WINDOW = 30
@@ -16,7 +17,7 @@ const MASK_LASTS = 5 // pictures
 
 export class CameraPicture {
   readonly node: HTMLElement
-  readonly image = el('canvas', { width: 640, height: 480, role: 'img', 'aria-label': 'Camera picture' })
+  readonly image = el('canvas', { width: 640, height: 480, role: 'img', 'aria-label': say('cameraPicture') })
   readonly mask = el('canvas', { class: 'mask', 'aria-hidden': 'true' })
   opacity = 0.45
   frozen = false
@@ -64,10 +65,10 @@ export class CameraPicture {
   label(nowMs: number): string {
     const recent = this.arrivals
     const last = recent[recent.length - 1]
-    if (last === undefined || nowMs - last > 3000) return 'no picture'
+    if (last === undefined || nowMs - last > 3000) return say('noPicture')
     const fps = recent.length > 1 ? ((recent.length - 1) * 1000) / (last - recent[0]) : 0
-    const level = this.level ? ` · level ${this.level}` : ''
-    return `${fps.toFixed(0)} fps · ${this.ageMs.toFixed(0)} ms · ${this.size}${level}`
+    const figures = { fps: decimals(fps, 0), age: decimals(this.ageMs, 0), size: this.size }
+    return this.level ? say('pictureLabelLevel', { ...figures, level: this.level }) : say('pictureLabel', figures)
   }
 
   get live(): boolean {

@@ -7,6 +7,7 @@ import { bytesOf, placer } from './messages.ts'
 import type { Option } from './options.ts'
 import { amount, choice, colour, flag, number, words } from './options.ts'
 import type { Setting } from './setting.ts'
+import { say } from '../say.ts'
 
 const MOST_POINTS = 20_000
 
@@ -16,25 +17,28 @@ interface Spot {
 }
 
 export const SCAN_OPTIONS: Option[] = [
-  choice('by', 'Colour by', 'range', 'x', 'y', 'intensity', 'one colour'),
+  choice('by', say('colourBy'), 'range', 'x', 'y', 'intensity', 'one colour'),
   colour('#b1128a'),
-  flag('rainbow', 'Rainbow', true),
+  flag('rainbow', say('rainbow'), true),
   ...range(0, 20),
-  number('size', 'Point size', 3, 1, 20, 1, 'px'),
-  number('buffer', 'Scans kept', 1, 1, 50, 1),
+  number('size', say('pointSize'), 3, 1, 20, 1, 'px'),
+  number('buffer', say('scansKept'), 1, 1, 50, 1),
 ]
 export const CLOUD_OPTIONS: Option[] = [
-  { name: 'by', label: 'Colour by field', value: 'z' },
+  { name: 'by', label: say('colourByField'), value: 'z' },
   colour('#b1128a'),
-  flag('rainbow', 'Rainbow', true),
-  flag('auto', 'Range from the data', true),
+  flag('rainbow', say('rainbow'), true),
+  flag('auto', say('rangeFromTheData'), true),
   ...range(0, 2),
-  number('size', 'Point size', 3, 1, 20, 1, 'px'),
-  number('buffer', 'Clouds kept', 1, 1, 20, 1),
+  number('size', say('pointSize'), 3, 1, 20, 1, 'px'),
+  number('buffer', say('cloudsKept'), 1, 1, 20, 1),
 ]
 
 function range(low: number, high: number): Option[] {
-  return [number('low', 'From', low, -1000, 1000, 0.1), number('high', 'To', high, -1000, 1000, 0.1)]
+  return [
+    number('low', say('rangeFrom'), low, -1000, 1000, 0.1),
+    number('high', say('rangeTo'), high, -1000, 1000, 0.1),
+  ]
 }
 
 /** A share in [0, 1] as red (0) through green to violet (1), or as a shade of one colour. */

@@ -99,7 +99,7 @@ export class Displays {
     return this.networks
   }
 
-  /** Null where the type is none, or is a tool. */
+  /** Null where the type is unknown, or is a tool. */
   add(config: DisplayConfig, removable = true): Display | null {
     const type = typeOf(config.type)
     if (!type || type.kind === 'tool' || this.all.some(({ id }) => id === config.id)) return null

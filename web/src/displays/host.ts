@@ -16,7 +16,7 @@ export interface LayerGroup {
   layers: string[]
   visible: boolean
   opacity: number
-  /** Shown paler than its opacity says: what it draws is no longer told. */
+  /** Shown paler than its opacity says: nothing sends what it draws any more. */
   readonly isFaded?: boolean
 }
 

@@ -16,6 +16,7 @@ import type { FramePose } from './messages.ts'
 import type { Option, Options } from './options.ts'
 import { amount, choice, colour, flag, number, words } from './options.ts'
 import type { Setting } from './setting.ts'
+import { decimals, say } from '../say.ts'
 
 export interface Surface {
   pen: CanvasRenderingContext2D
@@ -48,18 +49,18 @@ const ANCHORS = [
 
 function anchored(anchor: string, above = 12): Option[] {
   return [
-    choice('anchor', 'Corner', anchor, ...ANCHORS.filter((other) => other !== anchor)),
-    number('offset_x', 'Distance from the side', 72, 0, 2000, 1, 'px'),
-    number('offset_y', 'Distance from top or bottom', above, 0, 2000, 1, 'px'),
+    choice('anchor', say('corner'), anchor, ...ANCHORS.filter((other) => other !== anchor)),
+    number('offset_x', say('distanceFromTheSide'), 72, 0, 2000, 1, 'px'),
+    number('offset_y', say('distanceFromTopOrBottom'), above, 0, 2000, 1, 'px'),
   ]
 }
 
 function sized(w: number, h: number): Option[] {
   return [
-    number('w', 'Width', w, 1, 4000, 1),
-    number('h', 'Height', h, 1, 4000, 1),
-    choice('units', 'Sizes in', 'px', '%'),
-    flag('keep_ratio', 'Keep the shape', true),
+    number('w', say('width'), w, 1, 4000, 1),
+    number('h', say('height'), h, 1, 4000, 1),
+    choice('units', say('sizesIn'), 'px', '%'),
+    flag('keep_ratio', say('keepTheShape'), true),
   ]
 }
 
@@ -68,12 +69,12 @@ export const IMAGE_OPTIONS: Option[] = [...anchored('top centre'), ...sized(240,
 export const TEXT_OPTIONS: Option[] = [
   ...anchored('bottom left', 40),
   colour('#ffffff'),
-  flag('background', 'Dark behind it', true),
-  number('font_px', 'Size', 16, 8, 72, 1, 'px'),
-  { name: 'prefix', label: 'Text before', value: '' },
-  { name: 'postfix', label: 'Text after', value: '' },
+  flag('background', say('darkBehindIt'), true),
+  number('font_px', say('size'), 16, 8, 72, 1, 'px'),
+  { name: 'prefix', label: say('textBefore'), value: '' },
+  { name: 'postfix', label: say('textAfter'), value: '' },
 ]
-export const FLOAT_OPTIONS: Option[] = [...TEXT_OPTIONS, number('digits', 'Decimals', 2, 0, 9, 1)]
+export const FLOAT_OPTIONS: Option[] = [...TEXT_OPTIONS, number('digits', say('decimals'), 2, 0, 9, 1)]
 
 /** Where a thing of a size goes on the map. */
 export function placedBox(options: Options, surface: { width: number; height: number }, w: number, h: number): Box {
@@ -162,7 +163,7 @@ export function foldText(_: string | undefined, message: TextMessage, { options 
 }
 
 export function foldNumber(_: string | undefined, message: NumberMessage, { options }: Setting): string {
-  const value = Number(message.data).toFixed(amount(options, 'digits'))
+  const value = decimals(Number(message.data), amount(options, 'digits'))
   return `${words(options, 'prefix')}${value}${words(options, 'postfix')}`
 }
 
@@ -210,12 +211,12 @@ export function paintImage(picture: Picture, surface: Surface, { options }: Sett
 }
 
 export const ROBOT_IMAGE_OPTIONS: Option[] = [
-  { name: 'image', label: 'Picture, nose to the right', value: '' },
-  number('w', 'Length', 0.9, 0.05, 20, 0.05, 'm'),
-  number('h', 'Width', 0.66, 0.05, 20, 0.05, 'm'),
-  flag('keep_ratio', 'Keep the shape', true),
-  number('offset_x', 'Forwards', 0, -10, 10, 0.05, 'm'),
-  number('offset_y', 'To the left', 0, -10, 10, 0.05, 'm'),
+  { name: 'image', label: say('pictureNoseToTheRight'), value: '' },
+  number('w', say('length'), 0.9, 0.05, 20, 0.05, 'm'),
+  number('h', say('width'), 0.66, 0.05, 20, 0.05, 'm'),
+  flag('keep_ratio', say('keepTheShape'), true),
+  number('offset_x', say('forwards'), 0, -10, 10, 0.05, 'm'),
+  number('offset_y', say('toTheLeft'), 0, -10, 10, 0.05, 'm'),
 ]
 
 export function foldRobotPose(_: FramePose | undefined, message: PoseStamped, { robot }: Setting): FramePose {

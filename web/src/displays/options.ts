@@ -1,5 +1,7 @@
 /** What an operator can set of a display. The kind of an option follows from its value. */
 
+import { say } from '../say.ts'
+
 export type OptionValue = number | boolean | string
 export interface Option {
   name: string
@@ -28,7 +30,7 @@ export const choice = (name: string, label: string, ...choices: string[]): Optio
   value: choices[0],
   choices,
 })
-export const colour = (value: string, name = 'color', label = 'Colour'): Option => ({ name, label, value })
+export const colour = (value: string, name = 'color', label = say('colour')): Option => ({ name, label, value })
 export const flag = (name: string, label: string, value: boolean): Option => ({ name, label, value })
 
 /** The options of a type with what was chosen; a value of the wrong type is ignored. */

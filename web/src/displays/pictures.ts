@@ -15,6 +15,7 @@ import { bytesOf, frameOf, within } from './messages.ts'
 import type { Option } from './options.ts'
 import { choice, words } from './options.ts'
 import type { Setting } from './setting.ts'
+import { say } from '../say.ts'
 
 /** A picture and where its corners lie in the map: upper left, upper right, lower right, lower left. */
 export interface Laid {
@@ -22,7 +23,7 @@ export interface Laid {
   corners: [Vec2, Vec2, Vec2, Vec2]
 }
 
-export const GRID_OPTIONS: Option[] = [choice('scheme', 'Colours', 'map', 'costmap')]
+export const GRID_OPTIONS: Option[] = [choice('scheme', say('colours'), 'map', 'costmap')]
 
 export interface Grid {
   width: number

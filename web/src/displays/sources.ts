@@ -6,6 +6,7 @@ import { CameraStream } from '../camera/stream.ts'
 import type { MapSource, PanelInfo, State } from '../wire.ts'
 import type { Odometry, PoseStamped } from './messages.ts'
 import { ofYaw } from './messages.ts'
+import { say } from '../say.ts'
 
 export type Listener = (message: unknown) => void
 /** What is wrong with what a source gives and what was left out of it; `isStale` says that it has stopped. */
@@ -127,9 +128,9 @@ function cameraListener(app: App): Source['listen'] {
 export function robotSources(app: App): Source[] {
   const stamped = ofState(app, poseOf)
   const sources: Source[] = [
-    { id: 'gnss', title: 'GNSS receiver', types: ['gps', 'navsat'], listen: ofState(app, fixOf) },
-    { id: 'odometry', title: 'Estimated pose', types: ['odometry'], listen: ofState(app, odometryOf) },
-    { id: 'pose', title: 'Estimated pose', types: ['pose', 'robot_image'], listen: stamped },
+    { id: 'gnss', title: say('gnssReceiver'), types: ['gps', 'navsat'], listen: ofState(app, fixOf) },
+    { id: 'odometry', title: say('estimatedPose'), types: ['odometry'], listen: ofState(app, odometryOf) },
+    { id: 'pose', title: say('estimatedPose'), types: ['pose', 'robot_image'], listen: stamped },
     {
       id: 'base_link',
       title: 'base_link',
@@ -145,11 +146,16 @@ export function robotSources(app: App): Source[] {
         )
       }),
     },
-    { id: 'imu', title: 'Tilt', types: ['attitude_indicator'], listen: ofState(app, imuOf) },
-    { id: 'path', title: 'Planned path', types: ['path'], listen: pathListener(app, (poses) => ({ poses }), 'path') },
+    { id: 'imu', title: say('tilt'), types: ['attitude_indicator'], listen: ofState(app, imuOf) },
+    {
+      id: 'path',
+      title: say('plannedPath'),
+      types: ['path'],
+      listen: pathListener(app, (poses) => ({ poses }), 'path'),
+    },
     {
       id: 'route',
-      title: 'Planned path and the place on it',
+      title: say('pathAndPlace'),
       types: ['route'],
       listen: pathListener(
         app,
@@ -162,14 +168,15 @@ export function robotSources(app: App): Source[] {
     },
     {
       id: 'mission',
-      title: 'State of the mission',
+      title: say('stateOfTheMission'),
       types: ['string'],
       listen: ofState(app, (state) => ({
         data: [state.mission?.state, state.reason].filter(Boolean).join(': ') || state.mode,
       })),
     },
   ]
-  if (app.session.camera) sources.push({ id: 'camera', title: 'Camera', types: ['image'], listen: cameraListener(app) })
+  if (app.session.camera)
+    sources.push({ id: 'camera', title: say('camera'), types: ['image'], listen: cameraListener(app) })
   app.store.signals.names.forEach((name, i) =>
     sources.push({
       id: `signal:${name}`,

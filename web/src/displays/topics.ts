@@ -3,6 +3,7 @@
 import { api } from '../api.ts'
 import type { TopicNews, TopicNetworkInfo, TopicWish } from '../wire.ts'
 import type { Listener, Source, Tell } from './sources.ts'
+import { say } from '../say.ts'
 
 const EVERY_MS = 200
 const AFTER_FAILURE_MS = 2000
@@ -56,7 +57,7 @@ export class TopicPoller {
       if (news) watchers.forEach((watcher, i) => this.take(watcher, news[i]))
       else {
         next = AFTER_FAILURE_MS
-        for (const { tell } of watchers) tell({ note: 'the robot does not answer', leftOut: '', isStale: true })
+        for (const { tell } of watchers) tell({ note: say('doesNotAnswer'), leftOut: '', isStale: true })
       }
     }
     this.schedule(next)
@@ -84,7 +85,7 @@ export function topicSource(poller: TopicPoller, id: string, title: string, type
 }
 
 export function titleOf(name: string): string {
-  return name.replace(/^frame:/, 'Frame ')
+  return name.replace(/^frame:/, `${say('kindFrame')} `)
 }
 
 /** The topics that one kind of display can show, as sources with their network in the title. */

@@ -16,6 +16,8 @@ import { frameOf, placed, within } from './messages.ts'
 import type { Option, Options } from './options.ts'
 import { amount, choice, colour, flag, number, words } from './options.ts'
 import type { Setting } from './setting.ts'
+import { fixed } from '../format.ts'
+import { say } from '../say.ts'
 
 const SIGMAS_95 = 2.4477
 
@@ -28,18 +30,18 @@ export interface Place {
 }
 
 export const TRACK_OPTIONS: Option[] = [
-  choice('style', 'Draw as', 'lines', 'points', 'arrows'),
+  choice('style', say('drawAs'), 'lines', 'points', 'arrows'),
   colour('#1f5fe0'),
-  number('size', 'Size', 3, 1, 20, 1, 'px'),
-  number('buffer', 'Places kept', 2000, 1, 20000, 1),
-  number('tolerance_m', 'Nearest two places', 0.05, 0, 10, 0.01, 'm'),
+  number('size', say('size'), 3, 1, 20, 1, 'px'),
+  number('buffer', say('placesKept'), 2000, 1, 20000, 1),
+  number('tolerance_m', say('nearestTwoPlaces'), 0.05, 0, 10, 0.01, 'm'),
 ]
 export const ODOMETRY_OPTIONS: Option[] = [
   ...TRACK_OPTIONS,
-  flag('covariance', 'Covariance ellipse', true),
-  flag('all_covariances', 'Ellipse of every place', false),
-  flag('timestamps', 'Times', false),
-  flag('laps', 'A colour for each lap', false),
+  flag('covariance', say('covarianceEllipse'), true),
+  flag('all_covariances', say('ellipseOfEveryPlace'), false),
+  flag('timestamps', say('times'), false),
+  flag('laps', say('aColourForEachLap'), false),
 ]
 const LAP_COLOURS = ['#1f5fe0', '#c2410c', '#14803c', '#8b2fc9', '#b0125b', '#0b7285']
 
@@ -104,7 +106,7 @@ export function drawTrack(track: Place[], draw: Drawing, { options }: Setting): 
   if (!last) return
   if (style === 'lines') draw.point(last.p, { color, radius: size + 2 })
   if (options.covariance) drawEllipses(options.all_covariances ? track : [last], draw, color)
-  if (options.timestamps && last.t !== null) draw.label(last.p, `${last.t.toFixed(1)} s`)
+  if (options.timestamps && last.t !== null) draw.label(last.p, fixed(last.t, 1, 's'))
 }
 
 function drawLaps(track: Place[], draw: Drawing, options: Options): void {
@@ -130,7 +132,7 @@ function drawEllipses(places: Place[], draw: Drawing, color: string): void {
 
 const LAP_M = 1
 
-/** Pieces of a track, cut wherever it comes back to where it began. */
+/** Pieces of a track, cut each time that it comes back to its beginning. */
 export function laps(track: Place[]): Place[][] {
   if (!track.length) return []
   const [x, y] = track[0].p
@@ -151,8 +153,8 @@ function lapColour(track: Place[], lap: Place[]): string {
 
 export const PATH_OPTIONS: Option[] = [
   colour('#6a6f1d'),
-  number('size', 'Width', 3, 1, 20, 1, 'px'),
-  choice('style', 'Draw as', 'lines', 'points'),
+  number('size', say('width'), 3, 1, 20, 1, 'px'),
+  choice('style', say('drawAs'), 'lines', 'points'),
 ]
 
 export function drawPath(path: RosPath, draw: Drawing, setting: Setting): void {
@@ -179,7 +181,7 @@ export function drawRoute(route: Route, draw: Drawing, setting: Setting): void {
   if (here) draw.arrow([here[0], here[1]], here[2], 1, { color: words(setting.options, 'icon') })
 }
 
-/** The place and heading so many metres along a polyline; null where it has none. */
+/** The place and heading at a distance along a polyline; null for a line without length. */
 export function along(points: Vec2[], distanceM: number): FramePose | null {
   let left = distanceM
   for (let i = 1; i < points.length; i++) {
@@ -196,8 +198,8 @@ export function along(points: Vec2[], distanceM: number): FramePose | null {
 
 export const FRAME_OPTIONS: Option[] = [
   ...TRACK_OPTIONS.slice(1),
-  number('axis_m', 'Length of the axes', 1, 0.1, 10, 0.1, 'm'),
-  choice('style', 'Draw as', 'axes', 'lines'),
+  number('axis_m', say('lengthOfTheAxes'), 1, 0.1, 10, 0.1, 'm'),
+  choice('style', say('drawAs'), 'axes', 'lines'),
 ]
 
 export function foldFrame(track: Track, message: TransformStamped, { options, robot }: Setting): Place[] {

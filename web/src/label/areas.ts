@@ -1,10 +1,11 @@
 /** Areas of a picture that the server computes, superpixels and plants: each asked for once. */
 
 import type { Pieces } from './painting.ts'
+import { say } from '../say.ts'
 
 export type AreaTool = 'fill' | 'plant'
 /** What an area tool paints, as the page names it. */
-export const AREA_NAMES: Record<AreaTool, string> = { fill: 'superpixels', plant: 'plants' }
+export const AREA_NAMES: Record<AreaTool, string> = { fill: say('areasSuperpixels'), plant: say('areasPlants') }
 
 export class Areas {
   private readonly found = new Map<AreaTool, Pieces>()

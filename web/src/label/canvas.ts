@@ -2,6 +2,7 @@
 
 import { el } from '../dom.ts'
 import { type Box, type Classes, type Pieces, type Point, tint } from './painting.ts'
+import { say } from '../say.ts'
 
 const LARGEST_SCALE = 24
 const FILLED = 0.96
@@ -21,7 +22,7 @@ export class LabelCanvas {
 
   constructor() {
     this.stage.append(this.photo, this.outlines, this.overlay)
-    this.node = el('div', { class: 'canvas', tabindex: 0, role: 'img', 'aria-label': 'Picture with its classes' })
+    this.node = el('div', { class: 'canvas', tabindex: 0, role: 'img', 'aria-label': say('pictureWithItsClasses') })
     this.node.append(this.stage, this.cursor)
     new ResizeObserver(() => this.isFitted && this.fit()).observe(this.node)
   }

@@ -1,5 +1,7 @@
 /** Classes of a picture as an array of bytes, and what a person does to them; no browser needed. */
 
+import { say } from '../say.ts'
+
 export interface Kind {
   id: number
   name: string
@@ -13,10 +15,10 @@ export const SOIL = 2
 export const IGNORED = 255
 /** In the order of their keys; the ids are those of the masks. */
 export const KINDS: Kind[] = [
-  { id: CROP, name: 'Crop', key: '1', rgb: [52, 200, 95] },
-  { id: WEED, name: 'Weed', key: '2', rgb: [255, 45, 70] },
-  { id: SOIL, name: 'Soil', key: '3', rgb: [150, 110, 70] },
-  { id: IGNORED, name: 'Ignore', key: '4', rgb: [120, 110, 255] },
+  { id: CROP, name: say('crop'), key: '1', rgb: [52, 200, 95] },
+  { id: WEED, name: say('weed'), key: '2', rgb: [255, 45, 70] },
+  { id: SOIL, name: say('soil'), key: '3', rgb: [150, 110, 70] },
+  { id: IGNORED, name: say('kindIgnore'), key: '4', rgb: [120, 110, 255] },
 ]
 
 export interface Raster<T extends Uint8Array | Uint16Array> {

@@ -6,22 +6,23 @@ import type { LabelCanvas } from './canvas.ts'
 import { CROP, KINDS, WEED } from './painting.ts'
 import type { PictureState } from './server.ts'
 import { countWaiting, type Session, type Tool } from './session.ts'
+import { decimals, say } from '../say.ts'
 
 const TOOLS: [Tool, string, string, string][] = [
-  ['plant', 'Plant', 'P', 'A click names a whole plant'],
-  ['rename', 'Rename', 'R', 'A brush that names vegetation and leaves soil as it is'],
-  ['brush', 'Brush', 'B', 'Paints whatever it passes over'],
-  ['fill', 'Superpixels', 'F', 'A click names a small area of one colour'],
-  ['move', 'Move', 'V', 'Moves the picture'],
+  ['plant', say('plant'), 'P', say('plantToolAbout')],
+  ['rename', say('rename'), 'R', say('renameToolAbout')],
+  ['brush', say('brush'), 'B', say('brushToolAbout')],
+  ['fill', say('superpixels'), 'F', say('fillToolAbout')],
+  ['move', say('move'), 'V', say('moveToolAbout')],
 ]
-const STATE_NAMES = { new: 'not labelled', draft: 'begun', done: 'labelled' }
+const STATE_NAMES = { new: say('notLabelled'), draft: say('begun'), done: say('labelled') }
 const RADII = { least: 1, most: 80 }
 
 type Press = (event: Event) => void
 
 function button(name: string, key: string, press: Press, more: Record<string, string> = {}): HTMLButtonElement {
   const shown = key ? el('kbd', {}, key) : null
-  const title = key ? `key ${key}` : null
+  const title = key ? say('keyIs', { key }) : null
   return el('button', { class: 'button', type: 'button', onclick: press, title, ...more }, name, shown)
 }
 
@@ -39,17 +40,17 @@ export function makeBar(session: Session): HTMLElement {
   const name = el('strong', { class: 'picture-name' })
   const state = el('span', { class: 'state' })
   const count = el('span', { class: 'count muted' })
-  const progress = el('progress', { max: 1, value: 0, 'aria-label': 'Pictures labelled' })
+  const progress = el('progress', { max: 1, value: 0, 'aria-label': say('picturesLabelled') })
   const saved = el('span', { class: 'saved muted', role: 'status' })
   const draw = (): void => {
     const done = session.pictures.filter((one) => one.state === 'done').length
     setText(name, session.current?.name ?? '')
     setText(state, session.current ? STATE_NAMES[session.current.state] : '')
     setAttr(state, 'data-state', session.current?.state ?? null)
-    setText(count, `${done} of ${session.pictures.length} labelled`)
+    setText(count, say('labelledOf', { done, all: session.pictures.length }))
     progress.max = Math.max(1, session.pictures.length)
     progress.value = done
-    setText(saved, session.isUnsaved ? 'not saved yet' : session.isBusy ? 'opening…' : 'saved')
+    setText(saved, session.isUnsaved ? say('notSavedYet') : session.isBusy ? say('opening') : say('saved'))
   }
   session.on('list', draw)
   session.on('change', draw)
@@ -67,7 +68,7 @@ export function makeBar(session: Session): HTMLElement {
 export function makeComputing(session: Session): HTMLElement {
   const node = el('p', { class: 'computing', role: 'status', hidden: true })
   session.on('change', () => {
-    const computing = session.computing && `computing ${session.computing}…`
+    const computing = session.computing && say('computing', { areas: session.computing })
     const waiting = session.waitingCount ? countWaiting(session.waitingCount) : null
     setText(node, [computing, waiting].filter(Boolean).join(' '))
     node.hidden = !computing && !waiting
@@ -100,16 +101,16 @@ function makeChoices(session: Session): HTMLElement {
   return el(
     'div',
     { class: 'choices' },
-    el('div', { class: 'choice-row kinds', role: 'group', 'aria-label': 'Class' }, ...kinds),
-    el('div', { class: 'choice-row tools', role: 'group', 'aria-label': 'Tool' }, ...tools),
+    el('div', { class: 'choice-row kinds', role: 'group', 'aria-label': say('kindOfPlant') }, ...kinds),
+    el('div', { class: 'choice-row tools', role: 'group', 'aria-label': say('tool') }, ...tools),
   )
 }
 
 function makeSliders(session: Session, canvas: LabelCanvas): HTMLElement {
-  const size = el('input', { type: 'range', min: RADII.least, max: RADII.most, 'aria-label': 'Brush size' })
+  const size = el('input', { type: 'range', min: RADII.least, max: RADII.most, 'aria-label': say('brushSize') })
   const text = el('output', {})
   size.addEventListener('input', () => setRadius(session, Number(size.value)))
-  const opacity = el('input', { type: 'range', min: 0, max: 100, value: 90, 'aria-label': 'Strength of the colours' })
+  const opacity = el('input', { type: 'range', min: 0, max: 100, value: 90, 'aria-label': say('strengthOfTheColours') })
   opacity.addEventListener('input', () => canvas.setOpacity(Number(opacity.value) / 100))
   canvas.setOpacity(0.9)
   session.on('change', () => {
@@ -119,7 +120,7 @@ function makeSliders(session: Session, canvas: LabelCanvas): HTMLElement {
   return el(
     'div',
     { class: 'sliders' },
-    el('label', { class: 'slider' }, el('span', {}, 'Size ', text), size),
+    el('label', { class: 'slider' }, el('span', {}, `${say('size')} `, text), size),
     el('label', { class: 'slider' }, el('span', {}, 'Colours'), opacity),
   )
 }
@@ -127,8 +128,8 @@ function makeSliders(session: Session, canvas: LabelCanvas): HTMLElement {
 /** What gives all plants of one class in this picture the other one. */
 function makeRenames(session: Session): HTMLElement {
   const renames = [
-    button('All weed is crop', '', () => void session.renameAll(WEED, CROP)),
-    button('All crop is weed', '', () => void session.renameAll(CROP, WEED)),
+    button(say('allWeedIsCrop'), '', () => void session.renameAll(WEED, CROP)),
+    button(say('allCropIsWeed'), '', () => void session.renameAll(CROP, WEED)),
   ]
   session.on('change', () => {
     for (const node of renames) node.disabled = session.isBusy
@@ -137,24 +138,24 @@ function makeRenames(session: Session): HTMLElement {
 }
 
 function makeActions(session: Session, canvas: LabelCanvas): HTMLElement {
-  const undo = button('Undo', 'Z', () => session.undo())
-  const redo = button('Redo', 'Y', () => session.redo())
+  const undo = button(say('undo'), 'Z', () => session.undo())
+  const redo = button(say('redo'), 'Y', () => session.redo())
   session.on('change', () => {
     undo.disabled = !session.canUndo
     redo.disabled = !session.canRedo
   })
-  const zoomOut = el('button', { class: 'button', type: 'button', 'aria-label': 'Zoom out' }, icon('minus', 20))
-  const zoomIn = el('button', { class: 'button', type: 'button', 'aria-label': 'Zoom in' }, icon('plus', 20))
+  const zoomOut = el('button', { class: 'button', type: 'button', 'aria-label': say('zoomOut') }, icon('minus', 20))
+  const zoomIn = el('button', { class: 'button', type: 'button', 'aria-label': say('zoomIn') }, icon('plus', 20))
   zoomOut.addEventListener('click', () => canvas.zoom(1 / 1.5))
   zoomIn.addEventListener('click', () => canvas.zoom(1.5))
-  const fit = button('Fit', '0', () => canvas.fit())
+  const fit = button(say('fit'), '0', () => canvas.fit())
   return el('div', { class: 'actions' }, undo, redo, zoomOut, zoomIn, fit)
 }
 
 function makeSteps(session: Session): HTMLElement {
-  const before = button('‹', '', () => void session.step(-1), { 'aria-label': 'Previous picture' })
-  const after = button('›', '', () => void session.step(1), { 'aria-label': 'Next picture' })
-  const done = button('Done, next', '⏎', () => void session.finish(), { class: 'button primary finish' })
+  const before = button('‹', '', () => void session.step(-1), { 'aria-label': say('previousPicture') })
+  const after = button('›', '', () => void session.step(1), { 'aria-label': say('nextPicture') })
+  const done = button(say('doneNext'), '⏎', () => void session.finish(), { class: 'button primary finish' })
   session.on('change', () => {
     before.disabled = session.isBusy || session.place <= 0
     after.disabled = session.isBusy || session.place >= session.pictures.length - 1
@@ -167,7 +168,7 @@ function makeList(session: Session): HTMLElement {
   const list = el('ol', { class: 'picture-list' })
   const about = el('span', { class: 'muted' })
   const row = (picture: PictureState): HTMLElement => {
-    const unsure = picture.uncertainty === null ? '…' : `${(100 * picture.uncertainty).toFixed(1)} %`
+    const unsure = picture.uncertainty === null ? '…' : `${decimals(100 * picture.uncertainty, 1)} %`
     const press = (): void => void session.open(picture)
     return el(
       'li',
@@ -191,8 +192,8 @@ function makeList(session: Session): HTMLElement {
   session.on('change', draw)
   return el(
     'section',
-    { class: 'pictures', 'aria-label': 'Pictures' },
-    el('div', { class: 'pictures-head' }, el('h2', {}, 'Least sure first'), about),
+    { class: 'pictures', 'aria-label': say('pictures') },
+    el('div', { class: 'pictures-head' }, el('h2', {}, say('leastSureFirst')), about),
     list,
   )
 }

@@ -2,6 +2,7 @@
 
 import type { AreaTool } from './areas.ts'
 import type { Classes, Pieces, Raster } from './painting.ts'
+import { say } from '../say.ts'
 
 export type State = 'new' | 'draft' | 'done'
 
@@ -36,11 +37,11 @@ async function ask(path: string, init?: RequestInit): Promise<Response> {
   try {
     answer = await fetch(`${BASE}${path}`, init)
   } catch {
-    throw new NoAnswer('agribot label does not answer; is it still running?')
+    throw new NoAnswer(say('labelDoesNotAnswer'))
   }
   if (!answer.ok) {
     const told = (await answer.json().catch(() => null)) as { error?: string } | null
-    const text = told?.error ?? `the server answered ${answer.status}`
+    const text = told?.error ?? say('serverAnswered', { status: answer.status })
     throw answer.status === 409 ? new SavedMeanwhile(text) : new Error(text)
   }
   return answer

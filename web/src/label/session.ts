@@ -6,6 +6,7 @@ import type { LabelCanvas } from './canvas.ts'
 import { Drawing, type PaintTool } from './drawing.ts'
 import type { Painter } from './gestures.ts'
 import { type Classes, CROP, type Point, SOIL } from './painting.ts'
+import { say } from '../say.ts'
 import * as server from './server.ts'
 
 export type Tool = PaintTool | 'move'
@@ -18,7 +19,7 @@ interface Events {
 const isOfAreas = (tool: Tool): tool is AreaTool => tool in AREA_NAMES
 const textOf = (error: unknown): string => (error instanceof Error ? error.message : String(error))
 /** How many strokes wait, in words. */
-export const countWaiting = (strokes: number): string => (strokes === 1 ? '1 stroke waits' : `${strokes} strokes wait`)
+export const countWaiting = (strokes: number): string => say('strokesWait', { count: strokes })
 const SAVE_AFTER_MS = 700
 const SAVE_AGAIN_MS = 3000
 
@@ -77,7 +78,7 @@ export class Session extends Emitter<Events> implements Painter {
     this.emit('list', undefined)
   }
 
-  /** Opens what was begun last time, else the picture of which the network is least sure. */
+  /** Opens what was begun last time, else the picture that the network is least sure about. */
   async start(): Promise<void> {
     await this.refresh()
     const begun = this.pictures.find((one) => one.state === 'draft')
@@ -201,7 +202,7 @@ export class Session extends Emitter<Events> implements Painter {
     try {
       await this.drawing?.settle()
     } catch (error) {
-      throw new Error(`${countWaiting(this.waitingCount)}: ${textOf(error)}; try again, or take back with Z`)
+      throw new Error(say('strokesFailed', { waiting: countWaiting(this.waitingCount), problem: textOf(error) }))
     }
   }
 

@@ -1,14 +1,15 @@
 /** Pictures and videos of the map with everything drawn over it. */
 
 import type { Map as MapLibre } from 'maplibre-gl'
+import { say } from '../say.ts'
 
 const VIDEO_FPS = 15
 const VIDEO_TYPES = ['video/webm;codecs=vp9', 'video/webm;codecs=vp8', 'video/webm', 'video/mp4']
 
 export const CAPTURE_SIZES = {
-  window: 'As large as the window',
-  '480p': '480p (640 × 480)',
-  '720p': '720p (1280 × 720)',
+  window: say('asLargeAsWindow'),
+  '480p': say('size480p'),
+  '720p': say('size720p'),
 }
 export type CaptureSize = keyof typeof CAPTURE_SIZES
 const SIZES_PX: Partial<Record<CaptureSize, [width: number, height: number]>> = {
@@ -78,7 +79,7 @@ export class Capture {
     return true
   }
 
-  /** The film and how its file name ends; null when there is none. */
+  /** The film and how its file name ends; null without a film. */
   stop(): Promise<{ film: Blob; suffix: string } | null> {
     const recorder = this.recorder
     if (!recorder) return Promise.resolve(null)

@@ -14,6 +14,7 @@ import { TOOLS } from './tools.ts'
 import type { SavedView, MapView } from './view.ts'
 import { viewSettings } from './view-settings.ts'
 import type { ViewSettings } from './view-settings.ts'
+import { decimals, say } from '../say.ts'
 
 function mapButton(name: IconName, title: string, action: () => void): HTMLButtonElement {
   return el('button', { type: 'button', class: 'map-button', title, 'aria-label': title, onclick: action }, icon(name))
@@ -25,10 +26,10 @@ export function mapControls(
   app: App,
   tools: ToolId[] = TOOLS.map((t) => t.id),
 ): { node: HTMLElement; done: () => void } {
-  const follow = mapButton('follow', 'Follow the robot', () => view.tracking.toggle())
+  const follow = mapButton('follow', say('followTheRobot'), () => view.tracking.toggle())
   const film = filmButton(view, app)
   const cursor = cursorLine(view)
-  const layersButton = mapButton('layers', 'Layers and views', () => {
+  const layersButton = mapButton('layers', say('layersAndViews'), () => {
     layers.hidden = !layers.hidden
     layersButton.setAttribute('aria-expanded', String(!layers.hidden))
   })
@@ -53,12 +54,12 @@ export function mapControls(
     el(
       'div',
       { class: 'map-stack' },
-      mapButton('plus', 'Zoom in', () => view.zoomBy(1)),
-      mapButton('minus', 'Zoom out', () => view.zoomBy(-1)),
+      mapButton('plus', say('zoomIn'), () => view.zoomBy(1)),
+      mapButton('minus', say('zoomOut'), () => view.zoomBy(-1)),
       follow,
-      mapButton('fit', 'Whole field', () => view.overview()),
+      mapButton('fit', say('wholeField'), () => view.overview()),
       layersButton,
-      mapButton('image', 'Save a picture of the map', () => void savePicture(view, app)),
+      mapButton('image', say('saveMapPicture'), () => void savePicture(view, app)),
       film,
     ),
     bar.node,
@@ -80,7 +81,7 @@ const MOST_LINES = 4
 
 /** What is wrong with displays that are shown, a line each. */
 function conditionLines(view: MapView): { node: HTMLElement; refresh: () => void } {
-  const node = el('ul', { class: 'map-conditions', role: 'status', 'aria-label': 'Displays' })
+  const node = el('ul', { class: 'map-conditions', role: 'status', 'aria-label': say('displays') })
   const refresh = (): void => {
     const lines = view.displays.all
       .filter(({ visible, condition }) => visible && condition.note)
@@ -88,7 +89,7 @@ function conditionLines(view: MapView): { node: HTMLElement; refresh: () => void
     const more = lines.length - MOST_LINES
     node.replaceChildren(
       ...lines.slice(0, MOST_LINES).map(({ text, isStale }) => el('li', { class: isStale ? 'stale' : '' }, text)),
-      ...(more > 0 ? [el('li', {}, `${more} more`)] : []),
+      ...(more > 0 ? [el('li', {}, say('displaysMore', { count: more }))] : []),
     )
   }
   return { node, refresh }
@@ -110,7 +111,8 @@ function cursorLine({ map, app }: MapView): { node: HTMLElement; done: () => voi
   const node = el('div', { class: 'map-cursor', 'aria-hidden': 'true' })
   const move = ({ lngLat: { lng, lat } }: MapMouseEvent): void => {
     const [x, y] = app.projection.toMap(lng, lat)
-    setText(node, `E ${x.toFixed(2)}  N ${y.toFixed(2)} m · ${lat.toFixed(7)}, ${lng.toFixed(7)}`)
+    const place = `${lat.toFixed(7)}, ${lng.toFixed(7)}`
+    setText(node, say('cursorText', { east: decimals(x, 2), north: decimals(y, 2), place }))
   }
   const leave = (): void => setText(node, '')
   map.on('mousemove', move)
@@ -131,7 +133,7 @@ function hintLine(view: MapView): Hint {
     {
       type: 'button',
       class: 'icon-button quiet',
-      'aria-label': 'Copy the position',
+      'aria-label': say('copyThePosition'),
       onclick: () => void copyText(view),
     },
     icon('copy', 20),
@@ -155,7 +157,7 @@ async function copyText({ tools, app }: MapView): Promise<void> {
     document.execCommand('copy')
     area.remove()
   }
-  app.toasts.show('info', `Copied: ${tools.copied}`)
+  app.toasts.show('info', say('copied', { text: tools.copied }))
 }
 
 function toolBar(view: MapView, wanted: ToolId[], hint: Hint): { node: HTMLElement; choose: (id: ToolId) => void } {
@@ -164,11 +166,11 @@ function toolBar(view: MapView, wanted: ToolId[], hint: Hint): { node: HTMLEleme
     button.dataset.tool = tool.id
     return button
   })
-  const open = mapButton('tools', 'Map tools', () => {
+  const open = mapButton('tools', say('mapTools'), () => {
     setOpen(node.dataset.open !== 'true')
   })
   open.classList.add('tools-toggle')
-  const node = el('div', { class: 'map-tools', role: 'toolbar', 'aria-label': 'Map tools' }, open, ...buttons)
+  const node = el('div', { class: 'map-tools', role: 'toolbar', 'aria-label': say('mapTools') }, open, ...buttons)
   const setOpen = (isOpen: boolean): void => {
     node.dataset.open = String(isOpen)
     open.setAttribute('aria-expanded', String(isOpen))
@@ -192,12 +194,12 @@ function stamp(): string {
 }
 
 function filmButton(view: MapView, app: App): HTMLElement {
-  const button = mapButton('video', 'Record a video of the map', () => void toggle())
+  const button = mapButton('video', say('recordMapVideo'), () => void toggle())
   const show = (): void => button.setAttribute('aria-pressed', String(view.capture.isRecording))
   const toggle = async (): Promise<void> => {
     if (!view.capture.isRecording) {
-      if (view.capture.start()) app.toasts.show('info', 'Filming the map. Press again to end and save.')
-      else app.toasts.show('warn', 'This browser cannot record a video.')
+      if (view.capture.start()) app.toasts.show('info', say('filmingMap'))
+      else app.toasts.show('warn', say('noVideo'))
     } else {
       const film = await view.capture.stop()
       if (film) download(`map-${stamp()}.${film.suffix}`, film.film)
@@ -211,7 +213,7 @@ function filmButton(view: MapView, app: App): HTMLElement {
 async function savePicture(view: MapView, app: App): Promise<void> {
   const picture = await view.capture.picture()
   if (picture) download(`map-${stamp()}.png`, picture)
-  else app.toasts.show('warn', 'The browser could not make the picture.')
+  else app.toasts.show('warn', say('noMapPicture'))
 }
 
 function layerPanel(view: MapView, useTool: (id: ToolId) => void, settings: ViewSettings): HTMLElement {
@@ -223,12 +225,12 @@ function layerPanel(view: MapView, useTool: (id: ToolId) => void, settings: View
     'button',
     { type: 'button', class: 'button', onclick: () => void addDisplay(view, useTool) },
     icon('plus', 20),
-    'Add display',
+    say('addDisplay'),
   )
   return el(
     'div',
-    { class: 'map-panel card', hidden: true, role: 'group', 'aria-label': 'Layers' },
-    el('div', { class: 'title-row' }, el('h2', {}, 'Layers'), add),
+    { class: 'map-panel card', hidden: true, role: 'group', 'aria-label': say('layers') },
+    el('div', { class: 'title-row' }, el('h2', {}, say('layers')), add),
     list,
     settings.node,
     viewButtons(view, fill),
@@ -251,7 +253,7 @@ function layerRow(view: MapView, group: LayerGroup): HTMLElement {
     max: 1,
     step: 0.05,
     value: group.opacity,
-    'aria-label': `Opacity of ${group.title}`,
+    'aria-label': say('opacityOf', { name: group.title }),
     oninput: () => {
       group.opacity = Number(opacity.value)
       view.applyGroup(group)
@@ -263,7 +265,7 @@ function layerRow(view: MapView, group: LayerGroup): HTMLElement {
     {
       type: 'button',
       class: 'icon-button',
-      'aria-label': `Change ${group.title}`,
+      'aria-label': say('changeThis', { name: group.title }),
       onclick: () => void editGroup(view, group),
     },
     icon('settings', 20),
@@ -283,16 +285,16 @@ function layerRow(view: MapView, group: LayerGroup): HTMLElement {
 function viewButtons(view: MapView, refresh: () => void): HTMLElement {
   const { app } = view
   const save = async (): Promise<void> => {
-    const name = await app.dialogs.prompt('Save this view', 'Name of the view')
+    const name = await app.dialogs.prompt(say('saveThisView'), say('nameOfTheView'))
     if (!name) return
-    if (await app.attempt(api.saveView(name, view.current()))) app.toasts.show('info', `View “${name}” saved.`)
+    if (await app.attempt(api.saveView(name, view.current()))) app.toasts.show('info', say('viewSaved', { name }))
   }
   const load = async (): Promise<void> => {
     const names = await app.attempt(api.views())
     if (!names) return
-    const body = names.length ? 'Views keep the place, the zoom and the layers.' : 'No view has been saved yet.'
+    const body = names.length ? say('viewsAbout') : say('noViewSaved')
     const name = await app.dialogs.ask(
-      'Open a view',
+      say('openAView'),
       [body],
       names.map((value) => ({ label: value, value })),
     )
@@ -304,8 +306,8 @@ function viewButtons(view: MapView, refresh: () => void): HTMLElement {
   return el(
     'div',
     { class: 'pair-grid' },
-    el('button', { type: 'button', class: 'button', onclick: () => void save() }, icon('save', 20), 'Save view'),
-    el('button', { type: 'button', class: 'button', onclick: () => void load() }, icon('plan', 20), 'Open view'),
+    el('button', { type: 'button', class: 'button', onclick: () => void save() }, icon('save', 20), say('saveView')),
+    el('button', { type: 'button', class: 'button', onclick: () => void load() }, icon('plan', 20), say('openView')),
     ...mapvizButtons(view, refresh),
   )
 }

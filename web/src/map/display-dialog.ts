@@ -12,6 +12,7 @@ import { el, replace } from '../dom.ts'
 import { icon } from '../icons.ts'
 import type { Choice } from '../shell/dialogs.ts'
 import type { MapView } from './view.ts'
+import { named, say } from '../say.ts'
 
 const PICTURE_PX = 256
 
@@ -27,9 +28,9 @@ export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void)
   const title = el('input', { type: 'text', class: 'field-input', maxlength: 40, autocomplete: 'off' })
   const about = el('p', { class: 'muted small' })
   const fields = el('div', { class: 'option-grid' })
-  const sourceField = el('label', { class: 'field' }, el('span', {}, 'Shows'), source)
-  const titleField = el('label', { class: 'field' }, el('span', {}, 'Name'), title)
-  const problems = el('p', { class: 'muted small topic-problems' }, 'Looking for topics …')
+  const sourceField = el('label', { class: 'field' }, el('span', {}, say('showsWhat')), source)
+  const titleField = el('label', { class: 'field' }, el('span', {}, say('name')), title)
+  const problems = el('p', { class: 'muted small topic-problems' }, say('lookingForTopics'))
   const fill = (): void => {
     const chosen = typeOf(type.value) as DisplayType
     const sources = view.displays.sources(chosen)
@@ -54,18 +55,18 @@ export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void)
       .join(' ')
   })
   const body = [
-    el('label', { class: 'field' }, el('span', {}, 'Display'), type),
+    el('label', { class: 'field' }, el('span', {}, say('displayKind')), type),
     about,
     sourceField,
     problems,
     titleField,
     fields,
   ]
-  if (!(await view.app.dialogs.confirm('Add a display', body, 'Add'))) return
+  if (!(await view.app.dialogs.confirm(say('addADisplay'), body, say('addIt')))) return
   const chosen = typeOf(type.value)
   if (chosen?.kind === 'tool') useTool(chosen.tool)
   else if (!view.displays.make(type.value, title.value.trim() || type.value, source.value, options))
-    view.app.toasts.show('warn', 'This display could not be added.')
+    view.app.toasts.show('warn', say('displayNotAdded'))
 }
 
 /** The robot's own first, then the topics of each network below its name. */
@@ -81,14 +82,14 @@ function sourceOptions(sources: Source[]): HTMLElement[] {
 }
 
 function describe(type: DisplayType, sources: number): string {
-  if (type.kind === 'tool') return `A tool of the map: ${type.reads}.`
-  const none = type.kind === 'shapes' && type.needsNoSource ? '' : ' Nothing gives such data now.'
-  return `Reads ${type.reads}.${sources ? '' : none}`
+  if (type.kind === 'tool') return say('toolOfMap', { reads: type.reads })
+  const isFine = sources > 0 || (type.kind === 'shapes' && type.needsNoSource)
+  return say(isFine ? 'readsWhat' : 'readsButNothing', { reads: type.reads })
 }
 
 function networkOf(source: string): string {
   return (
-    { ros1: 'ROS 1', ros2: 'ROS 2', dds: 'ROS 2 on DDS', recording: 'the recording' }[source] ??
+    { ros1: 'ROS 1', ros2: 'ROS 2', dds: 'ROS 2 (DDS)', recording: say('theRecording') }[source] ??
     source.replace(/^bag:/, '')
   )
 }
@@ -120,7 +121,7 @@ function control(option: Option, value: OptionValue, set: (value: OptionValue) =
     const select = el(
       'select',
       { onchange: () => set(select.value) },
-      ...option.choices.map((name) => el('option', { value: name, selected: name === value }, name)),
+      ...option.choices.map((name) => el('option', { value: name, selected: name === value }, named(name))),
     )
     return select
   }
@@ -161,20 +162,28 @@ function pictureInput(set: (value: string) => void): HTMLElement {
 /** Order, options and removal of one entry of the layer list. */
 export async function editGroup(view: MapView, group: LayerGroup): Promise<void> {
   const body: HTMLElement[] = [
-    el('div', { class: 'button-row' }, mover(view, group, -1, 'Further up'), mover(view, group, 1, 'Further down')),
+    el(
+      'div',
+      { class: 'button-row' },
+      mover(view, group, -1, say('furtherUp')),
+      mover(view, group, 1, say('furtherDown')),
+    ),
   ]
-  const choices: Choice<string>[] = [{ label: 'Done', value: 'done', kind: 'primary' }]
+  const choices: Choice<string>[] = [{ label: say('done'), value: 'done', kind: 'primary' }]
   if (group instanceof Display) {
     const { type, options } = group
     body.push(
       el(
         'p',
         { class: 'muted small' },
-        type.title === group.title ? `Reads ${type.reads}.` : `${type.title}: reads ${type.reads}.`,
+        type.title === group.title ? say('readsWhat', { reads: type.reads }) : say('typeReads', type),
       ),
     )
     const topic = readTopicId(group.config.source)
-    if (topic) body.push(el('p', { class: 'small' }, `Shows ${titleOf(topic.name)} of ${networkOf(topic.source)}.`))
+    if (topic) {
+      const shown = { topic: titleOf(topic.name), network: networkOf(topic.source) }
+      body.push(el('p', { class: 'small' }, say('showsTopic', shown)))
+    }
     for (const line of [group.condition.note, group.condition.leftOut])
       if (line) body.push(el('p', { class: 'small' }, line))
     body.push(
@@ -187,7 +196,7 @@ export async function editGroup(view: MapView, group: LayerGroup): Promise<void>
         }),
       ),
     )
-    if (group.removable) choices.unshift({ label: 'Remove', value: 'remove', kind: 'danger' })
+    if (group.removable) choices.unshift({ label: say('remove'), value: 'remove', kind: 'danger' })
   }
   const answer = await view.app.dialogs.ask(group.title, body, choices)
   if (answer === 'remove' && group instanceof Display) view.displays.remove(group)

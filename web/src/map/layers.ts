@@ -6,6 +6,7 @@ import type { LayerGroup } from '../displays/host.ts'
 import { EMPTY, SOURCE_MAXZOOM } from '../geojson.ts'
 import type { Palette } from '../shell/palette.ts'
 import { type ByZoom, byPlant } from './plant-size.ts'
+import { say } from '../say.ts'
 
 /** What can be shown and hidden, from top to bottom. */
 export function layerGroups(): LayerGroup[] {
@@ -17,16 +18,16 @@ export function layerGroups(): LayerGroup[] {
     opacity: 1,
   })
   return [
-    group('robot', 'Robot', []),
-    group('waypoints', 'Goals', ['waypoints', 'waypoint-labels']),
-    group('trajectory', 'Driven track', ['trajectory']),
-    group('path', 'Planned path', ['path']),
-    group('weeds', 'Weeds', ['weeds']),
-    group('density', 'Weed density', ['density'], false),
-    group('rows', 'Crop rows', ['rows', 'row-labels']),
-    group('obstacles', 'Obstacles', ['obstacles-fill', 'obstacles']),
-    group('boundary', 'Field boundary', ['boundary-fill', 'boundary']),
-    group('grid', 'Metric grid', ['grid-1', 'grid-10']),
+    group('robot', say('robot'), []),
+    group('waypoints', say('goals'), ['waypoints', 'waypoint-labels']),
+    group('trajectory', say('drivenTrack'), ['trajectory']),
+    group('path', say('plannedPath'), ['path']),
+    group('weeds', say('weeds'), ['weeds']),
+    group('density', say('weedDensity'), ['density'], false),
+    group('rows', say('cropRows'), ['rows', 'row-labels']),
+    group('obstacles', say('obstacles'), ['obstacles-fill', 'obstacles']),
+    group('boundary', say('fieldBoundary'), ['boundary-fill', 'boundary']),
+    group('grid', say('metricGrid'), ['grid-1', 'grid-10']),
   ]
 }
 
@@ -108,7 +109,7 @@ function liveLayers(c: Palette): AddLayerObject[] {
       type: 'circle',
       source: 'weeds',
       paint: {
-        // Weeds are discs, crops larger rings: colour alone does not tell them apart for everybody.
+        // Weeds are discs, crops larger rings: not everybody distinguishes them by colour alone.
         'circle-radius': byPlant(byZoom(15, 1, 19, 2.4, 22, 9), [1.5, 3.8, 14]),
         'circle-color': ['match', ['get', 'plant'], 0, c.weed, c.crop],
         'circle-opacity': ['match', ['get', 'plant'], 0, ['case', ['get', 'treated'], 0.35, 0.9], 0],

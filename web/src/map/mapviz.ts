@@ -7,6 +7,7 @@ import { readTopicId, topicId } from '../displays/topics.ts'
 import { download, el } from '../dom.ts'
 import type { ImportedView } from '../wire.ts'
 import type { MapView } from './view.ts'
+import { say } from '../say.ts'
 
 export function mapvizButtons(view: MapView, refresh: () => void): HTMLElement[] {
   const { app } = view
@@ -14,7 +15,7 @@ export function mapvizButtons(view: MapView, refresh: () => void): HTMLElement[]
     type: 'file',
     accept: '.mvc,.yaml,.yml',
     class: 'visually-hidden',
-    'aria-label': 'Mapviz configuration',
+    'aria-label': say('mapvizConfiguration'),
     tabindex: -1,
     onchange: () => void read(),
   })
@@ -27,8 +28,8 @@ export function mapvizButtons(view: MapView, refresh: () => void): HTMLElement[]
     const leftOut = addAll(view, found)
     view.tracking.take(found.view.target, found.view.turn)
     refresh()
-    await app.dialogs.ask('From mapviz', report(found.displays.length, leftOut), [
-      { label: 'Done', value: true, kind: 'primary' },
+    await app.dialogs.ask(say('fromMapviz'), report(found.displays.length, leftOut), [
+      { label: say('done'), value: true, kind: 'primary' },
     ])
   }
   const write = async (): Promise<void> => {
@@ -36,8 +37,8 @@ export function mapvizButtons(view: MapView, refresh: () => void): HTMLElement[]
     if (text) download('view.mvc', text)
   }
   return [
-    el('button', { type: 'button', class: 'button', onclick: () => file.click() }, 'From mapviz'),
-    el('button', { type: 'button', class: 'button', onclick: () => void write() }, 'To mapviz'),
+    el('button', { type: 'button', class: 'button', onclick: () => file.click() }, say('fromMapviz')),
+    el('button', { type: 'button', class: 'button', onclick: () => void write() }, say('toMapviz')),
     file,
   ]
 }
@@ -64,15 +65,15 @@ function add(
   // The robot's own data are the same, whatever the topic was called; a map has to be the one that is named.
   const chosen = named ?? (kind?.kind === 'tiles' ? undefined : sources[0])
   if (kind?.kind === 'tiles' && !chosen) {
-    return `the map '${source || title}' is not on this robot; bring it with agribot map import`
+    return say('mapIsMissing', { name: source || title, command: 'agribot map import' })
   }
   const isTopic = source.startsWith('/') && kind?.kind !== 'tiles'
   const display = view.displays.make(type, title, chosen?.id ?? (isTopic ? topicId('ros1', source) : source), options)
-  if (!display) return 'it could not be added'
+  if (!display) return say('itCouldNotBeAdded')
   Object.assign(display, { visible, opacity })
   view.applyGroup(display)
   if (named || !source) return ''
-  return chosen ? `shows ${chosen.title} in place of ${source}` : `nothing gives ${source} now`
+  return chosen ? say('showsInPlace', { title: chosen.title, source }) : say('nothingGives', { source })
 }
 
 function shown(view: MapView): object[] {
@@ -89,7 +90,7 @@ function shown(view: MapView): object[] {
 function report(count: number, leftOut: ImportedView['left_out']): (Node | string)[] {
   const lines = leftOut.map(({ name, why }) => el('li', {}, el('strong', {}, name), `: ${why}`))
   return [
-    el('p', {}, `${count} ${count === 1 ? 'display' : 'displays'} read.`),
+    el('p', {}, say('displaysRead', { count })),
     ...(lines.length ? [el('ul', { class: 'left-out' }, ...lines)] : []),
   ]
 }

@@ -6,6 +6,7 @@ import { el, setText } from '../dom.ts'
 import { duration, metres } from '../format.ts'
 import { compassText, distanceM } from '../geo.ts'
 import type { GoalPreview, PageRequest, State, Vec2 } from '../wire.ts'
+import { say } from '../say.ts'
 
 /** The way to a goal before it is sent; without numbers where the robot was not asked. */
 type Way = GoalPreview | { points_map_m: []; length_m: null; time_s: null }
@@ -23,7 +24,7 @@ export interface Proposal {
 
 /** The path of another page's goal comes a little later than the word that the robot follows it. */
 const PATH_WITHIN_S = 0.5
-/** A robot that has moved so far is asked for its way again. */
+/** Distance after which the robot is asked for its way again, m. */
 const WAY_LASTS_M = 1
 /** Between a message and what is proposed, the edge of the map included. */
 const GAP_PX = 24
@@ -124,10 +125,7 @@ export class Proposals {
       what === 'goal' ? { kind: 'go_to', ...place, yaw_map_rad: yaw } : { kind: 'correct_pose', ...place }
     if (what === 'goal') this.sent = [x, y]
     this.end()
-    const isTaken = await this.app.command(
-      command,
-      what === 'goal' ? 'The robot drives to the place.' : 'Pose corrected.',
-    )
+    const isTaken = await this.app.command(command, what === 'goal' ? say('drivesToPlace') : say('poseCorrected'))
     if (!isTaken) this.sent = null
   }
 
@@ -138,28 +136,36 @@ export class Proposals {
 
   private text(proposal: Proposal): CardText {
     const { what, at, yaw, way, problem } = proposal
-    const heading = yaw === null ? '' : `, looking ${compassText(yaw)} from north`
     const { state, seat } = this.app.store
-    const noSeat = seat === 'you' ? '' : 'Take control first: only the operator may send this.'
+    const noSeat = seat === 'you' ? '' : say('onlyOperatorMaySend')
     if (what === 'pose')
       return {
-        title: 'Does the robot stand here?',
-        about: `At this place${heading}.`,
+        title: say('standsHere'),
+        about: yaw === null ? say('atThisPlace') : say('atThisPlaceLooking', { heading: compassText(yaw) }),
         problem: noSeat,
-        yes: 'Correct the pose',
+        yes: say('correctThePose'),
       }
     const straight = state?.pose
-      ? `${metres(distanceM([state.pose[0], state.pose[1]], at))} away in a straight line`
-      : 'The robot does not know where it is'
+      ? say('straightAway', { distance: metres(distanceM([state.pose[0], state.pose[1]], at)) })
+      : say('placeUnknown')
     const about =
       way === null
-        ? 'Asking the robot for a way…'
+        ? say('askingForWay')
         : way.length_m === null
-          ? `${straight}${heading}.`
-          : `${metres(way.length_m)} of way, at least ${wait(way.time_s)}${heading}.`
-    const leaves = state?.mode === 'mission' ? ' It leaves its mission; Resume leads back.' : ''
-    return { title: 'Drive here?', about: problem ? '' : about + leaves, problem: problem || noSeat, yes: 'Drive here' }
+          ? sentenceOf(straight, yaw)
+          : sentenceOf(say('wayThere', { length: metres(way.length_m), time: wait(way.time_s) }), yaw)
+    const leaves = state?.mode === 'mission' ? ` ${say('leavesMission')}` : ''
+    return {
+      title: say('askDriveHere'),
+      about: problem ? '' : about + leaves,
+      problem: problem || noSeat,
+      yes: say('driveHere'),
+    }
   }
+}
+
+function sentenceOf(way: string, yaw: number | null): string {
+  return yaw === null ? say('goalText', { way }) : say('goalTextLooking', { way, heading: compassText(yaw) })
 }
 
 function wait(seconds: number | null): string {
@@ -184,12 +190,12 @@ class Card {
     this.yes = el('button', { type: 'button', class: 'button primary', onclick: confirm })
     this.node = el(
       'div',
-      { class: 'map-proposal card', role: 'group', 'aria-label': 'Proposal', hidden: true },
+      { class: 'map-proposal card', role: 'group', 'aria-label': say('proposal'), hidden: true },
       el('div', { class: 'proposal-text', role: 'status' }, this.title, this.about, this.problem),
       el(
         'div',
         { class: 'button-row' },
-        el('button', { type: 'button', class: 'button', onclick: cancel }, 'Cancel'),
+        el('button', { type: 'button', class: 'button', onclick: cancel }, say('cancel')),
         this.yes,
       ),
     )

@@ -3,13 +3,14 @@
 import type { App } from '../app.ts'
 import { el } from '../dom.ts'
 import type { MapView } from './view.ts'
+import { say } from '../say.ts'
 
 let made: MapView | null = null
 
-/** The page's map inside `host`, or null (and a word about it) where there is none. */
+/** The page's map inside `host`, or null, with a sentence about it, where it cannot be drawn. */
 export async function openMap(host: HTMLElement, app: App): Promise<MapView | null> {
   if (app.off.has('map')) {
-    host.append(el('p', { class: 'empty' }, 'The map is switched off by the address of this page.'))
+    host.append(el('p', { class: 'empty' }, say('mapIsOff')))
     return null
   }
   try {
@@ -18,13 +19,7 @@ export async function openMap(host: HTMLElement, app: App): Promise<MapView | nu
       made = new MapView(app)
     }
   } catch {
-    host.append(
-      el(
-        'p',
-        { class: 'empty' },
-        'This browser cannot draw the map (it needs WebGL 2). Driving and STOP work without it.',
-      ),
-    )
+    host.append(el('p', { class: 'empty' }, say('noWebGlForMap')))
     return null
   }
   made.attach(host)

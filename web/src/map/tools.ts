@@ -9,6 +9,7 @@ import { area, metres } from '../format.ts'
 import { Proposals } from './proposal.ts'
 import type { IconName } from '../icons.ts'
 import type { PageRequest, Vec2 } from '../wire.ts'
+import { decimals, say } from '../say.ts'
 
 export interface Sketch {
   points: Vec2[]
@@ -26,41 +27,41 @@ export interface ToolInfo {
 }
 
 export const TOOLS: ToolInfo[] = [
-  { id: 'measure', title: 'Measure', icon: 'measure', hint: 'Tap points to measure along them.', commands: false },
-  { id: 'coordinates', title: 'Read position', icon: 'pin', hint: 'Tap the map to read a position.', commands: false },
+  { id: 'measure', title: say('measure'), icon: 'measure', hint: say('hintMeasure'), commands: false },
+  { id: 'coordinates', title: say('readPosition'), icon: 'pin', hint: say('hintRead'), commands: false },
   {
     id: 'goal',
-    title: 'Drive to a place',
+    title: say('driveToAPlace'),
     icon: 'goal',
-    hint: 'Tap the place, or press and drag to set the heading too.',
+    hint: say('hintGoTo'),
     commands: true,
   },
   {
     id: 'pose',
-    title: 'Correct the robot’s pose',
+    title: say('correctRobotPose'),
     icon: 'pose',
-    hint: 'Press where the robot is, drag to where it looks.',
+    hint: say('hintPose'),
     commands: true,
   },
   {
     id: 'point',
-    title: 'Publish a point',
+    title: say('publishAPoint'),
     icon: 'point',
-    hint: 'Tap a point to send it to the programs that listen.',
+    hint: say('hintPoint'),
     commands: true,
   },
   {
     id: 'polygon',
-    title: 'Draw a polygon',
+    title: say('drawAPolygon'),
     icon: 'polygon',
-    hint: 'Tap the corners; tap the first one again to finish.',
+    hint: say('hintCorners'),
     commands: true,
   },
   {
     id: 'route',
-    title: 'Plan a route',
+    title: say('planARoute'),
     icon: 'line',
-    hint: 'Tap the stops of a route from the robot; tap the last one again to finish.',
+    hint: say('hintRoute'),
     commands: true,
   },
 ]
@@ -79,7 +80,7 @@ export class MapTools {
   readonly proposals: Proposals
   private pressed: { at: Vec2; px: Vec2 } | null = null
   private readonly pointers = new Set<number>()
-  /** More than one finger has been down since the last time that there was none. */
+  /** More than one finger has been down since the map was last without a finger. */
   private isGesture = false
   private tap = 0
 
@@ -132,7 +133,7 @@ export class MapTools {
     this.onChange()
     clearTimeout(this.tap)
     this.tap = window.setTimeout(
-      () => void this.publish('point', [p], `Point sent: ${p[0].toFixed(2)} m east, ${p[1].toFixed(2)} m north.`),
+      () => void this.publish('point', [p], say('pointSent', { east: decimals(p[0], 2), north: decimals(p[1], 2) })),
       DOUBLE_TAP_MS,
     )
   }
@@ -147,9 +148,10 @@ export class MapTools {
     if (points.length > 2 && this.isNear(p, points[0])) {
       this.sketch.area = points.slice()
       this.sketch.points = []
-      void this.publish('polygon', this.sketch.area, `Polygon of ${area(areaM2(this.sketch.area))} sent.`)
+      void this.publish('polygon', this.sketch.area, say('polygonSent', { area: area(areaM2(this.sketch.area)) }))
     } else points.push(p)
-    this.onText(points.length > 2 ? `${points.length} corners · ${area(areaM2(points))}` : TOOLS_BY_ID.polygon.hint)
+    const figures = { count: points.length, area: area(areaM2(points)) }
+    this.onText(points.length > 2 ? say('polygonCorners', figures) : TOOLS_BY_ID.polygon.hint)
     this.onChange()
   }
 
@@ -158,11 +160,11 @@ export class MapTools {
     const pose = this.app.store.state?.pose
     if (!points.length && pose) points.push([pose[0], pose[1]])
     if (points.length > 1 && this.isNear(p, points[points.length - 1])) {
-      void this.publish('route', points, `Route of ${metres(lengthM(points))} sent.`)
+      void this.publish('route', points, say('routeSent', { length: metres(lengthM(points)) }))
       return
     }
     points.push(p)
-    this.onText(`${points.length - 1} stops · ${metres(lengthM(points))}`)
+    this.onText(say('routeStops', { count: points.length - 1, length: metres(lengthM(points)) }))
     this.onChange()
   }
 
@@ -188,8 +190,8 @@ export class MapTools {
     const { points, labels } = this.sketch
     if (points.length) labels.push({ at: p, text: metres(distanceM(points[points.length - 1], p)) })
     points.push(p)
-    const enclosed = points.length > 2 ? ` · encloses ${area(areaM2(points))}` : ''
-    this.onText(`Total ${metres(lengthM(points))}${enclosed}`)
+    const figures = { length: metres(lengthM(points)), area: area(areaM2(points)) }
+    this.onText(points.length > 2 ? say('measuredArea', figures) : say('measuredLength', figures))
     this.onChange()
   }
 
@@ -197,7 +199,7 @@ export class MapTools {
     this.sketch.points = [p]
     const { lat, lng } = event.lngLat
     this.copied = `${lat.toFixed(8)}, ${lng.toFixed(8)}`
-    this.onText(`E ${p[0].toFixed(3)} m  N ${p[1].toFixed(3)} m · ${this.copied}`)
+    this.onText(say('positionRead', { east: decimals(p[0], 3), north: decimals(p[1], 3), place: this.copied }))
     this.onChange()
   }
 
@@ -224,7 +226,7 @@ export class MapTools {
     const far = Math.hypot(now.px[0] - this.pressed.px[0], now.px[1] - this.pressed.px[1]) > DRAG_PX
     const yaw = Math.atan2(now.at[1] - this.pressed.at[1], now.at[0] - this.pressed.at[0])
     this.sketch.arrow.yaw = far ? yaw : null
-    if (far) this.onText(`Heading ${compassText(yaw)} from north`)
+    if (far) this.onText(say('headingFromNorth', { heading: compassText(yaw) }))
     this.onChange()
   }
 

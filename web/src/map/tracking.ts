@@ -3,12 +3,13 @@
 import type { Map as MapLibre } from 'maplibre-gl'
 import type { App } from '../app.ts'
 import { RAD } from '../geo.ts'
+import { say } from '../say.ts'
 
 export const TARGETS = {
-  map: 'The map',
-  near: 'Robot, kept in view',
-  position: 'Robot, in the middle',
-  heading: 'Robot, heading up',
+  map: say('theMap'),
+  near: say('robotKeptInView'),
+  position: say('robotInTheMiddle'),
+  heading: say('robotHeadingUp'),
 }
 export type Target = keyof typeof TARGETS
 

@@ -7,6 +7,7 @@ import type { CaptureSize } from './capture.ts'
 import { TARGETS } from './tracking.ts'
 import type { Target } from './tracking.ts'
 import type { MapView } from './view.ts'
+import { decimals, say } from '../say.ts'
 
 export interface ViewSettings {
   node: HTMLElement
@@ -25,7 +26,7 @@ export function viewSettings(view: MapView): ViewSettings {
     'button',
     { type: 'button', class: 'button', onclick: () => tracking.turn() },
     icon('redo', 20),
-    'Turn by 90°',
+    say('turnBy90'),
   )
   const origin = el('p', { class: 'muted small select-all' })
   const done = app.onField(() => {
@@ -33,8 +34,10 @@ export function viewSettings(view: MapView): ViewSettings {
     if (datum)
       setText(
         origin,
-        `Origin ${datum.lat_deg.toFixed(7)}, ${datum.lon_deg.toFixed(7)}${source ? ` · ${source}` : ''}` +
-          ` · declination ${declination.toFixed(1)}°`,
+        say('originText', {
+          place: `${datum.lat_deg.toFixed(7)}, ${datum.lon_deg.toFixed(7)}${source ? ` · ${source}` : ''}`,
+          declination: decimals(declination, 1),
+        }),
       )
   })
   const refresh = (): void => {
@@ -45,8 +48,8 @@ export function viewSettings(view: MapView): ViewSettings {
   const node = el(
     'div',
     { class: 'stack-tight wide' },
-    el('label', { class: 'field' }, el('span', {}, 'Target frame'), target),
-    el('label', { class: 'field' }, el('span', {}, 'Pictures and videos'), size),
+    el('label', { class: 'field' }, el('span', {}, say('targetFrame')), target),
+    el('label', { class: 'field' }, el('span', {}, say('picturesAndVideos')), size),
     turn,
     origin,
   )

@@ -111,7 +111,7 @@ export class MapView implements DisplayHost {
       if (this.fitted) this.fit(this.fitted, 0)
       this.tracking.follow()
     })
-    // MapLibre's own observer reads the size up to 50 ms after it was told of one, and keeps a wrong one for good
+    // MapLibre's own observer reads the size up to 50 ms after a change, and keeps a wrong one for good
     // where a banner came and went meanwhile.
     new ResizeObserver(() => this.resize()).observe(this.node)
     onTheme(() => this.retheme())

@@ -5,6 +5,7 @@ import { el } from '../dom.ts'
 import { distanceM } from '../geo.ts'
 import { icon } from '../icons.ts'
 import type { Vec2 } from '../wire.ts'
+import { say } from '../say.ts'
 
 const EVERY_M = 0.5
 const FEWEST_POINTS = 3
@@ -22,7 +23,7 @@ export class BoundaryRecorder {
       'button',
       { type: 'button', class: 'button tool', 'aria-pressed': 'false', onclick: () => this.toggle() },
       icon('teleop', 20),
-      'By driving',
+      say('byDriving'),
     )
     this.undo = app.store.on('state', (state) => {
       if (state.pose) this.take([state.pose[0], state.pose[1]])
@@ -39,9 +40,8 @@ export class BoundaryRecorder {
     const points = this.points
     this.points = points ? null : []
     this.button.setAttribute('aria-pressed', String(!points))
-    if (!points) this.app.toasts.show('info', 'Drive along the edge of the field, then press again.')
-    else if (points.length < FEWEST_POINTS)
-      this.app.toasts.show('warn', 'Too short for a boundary: drive around the field first.')
+    if (!points) this.app.toasts.show('info', say('driveAlongEdge'))
+    else if (points.length < FEWEST_POINTS) this.app.toasts.show('warn', say('tooShortForBoundary'))
     else this.done(points)
   }
 

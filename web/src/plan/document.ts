@@ -50,7 +50,7 @@ export class PlanDocument {
     this.shapes = shapes
   }
 
-  /** Move one vertex; false when there is none such. */
+  /** Move one vertex; false for an unknown one. */
   moveVertex(id: string, index: number, to: Vec2): boolean {
     const shape = this.shapes.find((s) => s.id === id)
     if (!shape?.points[index] || !to.every(Number.isFinite)) return false

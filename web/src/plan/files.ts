@@ -5,6 +5,7 @@ import { api } from '../api.ts'
 import type { App } from '../app.ts'
 import { download, el } from '../dom.ts'
 import { icon } from '../icons.ts'
+import { say } from '../say.ts'
 
 export const IMPORT_TYPES = '.geojson,.json,.gpkg,.kml,.kmz,.gpx,.zip' // what the server reads
 const EXPORTS = [
@@ -29,7 +30,7 @@ export function fileCard(app: App, document: Document): HTMLElement {
     type: 'file',
     accept: IMPORT_TYPES,
     class: 'visually-hidden',
-    'aria-label': 'Field file',
+    'aria-label': say('fieldFile'),
     tabindex: -1,
     onchange: () => void read(),
   })
@@ -47,15 +48,15 @@ export function fileCard(app: App, document: Document): HTMLElement {
   return el(
     'div',
     { class: 'card stack' },
-    el('h2', {}, 'Field'),
+    el('h2', {}, say('field')),
     el(
       'div',
       { class: 'pair-grid' },
-      button('plus', 'New', () => document.clear()),
-      button('plan', 'Open', () => void open(app, document)),
-      button('save', 'Save', () => void save(app, document)),
-      button('upload', 'Import', () => file.click()),
-      button('download', 'Export', () => void exportTo(app, document)),
+      button('plus', say('newField'), () => document.clear()),
+      button('plan', say('open'), () => void open(app, document)),
+      button('save', say('save'), () => void save(app, document)),
+      button('upload', say('import'), () => file.click()),
+      button('download', say('export'), () => void exportTo(app, document)),
     ),
     file,
   )
@@ -65,15 +66,15 @@ export function fileCard(app: App, document: Document): HTMLElement {
 async function importOne(app: App, file: File): Promise<Awaited<ReturnType<typeof api.importField>> | null> {
   const all = await app.attempt(api.importField(file))
   if (!all?.fields) return all
-  const about = `${file.name} holds ${all.fields.length} fields. What lies in the one that you choose comes with it.`
-  const name = await app.dialogs.pick('Which field?', about, all.fields, 'Open')
+  const about = say('severalFields', { file: file.name, count: all.fields.length })
+  const name = await app.dialogs.pick(say('whichField'), about, all.fields, say('open'))
   return name ? app.attempt(api.importField(file, name)) : null
 }
 
 async function exportTo(app: App, document: Document): Promise<void> {
-  const about = 'A file for this device, in WGS 84. ISOXML is for tractor terminals and farm software.'
+  const about = say('exportAbout')
   const ending = await app.dialogs.ask(
-    'Export the field',
+    say('exportTheField'),
     [about],
     EXPORTS.map(([label, value]) => ({ label, value })),
   )
@@ -84,11 +85,9 @@ async function exportTo(app: App, document: Document): Promise<void> {
 async function open(app: App, document: Document): Promise<void> {
   const names = await app.attempt(api.fields())
   if (!names) return
-  const about = names.length
-    ? 'Opening replaces what is drawn; Undo brings it back.'
-    : 'No field has been saved on the robot yet.'
+  const about = names.length ? say('openingReplaces') : say('noFieldSaved')
   const name = await app.dialogs.ask(
-    'Open a field',
+    say('openAField'),
     [about],
     names.map((value) => ({ label: value, value })),
   )
@@ -97,7 +96,7 @@ async function open(app: App, document: Document): Promise<void> {
 }
 
 async function save(app: App, document: Document): Promise<void> {
-  const name = await app.dialogs.prompt('Save the field', 'Name of the field')
+  const name = await app.dialogs.prompt(say('saveTheField'), say('nameOfTheField'))
   if (name && (await app.attempt(api.saveField(name, document.content()))))
-    app.toasts.show('info', `Field “${name}” saved on the robot.`)
+    app.toasts.show('info', say('fieldSaved', { name }))
 }

@@ -1,11 +1,21 @@
 /** The chosen shape in numbers. */
 
 import { el } from '../dom.ts'
-import { area, metres, words } from '../format.ts'
+import { area, metres } from '../format.ts'
 import { areaM2, lengthM } from '../geo.ts'
 import { icon } from '../icons.ts'
-import type { PlanDocument, Shape } from './document.ts'
+import type { Kind, PlanDocument, Shape } from './document.ts'
 import { SHAPE_OF } from './document.ts'
+import { say } from '../say.ts'
+
+const KIND_NAMES: Record<Kind, string> = {
+  boundary: say('boundary'),
+  obstacle: say('obstacle'),
+  row: say('row'),
+  crop: say('cropKeptOff'),
+  ab_line: say('aBLine'),
+  waypoint: say('goal'),
+}
 
 type Step = (work: () => void) => void
 
@@ -16,7 +26,7 @@ export function shapePanel(shape: Shape, document: PlanDocument, step: Step): (N
     'button',
     { type: 'button', class: 'button danger', onclick: () => step(() => document.remove(shape.id)) },
     icon('trash', 20),
-    'Delete',
+    say('delete'),
   )
   const order =
     shape.kind === 'waypoint'
@@ -24,12 +34,12 @@ export function shapePanel(shape: Shape, document: PlanDocument, step: Step): (N
           el(
             'button',
             { type: 'button', class: 'button', onclick: () => step(() => document.reorder(shape.id, by)) },
-            by < 0 ? 'Earlier' : 'Later',
+            by < 0 ? say('earlier') : say('later'),
           ),
         )
       : []
   return [
-    el('div', { class: 'title-row' }, el('h2', {}, words(shape.kind)), el('span', { class: 'muted' }, size)),
+    el('div', { class: 'title-row' }, el('h2', {}, KIND_NAMES[shape.kind]), el('span', { class: 'muted' }, size)),
     vertexTable(shape, document, step),
     shape.kind === 'row' && repeater(shape, document, step),
     el('div', { class: 'button-row' }, ...order, remove),
@@ -48,7 +58,7 @@ function repeater(shape: Shape, document: PlanDocument, step: Step): HTMLElement
       onclick: () => step(() => document.repeat(shape.id, Number(count.value), Number(spacing.value))),
     },
     icon('plus', 20),
-    'Add rows',
+    say('addRows'),
   )
   return el(
     'div',
@@ -56,8 +66,8 @@ function repeater(shape: Shape, document: PlanDocument, step: Step): HTMLElement
     el(
       'div',
       { class: 'pair-grid' },
-      el('label', { class: 'field' }, el('span', {}, 'More rows'), count),
-      el('label', { class: 'field' }, el('span', {}, 'To the left, m'), spacing),
+      el('label', { class: 'field' }, el('span', {}, say('moreRows')), count),
+      el('label', { class: 'field' }, el('span', {}, say('toTheLeftM')), spacing),
     ),
     el('div', { class: 'button-row' }, add),
   )
@@ -71,7 +81,7 @@ function vertexTable(shape: Shape, document: PlanDocument, step: Step): HTMLElem
         step: 0.01,
         class: 'field-input',
         value: value.toFixed(3),
-        'aria-label': `Point ${i + 1}, ${axis ? 'north' : 'east'}, metres`,
+        'aria-label': say(axis ? 'pointNorth' : 'pointEast', { number: i + 1 }),
         onchange: () =>
           step(() => document.moveVertex(shape.id, i, [Number(inputs[0].value), Number(inputs[1].value)])),
       }),
@@ -80,11 +90,11 @@ function vertexTable(shape: Shape, document: PlanDocument, step: Step): HTMLElem
   })
   return el(
     'div',
-    { class: 'vertex-table', tabindex: 0, role: 'region', 'aria-label': 'Points' },
+    { class: 'vertex-table', tabindex: 0, role: 'region', 'aria-label': say('points') },
     el(
       'table',
       {},
-      el('thead', {}, el('tr', {}, el('th', {}, '#'), el('th', {}, 'East, m'), el('th', {}, 'North, m'))),
+      el('thead', {}, el('tr', {}, el('th', {}, '#'), el('th', {}, say('eastM')), el('th', {}, say('northM')))),
       el('tbody', {}, ...rows),
     ),
   )

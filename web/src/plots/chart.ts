@@ -3,6 +3,7 @@
 import uPlot from 'uplot'
 import 'uplot/dist/uPlot.min.css'
 import { el } from '../dom.ts'
+import { plain } from '../say.ts'
 import { colour, onTheme } from '../shell/theme.ts'
 import type { SignalBuffer } from './buffer.ts'
 import { valueRange } from './buffer.ts'
@@ -63,8 +64,8 @@ export class Chart {
         scales: { x: { time: false }, y: { range: valueRange } },
         cursor: { sync: this.sync },
         axes: [
-          { ...axis, values: (_, ticks) => ticks.map((t) => `${t} s`) },
-          { ...axis, size: 56 },
+          { ...axis, values: (_, ticks) => ticks.map((t) => `${plain(t)} s`) },
+          { ...axis, size: 56, values: (_, ticks) => ticks.map(plain) },
         ],
         series: [{}, ...series],
         hooks: { setCursor: [(plot) => this.showCursor(plot)] },

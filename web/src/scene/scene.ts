@@ -9,6 +9,7 @@ import { seededRandom } from '../seeded-random.ts'
 import { colour } from '../shell/theme.ts'
 import type { Robot, State } from '../wire.ts'
 import { frustumLines } from './frustum.ts'
+import { say } from '../say.ts'
 
 const GROUND_M = 400
 /** Of the pixels along each side, on a device that is too slow for all of them. */
@@ -51,7 +52,7 @@ export class Scene {
     this.renderer = new THREE.WebGLRenderer({ antialias: true })
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio))
     this.renderer.domElement.setAttribute('role', 'img')
-    this.renderer.domElement.setAttribute('aria-label', 'Robot in three dimensions')
+    this.renderer.domElement.setAttribute('aria-label', say('robotIn3D'))
     this.renderer.domElement.addEventListener('webglcontextrestored', () => this.request())
     host.append(this.renderer.domElement)
     this.eye.up.set(0, 0, 1)

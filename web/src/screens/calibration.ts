@@ -14,13 +14,14 @@ import type {
   CalibrationKind,
   Calibrations,
 } from '../wire.ts'
+import { langOf, named, say } from '../say.ts'
 
 const DIGITS: Record<string, number> = { m: 4, uT: 2, deg: 2, '%': 0, '': 3 }
 
 export class CalibrationCard {
-  readonly node = el('section', { class: 'card stack calibration', 'aria-label': 'Calibration' })
+  readonly node = el('section', { class: 'card stack calibration', 'aria-label': say('calibration') })
   private readonly body = el('div', { class: 'stack-tight wide', 'aria-live': 'polite' })
-  private readonly bar = el('progress', { max: 1, 'aria-label': 'Progress of the calibration' })
+  private readonly bar = el('progress', { max: 1, 'aria-label': say('progressOfTheCalibration') })
   private readonly step = el('p', { class: 'muted' })
   private readonly ring = new CoverageRing()
   private known: Calibrations | null = null
@@ -31,7 +32,7 @@ export class CalibrationCard {
 
   constructor(private readonly app: App) {
     const seat = seatButton(app)
-    this.node.append(el('div', { class: 'card-head' }, el('h2', {}, 'Calibration'), seat.node), this.body)
+    this.node.append(el('div', { class: 'card-head' }, el('h2', {}, say('calibration')), seat.node), this.body)
     this.undo = [app.store.on('state', () => this.follow()), app.store.on('seat', () => this.draw()), seat.done]
   }
 
@@ -82,7 +83,8 @@ export class CalibrationCard {
   private progress(now: CalibrationProgress): void {
     this.bar.value = now.share
     this.ring.show(now.directions)
-    const text = `${Math.round(now.share * 100)} % · ${now.motion || 'at rest'}`
+    const motion = now.motion ? words(now.motion) : say('atRest')
+    const text = say('calibrationStep', { share: Math.round(now.share * 100), motion })
     if (this.step.textContent !== text) this.step.textContent = text
   }
 
@@ -99,17 +101,17 @@ export class CalibrationCard {
 
   private underWay(now: CalibrationProgress): Element[] {
     if (now.phase === 'driving') this.progress(now)
-    else this.step.textContent = 'Working it out…'
+    else this.step.textContent = say('workingItOut')
     this.ring.show(now.directions)
     const cancel = el(
       'button',
       { type: 'button', class: 'button danger', onclick: () => void this.change('cancel') },
       icon('cancel', 20),
-      'Cancel',
+      say('cancel'),
     )
     return [
       el('h3', {}, this.title(now.kind)),
-      el('p', {}, 'Keep an eye on the robot: STOP, Cancel or a hand on the stick ends it at once.'),
+      el('p', {}, say('keepAnEyeOnIt')),
       ...(now.directions ? [this.ring.node] : []),
       ...(now.phase === 'driving' ? [this.bar, this.step, cancel] : [this.step]),
     ]
@@ -120,24 +122,24 @@ export class CalibrationCard {
     const leave = el(
       'button',
       { type: 'button', class: 'button', onclick: () => void this.change('cancel') },
-      found.settings.length && found.ok ? 'Leave as it was' : 'Close',
+      found.settings.length && found.ok ? say('leaveAsItWas') : say('close'),
     )
     const accept = el(
       'button',
       { type: 'button', class: 'button primary', disabled: !mine, onclick: () => void this.accept() },
       icon('check', 20),
-      'Use these values',
+      say('useTheseValues'),
     )
     const verdict = found.ok
       ? found.settings.length
-        ? 'Good. It counts from the next start of the robot.'
-        : 'All as it should be.'
-      : 'Do not use it:'
+        ? say('calibrationIsGood')
+        : say('allAsItShouldBe')
+      : say('doNotUseIt')
     this.ring.show(now.directions)
     return [
       el('h3', {}, this.title(now.kind)),
       el('p', { class: found.ok ? '' : 'form-error' }, verdict),
-      ...found.reasons.map((reason) => el('p', { class: 'form-error' }, words(reason))),
+      ...found.reasons.map((reason) => el('p', { class: 'form-error', lang: langOf(reason) }, words(reason))),
       el(
         'div',
         { class: 'calibration-pictures' },
@@ -146,22 +148,28 @@ export class CalibrationCard {
       ),
       el('div', { class: 'table-scroll' }, table(found.changes)),
       el('div', { class: 'button-row' }, found.ok && found.settings.length > 0 && accept, leave),
-      ...(mine || !found.ok ? [] : [el('p', { class: 'small muted' }, "Using them needs the operator's seat.")]),
+      ...(mine || !found.ok ? [] : [el('p', { class: 'small muted' }, say('calibrationNeedsSeat'))]),
     ]
   }
 
   private choice(known: Calibrations, now: CalibrationProgress | null): HTMLElement[] {
     const measured = known.settings.length
-      ? el('p', { class: 'small' }, `Measured of this robot: ${known.settings.join(', ')}`)
-      : el('p', { class: 'small muted' }, 'Nothing was measured of this robot yet: it is as its description says.')
+      ? el('p', { class: 'small' }, say('measuredOf', { settings: known.settings.join(', ') }))
+      : el('p', { class: 'small muted' }, say('nothingMeasured'))
     const back = el(
       'button',
       { type: 'button', class: 'button', disabled: this.app.store.seat !== 'you', onclick: () => void this.goBack() },
-      'Undo the newest',
+      say('undoTheNewest'),
     )
     return [
       ...(now?.phase === 'failed'
-        ? [el('p', { class: 'form-error', role: 'alert' }, `${this.title(now.kind)} not finished: ${now.reason}.`)]
+        ? [
+            el(
+              'p',
+              { class: 'form-error', role: 'alert' },
+              say('calibrationEnded', { title: this.title(now.kind), reason: now.reason }),
+            ),
+          ]
         : []),
       ...(known.broken ? [el('p', { class: 'form-error' }, known.broken)] : []),
       el('div', { class: 'calibration-kinds' }, ...known.kinds.map((kind) => this.kind(kind))),
@@ -178,48 +186,41 @@ export class CalibrationCard {
         class: 'button',
         disabled: this.app.store.seat !== 'you',
         onclick: () => void this.start(kind),
-        'aria-label': `Calibrate: ${kind.title}`,
+        'aria-label': say('calibrateThis', { title: named(kind.title) }),
       },
-      'Calibrate',
+      say('calibrate'),
     )
     return el(
       'div',
       { class: 'calibration-kind' },
-      el('div', {}, el('h3', {}, kind.title), el('p', { class: 'small muted' }, kind.about)),
+      el('div', {}, el('h3', {}, named(kind.title)), el('p', { class: 'small muted' }, named(kind.about))),
       start,
     )
   }
 
   private async start(kind: CalibrationKind): Promise<void> {
     const go = await this.app.dialogs.confirm(
-      kind.title,
+      named(kind.title),
       [
-        el('p', {}, kind.about),
-        el('p', {}, `The robot drives by itself for about ${duration(kind.duration_s)} min. It needs ${kind.ground}.`),
-        el(
-          'p',
-          {},
-          'STOP, Cancel, a hand on the stick and the loss of your link end it at once. ' +
-            'Nothing changes before you take the result over.',
-        ),
+        el('p', {}, named(kind.about)),
+        el('p', {}, say('drivesByItself', { time: duration(kind.duration_s), ground: named(kind.ground) })),
+        el('p', {}, say('endsAtOnce')),
       ],
-      'Drive now',
+      say('driveNow'),
     )
     if (go) await this.change('start', { kind: kind.name })
   }
 
   private async accept(): Promise<void> {
-    if (await this.change('accept'))
-      this.app.toasts.show('info', "In the robot's settings; it counts from the next start.")
+    if (await this.change('accept')) this.app.toasts.show('info', say('calibrationIsUsed'))
   }
 
   private async goBack(): Promise<void> {
-    if (await this.change('undo'))
-      this.app.toasts.show('info', 'As it was before the newest calibration; it counts from the next start.')
+    if (await this.change('undo')) this.app.toasts.show('info', say('calibrationIsUndone'))
   }
 
   private title(name: string): string {
-    return this.known?.kinds.find((kind) => kind.name === name)?.title ?? name
+    return named(this.known?.kinds.find((kind) => kind.name === name)?.title ?? name)
   }
 }
 
@@ -228,11 +229,11 @@ function stage(now: CalibrationProgress | null): string {
 }
 
 function table(changes: CalibrationChange[]): HTMLElement {
-  const heads = ['Before', 'Now', '± 1 σ'].map((name) => el('th', { class: 'number' }, name))
+  const heads = [say('valueBefore'), say('valueNow'), '± 1 σ'].map((name) => el('th', { class: 'number' }, name))
   return el(
     'table',
     {},
-    el('thead', {}, el('tr', {}, el('th', {}, 'Value'), ...heads)),
+    el('thead', {}, el('tr', {}, el('th', {}, say('value')), ...heads)),
     el(
       'tbody',
       {},
@@ -244,7 +245,7 @@ function table(changes: CalibrationChange[]): HTMLElement {
         return el(
           'tr',
           {},
-          el('td', {}, unit ? `${change.label} (${unit})` : change.label),
+          el('td', { lang: langOf(change.label) }, unit ? `${named(change.label)} (${unit})` : named(change.label)),
           value(change.before),
           value(change.after),
           value(change.std),

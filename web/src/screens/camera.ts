@@ -5,14 +5,15 @@ import type { App, Screen } from '../app.ts'
 import { CameraPicture, CLASSES } from '../camera/picture.ts'
 import { download, el, setText } from '../dom.ts'
 import { icon } from '../icons.ts'
+import { say } from '../say.ts'
 
 export const camera: Screen = {
   id: 'camera',
-  title: 'Camera',
+  title: say('camera'),
   icon: 'camera',
   mount(host, app) {
     if (!app.session.camera) {
-      host.append(el('p', { class: 'card empty' }, 'This robot has no camera, or it is switched off in the profile.'))
+      host.append(el('p', { class: 'card empty' }, say('noCameraInProfile')))
       return () => undefined
     }
     const picture = new CameraPicture(app.store)
@@ -29,7 +30,7 @@ export const camera: Screen = {
         },
       },
       icon('freeze', 20),
-      'Freeze',
+      say('freeze'),
     )
     const save = el(
       'button',
@@ -41,7 +42,7 @@ export const camera: Screen = {
         },
       },
       icon('download', 20),
-      'Save picture',
+      say('savePicture'),
     )
     const keep = keepButton(app)
     const frame = el('div', { class: 'card camera-frame' }, picture.node, label)
@@ -50,14 +51,15 @@ export const camera: Screen = {
       el(
         'div',
         { class: 'card camera-tools' },
-        el('h2', {}, 'Overlay'),
+        el('h2', {}, say('overlay')),
         overlaySlider(picture),
         classToggles(picture),
         el('div', { class: 'button-row' }, freeze, save, keep),
       ),
     )
     const timer = setInterval(() => {
-      setText(label, (picture.frozen ? 'Frozen · ' : '') + picture.label(performance.now()))
+      const nowMs = performance.now()
+      setText(label, picture.frozen ? say('frozenLabel', { label: picture.label(nowMs) }) : picture.label(nowMs))
       keep.disabled = !app.mayCommand || picture.frozen // the robot keeps its newest frame, not the one that is shown
     }, 250)
     return () => {
@@ -74,17 +76,17 @@ function keepButton(app: App): HTMLButtonElement {
       type: 'button',
       class: 'button',
       disabled: true,
-      title: "Keeps the camera's newest frame with the network's mask on the robot; needs the operator's seat",
+      title: say('keepFrameTitle'),
       onclick: () => void keepFrame(app),
     },
     icon('save', 20),
-    'Keep for training',
+    say('keepForTraining'),
   )
 }
 
 async function keepFrame(app: App): Promise<void> {
   const kept = await app.attempt(api.keepFrame())
-  if (kept) app.toasts.show('info', `Kept ${kept.image} in ${kept.folder}; frames there: ${kept.count}.`)
+  if (kept) app.toasts.show('info', say('keptFrame', kept))
 }
 
 function overlaySlider(picture: CameraPicture): HTMLElement {
@@ -102,7 +104,7 @@ function overlaySlider(picture: CameraPicture): HTMLElement {
     setText(value, `${Math.round(picture.opacity * 100)} %`)
   }
   setText(value, `${Math.round(picture.opacity * 100)} %`)
-  return el('label', { class: 'field' }, el('span', { class: 'label-row' }, 'Opacity', value), slider)
+  return el('label', { class: 'field' }, el('span', { class: 'label-row' }, say('opacity'), value), slider)
 }
 
 function classToggles(picture: CameraPicture): HTMLElement {

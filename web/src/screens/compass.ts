@@ -3,6 +3,7 @@
 import { setAttr, svg } from '../dom.ts'
 import { fixed } from '../format.ts'
 import type { Sample } from '../wire.ts'
+import { say } from '../say.ts'
 
 const SIZE = 100
 const RADII = [30, 46] as const
@@ -29,9 +30,9 @@ export class CoverageRing {
     }
     this.wedges.forEach((wedge, index) => wedge.classList.toggle('seen', seen[index]))
     const count = seen.filter(Boolean).length
-    setAttr(this.node, 'aria-label', `${count} of ${seen.length} directions seen`)
+    setAttr(this.node, 'aria-label', say('directionsSeen', { count, all: seen.length }))
     this.number.textContent = String(count)
-    this.total.textContent = `of ${seen.length}`
+    this.total.textContent = say('ofAll', { all: seen.length })
   }
 }
 
@@ -57,7 +58,7 @@ export function errorPlot(before: Sample, after: Sample): SVGSVGElement {
     return svg('polyline', { class: name, points: points.join(' ') })
   }
   const [worst, worstNow] = [fixed(largest(before), 1), fixed(largest(after), 1)]
-  const label = `Error of the heading by direction: up to ${worst}° before, ${worstNow}° now`
+  const label = say('headingErrors', { before: worst, now: worstNow })
   const ticks = [most, 0, -most].flatMap((deg) => [
     svg('line', { class: 'axis', x1: left, x2: width - right, y1: y(deg), y2: y(deg) }),
     svg('text', { x: left / 2, y: y(deg) + 4 }, `${fixed(deg, 1)}°`),
@@ -68,7 +69,7 @@ export function errorPlot(before: Sample, after: Sample): SVGSVGElement {
     ...ticks,
     line(before, 'before'),
     line(after, 'after'),
-    svg('text', { x: width / 2, y: 14 }, 'Heading error by direction: before dashed'),
+    svg('text', { x: width / 2, y: 14 }, say('headingErrorTitle')),
     svg('text', { x: left, y: height - 6 }, '0°'),
     svg('text', { x: width - 20, y: height - 6 }, '360°'),
   )

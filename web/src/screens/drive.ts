@@ -11,12 +11,13 @@ import type { ImplementLine } from '../wire.ts'
 import { GateCard, GateLine } from './gate-card.ts'
 import { HeadingCard } from './heading-card.ts'
 import { MissionButtons } from './mission-buttons.ts'
+import { decimals, named, say } from '../say.ts'
 
 const TEXT_EVERY_MS = 200
 
 export const drive: Screen = {
   id: 'drive',
-  title: 'Drive',
+  title: say('screenDrive'),
   icon: 'drive',
   async mount(host, app) {
     const mapHost = el('div', { class: 'map-host card' })
@@ -58,7 +59,7 @@ export const drive: Screen = {
 function cameraCard(app: App): { node: HTMLElement; update: () => void; close: () => void } {
   if (!app.session.camera || app.off.has('camera')) {
     return {
-      node: el('div', { class: 'card empty' }, 'This robot has no camera.'),
+      node: el('div', { class: 'card empty' }, say('noCamera')),
       update: () => undefined,
       close: () => undefined,
     }
@@ -68,27 +69,27 @@ function cameraCard(app: App): { node: HTMLElement; update: () => void; close: (
   const node = el(
     'div',
     { class: 'card camera-card' },
-    el('a', { href: '#/camera', 'aria-label': 'Open the camera large' }, picture.node),
+    el('a', { href: '#/camera', 'aria-label': say('openTheCameraLarge') }, picture.node),
     label,
   )
   return { node, update: () => setText(label, picture.label(performance.now())), close: () => picture.close() }
 }
 
 function progress(app: App, facts: Facts): HTMLElement {
-  const bar = el('progress', { max: 1, value: 0, 'aria-label': 'Mission progress' })
+  const bar = el('progress', { max: 1, value: 0, 'aria-label': say('missionProgress') })
   const text = el('span', { class: 'progress-text' })
   const gate = new GateLine()
   facts.also(() => {
     const mission = app.store.state?.mission
     const share = mission && mission.length_m > 0 ? Math.min(1, mission.s_m / mission.length_m) : 0
     bar.value = share
-    setText(text, mission ? `${(share * 100).toFixed(0)} %` : NONE)
+    setText(text, mission ? `${decimals(share * 100, 0)} %` : NONE)
     gate.update(app.store.state)
   })
   return el(
     'div',
     { class: 'progress' },
-    el('div', { class: 'card-head' }, el('h2', {}, 'Mission'), gate.head),
+    el('div', { class: 'card-head' }, el('h2', {}, say('mission')), gate.head),
     el('div', { class: 'progress-line' }, bar, text),
     gate.reason,
   )
@@ -103,21 +104,19 @@ class Facts {
   constructor(private readonly app: App) {
     const state = () => app.store.state
     const mission = () => state()?.mission
-    this.row('Speed', () => fixed(state()?.v_mps, 2, 'm/s'))
-    this.row('Heading', () => {
+    this.row(say('speed'), () => fixed(state()?.v_mps, 2, 'm/s'))
+    this.row(say('heading'), () => {
       const pose = state()?.pose
       return pose ? compassText(pose[2]) : NONE
     })
-    this.row('Row', () => this.rowText())
-    this.row('Goals', () => this.goalText())
-    this.row('Distance', () =>
-      mission() ? `${glue(metres(mission()?.s_m))} of ${glue(metres(mission()?.length_m))}` : NONE,
-    )
-    this.row('Time left', () => duration(mission()?.eta_s))
-    this.row('Off the path', () => metres(absolute(state()?.cross_track_m)))
-    this.row('Position ±', () => metres(state()?.pos_std_m))
-    this.row('Weeds', () => String(state()?.weed_count ?? app.store.weeds.size))
-    this.row('Implement', () => implementText(state()?.implement), 'implement')
+    this.row(say('row'), () => this.rowText())
+    this.row(say('goals'), () => this.goalText())
+    this.row(say('distance'), () => this.distanceText())
+    this.row(say('timeLeft'), () => duration(mission()?.eta_s))
+    this.row(say('offThePath'), () => metres(absolute(state()?.cross_track_m)))
+    this.row(say('position'), () => metres(state()?.pos_std_m))
+    this.row(say('weeds'), () => String(state()?.weed_count ?? app.store.weeds.size))
+    this.row(say('implement'), () => implementText(state()?.implement), 'implement')
   }
 
   private row(name: string, text: () => string, kind = ''): void {
@@ -130,12 +129,18 @@ class Facts {
     const mission = this.app.store.state?.mission
     if (!mission?.rows_total) return NONE
     const here = mission.row === null || mission.row < 0 ? NONE : String(mission.row + 1)
-    return `${here} of ${mission.rows_total} (${mission.rows_done} done)`
+    return say('rowProgress', { row: here, total: mission.rows_total, done: mission.rows_done })
   }
 
   private goalText(): string {
     const mission = this.app.store.state?.mission
-    return mission?.waypoints_total ? `${mission.waypoints_reached} of ${mission.waypoints_total}` : NONE
+    if (!mission?.waypoints_total) return NONE
+    return say('someOfAll', { some: mission.waypoints_reached, all: mission.waypoints_total })
+  }
+
+  private distanceText(): string {
+    const mission = this.app.store.state?.mission
+    return mission ? say('someOfAll', { some: glue(metres(mission.s_m)), all: glue(metres(mission.length_m)) }) : NONE
   }
 
   also(work: () => void): void {
@@ -154,5 +159,5 @@ function absolute(value: number | null | undefined): number | null {
 
 /** What the implement does, in its own words. */
 function implementText(lines: ImplementLine[] | undefined): string {
-  return lines?.map(({ name, text }) => `${name} ${text}`).join(', ') || NONE
+  return lines?.map(({ name, text }) => `${named(name)} ${named(text)}`).join(', ') || NONE
 }

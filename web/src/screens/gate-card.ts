@@ -6,6 +6,7 @@ import { words } from '../format.ts'
 import { icon } from '../icons.ts'
 import type { GateState, SensorDoubt, SensorName, SensorState, StartCheck, State } from '../wire.ts'
 import { readStartCheck } from '../wire.ts'
+import { named, say } from '../say.ts'
 
 type Tone = 'plain' | 'good' | 'note' | 'warn' | 'bad'
 
@@ -27,28 +28,28 @@ const SENSOR_TONES: Record<SensorState, Tone> = {
 }
 const SENSOR_NAMES: Record<SensorName, string> = {
   gnss: 'GNSS',
-  compass: 'Compass',
-  gyro: 'Gyro',
-  wheels: 'Wheels',
-  camera: 'Camera',
-  clock: 'Clock',
+  compass: say('compass'),
+  gyro: say('gyro'),
+  wheels: say('wheels'),
+  camera: say('camera'),
+  clock: say('clock'),
 }
 
-/** The reason beside the gate's state; one that the banner of a stop tells already is left out. */
+/** The reason beside the gate's state; one that the banner of a stop shows already is left out. */
 export function tellWhy({ mode, stop, reason, gate, mission }: State): string {
-  const told = mode === 'replay' ? '' : stop // the banner of a replay is the robot's own
+  const shown = mode === 'replay' ? '' : stop // the banner of a replay is the robot's own
   const why = gate?.state === 'driving' ? '' : gate?.reason
-  const all = [reason, why, mission?.reason, mission?.leg]
-  return sentence(all.find((each) => each && !repeats(each, told)) ?? '')
+  const all = [reason, why, mission?.reason, mission?.leg && named(mission.leg)]
+  return sentence(all.find((each) => each && !repeats(each, shown)) ?? '')
 }
 
 /** How long something has been so; not to the second, once that does not matter any more. */
 export function tellSince(t_s: number, since_s: number | null | undefined): string {
   if (since_s === null || since_s === undefined) return ''
   const s = Math.max(0, Math.floor(t_s - since_s))
-  if (s < 60) return `for ${s} s`
-  if (s < 3600) return `for ${Math.floor(s / 60)} min`
-  return `for ${Math.floor(s / 3600)} h ${Math.floor((s % 3600) / 60)} min`
+  if (s < 60) return say('forSeconds', { s })
+  if (s < 3600) return say('forMinutes', { min: Math.floor(s / 60) })
+  return say('forHours', { h: Math.floor(s / 3600), min: Math.floor((s % 3600) / 60) })
 }
 
 export interface StartList {
@@ -70,7 +71,9 @@ export function readStartList(state: State): StartList | null {
   const rank = ({ wrong, remark }: StartCheck): number => (wrong ? 0 : remark ? 1 : 2)
   const waits = gate?.state === 'standby' || gate?.state === 'stopped'
   return {
-    title: `Before the start: ${bad.length ? `${all.length - bad.length} of` : 'all'} ${all.length} good`,
+    title: bad.length
+      ? say('checksSomeGood', { good: all.length - bad.length, all: all.length })
+      : say('checksAllGood', { all: all.length }),
     items: [...all]
       .sort((a, b) => rank(a) - rank(b))
       .map(({ name, wrong, remark }) => ({ name, isGood: !wrong, reason: tellAnew(wrong || remark, said) })),
@@ -106,7 +109,7 @@ export function readSensors(state: State, hasCompass: boolean): SensorLine[] {
 }
 
 function doubtLine({ sensor, state, since_s, reason }: SensorDoubt, t_s: number, said: string[]): SensorLine {
-  const text = `${SENSOR_NAMES[sensor]} ${state}`
+  const text = `${SENSOR_NAMES[sensor]} ${named(state)}`
   return { text, tone: SENSOR_TONES[state], since: tellSince(t_s, since_s), reason: tellAnew(reason, said) }
 }
 
@@ -124,7 +127,7 @@ function tellAnew(reason: string, said: string[]): string {
 
 /** Whether one says what the other says, perhaps in more words or with numbers of another moment. */
 function repeats(one: string, other: string): boolean {
-  const [a, b] = [one, other].map((text) => text.toLowerCase().replace(/\d+(\.\d+)?/g, '#'))
+  const [a, b] = [one, other].map((text) => text.toLowerCase().replace(/\d+([.,]\d+)?/g, '#'))
   return a !== '' && b !== '' && (a.includes(b) || b.includes(a))
 }
 
@@ -149,12 +152,12 @@ export class GateLine {
   }
 }
 
-/** List and sensors; built anew only where something else is to be told. */
+/** List and sensors; built anew only where they changed. */
 export class GateCard {
   private readonly title = el('summary')
   private readonly items = el('ul')
   private readonly list = el('details', { class: 'start-list', hidden: true }, this.title, this.items)
-  private readonly sensors = el('ul', { class: 'sensors', 'aria-label': 'Sensors' })
+  private readonly sensors = el('ul', { class: 'sensors', 'aria-label': say('sensors') })
   readonly node = el('div', { class: 'card gate-card', hidden: true }, this.sensors, this.list)
   private shownList = ''
   private shownSensors = ''
@@ -192,16 +195,22 @@ export class GateCard {
 function checkLine({ name, isGood, reason }: StartList['items'][number]): HTMLElement {
   return el(
     'li',
-    { class: `${isGood ? 'good' : 'bad'}${reason && ' told'}` },
+    { class: `${isGood ? 'good' : 'bad'}${reason && ' explained'}` },
     icon(isGood ? 'check' : 'warning', 16),
     el('span', {}, words(name), reason !== '' && el('span', { class: 'reason' }, reason)),
-    el('span', { class: 'visually-hidden' }, isGood ? 'good' : 'not good'),
+    el('span', { class: 'visually-hidden' }, say(isGood ? 'good' : 'notGood')),
   )
 }
 
 function sensorLine({ text, tone, since, reason }: SensorLine): HTMLElement {
   if (tone === 'good') {
-    return el('li', { title: 'fine' }, icon('check', 14), text, el('span', { class: 'visually-hidden' }, ' fine'))
+    return el(
+      'li',
+      { title: say('fine') },
+      icon('check', 14),
+      text,
+      el('span', { class: 'visually-hidden' }, ` ${say('fine')}`),
+    )
   }
   return el(
     'li',

@@ -6,6 +6,7 @@ import { fixed, metres, NONE } from '../format.ts'
 import type { ReceiverState, SeenSatellite, SensorDoubt } from '../wire.ts'
 import { readSeenSatellite } from '../wire.ts'
 import { tellSince } from './gate-card.ts'
+import { named, say } from '../say.ts'
 
 type Tone = 'plain' | 'good' | 'warn' | 'bad'
 
@@ -16,46 +17,45 @@ export interface Fact {
 }
 
 const LATE_FIX_S = 2
-const LATE_STATUS_S = 5 // from then on the robot tells nothing of the sky any more
+const LATE_STATUS_S = 5 // from then on the robot reports no satellites any more
 const OLD_CORRECTION_S = { warn: 10, bad: 60 } // a carrier fix outlives half a minute without them
 const POOR_HDOP = { warn: 2, bad: 5 }
 const STATES: Record<number, [string, Tone]> = {
-  0: ['No fix', 'bad'],
-  1: ['Single fix, no corrections', 'warn'],
+  0: [say('noFix'), 'bad'],
+  1: [say('singleFixNoCorrections'), 'warn'],
   2: ['DGNSS', 'warn'],
-  4: ['RTK fixed', 'good'],
-  5: ['RTK float', 'warn'],
+  4: [say('rtkFixed'), 'good'],
+  5: [say('rtkFloat'), 'warn'],
 }
-const WITHOUT_SATELLITES: Record<string, string> = { 'dead reckoning': 'Dead reckoning', held: 'Held place' }
-const NOT_TOLD = 'not told'
+const WITHOUT_SATELLITES: Record<string, string> = { 'dead reckoning': say('deadReckoning'), held: say('heldPlace') }
 const LONG_TEXT = 50 // letters, that take a line of their own
 
-/** The receiver's state in words; a fix that is late is none. */
+/** The receiver's state in words; a late fix counts as no fix. */
 export function readFix(receiver: ReceiverState | null): { text: string; tone: Tone } {
-  if (!receiver) return { text: 'Nothing heard yet', tone: 'bad' }
-  if (receiver.fix_age_s === null) return { text: 'No fix yet', tone: 'bad' }
-  if (isLate(receiver)) return { text: `No fix since ${fixed(receiver.fix_age_s, 0, 's')}`, tone: 'bad' }
+  if (!receiver) return { text: say('nothingHeardYet'), tone: 'bad' }
+  if (receiver.fix_age_s === null) return { text: say('noFixYet'), tone: 'bad' }
+  if (isLate(receiver)) return { text: say('noFixSince', { time: fixed(receiver.fix_age_s, 0, 's') }), tone: 'bad' }
   if (receiver.unmeasured) {
     const name = WITHOUT_SATELLITES[receiver.unmeasured] ?? receiver.unmeasured
-    return { text: `${name}, no satellites`, tone: 'bad' }
+    return { text: say('noSatellites', { name }), tone: 'bad' }
   }
-  const [text, tone] = STATES[receiver.quality] ?? [`Quality ${receiver.quality}`, 'warn']
+  const [text, tone] = STATES[receiver.quality] ?? [say('qualityNumber', { number: receiver.quality }), 'warn']
   return { text, tone }
 }
 
-/** Line by line what is told, and what is missing as such. */
+/** Line by line what is reported, and what is missing as such. */
 export function readFacts(receiver: ReceiverState, doubt: SensorDoubt | undefined, t_s: number): Fact[] {
   const facts = [lastFix(receiver), accuracy(receiver), satellites(receiver)]
-  if (receiver.position_trouble) facts.unshift(fact('No position', receiver.position_trouble, 'bad'))
+  if (receiver.position_trouble) facts.unshift(fact(say('noPosition'), receiver.position_trouble, 'bad'))
   if (receiver.satellites.length) facts.push(signal(receiver.satellites.map(readSeenSatellite)))
   facts.push(dilution(receiver), corrections(receiver))
   if (receiver.caster) facts.push(caster(receiver))
-  if (receiver.line_trouble) facts.push(fact('Line', receiver.line_trouble, 'bad'))
-  else if (receiver.device) facts.push(fact('Line', 'no broken messages reported'))
-  if (receiver.unread.length) facts.push(fact('Not read', receiver.unread.join(', ')))
+  if (receiver.line_trouble) facts.push(fact(say('line'), receiver.line_trouble, 'bad'))
+  else if (receiver.device) facts.push(fact(say('line'), say('noBrokenMessagesReported')))
+  if (receiver.unread.length) facts.push(fact(say('notRead'), receiver.unread.join(', ')))
   if (doubt) {
-    const since = [doubt.state, tellSince(t_s, doubt.since_s)].filter(Boolean).join(' ')
-    facts.push(fact('Doubt', doubt.reason ? `${since}: ${doubt.reason}` : since, 'bad'))
+    const since = [named(doubt.state), tellSince(t_s, doubt.since_s)].filter(Boolean).join(' ')
+    facts.push(fact(say('doubt'), doubt.reason ? `${since}: ${doubt.reason}` : since, 'bad'))
   }
   return facts
 }
@@ -69,75 +69,79 @@ function isLate({ fix_age_s }: ReceiverState): boolean {
 }
 
 function lastFix(receiver: ReceiverState): Fact {
-  if (receiver.fix_age_s === null) return fact('Last fix', 'none since the start', 'bad')
+  if (receiver.fix_age_s === null) return fact(say('lastFix'), say('noneSinceTheStart'), 'bad')
   const age = fixed(receiver.fix_age_s, isLate(receiver) ? 0 : 1, 's')
-  if (isLate(receiver)) return fact('Last fix', `${age} ago`, 'bad')
-  return fact('Last fix', receiver.rate_hz === null ? `${age} ago` : `${age} ago, ${receiver.rate_hz} per second`)
+  if (isLate(receiver)) return fact(say('lastFix'), say('timeAgo', { time: age }), 'bad')
+  const { rate_hz: rate } = receiver
+  return fact(say('lastFix'), rate === null ? say('timeAgo', { time: age }) : say('timeAgoRate', { time: age, rate }))
 }
 
 function accuracy(receiver: ReceiverState): Fact {
-  const name = 'Accuracy, 1 σ'
-  if (isLate(receiver) || receiver.std_m === null) return fact(name, 'not known', 'bad')
+  const name = say('accuracy1')
+  if (isLate(receiver) || receiver.std_m === null) return fact(name, say('notKnown'), 'bad')
   const std = metres(receiver.std_m)
-  return fact(name, keepUnits(`East, North ±${std}; up ${NOT_TOLD}`))
+  return fact(name, keepUnits(say('accuracyText', { std })))
 }
 
-/** What is said where a receiver tells nothing of the sky, or does not any more. */
+/** What is said where a receiver reports no satellites, or not any more. */
 function silence({ is_simulated, status_age_s }: ReceiverState): Pick<Fact, 'text' | 'tone'> {
   if (status_age_s !== null && status_age_s > LATE_STATUS_S) {
-    return { text: `${NOT_TOLD} for ${fixed(status_age_s, 0, 's')}`, tone: 'bad' }
+    return { text: say('notReportedFor', { time: fixed(status_age_s, 0, 's') }), tone: 'bad' }
   }
-  return { text: is_simulated ? `${NOT_TOLD} in the simulation` : NOT_TOLD, tone: is_simulated ? 'plain' : 'warn' }
+  return {
+    text: say(is_simulated ? 'notReportedInTheSimulation' : 'notReported'),
+    tone: is_simulated ? 'plain' : 'warn',
+  }
 }
 
 function satellites(receiver: ReceiverState): Fact {
-  if (!receiver.in_view_count) return { name: 'Satellites', ...silence(receiver) }
-  const text = `${receiver.used_count} used of ${receiver.in_view_count} in view`
-  return fact('Satellites', text, receiver.used_count ? 'plain' : 'bad')
+  if (!receiver.in_view_count) return { name: say('satellites'), ...silence(receiver) }
+  const text = say('satellitesUsed', { used: receiver.used_count, seen: receiver.in_view_count })
+  return fact(say('satellites'), text, receiver.used_count ? 'plain' : 'bad')
 }
 
 function signal(seen: SeenSatellite[]): Fact {
   const heard = seen.filter((each) => each.snr_db > 0)
   const used = heard.filter((each) => each.is_used)
   const values = (used.length ? used : heard).map((each) => each.snr_db).sort((a, b) => a - b)
-  if (!values.length) return fact('Signal', 'no satellite is heard', 'bad')
+  if (!values.length) return fact(say('signal'), say('noSatelliteIsHeard'), 'bad')
   const middle = values[Math.floor(values.length / 2)]
-  return fact('Signal', `median ${middle}, best ${values[values.length - 1]} dB-Hz`)
+  return fact(say('signal'), say('signalText', { median: middle, best: values[values.length - 1] }))
 }
 
 function dilution(receiver: ReceiverState): Fact {
   const named = { HDOP: receiver.hdop, PDOP: receiver.pdop, VDOP: receiver.vdop }
   const told = Object.entries(named).flatMap(([name, value]) => (value === null ? [] : [`${name} ${fixed(value, 1)}`]))
-  if (!told.length) return { name: 'Dilution', ...silence(receiver) }
-  return fact('Dilution', keepUnits(told.join(', ')), grade(receiver.hdop ?? 0, POOR_HDOP))
+  if (!told.length) return { name: say('dilution'), ...silence(receiver) }
+  return fact(say('dilution'), keepUnits(told.join(', ')), grade(receiver.hdop ?? 0, POOR_HDOP))
 }
 
 function corrections(receiver: ReceiverState): Fact {
   const age_s = receiver.correction_age_s
   if (age_s !== null) return correctionsOfAge(age_s, receiver.correction_use_ratio)
-  if (receiver.caster_state === 'failed') return fact('Corrections', 'none', 'bad')
-  return { name: 'Corrections', ...silence(receiver) }
+  if (receiver.caster_state === 'failed') return fact(say('corrections'), say('noCorrections'), 'bad')
+  return { name: say('corrections'), ...silence(receiver) }
 }
 
 function correctionsOfAge(age_s: number, use_ratio: number | null): Fact {
   const tone = use_ratio === 0 ? 'bad' : grade(age_s, OLD_CORRECTION_S)
-  return fact('Corrections', `${fixed(age_s, 1, 's')} old${tellUse(use_ratio)}`, tone)
+  return fact(say('corrections'), tellUse(fixed(age_s, 1, 's'), use_ratio), tone)
 }
 
 /** Corrections that come may be of no use to the receiver, which then says so. */
-function tellUse(ratio: number | null): string {
-  if (ratio === null) return ''
-  return ratio > 0 ? `, ${fixed(100 * ratio, 0)} % used` : ', none used by the receiver'
+function tellUse(time: string, ratio: number | null): string {
+  if (ratio === null) return say('timeOld', { time })
+  return ratio > 0 ? say('timeOldUsed', { time, share: fixed(100 * ratio, 0) }) : say('timeOldUnused', { time })
 }
 
 function caster(receiver: ReceiverState): Fact {
   const { caster_state, correction_trouble, correction_hz } = receiver
-  if (caster_state === 'failed') return fact('Caster', correction_trouble, 'bad')
+  if (caster_state === 'failed') return fact(say('caster'), correction_trouble, 'bad')
   const at = receiver.caster.replace(/^\w+:\/\//, '')
-  const name = `Caster ${at}`
-  if (caster_state === 'asked') return fact(name, 'asked, nothing came yet', 'warn')
-  const rate = correction_hz === null ? '' : `, ${fixed(correction_hz, 1)} messages per second`
-  return fact(name, `connected${rate}`)
+  const name = say('casterName', { name: at })
+  if (caster_state === 'asked') return fact(name, say('askedNothingCameYet'), 'warn')
+  if (correction_hz === null) return fact(name, say('casterConnected'))
+  return fact(name, say('casterRate', { rate: fixed(correction_hz, 1) }))
 }
 
 /** No line ends between a number and its name or unit. */
@@ -149,17 +153,17 @@ function grade(value: number, limits: { warn: number; bad: number }): Tone {
   return value > limits.bad ? 'bad' : value > limits.warn ? 'warn' : 'plain'
 }
 
-/** Built anew only where something else is to be told. */
+/** Built anew only where its text changed. */
 export class GnssCard {
   private readonly state = el('span', { class: 'tag', role: 'status' })
-  private readonly simulated = el('span', { class: 'tag note', hidden: true }, 'Simulated')
+  private readonly simulated = el('span', { class: 'tag note', hidden: true }, say('simulated'))
   private readonly device = el('span', { class: 'muted' })
   private readonly facts = el('dl', { class: 'facts plain' })
   private readonly sky = new SkyPlot()
   readonly node = el(
     'section',
-    { class: 'card gnss-card', 'aria-label': 'GNSS receiver' },
-    el('div', { class: 'gnss-head' }, el('h2', {}, 'GNSS receiver'), this.state, this.simulated, this.device),
+    { class: 'card gnss-card', 'aria-label': say('gnssReceiver') },
+    el('div', { class: 'gnss-head' }, el('h2', {}, say('gnssReceiver')), this.state, this.simulated, this.device),
     el('div', { class: 'gnss-body' }, this.facts, this.sky.node),
   )
   private shown = ''
@@ -203,10 +207,10 @@ const CIRCLES_DEG = [0, 30, 60]
 const STRONG_DB = 50
 const DOT = { least: 2.5, most: 6.5 }
 const WINDS: [string, number][] = [
-  ['N', 0],
-  ['E', 90],
-  ['S', 180],
-  ['W', 270],
+  [say('windN'), 0],
+  [say('windE'), 90],
+  [say('windS'), 180],
+  [say('windW'), 270],
 ]
 
 /** Where the satellites stand: north up, the zenith in the middle; a strong one is large, a used one filled. */
@@ -227,14 +231,14 @@ class SkyPlot {
     'figure',
     { class: 'sky', hidden: true },
     this.picture,
-    el('figcaption', { class: 'muted' }, 'Filled: used. Larger: stronger.'),
+    el('figcaption', { class: 'muted' }, say('skyLegend')),
   )
 
   show(seen: SeenSatellite[]): void {
     const up = seen.filter(({ elevation_deg, azimuth_deg }) => elevation_deg >= 0 && azimuth_deg >= 0)
     this.node.hidden = !up.length
     const used = up.filter((each) => each.is_used).length
-    setAttr(this.picture, 'aria-label', `Sky: ${up.length} satellites, ${used} of them used`)
+    setAttr(this.picture, 'aria-label', say('skyText', { all: up.length, used }))
     replace(this.dots, ...up.sort((a, b) => Number(a.is_used) - Number(b.is_used)).map(dot))
   }
 }
@@ -257,8 +261,9 @@ function dot(satellite: SeenSatellite): SVGCircleElement {
   const { system, number, elevation_deg, azimuth_deg, snr_db, is_used } = satellite
   const { x, y } = place(azimuth_deg, radiusOf(elevation_deg))
   const share = Math.min(snr_db / STRONG_DB, 1)
-  const heard = snr_db > 0 ? `${snr_db} dB-Hz` : 'not heard'
-  const text = `${system} ${number}: ${elevation_deg}° high, ${heard}${is_used ? ', used' : ''}`
+  const heard = snr_db > 0 ? `${snr_db} dB-Hz` : say('notHeard')
+  const figures = { name: `${system} ${number}`, elevation: elevation_deg, signal: heard }
+  const text = say(is_used ? 'satelliteUsed' : 'satelliteSeen', figures)
   return svg(
     'circle',
     {

@@ -2,10 +2,11 @@
 
 import { api, message } from '../api.ts'
 import { el, replace } from '../dom.ts'
+import { say } from '../say.ts'
 
 const REFRESH_MS = 2000
 const NETWORKS: [id: string, title: string][] = [
-  ['robot', 'Inside the robot'],
+  ['robot', say('insideTheRobot')],
   ['ros1', 'ROS 1'],
   ['ros2', 'ROS 2'],
   ['dds', 'ROS 2 on DDS'],
@@ -13,10 +14,15 @@ const NETWORKS: [id: string, title: string][] = [
 
 export class GraphCard {
   readonly node: HTMLElement
-  private readonly picture = el('div', { class: 'graph-scroll', tabindex: 0, role: 'group', 'aria-label': 'Graph' })
+  private readonly picture = el('div', {
+    class: 'graph-scroll',
+    tabindex: 0,
+    role: 'group',
+    'aria-label': say('graph'),
+  })
   private readonly network = el(
     'select',
-    { 'aria-label': 'Network', onchange: () => void this.refresh() },
+    { 'aria-label': say('network'), onchange: () => void this.refresh() },
     ...NETWORKS.map(([value, title]) => el('option', { value }, title)),
   )
   private readonly details: HTMLDetailsElement
@@ -26,7 +32,7 @@ export class GraphCard {
     this.details = el(
       'details',
       { ontoggle: () => void this.refresh() },
-      el('summary', {}, 'Nodes and topics'),
+      el('summary', {}, say('nodesAndTopics')),
       el('div', { class: 'graph-head' }, this.network),
       this.picture,
     )

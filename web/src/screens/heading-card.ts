@@ -3,6 +3,7 @@
 import type { App } from '../app.ts'
 import { el } from '../dom.ts'
 import type { State } from '../wire.ts'
+import { say } from '../say.ts'
 
 /** 1 sigma of a heading that may be any direction is pi, rad. */
 const UNKNOWN_RAD = 3
@@ -24,9 +25,9 @@ export class HeadingCard {
   readonly node = el(
     'div',
     { class: 'card stack heading-card', role: 'status', hidden: true },
-    el('h2', {}, 'No heading yet'),
-    el('p', {}, 'Drive 3 m straight ahead by hand, or start on the mark.'),
-    el('a', { class: 'button primary', href: '#/teleop' }, 'Drive by hand'),
+    el('h2', {}, say('noHeadingYet')),
+    el('p', {}, say('driveForHeading')),
+    el('a', { class: 'button primary', href: '#/teleop' }, say('driveByHand')),
   )
   private since_s: number | null = null
 

@@ -8,14 +8,17 @@ import { icon } from '../icons.ts'
 import type { Health, HealthCheck, LogEvent } from '../wire.ts'
 import { GnssCard } from './gnss-card.ts'
 import { GraphCard } from './graph-card.ts'
+import { langOf, named, say } from '../say.ts'
 
 const REFRESH_MS = 2000
 const SLOW = 0.8
 const LOG_ROWS = 200
+/** Kinds of events whose text comes in the page's language. */
+const OF_FACTS = new Set(['fault', 'stop', 'hold', 'limit'])
 
 export const health: Screen = {
   id: 'health',
-  title: 'Health',
+  title: say('screenHealth'),
   icon: 'health',
   async mount(host, app) {
     const checks = el('div', { class: 'checks-grid' })
@@ -23,7 +26,7 @@ export const health: Screen = {
     const graph = new GraphCard()
     const rates = el('div', { class: 'card table-card' })
     const machine = el('p', { class: 'muted' })
-    const log = el('div', { class: 'card log', role: 'log', 'aria-label': 'Log', tabindex: 0 })
+    const log = el('div', { class: 'card log', role: 'log', 'aria-label': say('log'), tabindex: 0 })
     host.append(
       el(
         'div',
@@ -31,12 +34,12 @@ export const health: Screen = {
         el(
           'div',
           { class: 'card row-card' },
-          el('div', {}, el('h2', {}, 'Health'), machine),
+          el('div', {}, el('h2', {}, say('screenHealth')), machine),
           el(
             'a',
             { class: 'button', href: '/api/v1/support.zip', download: '' },
             icon('download', 20),
-            'Support bundle',
+            say('supportBundle'),
           ),
         ),
         checks,
@@ -50,11 +53,11 @@ export const health: Screen = {
       if (!found) return
       const cpu = fixed(found.cpu_ratio === null ? null : found.cpu_ratio * 100, 0, '%')
       const memory = bytes(found.memory_bytes)
-      machine.textContent = `Processor ${cpu} of one core · memory ${memory} · AGRIBOT ${app.session.version}`
+      machine.textContent = say('machineLine', { cpu, memory, version: app.session.version })
       replace(checks, ...found.checks.map(checkCard))
       replace(rates, rateTable(found))
     }
-    const showLog = (): void => replace(log, el('h2', {}, 'Log'), ...logRows(app))
+    const showLog = (): void => replace(log, el('h2', {}, say('log')), ...logRows(app))
     showLog()
     gnss.update()
     const undo = [app.store.on('log', showLog), app.store.on('receiver', () => gnss.update())]
@@ -77,7 +80,7 @@ function checkCard(check: HealthCheck): HTMLElement {
       'div',
       { class: 'check-head' },
       icon(check.state === 'ok' ? 'check' : 'warning', 20),
-      el('h3', {}, words(check.name)),
+      el('h3', { lang: langOf(check.name) }, words(check.name)),
       el('span', { class: 'value' }, value),
     ),
     el('p', {}, check.text),
@@ -91,7 +94,7 @@ function rateTable(found: Health): HTMLElement {
     return el(
       'tr',
       {},
-      el('td', {}, rate.topic),
+      el('td', { lang: langOf(rate.topic) }, rate.topic),
       el('td', { class: 'number' }, fixed(rate.expected_hz, 0)),
       el('td', { class: `number ${slow ? 'slow' : ''}` }, fixed(rate.measured_hz, 1)),
     )
@@ -105,9 +108,9 @@ function rateTable(found: Health): HTMLElement {
       el(
         'tr',
         {},
-        el('th', {}, 'Topic'),
-        el('th', { class: 'number' }, 'Expected Hz'),
-        el('th', { class: 'number' }, 'Measured Hz'),
+        el('th', {}, say('topicName')),
+        el('th', { class: 'number' }, say('expectedHz')),
+        el('th', { class: 'number' }, say('measuredHz')),
       ),
     ),
     el('tbody', {}, ...rows),
@@ -115,16 +118,18 @@ function rateTable(found: Health): HTMLElement {
 }
 
 function logRows(app: App): HTMLElement[] {
-  if (!app.store.log.length) return [el('p', { class: 'muted' }, 'Nothing happened yet.')]
+  if (!app.store.log.length) return [el('p', { class: 'muted' }, say('nothingHappenedYet'))]
   return app.store.log.slice(-LOG_ROWS).reverse().map(logRow)
 }
 
 function logRow(event: LogEvent): HTMLElement {
+  const isOfFact = event.state !== '' || OF_FACTS.has(event.source)
+  const text = named(event.text)
   return el(
     'div',
     { class: `log-row ${event.level}` },
     el('span', { class: 'mono muted' }, duration(event.t_s)),
-    el('span', { class: 'log-source' }, event.source || NONE),
-    el('span', {}, event.text),
+    el('span', { class: 'log-source' }, named(event.source) || NONE),
+    el('span', { lang: isOfFact ? null : langOf(event.text) }, event.state ? `${words(event.state)}: ${text}` : text),
   )
 }

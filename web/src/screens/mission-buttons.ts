@@ -6,6 +6,7 @@ import type { IconName } from '../icons.ts'
 import { icon } from '../icons.ts'
 import { seatButton } from '../shell/seat.ts'
 import type { MissionAction, Mode } from '../wire.ts'
+import { say } from '../say.ts'
 
 interface Action {
   action: MissionAction
@@ -19,20 +20,20 @@ interface Action {
 }
 
 const ACTIONS: Action[] = [
-  { action: 'start', label: 'Start again', icon: 'play', in: ['done'], kind: 'primary', ask: true },
-  { action: 'pause', label: 'Pause', icon: 'pause', in: ['mission'], kind: 'primary' },
-  { action: 'resume', label: 'Resume', icon: 'play', in: ['paused', 'teleop'], kind: 'primary' },
-  { action: 'skip_row', label: 'Skip row', icon: 'skip', in: ['mission', 'paused'] },
-  { action: 'nudge_left', label: 'Row 1 cm left', icon: 'left', in: ['mission', 'paused'], inRow: true },
-  { action: 'nudge_right', label: 'Row 1 cm right', icon: 'right', in: ['mission', 'paused'], inRow: true },
+  { action: 'start', label: say('startAgain'), icon: 'play', in: ['done'], kind: 'primary', ask: true },
+  { action: 'pause', label: say('pause'), icon: 'pause', in: ['mission'], kind: 'primary' },
+  { action: 'resume', label: say('resume'), icon: 'play', in: ['paused', 'teleop'], kind: 'primary' },
+  { action: 'skip_row', label: say('skipRow'), icon: 'skip', in: ['mission', 'paused'] },
+  { action: 'nudge_left', label: say('row1CmLeft'), icon: 'left', in: ['mission', 'paused'], inRow: true },
+  { action: 'nudge_right', label: say('row1CmRight'), icon: 'right', in: ['mission', 'paused'], inRow: true },
   {
     action: 'return_home',
-    label: 'Return home',
+    label: say('returnHome'),
     icon: 'home',
     in: ['mission', 'paused', 'done', 'waiting'],
     ask: true,
   },
-  { action: 'cancel', label: 'End mission', icon: 'cancel', in: ['mission', 'paused'], kind: 'danger', ask: true },
+  { action: 'cancel', label: say('endMission'), icon: 'cancel', in: ['mission', 'paused'], kind: 'danger', ask: true },
 ]
 
 export class MissionButtons {
@@ -77,15 +78,16 @@ export class MissionButtons {
   private confirmed(action: Action): Promise<boolean> {
     const state = this.app.store.state
     const count = state?.mission?.rows_total ?? 0
-    const rows = count ? `: ${count} ${count === 1 ? 'row' : 'rows'}` : ''
-    const unrecorded = state?.recording ? '' : ' A recording of its own begins with it where runs are recorded.'
+    const again = count ? say('startAgainRows', { count }) : say('startAgainBody')
     const body =
       action.action === 'cancel'
-        ? 'The robot stops where it is and the mission ends. The recording is kept.'
+        ? say('endMissionBody')
         : action.action === 'return_home'
-          ? 'The robot leaves its mission and drives back to where it started.'
-          : `The robot does its whole mission once more, from where it stands${rows}. ` +
-            `Make sure nobody is in its way.${unrecorded}`
-    return this.app.dialogs.confirm(`${action.label}?`, [body], action.label, action.kind ?? 'primary')
+          ? say('returnHomeBody')
+          : state?.recording
+            ? again
+            : `${again} ${say('startAgainRecording')}`
+    const title = say('askWhether', { action: action.label })
+    return this.app.dialogs.confirm(title, [body], action.label, action.kind ?? 'primary')
   }
 }

@@ -8,13 +8,14 @@ import { fieldsOf, readField } from '../panels/form.ts'
 import type { FormSchema, NamedField } from '../panels/form.ts'
 import { Chart } from '../plots/chart.ts'
 import type { PanelInfo, SettingValue } from '../wire.ts'
+import { say } from '../say.ts'
 
 const PLOT_WINDOW_S = 60
 const PLOT_EVERY_MS = 100
 
 export const panels: Screen = {
   id: 'panels',
-  title: 'Extras',
+  title: say('extras'),
   icon: 'more',
   async mount(host, app) {
     const column = el('div', { class: 'panel-grid' })
@@ -27,7 +28,7 @@ export const panels: Screen = {
         column.append(card)
         return fill(card, panel, app)
       })
-    if (!undo.length) column.append(el('p', { class: 'card empty' }, 'No program has added anything to this page.'))
+    if (!undo.length) column.append(el('p', { class: 'card empty' }, say('noExtras')))
     return () => undo.forEach((work) => work())
   },
 }
@@ -51,7 +52,7 @@ async function submit(panel: PanelInfo, values: Record<string, SettingValue>, ap
   const answer = await app.attempt(api.submitPanel(panel.id, values))
   if (!answer) return
   const { text } = (await answer.json()) as { text?: string }
-  app.toasts.show('info', text || 'Done.')
+  app.toasts.show('info', text || say('isDone'))
 }
 
 function form(panel: PanelInfo, app: App): HTMLElement {
@@ -68,7 +69,7 @@ function form(panel: PanelInfo, app: App): HTMLElement {
     'form',
     { class: 'stack-tight wide' },
     ...fields.map((f) => f.node),
-    el('button', { class: 'button primary', type: 'submit' }, 'Send'),
+    el('button', { class: 'button primary', type: 'submit' }, say('send')),
   )
   node.addEventListener('submit', (event) => {
     event.preventDefault()

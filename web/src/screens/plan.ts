@@ -17,36 +17,37 @@ import { fileCard } from '../plan/files.ts'
 import { shapePanel } from '../plan/shape-panel.ts'
 import { takeSeat } from '../shell/seat.ts'
 import type { PlanReply, PlanWish } from '../wire.ts'
+import { langOf, say } from '../say.ts'
 
 const TOOLS: [Kind, string, IconName][] = [
-  ['boundary', 'Boundary', 'polygon'],
-  ['obstacle', 'Obstacle', 'cancel'],
-  ['row', 'Row', 'line'],
-  ['ab_line', 'A–B line', 'measure'],
-  ['waypoint', 'Goals', 'pin'],
+  ['boundary', say('boundary'), 'polygon'],
+  ['obstacle', say('obstacle'), 'cancel'],
+  ['row', say('row'), 'line'],
+  ['ab_line', say('aBLine'), 'measure'],
+  ['waypoint', say('goals'), 'pin'],
 ]
 
-const NAMES: Record<Kind, [one: string, many: string]> = {
-  boundary: ['boundary', 'boundaries'],
-  obstacle: ['obstacle', 'obstacles'],
-  row: ['row', 'rows'],
-  crop: ['crop row to keep off', 'crop rows to keep off'],
-  ab_line: ['A–B line', 'A–B lines'],
-  waypoint: ['goal', 'goals'],
-}
+const COUNTS = {
+  boundary: 'countBoundary',
+  obstacle: 'countObstacle',
+  row: 'countRow',
+  crop: 'countCrop',
+  ab_line: 'countAbLine',
+  waypoint: 'countGoal',
+} as const satisfies Record<Kind, string>
 
 /** What to do while a shape is drawn. */
 const HINTS: Record<ShapeType, string> = {
-  polygon: 'Tap the corners on the map, the first or last one again to finish. Esc gives it up.',
-  line: 'Tap the points on the map, the last one again to finish. Esc gives it up.',
-  point: 'Tap the goals in their order. Press Goals again to finish.',
+  polygon: say('hintPolygon'),
+  line: say('hintLine'),
+  point: say('hintGoals'),
 }
 
 const kept = new PlanDocument() // survives going to another screen and back
 
 export const plan: Screen = {
   id: 'plan',
-  title: 'Plan',
+  title: say('screenPlan'),
   icon: 'plan',
   async mount(host, app) {
     const mapHost = el('div', { class: 'map-host card' })
@@ -54,7 +55,7 @@ export const plan: Screen = {
     host.append(mapHost, side)
     const view = await openMap(mapHost, app)
     if (!view) {
-      side.append(el('p', { class: 'card empty' }, 'Drawing a plan needs the map.'))
+      side.append(el('p', { class: 'card empty' }, say('planNeedsMap')))
       return () => undefined
     }
     const controls = mapControls(view, app, ['measure', 'coordinates'])
@@ -94,13 +95,13 @@ class Editor {
   ) {
     this.width.value = String(app.robot?.tool_width_m ?? '')
     for (const input of [this.width, this.passes, this.gone]) input.addEventListener('input', () => this.change())
-    this.undo = iconButton('undo', 'Undo', () => this.step(() => kept.undo()))
-    this.redo = iconButton('redo', 'Redo', () => this.step(() => kept.redo()))
+    this.undo = iconButton('undo', say('undo'), () => this.step(() => kept.undo()))
+    this.redo = iconButton('redo', say('redo'), () => this.step(() => kept.redo()))
     this.apply = el(
       'button',
       { type: 'button', class: 'button primary', disabled: true, onclick: () => void this.use() },
       icon('play', 20),
-      'Use this plan',
+      say('useThisPlan'),
     )
     this.tools = TOOLS.map(([kind, title, name]) =>
       el(
@@ -141,7 +142,7 @@ class Editor {
     return el(
       'div',
       { class: 'card stack' },
-      el('div', { class: 'title-row' }, el('h2', {}, 'Draw'), el('div', {}, this.undo, this.redo)),
+      el('div', { class: 'title-row' }, el('h2', {}, say('draw')), el('div', {}, this.undo, this.redo)),
       el('div', { class: 'tool-grid' }, ...this.tools, this.recorder.button),
       this.summary,
     )
@@ -152,17 +153,17 @@ class Editor {
       'button',
       { type: 'button', class: 'button', onclick: () => void this.check() },
       icon('check', 20),
-      'Check plan',
+      say('checkPlan'),
     )
     return el(
       'div',
       { class: 'card stack' },
-      el('h2', {}, 'Plan'),
+      el('h2', {}, say('planCard')),
       el(
         'div',
         { class: 'pair-grid' },
-        el('label', { class: 'field' }, el('span', {}, 'Working width, m'), this.width),
-        el('label', { class: 'field' }, el('span', {}, 'Headland passes'), this.passes),
+        el('label', { class: 'field' }, el('span', {}, say('workingWidthM')), this.width),
+        el('label', { class: 'field' }, el('span', {}, say('headlandPasses')), this.passes),
       ),
       this.cropChoice(),
       el('div', { class: 'button-row' }, check, this.apply),
@@ -174,7 +175,7 @@ class Editor {
   private cropChoice(): HTMLElement | null {
     const rows = this.app.field?.crop_map_m.length
     if (!rows) return null
-    return el('label', { class: 'check' }, this.gone, `The crop on the map (rows: ${rows}) is not there any more`)
+    return el('label', { class: 'check' }, this.gone, say('cropIsGone', { rows }))
   }
 
   private choose(kind: Kind): void {
@@ -228,12 +229,12 @@ class Editor {
   }
 
   private async use(): Promise<void> {
-    const text = 'The mission in the robot is replaced by this plan. It does not start to drive yet.'
-    const yes = this.app.store.seat === 'you' ? 'Use this plan' : 'Take control and use it'
-    if (!(await this.app.dialogs.confirm('Use this plan?', [text], yes))) return
+    const text = say('usePlanBody')
+    const yes = this.app.store.seat === 'you' ? say('useThisPlan') : say('takeControlAndUseIt')
+    if (!(await this.app.dialogs.confirm(say('askUsePlan'), [text], yes))) return
     if (!(await takeSeat(this.app))) return
     if (await this.app.attempt(api.applyPlan(this.body()))) {
-      this.app.toasts.show('info', 'The plan is the mission now. Resume on the Drive screen begins it.')
+      this.app.toasts.show('info', say('planIsUsed'))
     }
   }
 
@@ -243,12 +244,15 @@ class Editor {
 }
 
 function verdict(reply: PlanReply): HTMLElement[] {
-  const figures = `${metres(reply.length_m)} to drive · ${area(reply.area_m2)} · ${duration(reply.time_s)} min`
-  if (reply.ok)
-    return [el('p', { class: 'tag good' }, 'The plan can be driven'), el('p', {}, figures), ...leftOut(reply)]
+  const figures = say('planFigures', {
+    length: metres(reply.length_m),
+    area: area(reply.area_m2),
+    time: duration(reply.time_s),
+  })
+  if (reply.ok) return [el('p', { class: 'tag good' }, say('planIsGood')), el('p', {}, figures), ...leftOut(reply)]
   return [
-    el('p', { class: 'tag bad' }, 'The plan cannot be driven'),
-    el('ol', { class: 'reasons' }, ...reply.reasons.map(({ text }) => el('li', {}, text))),
+    el('p', { class: 'tag bad' }, say('planIsBad')),
+    el('ol', { class: 'reasons' }, ...reply.reasons.map(({ text }) => el('li', { lang: langOf(text) }, text))),
     ...leftOut(reply),
   ]
 }
@@ -257,13 +261,13 @@ function verdict(reply: PlanReply): HTMLElement[] {
 function leftOut(reply: PlanReply): HTMLElement[] {
   if (!reply.warnings.length) return []
   return [
-    el('p', { class: 'tag warn' }, 'Ground is left out'),
-    el('ul', { class: 'reasons' }, ...reply.warnings.map((text) => el('li', {}, text))),
+    el('p', { class: 'tag warn' }, say('groundIsLeftOut')),
+    el('ul', { class: 'reasons' }, ...reply.warnings.map((text) => el('li', { lang: langOf(text) }, text))),
   ]
 }
 
 function describe(): string {
-  if (!kept.shapes.length) return 'Choose what to draw, then tap the map.'
+  if (!kept.shapes.length) return say('chooseWhatToDraw')
   const counts = new Map<Kind, number>()
   let inside = 0
   for (const { kind, points } of kept.shapes) {
@@ -271,8 +275,9 @@ function describe(): string {
     if (SHAPE_OF[kind] === 'polygon') inside += (kind === 'boundary' ? 1 : -1) * areaM2(points)
   }
   const rows = kept.shapes.filter((s) => s.kind === 'row').reduce((sum, s) => sum + lengthM(s.points), 0)
-  const parts = [...counts].map(([kind, n]) => `${n} ${n === 1 ? NAMES[kind][0] : NAMES[kind][1]}`)
-  return `${parts.join(', ')}${inside > 0 ? ` · ${area(inside)}` : ''}${rows > 0 ? ` · rows ${metres(rows)}` : ''}`
+  const parts = [...counts].map(([kind, n]) => say(COUNTS[kind], { count: n }))
+  const sizes = [inside > 0 && area(inside), rows > 0 && say('rowsLength', { length: metres(rows) })]
+  return [parts.join(', '), ...sizes].filter(Boolean).join(' · ')
 }
 
 function numberInput(value: number | null, min: number, max: number, step: number): HTMLInputElement {

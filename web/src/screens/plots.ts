@@ -7,6 +7,7 @@ import { quantity } from '../format.ts'
 import { icon } from '../icons.ts'
 import { toCsv } from '../plots/buffer.ts'
 import { Chart } from '../plots/chart.ts'
+import { say } from '../say.ts'
 
 const WINDOWS_S = [10, 30, 60, 300, 600]
 const DRAW_EVERY_MS = 66
@@ -15,7 +16,7 @@ const KEY = 'plot-signals'
 
 export const plots: Screen = {
   id: 'plots',
-  title: 'Plots',
+  title: say('screenPlots'),
   icon: 'plots',
   mount(host, app) {
     const charts = el('div', { class: 'charts' })
@@ -39,7 +40,7 @@ export const plots: Screen = {
 /** One chart per unit, so that metres and volts do not share an axis. */
 class PlotPanel {
   readonly tools: HTMLElement
-  readonly signals = el('div', { class: 'card stack', role: 'group', 'aria-label': 'Signals' })
+  readonly signals = el('div', { class: 'card stack', role: 'group', 'aria-label': say('signals') })
   private charts: Chart[] = []
   private windowS = 30
   private pausedAtS: number | null = null
@@ -63,7 +64,7 @@ class PlotPanel {
         },
       },
       icon('pause', 20),
-      'Pause',
+      say('pause'),
     )
     const length = el(
       'select',
@@ -75,7 +76,7 @@ class PlotPanel {
     this.tools = el(
       'div',
       { class: 'card stack' },
-      el('label', { class: 'field' }, el('span', {}, 'Window'), length),
+      el('label', { class: 'field' }, el('span', {}, say('window')), length),
       el(
         'div',
         { class: 'button-row' },
@@ -94,7 +95,7 @@ class PlotPanel {
     this.names = names.join()
     if (names.length && ![...this.chosen].some((name) => names.includes(name)))
       for (const name of names.slice(0, CHOSEN_AT_FIRST)) this.chosen.add(name)
-    replace(this.signals, el('h2', {}, 'Signals'), ...names.map((name, i) => this.toggle(name, units[i])))
+    replace(this.signals, el('h2', {}, say('signals')), ...names.map((name, i) => this.toggle(name, units[i])))
     this.close()
     const groups = new Map<string, number[]>()
     names.forEach((name, i) => {
@@ -103,11 +104,7 @@ class PlotPanel {
     if (!groups.size)
       replace(
         this.host,
-        el(
-          'p',
-          { class: 'card empty' },
-          names.length ? 'Choose signals to draw.' : 'The robot has sent no signals yet.',
-        ),
+        el('p', { class: 'card empty' }, names.length ? say('chooseSignalsToDraw') : say('noSignalsYet')),
       )
     else this.host.replaceChildren()
     this.charts = [...groups].map(

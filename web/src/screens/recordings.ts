@@ -6,12 +6,13 @@ import { el, replace } from '../dom.ts'
 import { bytes, duration } from '../format.ts'
 import { icon } from '../icons.ts'
 import type { RecordingInfo, Recordings, ReplayProgress } from '../wire.ts'
+import { dated, langOf, say } from '../say.ts'
 
 /** Files that are called by what they are, in the order of how often people want them. */
 const FILE_NAMES: [file: string, text: string][] = [
-  ['report.html', 'Report'],
-  ['weeds.geojson', 'Weeds'],
-  ['run.mcap', 'Recording'],
+  ['report.html', say('report')],
+  ['weeds.geojson', say('weeds')],
+  ['run.mcap', say('recording')],
 ]
 /** Of the program itself. */
 const HIDDEN = new Set(['run.lock'])
@@ -20,10 +21,10 @@ const REFRESH_MS = 10_000
 
 export const recordings: Screen = {
   id: 'recordings',
-  title: 'Recordings',
+  title: say('recordings'),
   icon: 'recordings',
   async mount(host, app) {
-    const list = el('div', { class: 'card table-card' }, el('p', { class: 'empty' }, 'Reading the list…'))
+    const list = el('div', { class: 'card table-card' }, el('p', { class: 'empty' }, say('readingTheList')))
     const summary = el('p', { class: 'muted' })
     const replay = new ReplayBar(app)
     const toggle = recordButton(app)
@@ -34,7 +35,7 @@ export const recordings: Screen = {
         el(
           'div',
           { class: 'card row-card' },
-          el('div', {}, el('h2', {}, 'Recordings'), summary),
+          el('div', {}, el('h2', {}, say('recordings')), summary),
           el('div', { class: 'button-row' }, toggle.node, markButton(app)),
         ),
         replay.node,
@@ -44,10 +45,10 @@ export const recordings: Screen = {
     const refresh = async (): Promise<void> => {
       const found = await app.attempt(api.recordings())
       if (!found) return
-      const room = `${bytes(found.disk_free_bytes)} free on the disk`
+      const room = bytes(found.disk_free_bytes)
       summary.textContent = found.current
-        ? `Recording now: ${found.current} · ${room}`
-        : `Nothing is being recorded · ${room}`
+        ? say('recordingNow', { name: found.current, room })
+        : say('recordingNothing', { room })
       show(list, found, replay)
     }
     const timer = setInterval(() => void refresh(), REFRESH_MS)
@@ -66,13 +67,13 @@ function markButton(app: App): HTMLElement {
     'button',
     { type: 'button', class: 'button', onclick: () => void mark(app) },
     icon('mark', 20),
-    'Mark this moment',
+    say('markThisMoment'),
   )
 }
 
 async function mark(app: App): Promise<void> {
-  const text = await app.dialogs.prompt('Mark this moment', 'What happened')
-  if (text) await app.command({ kind: 'mark_moment', text }, 'Marked in the recording.')
+  const text = await app.dialogs.prompt(say('markThisMoment'), say('whatHappened'))
+  if (text) await app.command({ kind: 'mark_moment', text }, say('markedInTheRecording'))
 }
 
 interface RecordButton {
@@ -101,7 +102,7 @@ function recordButton(app: App): RecordButton {
     node.hidden = recording === undefined
     if (recording === now && label.textContent) return
     now = recording
-    label.textContent = now ? 'End the recording' : 'Record'
+    label.textContent = now ? say('endTheRecording') : say('record')
     made.onChange()
   }
   update()
@@ -113,7 +114,7 @@ function recordButton(app: App): RecordButton {
 function show(list: Element, found: Recordings, replay: ReplayBar): void {
   const rows = found.recordings.map((recording) => row(recording, recording.name === found.current, replay))
   const there = list.querySelectorAll<HTMLElement>('tbody > tr')
-  if (!rows.length) replace(list, el('p', { class: 'empty' }, 'No recording yet: every mission makes one.'))
+  if (!rows.length) replace(list, el('p', { class: 'empty' }, say('noRecordingYet')))
   else if (rows.length !== there.length) replace(list, table(rows))
   else
     rows.forEach((one, i) => {
@@ -131,7 +132,7 @@ function table(rows: HTMLElement[]): HTMLElement {
       el(
         'tr',
         {},
-        ...['Recorded', 'Length', 'Size', 'Result', 'Files', ''].map((name) =>
+        ...[say('recorded'), say('length'), say('size'), say('result'), say('files'), ''].map((name) =>
           name ? el('th', {}, name) : el('td', {}),
         ),
       ),
@@ -145,11 +146,11 @@ function row(recording: RecordingInfo, current: boolean, replay: ReplayBar): HTM
     'button',
     { type: 'button', class: 'button', disabled: current, onclick: () => void replay.open(recording) },
     icon('play', 20),
-    'Replay',
+    say('replay'),
   )
   const when = new Date(recording.utc)
   const isDated = !Number.isNaN(when.getTime())
-  const date = isDated ? when.toLocaleString(undefined, { dateStyle: 'medium', timeStyle: 'short' }) : recording.utc
+  const date = isDated ? dated(when) : recording.utc
   const name = recording.name + (recording.profile ? ` · ${recording.profile}` : '')
   return el(
     'tr',
@@ -164,15 +165,15 @@ function row(recording: RecordingInfo, current: boolean, replay: ReplayBar): HTM
 }
 
 function result(recording: RecordingInfo, current: boolean): HTMLElement {
-  if (current) return el('span', { class: 'tag note' }, 'Recording')
-  if (recording.ok === null) return el('span', { class: 'tag', title: recording.reason }, 'Not finished')
+  if (current) return el('span', { class: 'tag note' }, say('recording'))
+  if (recording.ok === null) return el('span', { class: 'tag', title: recording.reason }, say('notFinished'))
   return recording.ok
-    ? el('span', { class: 'tag good' }, 'Done')
+    ? el('span', { class: 'tag good' }, say('done'))
     : el(
         'span',
         {},
-        el('span', { class: 'tag bad' }, 'Failed'),
-        el('span', { class: 'small muted' }, ` ${recording.reason}`),
+        el('span', { class: 'tag bad' }, say('failed')),
+        el('span', { class: 'small muted', lang: langOf(recording.reason) }, ` ${recording.reason}`),
       )
 }
 
@@ -191,7 +192,7 @@ function fileLinks(recording: RecordingInfo): HTMLElement {
       el(
         'details',
         {},
-        el('summary', {}, `${others.length} more`),
+        el('summary', {}, say('filesMore', { count: others.length })),
         el('div', { class: 'file-links' }, ...others.map((file) => link(file, file))),
       ),
   )
@@ -212,19 +213,19 @@ class ReplayBar {
     max: 1,
     step: 0.1,
     value: 0,
-    'aria-label': 'Time in the recording',
+    'aria-label': say('timeInTheRecording'),
   })
   private readonly time = el('output')
   private readonly speed = el(
     'select',
-    { 'aria-label': 'Speed' },
+    { 'aria-label': say('speed') },
     ...SPEEDS.map((s) => el('option', { value: s, selected: s === 1 }, `${s}×`)),
   )
   private readonly pause = el(
     'button',
     { type: 'button', class: 'button', 'aria-pressed': 'false' },
     icon('pause', 20),
-    'Pause',
+    say('pause'),
   )
   private name: string | null = null
   private seeking = false
@@ -235,9 +236,9 @@ class ReplayBar {
       'button',
       { type: 'button', class: 'button', onclick: () => void app.attempt(api.replay(null, 1, 0)) },
       icon('cancel', 20),
-      'Back to live',
+      say('backToLive'),
     )
-    this.node.append(el('strong', {}, 'Replay'), this.slider, this.time, this.speed, this.pause, back)
+    this.node.append(el('strong', {}, say('replay')), this.slider, this.time, this.speed, this.pause, back)
     this.slider.addEventListener('input', () => (this.seeking = true))
     this.slider.addEventListener('change', () => void this.apply())
     this.speed.addEventListener('change', () => void this.apply())

@@ -2,14 +2,15 @@
 
 import type { App, Screen } from '../app.ts'
 import { el, replace, setText } from '../dom.ts'
-import { words } from '../format.ts'
+import { fixed, words } from '../format.ts'
 import { icon } from '../icons.ts'
 import type { Joint, Scene } from '../scene/scene.ts'
 import { onTheme } from '../shell/theme.ts'
+import { decimals, langOf, say } from '../say.ts'
 
 export const robot: Screen = {
   id: 'robot',
-  title: '3D',
+  title: say('screenRobot'),
   icon: 'robot',
   async mount(host, app) {
     const stage = el('div', { class: 'card stage' })
@@ -17,13 +18,7 @@ export const robot: Screen = {
     const view = el('div', { class: 'card stack' })
     host.append(stage, el('div', { class: 'side' }, view, joints))
     if (app.off.has('scene') || !app.robot) {
-      stage.append(
-        el(
-          'p',
-          { class: 'empty' },
-          app.robot ? 'The scene is switched off by the address of this page.' : 'The robot has not described itself.',
-        ),
-      )
+      stage.append(el('p', { class: 'empty' }, app.robot ? say('sceneIsOff') : say('noDescription')))
       return () => undefined
     }
     const scene = await makeScene(stage)
@@ -31,10 +26,10 @@ export const robot: Screen = {
     if (app.store.isSlow) scene.drawLess()
     replace(
       view,
-      el('h2', {}, 'View'),
+      el('h2', {}, say('view')),
       ...(app.session.source === 'description' ? [] : [followButton(scene)]),
-      check('Camera’s field of view', true, (on) => scene.showFrustum(on)),
-      check('Frames of the links', false, (on) => scene.showFrames(on)),
+      check(say('camerasFieldOfView'), true, (on) => scene.showFrustum(on)),
+      check(say('framesOfTheLinks'), false, (on) => scene.showFrames(on)),
     )
     if (window.__agribot) window.__agribot.scene = () => scene.shown()
     const undo = [onTheme(() => scene.recolour()), app.store.on('slow', () => scene.drawLess())]
@@ -52,7 +47,7 @@ async function makeScene(stage: HTMLElement): Promise<Scene | null> {
     const { Scene } = await import('../scene/scene.ts')
     return new Scene(stage)
   } catch {
-    stage.append(el('p', { class: 'empty' }, 'This browser cannot draw in three dimensions (it needs WebGL 2).'))
+    stage.append(el('p', { class: 'empty' }, say('noWebGlForScene')))
     return null
   }
 }
@@ -81,10 +76,10 @@ function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]):
       const index = app.robot?.wheel_joints.indexOf(name) ?? 0
       undo.push(
         app.store.on('state', (state) =>
-          setText(angle, `${((((state.joints_rad[index] ?? 0) * 180) / Math.PI) % 360).toFixed(0)}°`),
+          setText(angle, `${decimals((((state.joints_rad[index] ?? 0) * 180) / Math.PI) % 360, 0)}°`),
         ),
       )
-      return el('div', { class: 'label-row' }, el('span', {}, words(name)), angle)
+      return el('div', { class: 'label-row' }, el('span', { lang: langOf(name) }, words(name)), angle)
     }
     const at = Math.min(Math.max(0, lower), upper)
     const place = el('span', { class: 'value' }, jointPlace(joint, at))
@@ -100,14 +95,19 @@ function jointPanel(scene: Scene, app: App, panel: HTMLElement, found: Joint[]):
         setText(place, jointPlace(joint, Number(slider.value)))
       },
     })
-    return el('div', { class: 'field' }, el('div', { class: 'label-row' }, el('span', {}, words(name)), place), slider)
+    return el(
+      'div',
+      { class: 'field' },
+      el('div', { class: 'label-row' }, el('span', { lang: langOf(name) }, words(name)), place),
+      slider,
+    )
   })
-  replace(panel, el('h2', {}, 'Joints'), ...rows)
+  replace(panel, el('h2', {}, say('joints')), ...rows)
   return undo
 }
 
 function jointPlace(joint: Joint, value: number): string {
-  return joint.unit === 'm' ? `${value.toFixed(3)} m` : `${((value * 180) / Math.PI).toFixed(0)}°`
+  return joint.unit === 'm' ? fixed(value, 3, 'm') : `${decimals((value * 180) / Math.PI, 0)}°`
 }
 
 function followButton(scene: Scene): HTMLElement {
@@ -123,7 +123,7 @@ function followButton(scene: Scene): HTMLElement {
       },
     },
     icon('follow', 20),
-    'Follow the robot',
+    say('followTheRobot'),
   )
   return button
 }

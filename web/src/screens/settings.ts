@@ -3,14 +3,16 @@
 import { api } from '../api.ts'
 import type { App, Screen } from '../app.ts'
 import { el, replace } from '../dom.ts'
-import { quantity, words } from '../format.ts'
+import { bareName, quantity, words } from '../format.ts'
 import { setTheme, theme, THEME_NAMES, THEMES } from '../shell/theme.ts'
 import { CalibrationCard } from './calibration.ts'
 import type { Setting, SettingGroup, SettingValue } from '../wire.ts'
+import type { Language } from '../say.ts'
+import { keepLanguage, langOf, language, LANGUAGES, named, say } from '../say.ts'
 
 export const settings: Screen = {
   id: 'settings',
-  title: 'Settings',
+  title: say('screenSettings'),
   icon: 'settings',
   async mount(host, app) {
     const calibration = new CalibrationCard(app)
@@ -19,7 +21,7 @@ export const settings: Screen = {
       { class: 'column' },
       pageCard(),
       calibration.node,
-      el('p', { class: 'empty' }, 'Reading the settings…'),
+      el('p', { class: 'empty' }, say('readingTheSettings')),
     )
     host.append(column)
     const [found] = await Promise.all([app.attempt(api.settings()), calibration.look()])
@@ -27,15 +29,14 @@ export const settings: Screen = {
     const groups = el('div', { class: 'column' })
     const show = (all: boolean): void => {
       replace(groups, ...found.groups.map((group) => groupCard(group, all, app)))
-      if (!groups.childElementCount)
-        groups.append(el('p', { class: 'card empty' }, 'No setting of this robot may change while it runs.'))
+      if (!groups.childElementCount) groups.append(el('p', { class: 'card empty' }, say('noLiveSetting')))
     }
     const all = el('input', { type: 'checkbox', onchange: () => show(all.checked) })
     replace(
       column,
       pageCard(),
       calibration.node,
-      el('label', { class: 'check' }, all, 'Show also what is fixed while the robot runs'),
+      el('label', { class: 'check' }, all, say('showFixedSettings')),
       groups,
     )
     show(false)
@@ -49,7 +50,7 @@ function groupCard(group: SettingGroup, all: boolean, app: App): HTMLElement | n
   return el(
     'section',
     { class: 'card stack' },
-    el('h2', {}, words(group.name)),
+    el('h2', { lang: langOf(group.name) }, words(group.name)),
     ...keys.map((setting) => row(setting, app)),
   )
 }
@@ -77,28 +78,50 @@ function pageCard(): HTMLElement {
     el(
       'div',
       {},
-      el('h2', {}, 'This page'),
-      el('p', { class: 'muted' }, 'Colours on this device. Sunlight has the strongest contrast.'),
+      el('h2', {}, say('thisPage')),
+      el('p', { class: 'muted' }, say('pageCardAbout')),
       el(
         'p',
         { class: 'small' },
-        el('a', { href: './licences.txt', target: '_blank', rel: 'noopener' }, 'Licences of the software in this page'),
+        el('a', { href: './licences.txt', target: '_blank', rel: 'noopener' }, say('licences')),
       ),
     ),
-    el('div', { class: 'segments', role: 'group', 'aria-label': 'Theme' }, ...buttons),
+    el(
+      'div',
+      { class: 'page-choices' },
+      el('div', { class: 'segments', role: 'group', 'aria-label': say('theme') }, ...buttons),
+      el('label', { class: 'field' }, el('span', {}, say('language')), languageChoice()),
+    ),
   )
+}
+
+function languageChoice(): HTMLElement {
+  const known = Object.entries(LANGUAGES) as [Language, string][]
+  const select = el(
+    'select',
+    {
+      onchange: () => {
+        keepLanguage(select.value as Language)
+        location.reload()
+      },
+    },
+    ...known.map(([value, name]) => el('option', { value, lang: value, selected: value === language }, name)),
+  )
+  return select
 }
 
 function row(setting: Setting, app: App): HTMLElement {
   const id = `setting-${setting.key}`
   const input = control(setting, id)
+  const about = setting.about && el('p', { class: 'small muted', lang: langOf(setting.about) }, named(setting.about))
   const note = el('p', { class: 'small muted', 'aria-live': 'polite' })
   const describe = (): void => {
-    const parts = [setting.about]
+    const parts: string[] = []
     if (setting.min !== null || setting.max !== null)
-      parts.push(`From ${setting.min ?? '–∞'} to ${setting.max ?? '∞'}.`)
-    if (String(setting.value) !== String(setting.default)) parts.push(`Default ${setting.default}.`)
-    note.textContent = parts.filter(Boolean).join(' ')
+      parts.push(say('settingRange', { min: setting.min ?? '–∞', max: setting.max ?? '∞' }))
+    if (String(setting.value) !== String(setting.default))
+      parts.push(say('settingDefault', { value: String(setting.default) }))
+    note.textContent = parts.join(' ')
     note.classList.remove('form-error')
   }
   describe()
@@ -110,10 +133,8 @@ function row(setting: Setting, app: App): HTMLElement {
     if (answer && setting.key in answer.applied) {
       setting.value = answer.applied[setting.key]
       describe()
-      app.toasts.show(
-        'info',
-        `${quantity(setting.key)} is now ${setting.value}${setting.unit ? ` ${setting.unit}` : ''}.`,
-      )
+      const shown = `${setting.value}${setting.unit ? ` ${setting.unit}` : ''}`
+      app.toasts.show('info', say('settingIsNow', { name: quantity(setting.key), value: shown }))
     } else if (refused) {
       note.textContent = refused
       note.classList.add('form-error')
@@ -123,7 +144,7 @@ function row(setting: Setting, app: App): HTMLElement {
   return el(
     'div',
     { class: 'setting' },
-    el('div', {}, el('label', { for: id }, quantity(setting.key)), note),
+    el('div', {}, el('label', { for: id, lang: langOf(bareName(setting.key)) }, quantity(setting.key)), about, note),
     el('div', { class: 'setting-control' }, input, setting.unit !== '' && el('span', { class: 'muted' }, setting.unit)),
   )
 }

@@ -11,17 +11,19 @@ import { GamepadLine } from '../teleop/gamepad-line.ts'
 import { listenKeys, listenLeaving, listenPad } from '../teleop/inputs.ts'
 import type { Limits } from '../teleop/machine.ts'
 import { SCALES, TeleopMachine } from '../teleop/machine.ts'
+import { fixed } from '../format.ts'
+import { say } from '../say.ts'
 
 const SEND_EVERY_MS = 50
 const HUNG_MS = 1000
-const HELP = 'Hold to drive, let go to stop. Keys: W A S D or arrows. Gamepad: hold a shoulder button.'
-const AGAIN = 'Let go and hold again to drive.'
-const ARM_FIRST = 'Press "Drive by hand" first.'
-const SEAT_FIRST = 'Take control first.'
+const HELP = say('driveHelp')
+const AGAIN = say('holdAgain')
+const ARM_FIRST = say('armFirst')
+const SEAT_FIRST = say('takeControlFirst')
 
 export const teleop: Screen = {
   id: 'teleop',
-  title: 'Teleop',
+  title: say('screenTeleop'),
   icon: 'teleop',
   mount(host, app) {
     const machine = new TeleopMachine()
@@ -36,7 +38,7 @@ export const teleop: Screen = {
       el(
         'div',
         { class: 'card teleop-view' },
-        camera ? camera.node : el('p', { class: 'empty' }, 'This robot has no camera.'),
+        camera ? camera.node : el('p', { class: 'empty' }, say('noCamera')),
         camera && label,
       ),
       el(
@@ -89,7 +91,7 @@ function makePad(knob: HTMLElement): HTMLElement {
       class: 'pad',
       role: 'application',
       tabindex: 0,
-      'aria-label': 'Drive pad: drag, or use W A S D or the arrow keys',
+      'aria-label': say('drivePad'),
     },
     ...['up', 'right', 'down', 'left'].map((way) => el('span', { class: `pad-arrow ${way}`, 'aria-hidden': 'true' })),
     knob,
@@ -109,7 +111,7 @@ function send(app: App, machine: TeleopMachine): void {
 function showDrive(readout: HTMLElement, app: App): void {
   const state = app.store.state
   const [v, w] = [state?.v_mps ?? 0, state?.yaw_rate_radps ?? 0]
-  setText(readout, `${v.toFixed(2)} m/s   ${((w * 180) / Math.PI).toFixed(0)} °/s`)
+  setText(readout, `${fixed(v, 2, 'm/s')}   ${fixed((w * 180) / Math.PI, 0, '°/s')}`)
 }
 
 function armSwitch(
@@ -130,7 +132,7 @@ function armSwitch(
     setText(why, whyNot(app, machine, wanted))
     setText(
       word,
-      machine.isArmed ? 'Driving by hand: end' : store.seat === 'you' ? 'Drive by hand' : 'Take control to drive',
+      machine.isArmed ? say('drivingByHandEnd') : store.seat === 'you' ? say('driveByHand') : say('takeControlToDrive'),
     )
     document.querySelector('.pad')?.classList.toggle('armed', machine.isArmed)
   }
@@ -138,12 +140,7 @@ function armSwitch(
     const onMission = app.store.state?.mode === 'mission'
     if (
       onMission &&
-      !(await app.dialogs.confirm(
-        'Interrupt the mission?',
-        ['The robot is on its mission. Driving by hand takes over; resume the mission on the Drive screen afterwards.'],
-        'Drive by hand',
-        'danger',
-      ))
+      !(await app.dialogs.confirm(say('interruptTheMission'), [say('interruptBody')], say('driveByHand'), 'danger'))
     )
       return
     wanted = true
@@ -163,7 +160,7 @@ function armSwitch(
   return { node: button, whyNot: why, update, done: app.store.on('seat', update) }
 }
 
-const seconds = (ms: number): string => `${(ms / 1000).toFixed(1)} s`
+const seconds = (ms: number): string => fixed(ms / 1000, 1, 's')
 
 /** Why what is held does not drive, or would not. */
 function whyNot(app: App, machine: TeleopMachine, wanted: boolean): string {
@@ -175,10 +172,10 @@ function whyNot(app: App, machine: TeleopMachine, wanted: boolean): string {
 /** Why a hand may not drive now. */
 function slowText({ store }: App): string {
   const { roundTripMs } = store.monitor
-  if (!store.linked) return 'No link to the robot.'
+  if (!store.linked) return say('noLink')
   if (!store.answers || roundTripMs > HAND_MS)
-    return `The robot answers too late for a hand (${seconds(roundTripMs)}; at most ${seconds(HAND_MS)}).`
-  return store.stale ? 'What the robot tells is too old for a hand.' : ''
+    return say('answersTooLate', { time: seconds(roundTripMs), limit: seconds(HAND_MS) })
+  return store.stale ? say('dataTooOld') : ''
 }
 
 function scaleChoice(app: App): HTMLElement {
@@ -201,5 +198,5 @@ function scaleChoice(app: App): HTMLElement {
     localStorage.setItem('speed-scale', String(value))
     app.link.send({ kind: 'scale_speed', ratio: value })
   }
-  return el('div', { class: 'segments', role: 'group', 'aria-label': 'Speed limit' }, ...buttons)
+  return el('div', { class: 'segments', role: 'group', 'aria-label': say('speedLimit') }, ...buttons)
 }

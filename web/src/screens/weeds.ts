@@ -13,13 +13,14 @@ import type { WeedUpdate } from '../store.ts'
 import type { Weed } from '../wire.ts'
 import { passes, sinceS } from '../weed-filter.ts'
 import type { WeedFilter } from '../weed-filter.ts'
+import { many, named, say } from '../say.ts'
 
 const COUNT_EVERY_MS = 1000
 const PICK_PX = 8
 
 export const weeds: Screen = {
   id: 'weeds',
-  title: 'Weeds',
+  title: say('screenWeeds'),
   icon: 'weeds',
   async mount(host, app) {
     const filter: WeedFilter = { weeds: true, crop: true, treated: true, open: true, confidence: 0, withinS: null }
@@ -71,7 +72,7 @@ function nowS(app: App): number {
 function showCount(node: HTMLElement, app: App, filter: WeedFilter): void {
   let shown = 0
   for (const weed of app.store.weeds.values()) if (passes(weed, filter, nowS(app))) shown++
-  setText(node, `${shown.toLocaleString('en')} of ${app.store.weeds.size.toLocaleString('en')} plants`)
+  setText(node, say('plantsShown', { shown: many(shown), all: many(app.store.weeds.size) }))
 }
 
 function mapFilter(filter: WeedFilter, nowS: number): FilterSpecification {
@@ -119,26 +120,26 @@ function filterCard(filter: WeedFilter, count: HTMLElement, apply: () => void): 
       },
     },
     ...[
-      ['', 'Any time'],
-      ['60', 'In the last minute'],
-      ['600', 'In the last 10 minutes'],
+      ['', say('anyTime')],
+      ['60', say('inTheLastMinute')],
+      ['600', say('inLast10Minutes')],
     ].map(([v, text]) => el('option', { value: v }, text)),
   )
   return el(
     'div',
     { class: 'card stack' },
-    el('h2', {}, 'Show'),
+    el('h2', {}, say('show')),
     count,
     el(
       'div',
       { class: 'checks pair' },
-      toggle('weeds', 'Weeds', 'map-weed'),
-      toggle('crop', 'Crop', 'map-crop'),
-      toggle('treated', 'Treated'),
-      toggle('open', 'Not treated'),
+      toggle('weeds', say('screenWeeds'), 'map-weed'),
+      toggle('crop', say('crop'), 'map-crop'),
+      toggle('treated', say('treated')),
+      toggle('open', say('notTreated')),
     ),
-    el('label', { class: 'field' }, el('span', { class: 'label-row' }, 'Confidence at least', value), confidence),
-    el('label', { class: 'field' }, el('span', {}, 'Seen'), time),
+    el('label', { class: 'field' }, el('span', { class: 'label-row' }, say('confidenceAtLeast'), value), confidence),
+    el('label', { class: 'field' }, el('span', {}, say('seen')), time),
   )
 }
 
@@ -146,7 +147,7 @@ function exportCard(): HTMLElement {
   return el(
     'div',
     { class: 'card stack' },
-    el('h2', {}, 'Export'),
+    el('h2', {}, say('export')),
     el(
       'div',
       { class: 'button-row' },
@@ -196,8 +197,8 @@ function stepButtons(app: App, filter: WeedFilter, details: Details): HTMLElemen
   return el(
     'div',
     { class: 'button-row steps' },
-    el('button', { type: 'button', class: 'button', onclick: () => step(-1) }, 'Plant before'),
-    el('button', { type: 'button', class: 'button', onclick: () => step(1) }, 'Plant after'),
+    el('button', { type: 'button', class: 'button', onclick: () => step(-1) }, say('plantBefore')),
+    el('button', { type: 'button', class: 'button', onclick: () => step(1) }, say('plantAfter')),
   )
 }
 
@@ -210,8 +211,8 @@ function weedPicture(id: number): HTMLElement {
       const url = URL.createObjectURL(picture)
       replace(
         figure,
-        el('img', { src: url, alt: `Weed ${id} in the camera`, onload: () => URL.revokeObjectURL(url) }),
-        el('figcaption', { class: 'muted' }, `Picture from ${duration(takenS)}`),
+        el('img', { src: url, alt: say('weedInCamera', { id }), onload: () => URL.revokeObjectURL(url) }),
+        el('figcaption', { class: 'muted' }, say('pictureFrom', { time: duration(takenS) })),
       )
     })
     .catch((error: unknown) => replace(figure, el('figcaption', { class: 'muted' }, message(error))))
@@ -245,7 +246,7 @@ class Details {
     if (this.id === null) return
     const weed = this.app.store.weeds.get(this.id)
     if (!weed) {
-      this.say(`Plant ${this.id} is not on the map any more.`)
+      this.explain(say('plantIsGone', { id: this.id }))
       this.id = null
     } else if (all || set.some(({ id }) => id === weed.id)) {
       setText(this.node.querySelector('h2') as HTMLElement, title(weed))
@@ -255,26 +256,26 @@ class Details {
 
   private begin(): void {
     this.id = null
-    this.say('Tap a plant on the map, or go through them here.')
+    this.explain(say('tapAPlantOnTheMap'))
   }
 
-  private say(words: string): void {
-    replace(this.node, el('h2', {}, 'Details'), el('p', { class: 'muted' }, words))
+  private explain(words: string): void {
+    replace(this.node, el('h2', {}, say('details')), el('p', { class: 'muted' }, words))
   }
 
   private tell(weed: Weed): void {
     const { x_map_m: x, y_map_m: y } = weed
     const [lon, lat] = this.app.projection.toLonLat(x, y)
     const rows: [string, string][] = [
-      ['Confidence', `${(weed.confidence * 100).toFixed(0)} %`],
-      ['Size', area(weed.area_m2)],
-      ['Position ±', metres(weed.std_m)],
-      ['Sightings', String(weed.sightings)],
-      ['First seen', duration(weed.first_seen_s)],
-      ['Last seen', duration(weed.last_seen_s)],
-      ['Treated', weed.treated_s === null ? NONE : duration(weed.treated_s)],
-      ...(weed.left ? [['Left', weed.left] as [string, string]] : []),
-      ['East, north', `${fixed(x, 2)}, ${fixed(y, 2)} m`],
+      [say('confidence'), fixed(weed.confidence * 100, 0, '%')],
+      [say('size'), area(weed.area_m2)],
+      [say('position'), metres(weed.std_m)],
+      [say('sightings'), String(weed.sightings)],
+      [say('firstSeen'), duration(weed.first_seen_s)],
+      [say('lastSeen'), duration(weed.last_seen_s)],
+      [say('treated'), weed.treated_s === null ? NONE : duration(weed.treated_s)],
+      ...(weed.left ? [[say('leftBecause'), named(weed.left)] as [string, string]] : []),
+      [say('eastNorth'), `${fixed(x, 2)}, ${fixed(y, 2)} m`],
     ]
     const lines = rows.map(([name, text]) => el('div', {}, el('dt', {}, name), el('dd', {}, text)))
     replace(
@@ -286,5 +287,5 @@ class Details {
 }
 
 function title({ plant, id }: Weed): string {
-  return `${plant === 0 ? 'Weed' : 'Crop plant'} ${id}`
+  return say(plant === 0 ? 'weedNumber' : 'cropNumber', { id })
 }

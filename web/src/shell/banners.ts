@@ -1,12 +1,14 @@
 /** What must not be missed: a line that is slow or lost, old data, a pressed STOP, a replay. */
 
 import { el, setText } from '../dom.ts'
+import { uncapitalised } from '../format.ts'
 import { icon } from '../icons.ts'
 import type { IconName } from '../icons.ts'
 import type { Link } from '../link.ts'
 import type { Store } from '../store.ts'
 import { seconds, tellLine } from './line-text.ts'
 import { MODE_NAMES } from './statusbar.ts'
+import { say } from '../say.ts'
 
 const UPDATE_MS = 100
 const CONFIRMED_WITHIN_MS = 1000
@@ -26,7 +28,7 @@ class Banner {
   }
 
   /** Hidden without words. */
-  say(words: string): void {
+  show(words: string): void {
     this.node.hidden = !words
     if (words) setText(this.text, words)
   }
@@ -38,12 +40,12 @@ export class Banners {
   readonly node: HTMLElement
   private readonly line = new Banner('warning', 'bad')
   private readonly unconfirmed = new Banner('stop', 'bad')
-  private readonly release = el('button', { type: 'button', class: 'button' }, 'Release stop')
+  private readonly release = el('button', { type: 'button', class: 'button' }, say('releaseStop'))
   private readonly stopped = new Banner('stop', 'bad', this.release)
   private readonly replay = new Banner(
     'recordings',
     'note',
-    el('a', { href: '#/recordings', class: 'button' }, 'Recordings'),
+    el('a', { href: '#/recordings', class: 'button' }, say('recordings')),
   )
 
   constructor(
@@ -59,6 +61,7 @@ export class Banners {
       this.stopped.node,
       this.replay.node,
     )
+    this.main.dataset.replay = say('replayMark')
     this.release.addEventListener('click', () => this.onRelease?.())
     new ResizeObserver(() => this.tellHeight()).observe(this.node)
     setInterval(() => this.update(), UPDATE_MS)
@@ -76,12 +79,12 @@ export class Banners {
     const isReplay = store.channel?.source === 'replay'
     this.main.classList.toggle('is-stale', store.stale)
     this.main.classList.toggle('is-replay', isReplay)
-    this.line.say(this.lineText())
-    this.unconfirmed.say(this.unconfirmedText())
+    this.line.show(this.lineText())
+    this.unconfirmed.show(this.unconfirmedText())
     const stop = isReplay ? store.live?.stop : store.state?.stop
-    this.stopped.say(stop ? (isReplay ? `The robot itself is held: ${stop}` : `Stopped: ${stop}`) : '')
+    this.stopped.show(stop ? say(isReplay ? 'robotItselfIsHeld' : 'stoppedFor', { reason: stop }) : '')
     this.release.hidden = store.seat !== 'you' || isReplay || !this.onRelease
-    this.replay.say(isReplay ? this.replayText() : '')
+    this.replay.show(isReplay ? this.replayText() : '')
   }
 
   private lineText(): string {
@@ -91,13 +94,12 @@ export class Banners {
   private unconfirmedText(): string {
     const waitedMs = this.store.stop.waitedMs(performance.now())
     if (waitedMs < CONFIRMED_WITHIN_MS) return ''
-    const silence = `nothing from the robot about it for ${seconds(waitedMs)}`
-    return `STOP is not confirmed: ${silence}. Press the red button on the robot.`
+    return say('stopNotConfirmed', { time: seconds(waitedMs) })
   }
 
   private replayText(): string {
     const { channel, live, hasRobot } = this.store
-    const robot = live ? ` The robot itself: ${MODE_NAMES[live.mode].toLowerCase()}.` : ''
-    return `Replay of ${channel?.name}: nothing here commands the robot${hasRobot ? ', but STOP does' : ''}.${robot}`
+    const banner = say(hasRobot ? 'replayBannerWithStop' : 'replayBanner', { name: channel?.name ?? '' })
+    return live ? `${banner} ${say('robotItself', { mode: uncapitalised(MODE_NAMES[live.mode]) })}` : banner
   }
 }

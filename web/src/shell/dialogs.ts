@@ -2,6 +2,7 @@
 
 import { el } from '../dom.ts'
 import { icon } from '../icons.ts'
+import { say } from '../say.ts'
 
 export interface Choice<T> {
   label: string
@@ -43,7 +44,7 @@ export class Dialogs {
       )
       const dismiss = el(
         'button',
-        { type: 'button', class: 'icon-button quiet', 'aria-label': 'Close', onclick: () => close(null) },
+        { type: 'button', class: 'icon-button quiet', 'aria-label': say('close'), onclick: () => close(null) },
         icon('cancel'),
       )
       const name = `dialog-${++this.count}`
@@ -55,7 +56,7 @@ export class Dialogs {
         choices.length > 0 && el('footer', {}, ...actions),
       )
       const layer = el('div', { class: 'dialog-layer', popover: 'manual' }, panel)
-      window.addEventListener('keydown', onKey) // wherever the focus is: a tap on the text leaves it nowhere
+      window.addEventListener('keydown', onKey) // of the window: a tap on the text leaves no focus
       layer.addEventListener('pointerdown', (event) => {
         if (event.target === layer) close(null)
       })
@@ -75,7 +76,7 @@ export class Dialogs {
     kind: 'primary' | 'danger' = 'primary',
   ): Promise<boolean> {
     const answer = await this.ask(title, body, [
-      { label: 'Cancel', value: false },
+      { label: say('cancel'), value: false },
       { label: yes, value: true, kind },
     ])
     return answer === true
@@ -89,7 +90,7 @@ export class Dialogs {
       title,
       [el('p', {}, about), select],
       [
-        { label: 'Cancel', value: false },
+        { label: say('cancel'), value: false },
         { label: yes, value: true, kind: 'primary' },
       ],
     )
@@ -97,14 +98,14 @@ export class Dialogs {
   }
 
   /** Ask for one line of text; null when dismissed or left empty. */
-  async prompt(title: string, label: string, value = '', yes = 'Save'): Promise<string | null> {
+  async prompt(title: string, label: string, value = '', yes = say('save')): Promise<string | null> {
     const input = el('input', { type: 'text', value, maxlength: 80, class: 'field-input', autocomplete: 'off' })
     const body = el('label', { class: 'field' }, el('span', {}, label), input)
     const answer = this.ask(
       title,
       [body],
       [
-        { label: 'Cancel', value: false },
+        { label: say('cancel'), value: false },
         { label: yes, value: true, kind: 'primary' },
       ],
     )

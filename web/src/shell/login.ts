@@ -1,5 +1,6 @@
 import { api, message } from '../api.ts'
 import { el } from '../dom.ts'
+import { say } from '../say.ts'
 
 /** Ask for the access token until the server takes it. */
 export function login(host: HTMLElement): Promise<void> {
@@ -15,10 +16,10 @@ export function login(host: HTMLElement): Promise<void> {
       'form',
       { class: 'login card' },
       el('h2', {}, 'AGRIBOT'),
-      el('p', {}, 'Enter the access token that the server printed when it started.'),
-      el('label', { class: 'field' }, el('span', {}, 'Access token'), input),
+      el('p', {}, say('enterToken')),
+      el('label', { class: 'field' }, el('span', {}, say('accessToken')), input),
       error,
-      el('button', { class: 'button primary', type: 'submit' }, 'Open'),
+      el('button', { class: 'button primary', type: 'submit' }, say('open')),
     )
     const page = el('div', { class: 'login-page' }, form)
     form.addEventListener('submit', (event) => {

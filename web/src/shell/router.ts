@@ -3,6 +3,7 @@
 import type { App, Screen } from '../app.ts'
 import { el } from '../dom.ts'
 import { icon } from '../icons.ts'
+import { say } from '../say.ts'
 
 const ON_PHONE = 4
 
@@ -30,9 +31,9 @@ export class Router {
         el('span', {}, screen.title),
       ),
     )
-    const more = el('button', { type: 'button', class: 'tab more' }, icon('more'), el('span', {}, 'More'))
+    const more = el('button', { type: 'button', class: 'tab more' }, icon('more'), el('span', {}, say('more')))
     more.addEventListener('click', () => void this.showRest())
-    this.nav = el('nav', { class: 'rail', 'aria-label': 'Screens' }, ...links, more)
+    this.nav = el('nav', { class: 'rail', 'aria-label': say('screens') }, ...links, more)
     window.addEventListener('hashchange', () => void this.show())
   }
 
@@ -66,7 +67,7 @@ export class Router {
 
   private async showRest(): Promise<void> {
     const list = el('div', { class: 'more-list' })
-    const answer = this.app.dialogs.ask<string>('Screens', [list], [])
+    const answer = this.app.dialogs.ask<string>(say('screens'), [list], [])
     for (const screen of this.screens.slice(ON_PHONE)) {
       list.append(
         el(

@@ -2,6 +2,7 @@
 
 import type { App } from '../app.ts'
 import { el } from '../dom.ts'
+import { say } from '../say.ts'
 
 /** Asks what to do with the seat; whether it was done. */
 export async function chooseSeat(app: App): Promise<boolean> {
@@ -12,22 +13,22 @@ export async function chooseSeat(app: App): Promise<boolean> {
     class: 'field-input',
     autocomplete: 'off',
     value: localStorage.getItem('operator') ?? '',
-    placeholder: 'Your name',
+    placeholder: say('yourName'),
   })
-  const named = el('label', { class: 'field' }, el('span', {}, 'Name shown to the others'), name)
+  const named = el('label', { class: 'field' }, el('span', {}, say('nameForOthers')), name)
   if (app.session.role === 'viewer') {
-    await dialogs.ask('Looking on', ['This address only lets you watch. STOP works all the same.'], [])
+    await dialogs.ask(say('lookingOn'), [say('onlyWatching')], [])
     return false
   }
   const mine = store.seat === 'you'
   const about = mine
-    ? 'You operate the robot. Hand over so that another can.'
+    ? say('seatIsYours')
     : store.seat === 'other'
-      ? `${store.holder || 'Another client'} operates the robot now. Taking over stops what is driven by hand.`
-      : 'Nobody operates the robot. STOP works for everyone; every other command needs the seat.'
-  const yes = mine ? 'Hand over' : store.seat === 'other' ? 'Take over' : 'Take control'
+      ? say('seatIsTaken', { holder: store.holder || say('anotherClient') })
+      : say('seatIsFree')
+  const yes = mine ? say('handOver') : store.seat === 'other' ? say('takeOver') : say('takeControl')
   const go = await dialogs.confirm(
-    "Operator's seat",
+    say('operatorsSeat'),
     [el('p', {}, about), named],
     yes,
     store.seat === 'other' ? 'danger' : 'primary',
@@ -42,7 +43,7 @@ function rename(app: App, name: string): void {
   app.link.send({ kind: 'use_name', name })
 }
 
-/** Takes the seat where nobody has it, and asks before it is taken over; whether this page has it then. */
+/** Takes the seat where it is free, and asks before it is taken over; whether this page has it then. */
 export async function takeSeat(app: App): Promise<boolean> {
   const { seat } = app.store
   if (seat === 'you') return true
@@ -51,11 +52,11 @@ export async function takeSeat(app: App): Promise<boolean> {
 
 /** A button that takes the seat where it is needed, and is hidden where you have it. */
 export function seatButton(app: App): { node: HTMLElement; done: () => void } {
-  const button = el('button', { type: 'button', class: 'button primary' }, 'Take control')
+  const button = el('button', { type: 'button', class: 'button primary' }, say('takeControl'))
   button.addEventListener('click', () => void takeSeat(app))
   const update = (): void => {
     button.hidden = app.store.seat === 'you'
-    button.textContent = app.store.seat === 'other' ? 'Take over' : 'Take control'
+    button.textContent = app.store.seat === 'other' ? say('takeOver') : say('takeControl')
   }
   update()
   return { node: button, done: app.store.on('seat', update) }

@@ -3,6 +3,7 @@
 import { el } from '../dom.ts'
 import { icon } from '../icons.ts'
 import type { Link } from '../link.ts'
+import { say } from '../say.ts'
 
 const TEXT_INPUTS = new Set(['text', 'search', 'url', 'email', 'password', 'number', 'tel', 'date', 'time', ''])
 
@@ -24,10 +25,10 @@ export class StopButton {
         class: 'stop',
         type: 'button',
         popover: 'manual',
-        title: 'Stop the robot now (Space). A software stop: the red button on the robot cuts the power.',
+        title: say('stopTitle'),
       },
       icon('stop'),
-      'STOP',
+      say('stopButton'),
     )
     this.button.addEventListener('pointerdown', () => this.stop())
     this.button.addEventListener('click', (event) => {

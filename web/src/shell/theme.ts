@@ -1,8 +1,14 @@
 /** Light, dark and sunlight; kept in this browser. */
 
+import { say } from '../say.ts'
+
 export const THEMES = ['light', 'dark', 'sun'] as const
 export type Theme = (typeof THEMES)[number]
-export const THEME_NAMES: Record<Theme, string> = { light: 'Light', dark: 'Dark', sun: 'Sunlight' }
+export const THEME_NAMES: Record<Theme, string> = {
+  light: say('themeLight'),
+  dark: say('themeDark'),
+  sun: say('sunlight'),
+}
 
 const listeners = new Set<() => void>()
 

@@ -3,6 +3,7 @@
 import { el } from '../dom.ts'
 import { icon } from '../icons.ts'
 import type { EventLevel } from '../wire.ts'
+import { say } from '../say.ts'
 
 const STAY_MS: Record<EventLevel, number> = { info: 4000, warn: 8000, fault: 12000 }
 const MOST = 4
@@ -12,7 +13,7 @@ export class Toasts {
     class: 'toasts',
     role: 'log',
     'aria-live': 'polite',
-    'aria-label': 'Messages',
+    'aria-label': say('messages'),
     popover: 'manual',
   })
 
@@ -31,7 +32,7 @@ export class Toasts {
     if ([...this.box.children].some((toast) => toast.textContent === text)) return
     const close = el(
       'button',
-      { type: 'button', class: 'icon-button quiet', 'aria-label': 'Dismiss' },
+      { type: 'button', class: 'icon-button quiet', 'aria-label': say('dismiss') },
       icon('cancel', 18),
     )
     const toast = el(

@@ -4,6 +4,7 @@ import { el, setText } from '../dom.ts'
 import type { Assignment, Pad } from './gamepad.ts'
 import { assignmentOf, choosePad, PadAssigner, parseAssignment, readPad } from './gamepad.ts'
 import type { TeleopMachine } from './machine.ts'
+import { say } from '../say.ts'
 
 const keyOf = (pad: Pad): string => `gamepad ${pad.id}`
 
@@ -12,7 +13,7 @@ export class GamepadLine {
   private readonly button = el(
     'button',
     { type: 'button', class: 'button', hidden: true, onclick: () => this.toggle() },
-    'Assign its axes',
+    say('assignItsAxes'),
   )
   readonly node = el('div', { class: 'gamepad-line' }, this.words, this.button)
   private assigner: PadAssigner | null = null
@@ -30,7 +31,7 @@ export class GamepadLine {
     if (pad && this.assigner) this.keep(pad, this.assigner.take(pad))
     setText(this.words, pad ? this.textOf(pad, assignment) : '')
     this.button.hidden = !pad || pad.mapping === 'standard'
-    setText(this.button, this.assigner ? 'Cancel' : assigned ? 'Assign its axes anew' : 'Assign its axes')
+    setText(this.button, this.assigner ? say('cancel') : assigned ? say('assignItsAxesAnew') : say('assignItsAxes'))
   }
 
   private toggle(): void {
@@ -53,6 +54,6 @@ export class GamepadLine {
   private textOf(pad: Pad, assignment: Assignment | null): string {
     if (this.assigner) return this.assigner.text
     const name = pad.id.slice(0, 40)
-    return assignment ? `Gamepad: ${name}` : `Gamepad ${name}: its layout is not known; assign its axes to drive.`
+    return say(assignment ? 'gamepadIs' : 'gamepadUnknown', { name })
   }
 }

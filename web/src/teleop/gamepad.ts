@@ -1,6 +1,7 @@
 /** Which axes and buttons of a gamepad drive: those of the standard, or those that somebody assigned. No DOM. */
 
 import { withoutDeadZone } from './machine.ts'
+import { say } from '../say.ts'
 
 /** What is read of a browser's Gamepad. */
 export interface Pad {
@@ -79,10 +80,10 @@ function isNumber(value: unknown): boolean {
 }
 
 const STEPS = {
-  rest: 'Let go of all sticks and buttons.',
-  forward: 'Push the stick that drives forward.',
-  left: 'Push the stick that turns to the left.',
-  deadMan: 'Press the button that has to be held while driving.',
+  rest: say('letGoOfAll'),
+  forward: say('pushForwardStick'),
+  left: say('pushTurnStick'),
+  deadMan: say('pressHeldButton'),
 } as const
 
 /** Asks step by step what drives; call `take` with what the pad shows, again and again. */
@@ -95,7 +96,7 @@ export class PadAssigner {
   private turn: AxisUse | null = null
 
   get text(): string {
-    return this.pushed ? 'Now let it go.' : STEPS[this.step]
+    return this.pushed ? say('nowLetItGo') : STEPS[this.step]
   }
 
   /** Returns the assignment once all of it was shown. */

@@ -52,7 +52,7 @@ export function listenKeys(machine: TeleopMachine): () => void {
     machine.release('keys')
   }
   const press = (event: KeyboardEvent): void => {
-    if (event.metaKey) forget() // a Mac does not tell what is let go while it is held
+    if (event.metaKey) forget() // a Mac does not report keys that are let go while it is held
     if (!isDriveKey(event.code) || event.ctrlKey || event.altKey || event.metaKey || isTextField(event.target)) return
     if (event.target instanceof HTMLInputElement || event.target instanceof HTMLSelectElement) return
     event.preventDefault()

@@ -1,4 +1,4 @@
-/** Which input drives, how fast, and when the robot must be told to stop. No clock, no DOM. */
+/** Which input drives, how fast, and when the robot must be stopped. No clock, no DOM. */
 
 export type Source = 'pad' | 'keys' | 'gamepad'
 export interface Drive {

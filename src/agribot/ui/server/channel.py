@@ -9,12 +9,15 @@ import msgspec
 
 from agribot.ui import wire
 from agribot.ui.about import make_epoch
+from agribot.ui.server.languages import say_in
 
 EVENTS_KEPT = 300
 
 
 class ChannelReader(Protocol):
     """A page's side of a channel."""
+
+    language: str
 
     def follow(self, channel: Channel) -> None: ...
 
@@ -38,7 +41,7 @@ class Channel:
         self.epoch = make_epoch() if epoch is None else epoch
         self.clients: set[ChannelReader] = set()
         self.state: wire.State | None = None  # the newest
-        self.state_text = ""
+        self._state_texts: dict[str, str] = {}  # by language
         self.trace_map_m: list[wire.Vec2] = []
         self.weeds: dict[int, wire.Weed] = {}
         self.path = wire.PathPiece()  # the whole of it
@@ -48,11 +51,19 @@ class Channel:
         self.event_count = 0
 
     def publish_state(self, state: wire.State) -> None:
-        """Encode once for all who follow."""
+        """Encode once for all who follow in one language."""
         self.state = msgspec.structs.replace(state, epoch=self.epoch)
-        self.state_text = wire.encode(self.state).decode()
+        self._state_texts = {}
         for client in self.clients:
-            client.add_state(self.state_text)
+            client.add_state(self.write_state(client.language))
+
+    def write_state(self, language: str = "en") -> str:
+        """Write the newest state as a page gets it; empty before the first."""
+        if self.state is None:
+            return ""
+        if language not in self._state_texts:
+            self._state_texts[language] = wire.encode(say_in(language, self.state)).decode()
+        return self._state_texts[language]
 
     def publish_growth(self, growth: wire.Growth) -> None:
         """Kept for those who come later; those who are here take it when they have room."""
@@ -76,7 +87,7 @@ class Channel:
         """Another place in the recording: everything is sent afresh."""
         self.epoch = make_epoch()
         self.trace_map_m, self.weeds, self.path = [], {}, wire.PathPiece()
-        self.state, self.state_text = None, ""
+        self.state = None
         self.receiver = None
         self.events.clear()
         self.event_count = 0

@@ -8,6 +8,7 @@ from collections import deque
 
 from agribot.ui import wire
 from agribot.ui.server.channel import Channel, signal_table
+from agribot.ui.server.languages import say_in
 from agribot.ui.server.window import LEAST_BYTES, Window
 
 STATES_KEPT = 4  # older ones are worth nothing
@@ -25,7 +26,10 @@ class Client:
     behind gets it in a few pieces, with the newest states between them.
     """
 
-    def __init__(self, channel: Channel, window: Window | None = None) -> None:
+    def __init__(
+        self, channel: Channel, window: Window | None = None, language: str = "en"
+    ) -> None:
+        self.language = language
         self.dropped = 0
         self.window = window or Window(is_acknowledged=False)
         self._direct: deque[str] = deque(maxlen=DIRECT_KEPT)
@@ -36,8 +40,8 @@ class Client:
         """From now on that one, from its beginning."""
         self.channel = channel
         self._states: deque[str] = deque(maxlen=STATES_KEPT)
-        if channel.state_text:
-            self._states.append(channel.state_text)
+        if channel.state is not None:
+            self._states.append(channel.write_state(self.language))
         self._is_opened = False
         self._traced = self._events = self._pathed = 0
         self._path_revision = -1
@@ -46,9 +50,9 @@ class Client:
         self._is_state_next = False
         self.wake()
 
-    def tell(self, text: str) -> None:
+    def tell(self, message: wire.ServerMessage) -> None:
         """For this page alone, such as an answer."""
-        self._direct.append(text)
+        self._direct.append(self._write(message))
         self.wake()
 
     def add_state(self, text: str) -> None:
@@ -84,8 +88,11 @@ class Client:
         growth = self._take_growth()
         if growth is not None:
             self._is_state_next = True
-            return wire.encode(growth).decode()
+            return self._write(growth)
         return self._states.popleft() if self._states else None
+
+    def _write(self, message: wire.ServerMessage) -> str:
+        return wire.encode(say_in(self.language, message)).decode()
 
     def _take_growth(self) -> wire.Snapshot | wire.Growth | None:
         """Collect what is new since the last time, as much as one message takes."""

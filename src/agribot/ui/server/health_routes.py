@@ -10,15 +10,33 @@ import time
 import zipfile
 from importlib.metadata import distributions
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
 
+from agribot.core.fact_text import render_apart
+from agribot.core.facts import (
+    BatteryHolds,
+    DiskFree,
+    Fact,
+    NoTickYet,
+    PagesConnected,
+    PositionKnown,
+    PositionUnknown,
+    ProgramEnded,
+    ProgramSilent,
+    RateLow,
+    Said,
+    StopToClear,
+    TicksArrive,
+)
 from agribot.core.version import __version__
 from agribot.ui import wire
 from agribot.ui.server.answers import json_answer, need_operator
 from agribot.ui.server.hub import Hub
+from agribot.ui.server.languages import language_of
 from agribot.ui.server.off_the_loop import run_in_thread
 
 LOW_DISK_BYTES = 1_000_000_000
@@ -30,14 +48,15 @@ SUPPORT_FILES = ("config.toml", "events.jsonl", "report.json")
 
 
 async def health(request: Request) -> Response:
-    return json_answer(_health(request.app.state.hub))
+    return json_answer(_health(request.app.state.hub, language_of(request)))
 
 
-def _health(hub: Hub) -> wire.Health:
+def _health(hub: Hub, language: str = "en") -> wire.Health:
     rates = measure_rates(hub)
     memory = memory_bytes()
+    found = [*_robot_checks(hub), *_rate_checks(rates), _disk(hub), _pages(hub)]
     return wire.Health(
-        checks=[*_robot_checks(hub), *_rate_checks(rates), _disk(hub), _pages(hub)],
+        checks=[_show(check, language) for check in found],
         rates=rates,
         cpu_ratio=cpu_ratio(hub),
         memory_bytes=memory,
@@ -46,60 +65,64 @@ def _health(hub: Hub) -> wire.Health:
     )
 
 
-def _check(
-    name: str,
-    state: wire.CheckState,
-    text: str,
-    advice: str = "",
-    value: float | str | None = None,
-) -> wire.HealthCheck:
-    return wire.HealthCheck(name=name, state=state, text=text, advice=advice, value=value)
+class _Found(NamedTuple):
+    """A check by its name, what it found, and its number."""
+
+    name: str
+    state: wire.CheckState
+    fact: Fact
+    value: float | None = None
 
 
-def _robot_checks(hub: Hub) -> list[wire.HealthCheck]:
+def _show(found: _Found, language: str) -> wire.HealthCheck:
+    text, advice = render_apart(found.fact, language)
+    return wire.HealthCheck(
+        name=found.name, state=found.state, text=text, advice=advice, value=found.value
+    )
+
+
+def _robot_checks(hub: Hub) -> list[_Found]:
     state = hub.live.state
     if hub.is_robot_gone:
-        return [_check("robot", "fault", "its program has ended", "start it again")]
+        return [_Found("robot", "fault", ProgramEnded())]
     if state is None:
-        return [_check("robot", "warn", "no state yet", "wait for the first tick")]
+        return [_Found("robot", "warn", NoTickYet())]
     age_s = time.monotonic() - state.mono_ms / 1e3
     checks = [
-        _check("control loop", "fault", f"silent for {age_s:.1f} s", "look at its terminal", age_s)
+        _Found("control loop", "fault", ProgramSilent(age_s), age_s)
         if age_s > SILENT_S
-        else _check("control loop", "ok", "ticks arrive", value=round(age_s, 3))
+        else _Found("control loop", "ok", TicksArrive(), round(age_s, 3))
     ]
     if state.stop:
-        checks.append(_check("stop", "warn", state.stop, "clear the stop to go on"))
-    checks.append(_position(state))
-    battery = state.battery
-    if battery:
-        is_low = battery.charge_pct is not None and battery.charge_pct < LOW_CHARGE_PCT
-        charge = "" if battery.charge_pct is None else f", {battery.charge_pct:.0f} %"
-        text = f"{battery.voltage_v:.1f} V{charge}"
-        advice = "charge it" if is_low else ""
-        checks.append(_check("battery", "warn" if is_low else "ok", text, advice))
-    return checks
+        checks.append(_Found("stop", "warn", StopToClear(state.stop_fact or Said(state.stop))))
+    battery = [_battery(state.battery)] if state.battery else []
+    return [*checks, _position(state), *battery]
 
 
-def _position(state: wire.State) -> wire.HealthCheck:
+def _battery(battery: wire.BatteryState) -> _Found:
+    charge = battery.charge_pct
+    is_low = charge is not None and charge < LOW_CHARGE_PCT
+    fact = BatteryHolds(battery.voltage_v, charge, is_low)
+    return _Found("battery", "warn" if is_low else "ok", fact)
+
+
+def _position(state: wire.State) -> _Found:
     std_m = state.pos_std_m
     if state.pose is None or std_m is None:
-        return _check("position", "warn", state.reason or "unknown", "wait for GNSS fixes")
-    if std_m > LOW_ACCURACY_M:
-        advice = "open sky, or a receiver with corrections"
-        return _check("position", "warn", f"known to {std_m:.2f} m only", advice, std_m)
-    return _check("position", "ok", f"known to {std_m:.3f} m", value=std_m)
+        why = state.reason_fact or (Said(state.reason) if state.reason else None)
+        return _Found("position", "warn", PositionUnknown(why))
+    is_poor = std_m > LOW_ACCURACY_M
+    return _Found("position", "warn" if is_poor else "ok", PositionKnown(std_m, is_poor), std_m)
 
 
-def _rate_checks(rates: list[wire.SensorRate]) -> list[wire.HealthCheck]:
+def _rate_checks(rates: list[wire.SensorRate]) -> list[_Found]:
     checks = []
     for rate in rates:
         measured_hz, expected_hz = rate.measured_hz, rate.expected_hz
         if measured_hz is None or expected_hz is None or measured_hz >= LATE_RATIO * expected_hz:
             continue
-        text = f"{measured_hz:.1f} Hz instead of {expected_hz:g} Hz"
         state: wire.CheckState = "fault" if measured_hz == 0.0 else "warn"
-        checks.append(_check(rate.topic, state, text, "check its cable and power", measured_hz))
+        checks.append(_Found(rate.topic, state, RateLow(measured_hz, expected_hz), measured_hz))
     return checks
 
 
@@ -137,19 +160,17 @@ def memory_bytes() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def _disk(hub: Hub) -> wire.HealthCheck:
+def _disk(hub: Hub) -> _Found:
     folder = Path(hub.about.runs_dir)
     free = shutil.disk_usage(folder if folder.is_dir() else Path("/")).free
-    text = f"{free / 1e9:.1f} GB free"
-    if free < LOW_DISK_BYTES:
-        return _check("disk", "warn", text, "delete old recordings", free)
-    return _check("disk", "ok", text, value=free)
+    is_low = free < LOW_DISK_BYTES
+    return _Found("disk", "warn" if is_low else "ok", DiskFree(free / 1e9, is_low), free)
 
 
-def _pages(hub: Hub) -> wire.HealthCheck:
+def _pages(hub: Hub) -> _Found:
     dropped = sum(socket.client.dropped for socket in hub.sockets)
-    text = f"{len(hub.sockets)} connected, {dropped} old states left out, {hub.refusals} refused"
-    return _check("pages", "ok", text, value=len(hub.sockets))
+    fact = PagesConnected(len(hub.sockets), dropped, hub.refusals)
+    return _Found("pages", "ok", fact, len(hub.sockets))
 
 
 async def support(request: Request) -> Response:
@@ -170,7 +191,7 @@ def _bundle(hub: Hub) -> bytes:
         archive.writestr("versions.txt", "\n".join([machine, *versions]) + "\n")
         archive.writestr("health.json", msgspec.json.format(msgspec.json.encode(_health(hub))))
         archive.writestr("settings.json", msgspec.json.encode(hub.about.settings))
-        archive.writestr("state.json", hub.live.state_text or "{}")
+        archive.writestr("state.json", hub.live.write_state() or "{}")
         run = Path(hub.about.runs_dir) / hub.about.current
         for name in SUPPORT_FILES:
             if hub.about.current and (run / name).is_file():

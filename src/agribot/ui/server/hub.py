@@ -104,7 +104,9 @@ class Hub:
         state = self.live.state if watching and self.has_robot else None
         if state is not None:
             for socket in watching:
-                socket.tell(wire.LiveState(mode=state.mode, stop=state.stop))
+                socket.tell(
+                    wire.LiveState(mode=state.mode, stop=state.stop, stop_fact=state.stop_fact)
+                )
 
     def _follow(self) -> None:
         for socket in self.sockets:

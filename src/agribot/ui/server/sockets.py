@@ -15,6 +15,7 @@ from agribot.ui.server.client import Client
 from agribot.ui.server.commands import Commands, Refused
 from agribot.ui.server.guarded_connections import POLICY, TOO_MUCH
 from agribot.ui.server.hub import Hub
+from agribot.ui.server.languages import find_language
 from agribot.ui.server.page_slots import make_room
 from agribot.ui.server.window import Window
 
@@ -31,7 +32,8 @@ class Socket:
         self.session = f"{caller.session or f'visit-{number}'}/{socket.query_params.get('tab', '')}"
         self.name = f"{self.role} {number}"
         window = Window(is_acknowledged=socket.query_params.get("acks") == "1")
-        self.client = Client(hub.channel_of(self.session), window)
+        language = find_language(socket.query_params.get("language", ""))
+        self.client = Client(hub.channel_of(self.session), window, language)
         self._socket = socket
         self._commands = Commands(hub, self)
         self.heard_s = time.monotonic()
@@ -59,7 +61,7 @@ class Socket:
             hub.tell_seat()
 
     def tell(self, message: wire.ServerMessage) -> None:
-        self.client.tell(wire.encode(message).decode())
+        self.client.tell(message)
 
     def cut(self) -> None:
         """End the connection at once, whatever waits to be sent on it."""
