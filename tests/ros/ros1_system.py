@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 import xmlrpc.client
 from pathlib import Path
 from typing import Any
 
-from tests.ros.live import free_port
+from tests.ros.live import ROOT, free_port
 from tests.waiting import wait_for
 
 
@@ -34,6 +35,17 @@ class Ros1:
         self.processes: list[subprocess.Popen[str]] = []
         self.core = self.start("roscore", "-p", str(port))
         wait_for(self.answers, "the ROS 1 master")
+
+    def add_package(self) -> None:
+        """Let it find the package of `ros1/`, and `agribot` in its PATH."""
+        program = self.folder / "agribot"
+        source = ROOT / "src"
+        program.write_text(
+            f'#!/bin/sh\nPYTHONPATH="{source}" exec "{sys.executable}" -m agribot.cli "$@"\n'
+        )
+        program.chmod(0o755)
+        self.environment["PATH"] += f":{self.folder}"
+        self.environment["ROS_PACKAGE_PATH"] = f"{ROOT / 'ros1'}:/usr/share"
 
     def publishers(self) -> dict[str, list[str]]:
         """Topic -> nodes."""

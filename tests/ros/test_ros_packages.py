@@ -139,15 +139,8 @@ def test_every_ros2_launch_file_describes_a_launch() -> None:
 @pytest.fixture(scope="module")
 def ros1(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ros1]:
     """A ROS 1 that finds the package, and `agribot` in its PATH."""
-    folder = tmp_path_factory.mktemp("ros1")
-    program = folder / "agribot"
-    program.write_text(
-        f'#!/bin/sh\nPYTHONPATH="{ROOT / "src"}" exec "{sys.executable}" -m agribot.cli "$@"\n'
-    )
-    program.chmod(0o755)
-    with closing(Ros1(folder)) as ros:
-        ros.environment["PATH"] += f":{folder}"
-        ros.environment["ROS_PACKAGE_PATH"] = f"{ROOT / 'ros1'}:/usr/share"
+    with closing(Ros1(tmp_path_factory.mktemp("ros1"))) as ros:
+        ros.add_package()
         yield ros
 
 
