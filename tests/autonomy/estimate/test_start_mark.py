@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import msgspec
 import numpy as np
@@ -12,7 +12,7 @@ import pytest
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.start import StartMark
 from agribot.core.config import EstimateConfig, FieldConfig
-from agribot.core.messages import Estimate
+from agribot.core.messages import Estimate, GnssFix, GnssQuality
 from tests import nightly
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, record, rows, stand
 from tests.autonomy.estimate.paper_robot import robot
@@ -105,6 +105,59 @@ def test_with_corrections_mark_and_fix_are_taken_at_their_word(off_m: float, see
     if not last.ok:
         assert f"m {'west' if off_m > 0.0 else 'east'} of it, more than 0.21 m" in last.reason
         assert "the base may have moved or field.datum is wrong" in last.reason
+
+
+def shift_fixes(recording: Recording, shift: Callable[[GnssFix], GnssFix]) -> Recording:
+    fixes = [(arrival_s, shift(fix)) for arrival_s, fix in recording.fixes]
+    return msgspec.structs.replace(recording, fixes=fixes)
+
+
+def move_north(fix: GnssFix, north_m: float) -> GnssFix:
+    return msgspec.structs.replace(fix, lat_deg=fix.lat_deg + north_m / 110_700.0)
+
+
+@pytest.mark.parametrize("quality", [GnssQuality.SINGLE, GnssQuality.RTK_FLOAT])
+@pytest.mark.parametrize(("off_m", "starts"), [(0.4, False), (0.1, True)])
+def test_ambiguities_that_are_fixed_later_are_held_against_the_mark(
+    off_m: float, quality: GnssQuality, *, starts: bool
+) -> None:
+    """As after every cold start: the position was known from the mark by then."""
+
+    def shift(fix: GnssFix) -> GnssFix:
+        moved = move_north(fix, off_m)
+        if fix.t_s >= 4.0:
+            return moved
+        return msgspec.structs.replace(moved, quality=quality, pos_std_m=1.5)
+
+    recording = record(stand, 12.0, seed=1, errors=RTK, start=START)
+    before, last = (run(shift_fixes(recording, shift))[k] for k in (190, -1))
+    assert before.ok
+    assert last.ok is starts
+    assert starts or "GNSS is 0.40 m north of it, more than 0.21 m" in last.reason
+
+
+def test_fixes_that_jump_before_the_robot_sets_off_are_held_against_the_mark() -> None:
+    recording = shift_fixes(
+        record(stand, 12.0, seed=1, errors=RTK, start=START),
+        lambda fix: move_north(fix, 0.4 if fix.t_s > 5.0 else 0.0),
+    )
+    assert "GNSS is 0.4" in run(recording)[-1].reason
+
+
+@pytest.mark.parametrize("errors", [RTK, M8N], ids=["rtk", "m8n"])
+def test_a_robot_that_is_brought_to_its_mark_starts(errors: Errors) -> None:
+    recording = shift_fixes(
+        record(stand, 15.0, seed=1, errors=errors, start=START),
+        lambda fix: move_north(fix, 12.0 if fix.t_s < 5.0 else 0.0),
+    )
+    estimates = run(recording)
+    assert not estimates[240].ok
+    assert estimates[-1].ok
+    assert math.hypot(*error(recording, estimates[-1])[:2]) < 0.05
+
+
+def test_a_robot_that_has_set_off_leaves_its_mark() -> None:
+    assert run(record(rows, 10.0, seed=1, errors=RTK, start=START))[-1].ok
 
 
 def test_a_mark_that_is_known_roughly_lets_a_robot_with_corrections_start() -> None:

@@ -37,6 +37,7 @@ from agribot.autonomy.estimate.gnss_noise import (
 from agribot.autonomy.estimate.gnss_velocity import GnssVelocity, has_usable_velocity
 from agribot.autonomy.estimate.gnss_wander import GnssWander
 from agribot.autonomy.estimate.history import Epoch, Motion
+from agribot.autonomy.estimate.mark_check import FIRST_FIXES, MarkCheck
 from agribot.autonomy.estimate.measurement import Measurement
 from agribot.autonomy.estimate.motion_heading import Course, WayPlace
 from agribot.autonomy.estimate.pose_filter import PoseFilter
@@ -49,8 +50,6 @@ from agribot.core.geo import MapFrame, is_place, rotation_from_rpy
 from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch, Vec3
 from agribot.core.pose import Pose2
 
-# The first position is the median of this many fixes, so that no single one can spoil it.
-FIRST_FIXES = 5
 UNKNOWN_M2 = 1e6
 SUSPICIOUS_REJECTIONS = 5  # in a row
 MAX_FROM_DATUM_M = 10e3  # of a first position; a map is flat, and a field is no larger
@@ -101,6 +100,7 @@ class Gnss(Correction[GnssFix]):
         self._half_track_m = robot.drive.track_m / 2.0
         self._position_gate = Gate(config.gate_sigma, config.recover_after, "gnss outlier")
         self._first: list[tuple[float, float]] = []
+        self._mark_check = MarkCheck(pose.start)
         self._noise: FixNoise | None = None
         self._is_corrected = self._is_differential = self._is_wide = False
         self._sure: _Sure | None = None
@@ -335,6 +335,7 @@ class Gnss(Correction[GnssFix]):
             ((X, 1.0), (YAW, moved_y - arm_m.imag), (GNSS_BIAS_X, 1.0)),
             ((Y, 1.0), (YAW, arm_m.real - moved_x), (GNSS_BIAS_Y, 1.0)),
         )
+        self._compare_with_mark(complex(now_x, now_y), noise.variance_m2)
         self.off_m = (now_x - x[X], now_y - x[Y])
         residuals = (self.off_m[0] - x[GNSS_BIAS_X], self.off_m[1] - x[GNSS_BIAS_Y])
         if self.drift.is_drifting:
@@ -366,10 +367,9 @@ class Gnss(Correction[GnssFix]):
         if start.xy_map_m is not None:
             mark_m = _sum(start.xy_map_m, (now.x_m, now.y_m))
             mark_m = _sum(mark_m, (self._turned_m.real, self._turned_m.imag))
-            fix_std_m = math.sqrt(variance_m2 + float(ekf.cov[GNSS_BIAS_X, GNSS_BIAS_X]))
-            self.misplaced = start.position_fault(
-                complex(*at_m) - complex(*mark_m), fix_std_m, self._unguided_m * FIRST_STD_RAD,
-                is_fixed=is_fixed,
+            self.misplaced = self._mark_check.begin(
+                complex(*at_m) - complex(*mark_m), self._find_fix_std_m(variance_m2),
+                self._unguided_m * FIRST_STD_RAD, is_fixed=is_fixed,
             )  # fmt: skip
             if not is_fixed:
                 at_m, at_m2 = mark_m, start.std_m**2
@@ -378,6 +378,20 @@ class Gnss(Correction[GnssFix]):
         rows = (((X, 1.0), (GNSS_BIAS_X, 1.0)), ((Y, 1.0), (GNSS_BIAS_Y, 1.0)))
         ekf.update_pair(rows, (x_m - at_m[0], y_m - at_m[1]), variance_m2)
         self.pose.known.add("position")
+
+    def _compare_with_mark(self, place_m: complex, variance_m2: float) -> None:
+        """Compare where a fix has the robot with its mark, until it sets off from there."""
+        self.misplaced = self._mark_check.add(
+            place_m,
+            self._find_fix_std_m(variance_m2),
+            self._moved_m,
+            is_fixed=self.quality is GnssQuality.RTK_FIXED,
+            is_followed=not self.rejected_in_a_row and not self.jump.off_m,
+        )
+
+    def _find_fix_std_m(self, variance_m2: float) -> float:
+        """Add the slow error of the receiver to what a fix scatters by."""
+        return math.sqrt(variance_m2 + float(self.pose.ekf.cov[GNSS_BIAS_X, GNSS_BIAS_X]))
 
     def _conclude(self, measured: Measurement, verdict: Verdict) -> None:
         """Follow a run of rejected positions, unless it is the receiver that jumped."""
