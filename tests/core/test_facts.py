@@ -178,6 +178,7 @@ RENDERED = frozenset(
         "app/stop_memory.py", "autonomy/control/gate_machine.py", "autonomy/control/hazards.py",
         "autonomy/estimate/localizer.py", "autonomy/estimate/verdicts.py",
         "autonomy/plan/mission.py", "autonomy/plan/status.py", "autonomy/stack.py",
+        "record/events.py",
     }
 )  # fmt: skip
 

@@ -269,7 +269,7 @@ def test_a_robot_on_a_bus_is_armed_driven_and_stopped_as_its_program_ends(channe
             told = platform.read().board
             platform.write(AHEAD if tick > 50 else STAND)
             if tick % 100 == 30:
-                platform.inbox.post(CLEAR)
+                platform.inbox.post(CLEAR.request)
             if told and not told[-1].stopped and fake.speed(0) > 0.0:
                 break
             assert tick < 5000, (fake.states, fake.errors)

@@ -12,17 +12,26 @@ from itertools import count
 
 import pytest
 
-from agribot.core.messages import BoardSample, DriveCommand, OperatorEvent, RobotCommand
+from agribot.core.facts import LineNoisy
+from agribot.core.messages import (
+    BoardSample,
+    ClearStop,
+    DeviceNote,
+    DriveCommand,
+    RequestEvent,
+    RobotCommand,
+)
 from agribot.description.loader import load_robot
 from agribot.drivers import board_kinds, odrive, vesc, vesc_packets
 from agribot.drivers.board_link import BoardLink
 from agribot.drivers.hardware_platform import HardwarePlatform
 from agribot.drivers.motor_board import BoardReport, MotorBoard
+from tests.asking import ask
 from tests.drivers.esc_fakes import CLOSED_LOOP, IDLE, FakeOdrive, FakeVesc
 
 ROBOT = load_robot()
 TICK_S = 0.02
-CLEAR = OperatorEvent(t_s=0.0, action="clear_stop", source="Ann")
+CLEAR = ask(ClearStop(), "Ann")
 AHEAD, STAND = (
     RobotCommand(t_s=0.0, drive=DriveCommand(v_mps=v, yaw_rate_radps=0.0)) for v in (0.3, 0.0)
 )
@@ -52,7 +61,7 @@ class Linked:
     def plug_in(self) -> None:
         self.link.feed(self.fake.answer(self.link.board.open()), self.now_s)
 
-    def run(self, seconds: float, command: RobotCommand | None = STAND, *events: OperatorEvent,
+    def run(self, seconds: float, command: RobotCommand | None = STAND, *events: RequestEvent,
             loses: slice = slice(None)) -> Linked:  # fmt: skip
         """Let ticks pass; without a command no wheel turns. `loses` is the part kept of answers."""
         for _ in range(round(seconds / TICK_S)):
@@ -195,14 +204,16 @@ def test_a_speed_that_lost_its_point_on_the_way_to_an_odrive_drives_nothing() ->
 def test_a_line_to_an_odrive_that_breaks_answers_is_told() -> None:
     fake, now_s = FakeOdrive(), 0.0
     board = odrive.OdriveBoard((0, 1), 10.0, now_s=lambda: now_s)
-    link, noted = BoardLink(board, ROBOT.drive, lambda: now_s), list[str]()
+    link, noted = BoardLink(board, ROBOT.drive, lambda: now_s), list[DeviceNote]()
     link.open()
     for tick in range(200):
         now_s += TICK_S
         said = fake.answer(link.command(STAND))
         link.feed(said[3:] if tick % 10 == 0 else said, now_s)
-        noted += [event.text for event in link.watch_line(now_s)]
-    assert len(noted) == 1 and "the link to the motor board broke 3 messages" in noted[0]
+        noted += link.watch_line(now_s)
+    (note,) = noted
+    assert isinstance(note.fact, LineNoisy)
+    assert (note.fact.device, note.fact.count) == ("board", 3)
 
 
 def test_the_values_of_two_vescs_are_no_reading_where_one_of_them_is_old() -> None:
@@ -260,7 +271,7 @@ def test_a_robot_with_an_odrive_is_armed_driven_and_stopped_as_its_program_ends(
             board = platform.read().board
             platform.write(AHEAD if tick > 50 else STAND)
             if tick == 30:
-                platform.inbox.post(CLEAR)
+                platform.inbox.post(CLEAR.request)
             if tick > 60 and board and not board[-1].stopped and fake.speed(0) > 0.0:
                 break
             assert tick < 2000, (fake.states, fake.errors)

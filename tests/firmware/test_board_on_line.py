@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from agribot.core.messages import (
+    ClearStop,
     DriveCommand,
-    OperatorEvent,
     RobotCommand,
     SensorBatch,
 )
@@ -106,7 +106,7 @@ class Driver:
             batch = self.platform.read()
             if batch.board and batch.board[-1].stopped:
                 self._stopped_s = batch.t_s
-                self.platform.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop"))
+                self.platform.inbox.post(ClearStop())
             may_drive = batch.t_s > self._stopped_s + STANDS_S
             drive = DriveCommand(v_mps=0.3 if may_drive else 0.0, yaw_rate_radps=0.0)
             self.platform.write(RobotCommand(t_s=batch.t_s, drive=drive))

@@ -15,7 +15,7 @@ from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.app.whole_job import read_job
 from agribot.core import config
-from agribot.core.messages import GnssQuality, OperatorEvent, TickRecord
+from agribot.core.messages import ClearStop, GnssQuality, TickRecord, Visit, Who
 from agribot.record import run_files
 from tests import machine, nightly
 
@@ -41,8 +41,7 @@ def drive(
         "farm", [*SETTINGS, f"platform={platform}", f"duration_s={seconds}", *more]
     )
     with simulate(settings, out) as run:
-        numbers = tuple(number for place in PLACES for number in place)
-        run.inbox.post(OperatorEvent(t_s=0.0, action="visit", source="Ann", numbers=numbers))
+        run.inbox.post(Visit(places_map_m=PLACES), Who("Ann"))
         ticks = []
         for record in run.ticks():
             ticks.append(record)
@@ -125,7 +124,7 @@ def test_a_mission_that_was_cut_off_in_a_stop_goes_on_stopped_until_a_person_cle
                 assert record.command.drive.v_mps == record.command.drive.yaw_rate_radps == 0.0
                 assert record.batch.board[-1].stopped or record.batch.t_s < 0.5
             if round(record.batch.t_s, 2) == 1.5:
-                run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))
+                run.inbox.post(ClearStop(), Who("Ann"))
     assert not record.status.stopped and not record.batch.board[-1].stopped
 
 

@@ -17,10 +17,10 @@ from agribot.core.geo import MapFrame
 from agribot.core.messages import (
     WHEEL_NAMES,
     CameraFrame,
+    ClearStop,
     DriveCommand,
     FloatArray,
     GnssQuality,
-    OperatorEvent,
     PlantClass,
     RobotCommand,
     Scene,
@@ -328,7 +328,7 @@ def test_a_board_that_hung_stands_and_tells_why_until_a_person_clears_its_stop(
     for tick in range(1, 301):
         batch = platform.read()
         if tick == 200:
-            platform.post(OperatorEvent(t_s=0.0, action="clear_stop"))
+            platform.inbox.post(ClearStop())
         speeds_mps[tick] = platform.truth().v_mps
         told[tick] = batch.board[-1] if batch.board else None
         if not batch.wheels:

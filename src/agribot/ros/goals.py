@@ -19,7 +19,15 @@ from agribot.autonomy.plan.errand import OWN_PATH_ONLY, STANDING_MPS
 from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.core.errors import BridgeError
 from agribot.core.geo import wrap_rad
-from agribot.core.messages import Estimate, MissionState, OperatorEvent, TickRecord
+from agribot.core.messages import (
+    AnyRequest,
+    ControlMission,
+    Estimate,
+    GoTo,
+    MissionState,
+    TickRecord,
+    Visit,
+)
 from agribot.ros.frames import PeerFrames
 from agribot.ros.requests import Requests
 
@@ -88,7 +96,9 @@ class GoalBook:
     def _send(self, goal: PeerGoal) -> bool:
         goal.answer = None
         accepted, why = self._requests.post(
-            _make_event(goal), lambda refusal, record: _note_answer(goal, refusal, record)
+            _make_request(goal),
+            goal.source,
+            lambda refusal, record: _note_answer(goal, refusal, record),
         )
         self._turn(goal, *(("pending", "") if accepted else ("rejected", why)))
         return accepted
@@ -106,7 +116,8 @@ class GoalBook:
             if goal.is_settling and not goal.is_over:
                 self._turn(goal, "canceled", f"canceled by {source}")
             elif not goal.is_over:
-                self._requests.request_action("cancel" if goal.is_visit else "pause", source)
+                end = ControlMission(action="cancel" if goal.is_visit else "pause")
+                self._requests.post(end, source)
                 self._turn(goal, "canceling", f"canceled by {source}")
 
     def step(self, record: TickRecord) -> list[PeerGoal]:
@@ -195,14 +206,11 @@ def find_places(frames: PeerFrames, points: Sequence[tuple[str, Any]]) -> tuple[
     return tuple((*frames.find_place(frame, point.x, point.y), None) for frame, point in points)
 
 
-def _make_event(goal: PeerGoal) -> OperatorEvent:
+def _make_request(goal: PeerGoal) -> AnyRequest:
     if goal.is_visit:
-        numbers = tuple(value for x_m, y_m, _ in goal.places for value in (x_m, y_m))
-        return OperatorEvent(
-            t_s=0.0, action="visit", source=goal.source, text=goal.name, numbers=numbers
-        )
-    numbers = tuple(value for value in goal.places[0] if value is not None)
-    return OperatorEvent(t_s=0.0, action="goto", source=goal.source, numbers=numbers)
+        return Visit(places_map_m=tuple(place[:2] for place in goal.places), title=goal.name)
+    x_m, y_m, yaw_rad = goal.places[0]
+    return GoTo(x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad)
 
 
 def _note_answer(goal: PeerGoal, refusal: str, record: TickRecord) -> None:

@@ -14,7 +14,7 @@ from agribot.core.messages import (
     ContactorSample,
     DriveCommand,
     MissionState,
-    OperatorAction,
+    RequestWord,
     RobotCommand,
     SensorBatch,
 )
@@ -38,7 +38,7 @@ class Machine:
         self.reason = ""
 
     def go(
-        self, seconds: float, drive: DriveCommand = FORWARD, *actions: OperatorAction,
+        self, seconds: float, drive: DriveCommand = FORWARD, *actions: RequestWord,
         state: MissionState = "running",
     ) -> RobotCommand:  # fmt: skip
         for tick in range(round(seconds / TICK_S)):

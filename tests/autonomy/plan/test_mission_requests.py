@@ -23,7 +23,19 @@ from agribot.autonomy.plan.states import (
 )
 from agribot.core.facts import BatteryLow, Said
 from agribot.core.latch import Latch
-from agribot.core.messages import Goal, MissionStatus, OperatorAction, OperatorEvent
+from agribot.core.messages import (
+    ChangeSetting,
+    CorrectPose,
+    DrawShape,
+    Goal,
+    MissionStatus,
+    PointOut,
+    RequestEvent,
+    RequestWord,
+    TakePlan,
+    Visit,
+)
+from tests.asking import ask, go_to
 from tests.autonomy.plan.paper_task import PaperTasks
 from tests.autonomy.plan.planting import MISSION, at, point_at
 from tests.autonomy.plan.test_mission_cut_off import places
@@ -40,17 +52,21 @@ STATES: dict[Column, type[State]] = {
     "open": Ended,
     "stopped": Paused,
 }
-ACTIONS = get_args(OperatorAction)
-REQUESTS: dict[str, OperatorEvent] = {
-    "goto": OperatorEvent(t_s=0.0, action="goto", source="Ada", numbers=HEADLAND),
-    "visit": OperatorEvent(t_s=0.0, action="visit", source="Ada", numbers=(-2.0, 6.0)),
-    "plan": OperatorEvent(t_s=0.0, action="plan", source="Ada", text="1"),
-    "set": OperatorEvent(t_s=0.0, action="set", text="mission.speed_mps", value=0.2),
+ACTIONS = get_args(RequestWord)
+REQUESTS: dict[str, RequestEvent] = {
+    "goto": ask(go_to(HEADLAND), "Ada"),
+    "visit": ask(Visit(places_map_m=((-2.0, 6.0),)), "Ada"),
+    "plan": ask(TakePlan(geojson="1"), "Ada"),
+    "set": ask(ChangeSetting(setting="mission.speed_mps", value=0.2)),
+    "pose_estimate": ask(CorrectPose(x_map_m=0.0, y_map_m=0.0, yaw_map_rad=0.0)),
+    "point_out": ask(PointOut(x_map_m=0.0, y_map_m=0.0)),
+    "draw_polygon": ask(DrawShape(shape="polygon", corners_map_m=())),
+    "draw_route": ask(DrawShape(shape="route", corners_map_m=())),
 }
 
 
-def request(action: OperatorAction) -> OperatorEvent:
-    return REQUESTS.get(action, OperatorEvent(t_s=0.0, action=action, source="Ada"))
+def request(action: RequestWord) -> RequestEvent:
+    return REQUESTS[action] if action in REQUESTS else ask(action, "Ada")
 
 
 class Asked(Ride):
@@ -61,10 +77,10 @@ class Asked(Ride):
         super().__init__(Mission(task(), MISSION, saved, new_tasks, latch=Latch()))
         self.where = self.start
 
-    def ask(self, event: OperatorEvent | None = None, v_mps: float = 0.0) -> MissionStatus:
+    def ask(self, event: RequestEvent | None = None, v_mps: float = 0.0) -> MissionStatus:
         return self.want(event, v_mps).status
 
-    def want(self, event: OperatorEvent | None = None, v_mps: float = 0.0) -> Goal:
+    def want(self, event: RequestEvent | None = None, v_mps: float = 0.0) -> Goal:
         self.t_s += 0.02
         here = msgspec.structs.replace(at(*self.where, self.t_s), v_mps=v_mps)
         return self.mission.step(here, [event] if event else [])
@@ -103,7 +119,7 @@ def test_every_request_has_a_reaction_in_every_state() -> None:
 @pytest.mark.parametrize("column", STATES)
 @pytest.mark.parametrize("action", ACTIONS)
 def test_a_mission_does_with_a_request_what_the_table_says(
-    action: OperatorAction, column: Column
+    action: RequestWord, column: Column
 ) -> None:
     one = Asked()
     before = one.into(column)
@@ -146,7 +162,7 @@ def is_done(reaction: Do, one: Asked, before: MissionStatus, after: MissionStatu
 
 
 @pytest.mark.parametrize("action", ["pause", "cancel", "skip_row", "stop"])
-def test_a_pause_on_an_errand_keeps_its_way(action: OperatorAction) -> None:
+def test_a_pause_on_an_errand_keeps_its_way(action: RequestWord) -> None:
     one = Asked()
     one.into("on_errand")
     one.ask(request("pause"))
@@ -221,7 +237,7 @@ def test_a_speed_set_while_a_way_is_planned_is_that_of_the_way(has_errand: bool)
         host.is_ready = False
         for _ in range(60):
             one.ask()
-    slow = OperatorEvent(t_s=0.0, action="set", text="mission.speed_mps", value=0.1)
+    slow = ask(ChangeSetting(setting="mission.speed_mps", value=0.1))
     one.ask(slow)
     host.is_ready = True
     status = one.ask()
@@ -257,7 +273,7 @@ def test_a_battery_that_gets_low_in_the_moment_of_a_stop_is_heeded_after_it() ->
     one.mission = Mission(task(), MISSION, latch=latch)
     one.into("driving")
     latch.hold(Said("the bumper touches something in front"))
-    moments: tuple[OperatorAction | None, ...] = (None, "clear_stop", "resume")
+    moments: tuple[RequestWord | None, ...] = (None, "clear_stop", "resume")
     for action in moments:
         one.mission.heed(BatteryLow(19.0, 20.0))
         one.ask(request(action) if action else None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agribot.autonomy.plan.errand import Errand
 from agribot.autonomy.plan.states import State, Stopping
-from agribot.core.messages import OperatorEvent, RequestAnswer
+from agribot.core.messages import AnyRequest, RequestAnswer
 
 MEANWHILE = "something else was asked of the robot meanwhile"
 
@@ -18,12 +18,12 @@ class Answers:
 
     def __init__(self) -> None:
         self._given: list[RequestAnswer] = []
-        self._open: OperatorEvent | None = None  # the request that is being heard
-        self._errand: tuple[Errand, OperatorEvent] | None = None
-        self._check: OperatorEvent | None = None
+        self._open: AnyRequest | None = None  # the request that is being heard
+        self._errand: tuple[Errand, AnyRequest] | None = None
+        self._check: AnyRequest | None = None
 
-    def open(self, event: OperatorEvent) -> None:
-        self._open = event
+    def open(self, request: AnyRequest) -> None:
+        self._open = request
 
     def close(self, refusal: str) -> None:
         """Answer the request that was heard, unless it waits for its answer."""
@@ -63,7 +63,7 @@ class Answers:
         given, self._given = tuple(self._given), []
         return given
 
-    def _give(self, event: OperatorEvent, refusal: str) -> None:
+    def _give(self, request: AnyRequest, refusal: str) -> None:
         """Answer a request; one without an id needs no answer."""
-        if event.id:
-            self._given.append(RequestAnswer(id=event.id, refusal=refusal))
+        if request.id:
+            self._given.append(RequestAnswer(id=request.id, refusal=refusal))

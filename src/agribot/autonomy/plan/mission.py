@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
@@ -48,7 +48,7 @@ from agribot.autonomy.plan.states import (
     name_state,
 )
 from agribot.autonomy.plan.status import describe, find_way, make_goal
-from agribot.autonomy.plan.task import NewTasks, Task, read_places
+from agribot.autonomy.plan.task import NewTasks, Task
 from agribot.autonomy.plan.watch import Watch
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
@@ -84,13 +84,25 @@ from agribot.core.facts import (
     StopToResume,
 )
 from agribot.core.latch import Latch
-from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
+from agribot.core.messages import (
+    ChangeSetting,
+    ControlMission,
+    Estimate,
+    Goal,
+    GoTo,
+    MapPoint,
+    Path,
+    PauseFor,
+    RequestEvent,
+    TakePlan,
+    Visit,
+)
 
 SETTLE_S = 1.0  # the estimate must hold this long before the robot moves
 END_TOLERANCE_M = 0.01
 CALM_S = 1.0  # before it backs out: wheels that spun stand, and a tool is out of the soil
 NUDGE_M = 0.01  # of a row's line, at a time
-Handler = Callable[[OperatorEvent], str | None]  # gives why the request is refused
+Handler = Callable[[Any, RequestEvent], str | None]  # of a request; gives why it is refused
 
 
 class Mission:
@@ -255,7 +267,7 @@ class Mission:
         self._watch.restart_headway()
         self._state = Driving(self._job)
 
-    def step(self, estimate: Estimate, events: Iterable[OperatorEvent] = ()) -> Goal:
+    def step(self, estimate: Estimate, events: Iterable[RequestEvent] = ()) -> Goal:
         """Take the requests of this tick, then drive on; return what the robot is to do now."""
         self._is_located = estimate.ok and math.isfinite(estimate.x_map_m + estimate.y_map_m)
         self._last = estimate if self._is_located else self._last
@@ -287,15 +299,15 @@ class Mission:
         )  # fmt: skip
         return goal if self._watch.may_work else msgspec.structs.replace(goal, tool_on=False)
 
-    def _hear(self, event: OperatorEvent) -> None:
+    def _hear(self, event: RequestEvent) -> None:
         """Do what is asked and answer it, at once or when it shows what becomes of it."""
-        self._answers.open(event)
+        self._answers.open(event.request)
         self._answers.close(self._obey(event))
 
-    def _obey(self, event: OperatorEvent) -> str:
+    def _obey(self, event: RequestEvent) -> str:
         """Why it is refused; empty where it is done, left alone or to be seen."""
         reaction = react(
-            event.action,
+            event.request.word,
             self._state,
             is_stopped=self._latch.cause is not None,
             stays_open=self._stays_open,
@@ -303,7 +315,7 @@ class Mission:
         if isinstance(reaction, Refuse):
             return self._refuse(reaction.why)
         if isinstance(reaction, Do):
-            return self._handlers[reaction](event) or ""
+            return self._handlers[reaction](event.request, event) or ""
         return ""
 
     def _refuse(self, why: str) -> str:
@@ -314,21 +326,25 @@ class Mission:
         return {
             Do.HOLD: self._turn_latch,
             Do.RELEASE: self._turn_latch,
-            Do.PAUSE: lambda event: self._pause(PausedBy(event.source)),
-            Do.RESUME: lambda event: self._resume(),
-            Do.BEGIN_ANEW: lambda event: self._begin_anew(),
+            Do.PAUSE: self._pause_as_asked,
+            Do.RESUME: lambda *_: self._resume(),
+            Do.BEGIN_ANEW: lambda *_: self._begin_anew(),
             Do.CANCEL: self._cancel,
-            Do.SKIP_ROW: lambda event: self._skip_row(),
-            Do.NUDGE_LEFT: lambda event: self._nudge(NUDGE_M),
-            Do.NUDGE_RIGHT: lambda event: self._nudge(-NUDGE_M),
-            Do.TURN_HOME: lambda event: self._turn_home(event.source, ErrandKind.HOME),
+            Do.SKIP_ROW: lambda *_: self._skip_row(),
+            Do.NUDGE_LEFT: lambda *_: self._nudge(NUDGE_M),
+            Do.NUDGE_RIGHT: lambda *_: self._nudge(-NUDGE_M),
+            Do.TURN_HOME: lambda _, event: self._turn_home(event.who.name, ErrandKind.HOME),
             Do.TURN_TO_GOAL: self._turn_to_goal,
             Do.TAKE_PLAN: self._take_plan,
             Do.TAKE_VISIT: self._take_visit,
             Do.SET: self._set,
         }
 
-    def _turn_latch(self, event: OperatorEvent) -> None:
+    def _pause_as_asked(self, request: ControlMission | PauseFor, event: RequestEvent) -> None:
+        asked = PausedBy(event.who.name)
+        self._pause(request.cause if isinstance(request, PauseFor) else asked)
+
+    def _turn_latch(self, _request: Any, event: RequestEvent) -> None:
         self._latch.hear(event)
         self._heed_latch()
 
@@ -341,11 +357,11 @@ class Mission:
             self._pause(ResumeAwaited())
         self._has_stood_for_stop = holds
 
-    def _cancel(self, event: OperatorEvent) -> None:
+    def _cancel(self, _request: ControlMission, event: RequestEvent) -> None:
         """End; a run that goes on with this one stands as this one stood, and has its errand."""
         self._end(
             "cancelled",
-            CancelledBy(event.source),
+            CancelledBy(event.who.name),
             stood=find_stood(self._state),
             errand=find_errand(self._state),
         )
@@ -432,12 +448,12 @@ class Mission:
         self._stop_for(errand, StopsToReturn(asked_by))
         return ""
 
-    def _turn_to_goal(self, event: OperatorEvent) -> str:
+    def _turn_to_goal(self, goal: GoTo, event: RequestEvent) -> str:
         try:
-            errand = make_goal_errand(self._task, event.source, event.numbers)
+            errand = make_goal_errand(self._task, event.who.name, goal.place)
         except MissionError as error:
             return self._refuse(f"goal refused: {error}")
-        self._stop_for(errand, StopsForGoal(event.source))
+        self._stop_for(errand, StopsForGoal(event.who.name))
         return ""
 
     def _stop_for(self, errand: Errand, reason: Fact) -> None:
@@ -450,40 +466,40 @@ class Mission:
         held = state.held if isinstance(state, Stopping | Paused) else None
         self._state = Stopping(errand, reason, find_stood(state), held)
 
-    def _take_plan(self, event: OperatorEvent) -> str:
+    def _take_plan(self, plan: TakePlan, event: RequestEvent) -> str:
         """Take another task for a robot that stands, once it is checked and resumed."""
         new_tasks, last = self._new_tasks, self._last
         if new_tasks is None:
             return self._refuse("plan refused: this mission takes no other task")
         if last and abs(last.v_mps) > STANDING_MPS:
             return self._refuse("plan refused: the robot drives; pause its mission first")
-        make = partial(new_tasks.read_plan, event.text)
+        make = partial(new_tasks.read_plan, plan.geojson)
         return self._take(event, make, new_tasks.checking_s)
 
-    def _take_visit(self, event: OperatorEvent) -> str:
+    def _take_visit(self, visit: Visit, event: RequestEvent) -> str:
         """Take another task at once, from where the robot is."""
-        new_tasks, name, bounds = self._new_tasks, event.text or "visit", self._task.bounds
+        new_tasks, name, bounds = self._new_tasks, visit.title or "visit", self._task.bounds
         if new_tasks is None:
             return self._refuse("visit refused: this mission takes no other task")
-        return self._take(event, lambda: new_tasks.visit(read_places(event), name, bounds), 0.0)
+        return self._take(event, lambda: new_tasks.visit(_read_places(visit), name, bounds), 0.0)
 
-    def _take(self, event: OperatorEvent, make: Callable[[], Task], latency_s: float) -> str:
+    def _take(self, event: RequestEvent, make: Callable[[], Task], latency_s: float) -> str:
         def refuse(error: MissionError) -> None:
-            self._answers.settle_check(self._refuse(f"{event.action} refused: {error}"))
+            self._answers.settle_check(self._refuse(f"{event.request.word} refused: {error}"))
 
         self._drop()
         self._answers.await_check()
-        then, is_check = partial(self._work_at, event), event.action == "plan"
+        then, is_check = partial(self._work_at, event), isinstance(event.request, TakePlan)
         self._desk.ask(event.t_s, make, latency_s, then, refuse, is_check=is_check)
         return ""
 
-    def _work_at(self, event: OperatorEvent, task: Task) -> None:
+    def _work_at(self, event: RequestEvent, task: Task) -> None:
         self._answers.settle_check()
         self._take_task(task)
         self._refusal = ""
-        reason = NewTask(event.action, event.source)
+        reason = NewTask(event.request.word, event.who.name)
         self._state = Paused(reason, stood=reason)
-        if event.action == "visit" and self._latch.cause is None:
+        if isinstance(event.request, Visit) and self._latch.cause is None:
             self._run_on(Waiting())
 
     def _take_task(self, task: Task) -> None:
@@ -491,16 +507,16 @@ class Mission:
         self._task, self._job, self._begun = task, None, None
         self._ended, self._is_away = None, False
 
-    def _set(self, event: OperatorEvent) -> str:
+    def _set(self, change: ChangeSetting, _event: RequestEvent) -> str:
         """Take a new speed: it counts at once, also for the time that is left."""
-        if event.text != "mission.speed_mps":
+        if change.setting != "mission.speed_mps":
             return ""
-        if event.value > self._most_mps:
+        if change.value > self._most_mps:
             return self._refuse(
-                f"speed not set: {event.value:.2f} m/s is more than the {self._most_mps:.2f} m/s "
+                f"speed not set: {change.value:.2f} m/s is more than the {self._most_mps:.2f} m/s "
                 "that this robot may drive"
             )
-        self._config = msgspec.structs.replace(self._config, speed_mps=event.value)
+        self._config = msgspec.structs.replace(self._config, speed_mps=change.value)
         if self._job:
             self._job.change_speed(self._config)
         if away := find_away(self._state):
@@ -744,6 +760,13 @@ class Mission:
         if self._desk.is_checking:
             self._answers.settle_check(self._refuse(f"plan refused: {MEANWHILE}"))
         self._desk.drop()
+
+
+def _read_places(visit: Visit) -> tuple[MapPoint, ...]:
+    """Return the places of a visit. Raises: MissionError: it names none."""
+    if not visit.places_map_m:
+        raise MissionError("it names no places: x and y (m, map) of each")
+    return visit.places_map_m
 
 
 def _describe_return(errand: Errand) -> CameToBeCharged | ReturnedHome:

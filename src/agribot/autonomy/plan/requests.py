@@ -19,7 +19,7 @@ from agribot.autonomy.plan.states import (
     Stopping,
     Waiting,
 )
-from agribot.core.messages import OperatorAction
+from agribot.core.messages import RequestWord
 
 
 class Do(Enum):
@@ -88,7 +88,7 @@ _STOP_FIRST = "the robot is stopped; clear the stop first"
 _NO_ROW = Refuse("row not moved: the robot is in no row")
 _ENDED = "the mission has ended"
 
-TABLE: Mapping[OperatorAction, Mapping[Column, Reaction]] = {
+TABLE: Mapping[RequestWord, Mapping[Column, Reaction]] = {
     "stop": _always(Do.HOLD),
     "clear_stop": _always(Do.RELEASE),
     "start": {
@@ -144,7 +144,6 @@ TABLE: Mapping[OperatorAction, Mapping[Column, Reaction]] = {
     "set": {**_always(Do.SET), "ended": Ignore("it drives nowhere any more")},
     "pose_estimate": _always(Ignore("the estimate takes it")),
     "note": _always(_RECORDED),
-    "sensor": _always(_RECORDED),
     "mark": _always(_RECORDED),
     "point_out": _always(_RECORDED),
     "draw_polygon": _always(_RECORDED),
@@ -154,9 +153,9 @@ TABLE: Mapping[OperatorAction, Mapping[Column, Reaction]] = {
 }
 
 
-def react(action: OperatorAction, state: State, *, is_stopped: bool, stays_open: bool) -> Reaction:
+def react(word: RequestWord, state: State, *, is_stopped: bool, stays_open: bool) -> Reaction:
     """Look up what to do; `stays_open` says that a mission takes requests after its end, too."""
-    reactions, column = TABLE[action], COLUMN_OF[type(state)]
+    reactions, column = TABLE[word], COLUMN_OF[type(state)]
     if column == "ended" and not stays_open:
         return reactions["ended"]
     if is_stopped and "stopped" in reactions:

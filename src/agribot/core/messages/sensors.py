@@ -12,9 +12,10 @@ from typing import Literal
 
 import msgspec
 
-from agribot.core.facts import Part
+from agribot.core.facts import AnyFact, Part
 from agribot.core.messages.arrays import ByteArray, FloatArray, Four, Vec3
-from agribot.core.messages.operator import HandDrive, OperatorEvent
+from agribot.core.messages.operator import HandDrive
+from agribot.core.messages.requests import RequestEvent
 
 # The order of every four-wheel tuple: rear right, rear left, front right, front left.
 WHEEL_NAMES = ("right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F")
@@ -265,6 +266,13 @@ class OtherSample(msgspec.Struct, frozen=True, kw_only=True):
     numbers: tuple[float, ...]
 
 
+class DeviceNote(msgspec.Struct, frozen=True, kw_only=True):
+    """What is found of a device or its line once; one whose severity is "note" is no fault."""
+
+    t_s: float
+    fact: AnyFact
+
+
 class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     """What arrived since the last tick, oldest first. A silent sensor is an empty tuple."""
 
@@ -274,7 +282,8 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     mag: tuple[MagSample, ...] = ()
     gnss: tuple[GnssFix, ...] = ()
     frames: tuple[CameraFrame, ...] = ()
-    events: tuple[OperatorEvent, ...] = ()
+    requests: tuple[RequestEvent, ...] = ()
+    notes: tuple[DeviceNote, ...] = ()
     base: tuple[BaseFix, ...] = ()
     headings: tuple[GnssHeading, ...] = ()
     bumper: tuple[BumperSample, ...] = ()
