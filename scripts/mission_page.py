@@ -10,6 +10,7 @@ from agribot.autonomy.control.wheel_watch import HELD_LASTING_S
 from agribot.autonomy.plan.freeing import SAME_PLACE_M, TRIES
 from agribot.autonomy.plan.requests import TABLE, Column, Do, Ignore, Reaction, Refuse
 from agribot.autonomy.plan.row_recovery import LADDER
+from agribot.core.fact_text import render
 from agribot.core.messages import RequestWord
 
 HEAD = """# The mission and what it is asked
@@ -132,7 +133,7 @@ def _cell(reaction: Reaction | None) -> str:
         case Do():
             return reaction.value
         case Refuse():
-            return f"*{reaction.why}*"
+            return f"*{render(reaction.why)}*"
         case Ignore():
             return f"({reaction.why})"
         case None:

@@ -1419,6 +1419,150 @@ class ErrandRefused(_MissionNote, frozen=True):
     cause: AnyFact
 
 
+# --- what a request is refused for ---
+
+
+class NotStarted(_MissionNote, frozen=True):
+    """The mission was not started."""
+
+    cause: AnyFact
+
+
+class RowNotSkipped(_MissionNote, frozen=True):
+    """The row was not left out."""
+
+    cause: AnyFact
+
+
+class RowNotMoved(_MissionNote, frozen=True):
+    """The line of the row was not moved."""
+
+    cause: AnyFact
+
+
+class TaskRefused(_MissionNote, frozen=True):
+    """Another task was not taken."""
+
+    task: Literal["plan", "visit"]
+    cause: AnyFact
+
+
+class SpeedRefused(_MissionNote, frozen=True):
+    """A speed is more than the robot may drive."""
+
+    speed_mps: float
+    limit_mps: float
+
+
+class MissionEnded(_MissionNote, frozen=True):
+    """The mission has ended; `can_start`: a start begins it once more."""
+
+    can_start: bool = False
+
+    @property
+    def variant(self) -> str:
+        return "open" if self.can_start else "closed"
+
+
+class StopHolds(_MissionNote, frozen=True):
+    """The stop must be cleared first."""
+
+
+class NothingPlanned(_MissionNote, frozen=True):
+    """There is no route yet."""
+
+
+class AwayFromRows(_MissionNote, frozen=True):
+    """The robot is on an errand."""
+
+
+class InNoRow(_MissionNote, frozen=True):
+    """The robot is in no row."""
+
+
+class RowMovedFar(_MissionNote, frozen=True):
+    """The line of a row is as far aside as it may be."""
+
+    row: int
+    limit_m: float
+
+
+class NoOtherTask(_MissionNote, frozen=True):
+    """The mission takes no other task."""
+
+
+class RobotDrives(_MissionNote, frozen=True):
+    """The robot must stand for it."""
+
+
+class AskedElse(_MissionNote, frozen=True):
+    """Another request took its place."""
+
+
+class OwnPathOnly(_MissionNote, frozen=True):
+    """The task knows no ways beside its own path."""
+
+
+class GoalNotFinite(_MissionNote, frozen=True):
+    """A goal is no number."""
+
+
+class NoPlaces(_MissionNote, frozen=True):
+    """A visit names no places."""
+
+
+class ThereAlready(_MissionNote, frozen=True):
+    """The robot is at its goal."""
+
+
+class JustSetOff(_MissionNote, frozen=True):
+    """The robot has not come far enough to back out on its track."""
+
+
+class AllRowsWorked(_MissionNote, frozen=True):
+    """No row is left to resume."""
+
+
+class TooFarAway(_MissionNote, frozen=True):
+    """The nearest place to drive to is too far from the robot."""
+
+    away_m: float
+    limit_m: float
+
+
+class BeyondFence(_MissionNote, frozen=True):
+    """A place lies beyond the fence around the task."""
+
+    x_map_m: float
+    y_map_m: float
+    beyond_m: float
+
+
+class OnCropThere(_MissionNote, frozen=True):
+    """The robot would stand on crop at a place."""
+
+    x_map_m: float
+    y_map_m: float
+
+
+class NoWayOffCrop(_MissionNote, frozen=True):
+    """No way to a place keeps off the crop, for a reason of the planner."""
+
+    x_map_m: float
+    y_map_m: float
+    cause: AnyFact
+
+
+class CarriedAway(_MissionNote, frozen=True):
+    """The robot is not where its work stopped."""
+
+    about: ClassVar[tuple[Part, ...]] = ("robot",)
+    away_m: float
+    x_map_m: float
+    y_map_m: float
+    limit_m: float
+
+
 class Both(Fact, frozen=True):
     """One fact and then another."""
 

@@ -135,7 +135,7 @@ class EventSieve:
 
     def __init__(self) -> None:
         self._found: list[Event] = []
-        self._mission: tuple[str, tuple[object, ...], str] = ("", (), "")
+        self._mission: tuple[str, tuple[object, ...], tuple[object, ...]] = ("", (), ())
         self._objection: tuple[object, ...] = ()
         self._warning: tuple[str, Fact | None] = ("", None)
         self._facts: list[Fact] = []  # of the events of this tick
@@ -213,7 +213,7 @@ class EventSieve:
 
     def _note_mission(self, t_s: float, record: TickRecord) -> None:
         status = record.status
-        now = (status.state, find_kind(status.fact), status.refusal)
+        now = (status.state, find_kind(status.fact), find_kind(status.refusal_fact))
         before, self._mission = self._mission, now
         if now[:2] != before[:2]:
             reason = f"{status.state}: {status.reason}" if status.reason else status.state
@@ -223,8 +223,8 @@ class EventSieve:
                 lack = "driven without evidence that it was this row"
                 self._add(t_s, "fault", f"row {row + 1} does not count as done: {lack}")
         self._unproven = status.rows_unproven
-        if status.refusal and status.refusal not in (before[2], status.reason):
-            self._add(t_s, "mission", status.refusal)
+        if now[2] and now[2] not in (before[2], now[1]):
+            self._add(t_s, "mission", status.refusal, status.refusal_fact)
 
     def _note_warning(self, t_s: float, warning: str, fact: Fact | None) -> None:
         before, was = self._warning

@@ -8,13 +8,15 @@ from collections.abc import Callable
 
 import msgspec
 
+from agribot.core.fact_text import render
+from agribot.core.facts import AnyFact
 from agribot.core.messages import AnyRequest, Inbox, TickRecord, Who
 
 PATIENCE_S = 4.0
 _MOST_OPEN = 100  # requests without an answer; the oldest is forgotten
 
-# Gets the refusal, or "", and the record of the tick; called in the robot's thread.
-OnAnswer = Callable[[str, TickRecord], None]
+# Gets why it is refused, or None, and the record of the tick; called in the robot's thread.
+OnAnswer = Callable[[AnyFact | None, TickRecord], None]
 OnOutcome = Callable[[bool, str], None]  # gets whether it was taken, and the text for the peer
 
 
@@ -37,7 +39,7 @@ class RobotLink:
             with self._lock:
                 on_answer = self._open.pop(answer.id, None)
             if on_answer is not None:
-                on_answer(answer.refusal, record)
+                on_answer(answer.fact, record)
 
     def post(self, request: AnyRequest, who: Who, on_answer: OnAnswer) -> None:
         """Post a request; `on_answer` is called once, when the mission took or refused it."""
@@ -64,12 +66,12 @@ class _Asked:
         self.timer = threading.Timer(PATIENCE_S, self._give_up)
         self.timer.daemon = True
 
-    def settle(self, refusal: str, record: TickRecord) -> None:
+    def settle(self, refusal: AnyFact | None, record: TickRecord) -> None:
         self.timer.cancel()
         status = record.status
         done = f"'{self._word}' is taken; the mission is {status.state}"
         reason = f": {status.reason}" if status.reason else ""
-        self._tell(not refusal, refusal or done + reason)
+        self._tell(refusal is None, render(refusal) or done + reason)
 
     def _give_up(self) -> None:
         self._tell(

@@ -21,7 +21,23 @@ from agribot.autonomy.plan.states import (
     Stopping,
     Waiting,
 )
-from agribot.core.facts import BatteryLow, Said
+from agribot.core.facts import (
+    AwayFromRows,
+    BatteryLow,
+    CancelledBy,
+    CarriedAway,
+    ErrandRefused,
+    InNoRow,
+    NothingPlanned,
+    NotResumed,
+    PausedBy,
+    ResumeAwaited,
+    RobotDrives,
+    RowNotMoved,
+    RowNotSkipped,
+    Said,
+    TaskRefused,
+)
 from agribot.core.latch import Latch
 from agribot.core.messages import (
     ChangeSetting,
@@ -132,7 +148,10 @@ def test_a_mission_does_with_a_request_what_the_table_says(
     v_mps = 0.4 * (column == "stopping")
     after = one.ask(request(action), v_mps)
     if isinstance(reaction, Refuse):
-        assert after == msgspec.structs.replace(before, refusal=reaction.why)
+        assert after.refusal_fact == reaction.why
+        assert after == msgspec.structs.replace(
+            before, refusal=after.refusal, refusal_fact=reaction.why
+        )
     elif isinstance(reaction, Ignore):
         assert after == before
     else:
@@ -141,20 +160,22 @@ def test_a_mission_does_with_a_request_what_the_table_says(
 
 def is_done(reaction: Do, one: Asked, before: MissionStatus, after: MissionStatus) -> bool:
     """What may be seen of it at once, or why it could not be done."""
-    state = one.mission.state
+    state, refusal = one.mission.state, after.refusal_fact
+    is_stopped = after.stopped_fact is not None
     seen = {
-        Do.HOLD: after.stopped != "" and isinstance(state, Paused | Ended),
-        Do.RELEASE: after.stopped == "" and (after == before or "stop cleared" in after.reason),
-        Do.PAUSE: after.reason == "paused by Ada",
+        Do.HOLD: is_stopped and isinstance(state, Paused | Ended),
+        Do.RELEASE: not is_stopped and (after == before or after.fact == ResumeAwaited()),
+        Do.PAUSE: after.fact == PausedBy("Ada"),
         Do.RESUME: isinstance(state, Driving),
         Do.BEGIN_ANEW: isinstance(state, Waiting),
-        Do.CANCEL: (after.state, after.reason) == ("cancelled", "cancelled by Ada"),
+        Do.CANCEL: (after.state, after.fact) == ("cancelled", CancelledBy("Ada")),
         Do.SKIP_ROW: any(row.skipped for row in one.mission.row_results),
-        Do.NUDGE_LEFT: after.row_nudged_m > 0.0 or "in no row" in after.refusal,
-        Do.NUDGE_RIGHT: after.row_nudged_m < 0.0 or "in no row" in after.refusal,
-        Do.TURN_HOME: after.leg in ("way home", STOPPING) or "was planned" in after.refusal,
+        Do.NUDGE_LEFT: after.row_nudged_m > 0.0 or refusal == RowNotMoved(InNoRow()),
+        Do.NUDGE_RIGHT: after.row_nudged_m < 0.0 or refusal == RowNotMoved(InNoRow()),
+        Do.TURN_HOME: after.leg in ("way home", STOPPING)
+        or refusal == ErrandRefused("home", NothingPlanned()),
         Do.TURN_TO_GOAL: after.leg in ("to the goal", STOPPING),
-        Do.TAKE_PLAN: after.rows_total == 1 or "the robot drives" in after.refusal,
+        Do.TAKE_PLAN: after.rows_total == 1 or refusal == TaskRefused("plan", RobotDrives()),
         Do.TAKE_VISIT: after.task == "visit",
         Do.SET: one.mission.speed_mps == 0.2,
     }
@@ -170,7 +191,7 @@ def test_a_pause_on_an_errand_keeps_its_way(action: RequestWord) -> None:
     status = one.ask(request(action))
     assert one.mission.path is path
     if action == "skip_row":
-        assert status.refusal == "row not skipped: the robot is away from its rows"
+        assert status.refusal_fact == RowNotSkipped(AwayFromRows())
 
 
 def test_a_mission_that_is_cancelled_while_it_stops_for_an_errand_stays_where_it_is() -> None:
@@ -286,5 +307,7 @@ def test_a_mission_carried_away_tells_in_its_refusal_why_it_is_not_resumed() -> 
     one.into("paused")
     one.where = (one.where[0] + 3.0, one.where[1])
     status = one.ask(request("resume"))
-    assert status.refusal == status.reason
-    assert "not resumed: the robot was carried away: it is 3.0" in status.refusal
+    assert status.refusal_fact == status.fact
+    assert isinstance(status.refusal_fact, NotResumed)
+    assert isinstance(status.refusal_fact.cause, CarriedAway)
+    assert status.refusal_fact.cause.away_m == pytest.approx(3.0, abs=0.05)

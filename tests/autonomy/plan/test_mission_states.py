@@ -13,7 +13,7 @@ from agribot.autonomy.plan.speed import warn_of_speeds
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
-from agribot.core.facts import NoFixesYet, PositionAwaited, PositionLost
+from agribot.core.facts import NoFixesYet, PositionAwaited, PositionLost, SpeedRefused
 from agribot.core.messages import ChangeSetting, Estimate, Goal, Path
 from tests.asking import ask
 from tests.autonomy.plan.paper_task import PaperTask
@@ -63,7 +63,7 @@ def test_a_mission_plans_and_takes_no_speed_that_the_robot_may_not_drive() -> No
     faster = ask(ChangeSetting(setting="mission.speed_mps", value=0.81, id="a"))
     goal = ride.mission.step(at(*ride.place(3.0), ride.t_s + 0.02), [faster])
     (answer,) = goal.status.answers
-    assert "speed not set: 0.81 m/s is more than the 0.80 m/s" in answer.refusal
+    assert answer.fact == SpeedRefused(0.81, 0.8)
     assert ride.mission.speed_mps == 0.8
 
 
