@@ -193,7 +193,7 @@ def test_a_robot_begins_disarmed_and_moves_when_a_person_has_cleared_that(
         assert {c.speed_countps for c in bench.board.commands} == {(0, 0, 0, 0)}
         run.inbox.post(ClearStop(), Who("Ann"))
         until(run, lambda r: not r.status.stopped)
-        until(run, lambda r: r.batch.board and not r.batch.board[-1].stopped)
+        until(run, lambda r: r.batch.board and not r.batch.board[-1].stop)
         assert bench.board.clears >= 1
         run.inbox.drive(0.2, 0.0, Who("Ann"))
         drive(run)
@@ -214,7 +214,7 @@ def drive(run: Run, seconds: float = 0.5) -> TickRecord:
 def armed(bench: HardwareBench, out: Path) -> Run:
     """A robot that is driven by hand."""
     run = open_bench(bench, out, is_armed=True)
-    until(run, lambda r: r.batch.board and not r.batch.board[-1].stopped)
+    until(run, lambda r: r.batch.board and not r.batch.board[-1].stop)
     record = drive(run)
     assert record.command.drive.v_mps > 0.1, record.status
     return run
@@ -276,7 +276,7 @@ def test_a_board_that_was_unplugged_is_driven_again_when_it_is_back_and_cleared(
         def is_cleared(record: TickRecord) -> bool:
             if record.status.stopped:  # also anew, where the bench had no time to speak
                 run.inbox.post(ClearStop(), Who("Ann"))
-            return bool(record.batch.board) and not record.batch.board[-1].stopped
+            return bool(record.batch.board) and not record.batch.board[-1].stop
 
         until(run, is_cleared)
         assert drive(run, 1.0).command.drive.v_mps > 0.1
@@ -312,7 +312,7 @@ def with_contactor(bench: HardwareBench, relay: Relay, out: Path) -> Run:
     run = open_bench(bench, out, is_armed=True)
     run.take_sensors([Opened().open("contactor", f"lcus:{relay.line.path}")])
     until(run, relay.follow)
-    until(run, lambda r: r.batch.board and not r.batch.board[-1].stopped)
+    until(run, lambda r: r.batch.board and not r.batch.board[-1].stop)
     assert drive(run).command.drive.v_mps > 0.1
     return run
 

@@ -110,7 +110,7 @@ class Drive:
                 self._check_fault(board)
 
     def _check_fault(self, board: BoardSample) -> None:
-        has_fault = bool(board.faults) or board.is_button_pressed
+        has_fault = board.fault is not None or board.is_button_pressed
         was_so = {truth.has_fault for truth in self._find_truth(board.t_s)}
         assert has_fault in was_so, f"at {board.t_s:.2f} s"
         if has_fault:

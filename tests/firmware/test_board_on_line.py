@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from agribot.core.fact_text import render
 from agribot.core.messages import (
     ClearStop,
     DriveCommand,
@@ -104,7 +105,7 @@ class Driver:
 
         def exchange() -> SensorBatch | None:
             batch = self.platform.read()
-            if batch.board and batch.board[-1].stopped:
+            if batch.board and batch.board[-1].stop:
                 self._stopped_s = batch.t_s
                 self.platform.inbox.post(ClearStop())
             may_drive = batch.t_s > self._stopped_s + STANDS_S
@@ -136,7 +137,7 @@ def turns(batch: SensorBatch) -> bool:
 
 
 def tell(batch: SensorBatch) -> str:
-    return " ".join(f"{board.stopped} {board.faults}" for board in batch.board)
+    return " ".join(f"{render(board.stop)} {render(board.fault)}" for board in batch.board)
 
 
 def plug_in_anew(mega: Mega) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from agribot.core.facts import DeviceSaid, DeviceWell, Disarmed, Said
+from agribot.core.facts import Both, DeviceSaid, DeviceWell, Disarmed, Said
 from agribot.core.messages import (
     AddNote,
     AnyRequest,
@@ -144,3 +144,19 @@ def test_a_recording_of_today_is_read_as_it_was_written() -> None:
     for record in samples.ticks(10):
         again = decode_tick(encode_tick(record)).batch
         assert (again.requests, again.hand) == (record.batch.requests, record.batch.hand)
+
+
+def test_words_of_boards_and_contactors_stop_the_robot_as_they_did() -> None:
+    tick = msgspec.msgpack.decode(encode_tick(samples.ticks(1)[0]))
+    tick["batch"]["board"] = [
+        {"t_s": 1.0, "stopped": "it hung", "faults": ["a", "b"], "fault_parts": ["wheels"]},
+        {"t_s": 2.0, "stopped": "", "faults": [], "fault_parts": []},
+    ]
+    tick["batch"]["contactor"] = [{"t_s": 1.0, "trouble": "its line is lost"}, {"t_s": 2.0}]
+    batch = decode_tick(msgspec.msgpack.encode(tick)).batch
+    bad, well = batch.board
+    assert (bad.stop, well.stop, well.fault) == (Said("it hung"), None, None)
+    assert bad.fault == Both(DeviceSaid("a", ("wheels",)), DeviceSaid("b", ("wheels",)))
+    assert [sample.fault for sample in batch.contactor] == [
+        DeviceSaid("its line is lost", ("contactor",)), None,
+    ]  # fmt: skip

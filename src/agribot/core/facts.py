@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Union
 
 import msgspec
@@ -834,20 +835,103 @@ class Stuck(Fact, frozen=True):
 
 
 class BoardReports(Fact, frozen=True):
-    """The motor board reports faults, in its words; `of` are the parts that it names."""
+    """The motor board reports faults; in words of a recording of an earlier version."""
 
-    said: tuple[str, ...]
+    said: tuple[str, ...] = ()
     of: tuple[Part, ...] = ("motors",)
+    cause: AnyFact | None = None
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        return self.of
+        return self.of if self.cause is None else self.cause.parts or self.of
+
+    @property
+    def variant(self) -> str:
+        return "said" if self.cause is None else "known"
 
 
 class BoardHoldsStop(Fact, frozen=True):
-    """The motor board holds a stop of its own, for a reason in its words."""
+    """The motor board holds a stop of its own; in words of a recording of an earlier version."""
 
-    said: str
+    said: str = ""
+    cause: AnyFact | None = None
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return ()
+
+    @property
+    def variant(self) -> str:
+        return "said" if self.cause is None else "known"
+
+
+BoardCause = Literal["began", "button", "bumper", "battery", "motor", "reversed"]
+
+
+class BoardStopped(Fact, frozen=True):
+    """Why a motor board stopped by itself; without a cause, it does not say so."""
+
+    stop_causes: tuple[BoardCause, ...]
+
+    @property
+    def variant(self) -> str:
+        return "known" if self.stop_causes else "unknown"
+
+
+class _OfBoard(Fact, frozen=True):
+    about: ClassVar[tuple[Part, ...]] = ("motors",)
+
+
+class BoardHung(_OfBoard, frozen=True):
+    """The board's program hung, and its watchdog reset it."""
+
+
+class BoardUnconfigured(_OfBoard, frozen=True):
+    """The board refuses its configuration."""
+
+
+class WheelsReversed(Fact, frozen=True):
+    """Wheels turn against their motors, as the board measures it."""
+
+    about: ClassVar[tuple[Part, ...]] = ("wheels",)
+    wheels: tuple[Wheel, ...]
+
+    @property
+    def variant(self) -> str:
+        return {1: "one", 4: "all"}.get(len(self.wheels), "many")
+
+
+class AxisError(_OfBoard, frozen=True):
+    """An axis of a speed controller has an error; `is_expired`: it heard no command in time."""
+
+    device: str
+    axis: str
+    error: int
+    is_expired: bool
+
+    @property
+    def variant(self) -> str:
+        return "expired" if self.is_expired else "plain"
+
+
+class AxisStands(_OfBoard, frozen=True):
+    """An axis of a speed controller does not drive its wheels."""
+
+    device: str
+    axis: str
+    why: Literal["error", "idle", "state"]
+    state: int
+
+    @property
+    def variant(self) -> str:
+        return self.why
+
+
+class ControllerFault(_OfBoard, frozen=True):
+    """A speed controller reports a fault, by the name that its maker gives it."""
+
+    controller: str
+    fault: str
 
 
 class ButtonPressed(Fact, frozen=True):
@@ -891,10 +975,30 @@ class ContactorSilent(Fact, frozen=True):
 
 
 class ContactorInTrouble(Fact, frozen=True):
-    """The contactor cannot obey its command, in the words of its driver."""
+    """The contactor cannot obey its command; in words of a recording of an earlier version."""
 
     about: ClassVar[tuple[Part, ...]] = ("contactor",)
-    said: str
+    said: str = ""
+    cause: AnyFact | None = None
+
+    @property
+    def variant(self) -> str:
+        return "said" if self.cause is None else "known"
+
+
+class RelayLost(Fact, frozen=True):
+    """The line to the relay of a contactor is lost."""
+
+    about: ClassVar[tuple[Part, ...]] = ("contactor",)
+    line: str
+
+
+class RelayStuck(Fact, frozen=True):
+    """The line to the relay of a contactor takes nothing."""
+
+    about: ClassVar[tuple[Part, ...]] = ("contactor",)
+    line: str
+    silent_s: float
 
 
 class ContactorStaysClosed(Fact, frozen=True):
@@ -1568,6 +1672,14 @@ class Both(Fact, frozen=True):
 
     first: AnyFact
     second: AnyFact
+
+
+def join_facts(facts: Sequence[AnyFact]) -> AnyFact | None:
+    """Make one fact of several, in their order; None of none."""
+    joined: AnyFact | None = None
+    for fact in reversed(facts):
+        joined = fact if joined is None else Both(fact, joined)
+    return joined
 
 
 class RowsSkipped(_MissionNote, frozen=True):

@@ -133,10 +133,10 @@ class BoardLink:
         if "clear_stop" in words:
             self._clearing_until_s = t_s + CLEARING_S
         last = told[-1] if told else None
-        has_let_go = last is not None and not last.stopped  # the next stop is a new one
+        has_let_go = last is not None and last.stop is None  # the next stop is a new one
         if "stop" in words or has_let_go or (last is not None and last.is_button_pressed):
             self._clearing_until_s = -math.inf
-        is_held = t_s < self._clearing_until_s and last is not None and bool(last.stopped)
+        is_held = t_s < self._clearing_until_s and last is not None and last.stop is not None
         return self.board.clear_stop() if is_held else b""
 
     def command(self, command: RobotCommand) -> bytes:

@@ -10,13 +10,15 @@ from collections.abc import Callable
 
 import msgspec
 
-from agribot.core.facts import AnyFact, DeviceSaid, DeviceWell, Part, Said
+from agribot.core.facts import AnyFact, DeviceSaid, DeviceWell, Part, Said, join_facts
 from agribot.core.messages import (
     AddNote,
     AnyRequest,
     AskerKind,
+    BoardSample,
     ChangeSetting,
     ClearStop,
+    ContactorSample,
     ControlMission,
     ControlRecording,
     CorrectPose,
@@ -55,21 +57,35 @@ class _OldHand(msgspec.Struct):
     source: str | None = None
 
 
+class _OldBoard(msgspec.Struct):
+    stopped: str = ""
+    faults: tuple[str, ...] = ()
+    fault_parts: tuple[Part, ...] = ()
+
+
+class _OldContactor(msgspec.Struct):
+    trouble: str = ""
+
+
 class _OldBatch(msgspec.Struct):
     events: tuple[_OldEvent, ...] = ()
     hand: tuple[_OldHand, ...] = ()
+    board: tuple[_OldBoard, ...] = ()
+    contactor: tuple[_OldContactor, ...] = ()
 
 
 class _OldTick(msgspec.Struct):
     batch: _OldBatch
 
 
+# Keys of a MessagePack map that no tick of today has, or has elsewhere only.
+_OLD_KEYS = (b"\xa6events", b"\xa6source", b"\xabfault_parts", b"\xa7trouble")
 _DECODER = msgspec.msgpack.Decoder(_OldTick)
 
 
 def lift_requests(record: TickRecord, data: bytes) -> TickRecord:
     """Return a tick with the requests and the notes on devices that an old one has in its bytes."""
-    if b"\xa6events" not in data and b"\xa6source" not in data:  # keys of a MessagePack map
+    if not any(key in data for key in _OLD_KEYS):
         return record
     old = _DECODER.decode(data).batch
     notes = [_lift_note(event) for event in old.events if event.action == "sensor"]
@@ -81,12 +97,26 @@ def lift_requests(record: TickRecord, data: bytes) -> TickRecord:
     batch = msgspec.structs.replace(
         record.batch, requests=(*record.batch.requests, *lifted),
         notes=(*record.batch.notes, *notes), hand=tuple(hand),
+        board=tuple(map(_lift_board, old.board, record.batch.board)),
+        contactor=tuple(map(_lift_contactor, old.contactor, record.batch.contactor)),
     )  # fmt: skip
     return msgspec.structs.replace(record, batch=batch)
 
 
 def _lift_name(name: str) -> Who:
     return Who(name, AskerKind.UNKNOWN)
+
+
+def _lift_board(was: _OldBoard, now: BoardSample) -> BoardSample:
+    stop = now.stop or (Said(was.stopped) if was.stopped else None)
+    parts: tuple[Part, ...] = was.fault_parts or ("motors",)
+    faults = [DeviceSaid(said, parts) for said in was.faults]
+    return msgspec.structs.replace(now, stop=stop, fault=now.fault or join_facts(faults))
+
+
+def _lift_contactor(was: _OldContactor, now: ContactorSample) -> ContactorSample:
+    fault = now.fault or (DeviceSaid(was.trouble, ("contactor",)) if was.trouble else None)
+    return msgspec.structs.replace(now, fault=fault)
 
 
 def _lift_note(event: _OldEvent) -> DeviceNote:

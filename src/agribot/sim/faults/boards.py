@@ -11,6 +11,7 @@ from typing import Any, get_args
 
 import msgspec
 
+from agribot.core.facts import BoardHung, BoardStopped
 from agribot.core.messages import BoardSample, ClearStop, SafetyInput, SensorBatch
 from agribot.sim.faults.schedule import Fault
 
@@ -106,7 +107,6 @@ class HungBoard:
 def _tell_reset(t_s: float) -> BoardSample:
     return BoardSample(
         t_s=t_s,
-        stopped="it was switched on, or reset",
-        faults=("it hung, and its watchdog reset it",),
-        fault_parts=("motors",),
+        stop=BoardStopped(("began",)),
+        fault=BoardHung(),
     )
