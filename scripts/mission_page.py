@@ -10,7 +10,8 @@ from agribot.autonomy.control.wheel_watch import HELD_LASTING_S
 from agribot.autonomy.plan.freeing import SAME_PLACE_M, TRIES
 from agribot.autonomy.plan.requests import TABLE, Column, Do, Ignore, Reaction, Refuse
 from agribot.autonomy.plan.row_recovery import LADDER
-from agribot.core.messages import OperatorAction
+from agribot.core.fact_text import render
+from agribot.core.messages import RequestWord
 
 HEAD = """# The mission and what it is asked
 
@@ -122,7 +123,7 @@ def page() -> str:
     )
 
 
-def _row(action: OperatorAction) -> str:
+def _row(action: RequestWord) -> str:
     cells = (_cell(TABLE[action].get(column)) for column in COLUMNS)
     return f"| `{action}` | {' | '.join(cells)} |\n"
 
@@ -132,7 +133,7 @@ def _cell(reaction: Reaction | None) -> str:
         case Do():
             return reaction.value
         case Refuse():
-            return f"*{reaction.why}*"
+            return f"*{render(reaction.why)}*"
         case Ignore():
             return f"({reaction.why})"
         case None:

@@ -10,9 +10,9 @@ import pytest
 import agribot
 
 NAMES = {
-    "AgribotError", "Correction", "Implement", "ImplementKind", "ImplementSpec", "OperatorEvent",
-    "OperatorPage", "Platform", "RobotCommand", "RobotSpec", "Run", "RunConfig", "SensorBatch",
-    "SensorSource", "SimulatedRun", "TickRecord", "__version__", "load", "load_robot", "messages",
+    "AgribotError", "Correction", "Implement", "ImplementKind", "ImplementSpec", "OperatorPage",
+    "Platform", "RobotCommand", "RobotSpec", "Run", "RunConfig", "SensorBatch", "SensorSource",
+    "SimulatedRun", "TickRecord", "Who", "__version__", "load", "load_robot", "messages",
     "open_run", "panels", "register_correction", "register_implement", "register_platform",
     "register_scheme", "simulate", "topics",
 }  # fmt: skip

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from agribot.core.errors import AgribotError
     from agribot.core.implement.kind import Implement, ImplementKind, register_implement
     from agribot.core.implement.spec import ImplementSpec
-    from agribot.core.messages import OperatorEvent, RobotCommand, SensorBatch, TickRecord
+    from agribot.core.messages import RobotCommand, SensorBatch, TickRecord, Who
     from agribot.core.platform import Platform, SensorSource
     from agribot.core.platforms import register_platform
     from agribot.core.robot import RobotSpec
@@ -38,7 +38,6 @@ _HOMES = {
     "Implement": "agribot.core.implement.kind",
     "ImplementKind": "agribot.core.implement.kind",
     "ImplementSpec": "agribot.core.implement.spec",
-    "OperatorEvent": "agribot.core.messages",
     "OperatorPage": "agribot.ui.robot_side.operator_page",
     "Platform": "agribot.core.platform",
     "RobotCommand": "agribot.core.messages",
@@ -49,6 +48,7 @@ _HOMES = {
     "SensorSource": "agribot.core.platform",
     "SimulatedRun": "agribot.app.simulated_run",
     "TickRecord": "agribot.core.messages",
+    "Who": "agribot.core.messages",
     "load": "agribot.core.config",
     "load_robot": "agribot.description.loader",
     "messages": "agribot.core",
@@ -63,9 +63,9 @@ _HOMES = {
 }
 
 __all__ = [
-    "AgribotError", "Correction", "Implement", "ImplementKind", "ImplementSpec", "OperatorEvent",
-    "OperatorPage", "Platform", "RobotCommand", "RobotSpec", "Run", "RunConfig", "SensorBatch",
-    "SensorSource", "SimulatedRun", "TickRecord", "__version__", "load", "load_robot", "messages",
+    "AgribotError", "Correction", "Implement", "ImplementKind", "ImplementSpec", "OperatorPage",
+    "Platform", "RobotCommand", "RobotSpec", "Run", "RunConfig", "SensorBatch", "SensorSource",
+    "SimulatedRun", "TickRecord", "Who", "__version__", "load", "load_robot", "messages",
     "open_run", "panels", "register_correction", "register_implement", "register_platform",
     "register_scheme", "simulate", "topics",
 ]  # fmt: skip

@@ -24,7 +24,7 @@ from agribot.autonomy.plan.tasks.row_task import RowTask
 from agribot.cli.main import main
 from agribot.core import config, platforms
 from agribot.core.errors import ConfigError, PlatformError
-from agribot.core.messages import Inbox, OperatorEvent, RobotCommand, SensorBatch
+from agribot.core.messages import Inbox, PressStop, RobotCommand, SensorBatch, Who
 
 BENCH = '''
 from agribot.core.messages import (
@@ -41,11 +41,11 @@ class Bench:
     def read(self):
         self.tick += 1
         t_s = self.tick * 0.02
-        events, hand = self.inbox.drain(t_s)
+        requests, hand = self.inbox.drain(t_s)
         fix = GnssFix(t_s=t_s, lat_deg=self.datum.lat_deg, lon_deg=self.datum.lon_deg,
                       alt_m=self.datum.alt_m, pos_std_m=0.02, quality=GnssQuality.RTK_FIXED)
         return SensorBatch(
-            t_s=t_s, events=events, hand=hand,
+            t_s=t_s, requests=requests, hand=hand,
             wheels=(WheelSample(t_s=t_s, angle_rad=(0.0,) * 4, speed_radps=(0.0,) * 4),),
             imu=(ImuSample(t_s=t_s, gyro_radps=(0.0,) * 3, accel_mps2=(0.0, 0.0, 9.81)),),
             mag=(MagSample(t_s=t_s, field_t=(0.0, 3e-5, -3e-5)),) if self.tick % 5 == 0 else (),
@@ -222,7 +222,7 @@ def test_requests_reach_any_platform_through_its_inbox(bench: str, tmp_path: Pat
     with open_run(settings, tmp_path / "run") as run:
         ticks = run.ticks()
         next(ticks)
-        run.inbox.post(OperatorEvent(t_s=0.0, action="stop", source="a person"))
+        run.inbox.post(PressStop(), Who("a person"))
         assert next(ticks).status.stopped == "stopped by a person"
         assert "my_bench" in sys.modules
 

@@ -28,7 +28,7 @@ from agribot.core import config
 from agribot.core.errors import PlatformError
 from agribot.core.facts import Disarmed
 from agribot.core.geo import Datum
-from agribot.core.messages import OperatorEvent, TickRecord
+from agribot.core.messages import ClearStop, TickRecord, Who
 from agribot.drivers import hardware_platform
 from agribot.drivers.board_protocol import COMMAND_TIMEOUT_S, StopCause
 from agribot.record.replay import read_ticks
@@ -107,7 +107,7 @@ def until(run: Run, is_so: object, limit_s: float = 90.0, *, by_hand: bool = Fal
     assert callable(is_so)
     for record in run.ticks():
         if by_hand:
-            run.inbox.drive(0.2, 0.0, "Ann")
+            run.inbox.drive(0.2, 0.0, Who("Ann"))
         if is_so(record):
             return record
         assert record.batch.t_s < limit_s, record.status
@@ -167,7 +167,7 @@ def test_a_run_that_ends_stops_the_robot_though_a_hand_drives_on(
 
         def drive_on() -> None:
             while not ended.wait(0.05):
-                run.inbox.drive(0.2, 0.0, "Ann")
+                run.inbox.drive(0.2, 0.0, Who("Ann"))
 
         hand = threading.Thread(target=drive_on)
         hand.start()
@@ -191,11 +191,11 @@ def test_a_robot_begins_disarmed_and_moves_when_a_person_has_cleared_that(
         assert record.status.stopped_fact == Disarmed()
         assert bench.board.clears == 0
         assert {c.speed_countps for c in bench.board.commands} == {(0, 0, 0, 0)}
-        run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))
+        run.inbox.post(ClearStop(), Who("Ann"))
         until(run, lambda r: not r.status.stopped)
-        until(run, lambda r: r.batch.board and not r.batch.board[-1].stopped)
+        until(run, lambda r: r.batch.board and not r.batch.board[-1].stop)
         assert bench.board.clears >= 1
-        run.inbox.drive(0.2, 0.0, "Ann")
+        run.inbox.drive(0.2, 0.0, Who("Ann"))
         drive(run)
         assert max(c.speed_countps for c in bench.board.commands) > (0, 0, 0, 0)
 
@@ -205,7 +205,7 @@ def drive(run: Run, seconds: float = 0.5) -> TickRecord:
     assert run.last is not None
     end_s = run.last.batch.t_s + seconds
     for record in run.ticks():
-        run.inbox.drive(0.2, 0.0, "Ann")
+        run.inbox.drive(0.2, 0.0, Who("Ann"))
         if record.batch.t_s >= end_s:
             return record
     raise AssertionError("the run ended")
@@ -214,7 +214,7 @@ def drive(run: Run, seconds: float = 0.5) -> TickRecord:
 def armed(bench: HardwareBench, out: Path) -> Run:
     """A robot that is driven by hand."""
     run = open_bench(bench, out, is_armed=True)
-    until(run, lambda r: r.batch.board and not r.batch.board[-1].stopped)
+    until(run, lambda r: r.batch.board and not r.batch.board[-1].stop)
     record = drive(run)
     assert record.command.drive.v_mps > 0.1, record.status
     return run
@@ -275,8 +275,8 @@ def test_a_board_that_was_unplugged_is_driven_again_when_it_is_back_and_cleared(
 
         def is_cleared(record: TickRecord) -> bool:
             if record.status.stopped:  # also anew, where the bench had no time to speak
-                run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))
-            return bool(record.batch.board) and not record.batch.board[-1].stopped
+                run.inbox.post(ClearStop(), Who("Ann"))
+            return bool(record.batch.board) and not record.batch.board[-1].stop
 
         until(run, is_cleared)
         assert drive(run, 1.0).command.drive.v_mps > 0.1
@@ -312,7 +312,7 @@ def with_contactor(bench: HardwareBench, relay: Relay, out: Path) -> Run:
     run = open_bench(bench, out, is_armed=True)
     run.take_sensors([Opened().open("contactor", f"lcus:{relay.line.path}")])
     until(run, relay.follow)
-    until(run, lambda r: r.batch.board and not r.batch.board[-1].stopped)
+    until(run, lambda r: r.batch.board and not r.batch.board[-1].stop)
     assert drive(run).command.drive.v_mps > 0.1
     return run
 
@@ -328,7 +328,7 @@ def test_a_board_that_runs_away_loses_its_motors_power_until_it_stands_and_is_cl
 
         def is_cleared(record: TickRecord) -> bool:
             if record.status.stopped:  # also anew, for as long as a wheel still turns
-                run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))
+                run.inbox.post(ClearStop(), Who("Ann"))
             return relay.follow(record)
 
         until(run, is_cleared)

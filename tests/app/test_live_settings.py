@@ -7,7 +7,7 @@ from pathlib import Path
 from agribot.app.simulated_run import simulate
 from agribot.cli.main import main
 from agribot.core import config
-from agribot.core.messages import OperatorEvent
+from agribot.core.messages import ChangeSetting
 
 SETTINGS = ["perception.enabled=false", "seed=1", "duration_s=22"]
 
@@ -18,8 +18,7 @@ def test_a_new_speed_counts_at_once_and_a_replay_repeats_it(tmp_path: Path) -> N
         for record in session.ticks():
             speeds[round(record.batch.t_s, 2)] = record.command.drive.v_mps
             if round(record.batch.t_s, 2) == 16.0:
-                event = OperatorEvent(t_s=0.0, action="set", text="mission.speed_mps", value=0.2)
-                session.inbox.post(event)
+                session.inbox.post(ChangeSetting(setting="mission.speed_mps", value=0.2))
         session.finish()
         log = [event.reason for event in session.event_log.events]
     assert max(speeds[t_s] for t_s in speeds if 14.0 < t_s < 16.0) > 0.35

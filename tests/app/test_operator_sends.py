@@ -14,16 +14,25 @@ from agribot.app.field_work import plan_field_file
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core import config
-from agribot.core.messages import OperatorAction, OperatorEvent, TickRecord
+from agribot.core.messages import (
+    AnyRequest,
+    ControlMission,
+    ControlRecording,
+    MarkMoment,
+    TakePlan,
+    TickRecord,
+    Who,
+)
 from agribot.gis.plan_file import format_plan
 from agribot.record.replay import read_ticks
 from tests import nightly
+from tests.asking import go_to
 
 SETTINGS = ["perception.enabled=false", "seed=1", "field.row_count=1", "field.row_length_m=3"]
 GOAL = (-1.0, 5.0)
 FIELD = Path(__file__).parents[2] / "examples" / "field.geojson"
 
-Script = dict[float, tuple[OperatorAction, dict[str, object]]]
+Script = dict[float, AnyRequest]
 
 
 def drive(out: Path, script: Script, settings: list[str], until: Callable[[TickRecord], bool],
@@ -33,9 +42,7 @@ def drive(out: Path, script: Script, settings: list[str], until: Callable[[TickR
         for record in session.ticks():
             asked = script.get(round(record.batch.t_s, 2))
             if asked is not None:
-                action, values = asked
-                event = OperatorEvent(t_s=0.0, action=action, source="Ada", **values)  # type: ignore[arg-type]
-                session.inbox.post(event)
+                session.inbox.post(asked, Who("Ada"))
             if until(record):
                 break
         session.finish()
@@ -57,12 +64,12 @@ def sent(tmp_path_factory: pytest.TempPathFactory) -> tuple[SimulatedRun, Path]:
     """Sent to a place while it drives to its row, marked there, then back to its work."""
     out = tmp_path_factory.mktemp("runs") / "first"
     script: Script = {
-        4.0: ("goto", {"numbers": (40.0, 40.0)}),
-        7.0: ("goto", {"numbers": (*GOAL, 0.0)}),
-        8.0: ("mark", {"text": "a stone"}),
-        30.0: ("stop_recording", {}),
-        31.0: ("start_recording", {}),
-        32.0: ("resume", {}),
+        4.0: go_to((40.0, 40.0)),
+        7.0: go_to((*GOAL, 0.0)),
+        8.0: MarkMoment(text="a stone"),
+        30.0: ControlRecording(action="stop"),
+        31.0: ControlRecording(action="start"),
+        32.0: ControlMission(action="resume"),
     }
     return drive(out, script, ["duration_s=110"], is_done), out
 
@@ -121,10 +128,10 @@ def test_another_plan_replaces_the_mission_and_is_judged_in_its_place(tmp_path: 
     text = format_plan(plan, certificate)
     out = tmp_path / "run"
     script: Script = {
-        5.0: ("plan", {"text": text}),
-        6.0: ("pause", {}),
-        8.0: ("plan", {"text": text}),
-        9.0: ("resume", {}),
+        5.0: TakePlan(geojson=text),
+        6.0: ControlMission(action="pause"),
+        8.0: TakePlan(geojson=text),
+        9.0: ControlMission(action="resume"),
     }
     session = drive(out, script, ["duration_s=14"], is_done)
     told = [event.reason for event in session.event_log.events]
@@ -149,7 +156,7 @@ def test_a_robot_that_has_done_its_work_does_it_once_more(tmp_path: Path) -> Non
         for _ in session.ticks():
             pass
         report = session.finish()
-        session.inbox.post(OperatorEvent(t_s=0.0, action="start", source="Ada"))
+        session.inbox.post(ControlMission(action="start"), Who("Ada"))
         again = [next(record for record in session.idle() if record.status.state == "running")]
         again += itertools.takewhile(lambda record: not is_done(record), session.idle())
         next(iter(session.idle()))

@@ -10,7 +10,7 @@ import pytest
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core import config
-from agribot.core.messages import Estimate, OperatorEvent
+from agribot.core.messages import ControlMission, CorrectPose, Estimate
 
 SETTINGS = ["perception.enabled=false", "seed=1", "duration_s=14"]
 AT_REST_S, MOVING_S = 8.0, 10.0
@@ -24,11 +24,15 @@ def estimates(session: SimulatedRun, at_s: float, shift_m: float) -> list[Estima
     for record in session.ticks():
         now_s = round(record.batch.t_s, 2)
         if at_s == AT_REST_S and now_s == AT_REST_S - 2.0:
-            inbox.post(OperatorEvent(t_s=0.0, action="pause"))
+            inbox.post(ControlMission(action="pause"))
         if now_s == at_s:
             here = record.estimate
-            pose = (here.x_map_m + shift_m, here.y_map_m, here.yaw_map_rad, *STDS)
-            inbox.post(OperatorEvent(t_s=0.0, action="pose_estimate", numbers=pose))
+            x_m, std_m, std_rad = here.x_map_m + shift_m, *STDS
+            pose = CorrectPose(
+                x_map_m=x_m, y_map_m=here.y_map_m, yaw_map_rad=here.yaw_map_rad,
+                std_m=std_m, std_rad=std_rad,
+            )  # fmt: skip
+            inbox.post(pose)
         if at_s <= now_s < at_s + 0.03:
             seen.append(record.estimate)
     return seen

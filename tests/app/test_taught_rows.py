@@ -24,7 +24,7 @@ from agribot.cli.main import main
 from agribot.core.config import load
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum
-from agribot.core.messages import FloatArray, OperatorEvent
+from agribot.core.messages import FloatArray, MarkMoment
 from agribot.core.pose import Pose2
 from agribot.gis.drawn_field import SIMPLIFIED_M
 from agribot.gis.field_file import read_field
@@ -80,7 +80,7 @@ def test_a_recorded_drive_becomes_a_field_whose_line_keeps_to_its_track(
             here = record.estimate
             track.append((record.batch.t_s, here.x_map_m, here.y_map_m))
             if record.batch.t_s in (10.0, 25.0):
-                session.inbox.post(OperatorEvent(t_s=record.batch.t_s, action="mark", text="end"))
+                session.inbox.post(MarkMoment(text="end"))
         session.finish()
     out = tmp_path / "field.geojson"
     assert main(["plan", "teach", str(run), "--out", str(out), "--json"]) == 0

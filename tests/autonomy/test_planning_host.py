@@ -16,7 +16,14 @@ from agribot.autonomy.plan.planning import PlanningDesk
 from agribot.autonomy.planning_host import ThreadedPlanning
 from agribot.core import config
 from agribot.core.errors import MissionError
-from agribot.core.messages import OperatorEvent, TickRecord
+from agribot.core.messages import (
+    AnyRequest,
+    ControlMission,
+    GoTo,
+    TakePlan,
+    TickRecord,
+    Who,
+)
 from agribot.gis.plan_file import SavedPlan, format_plan
 from tests.waiting import PATIENCE_S, wait_for
 
@@ -101,14 +108,17 @@ def run(out: Path) -> list[TickRecord]:
         plan = plan_field(AREA, shape, request)
         certificate = certify_plan(plan, AREA, shape, request)
         text = format_plan(SavedPlan(plan, AREA, request, settings.field.datum), certificate)
-        what = {"plan": {"text": text}, "goto": {"numbers": (2.0, 3.0)}, "resume": {}}
+        what: dict[str, AnyRequest] = {
+            "plan": TakePlan(geojson=text),
+            "goto": GoTo(x_map_m=2.0, y_map_m=3.0),
+            "resume": ControlMission(action="resume"),
+        }
         ticks = []
         for record in session.ticks():
             ticks.append(record)
             action = script.get(round(record.batch.t_s, 2))
             if action is not None:
-                event = OperatorEvent(t_s=0.0, action=action, source="Ada", **what[action])  # type: ignore[arg-type]
-                session.inbox.post(event)
+                session.inbox.post(what[action], Who("Ada"))
         session.finish()
     return ticks
 

@@ -51,7 +51,7 @@ def test_a_run_tells_when_each_fault_began_and_ended(driven: Path) -> None:
 
 def test_the_robot_itself_is_not_told(driven: Path) -> None:
     for record in read_ticks(driven / "run.mcap"):
-        assert {event.action for event in record.batch.events} <= {"cancel"}  # at its end
+        assert {event.request.word for event in record.batch.requests} <= {"cancel"}  # at its end
         assert "jump=2" not in record.reason + record.estimate.reason
 
 

@@ -63,7 +63,8 @@ def test_every_sensor_of_a_batch_has_a_topic() -> None:
     for field in msgspec.structs.fields(SensorBatch):
         # Requests, headings, other sensors and reports of boards travel inside /agribot/tick.
         if field.name in {
-            "t_s", "events", "headings", "hand", "others", "board", "gnss_status", "contactor"
+            "t_s", "requests", "notes", "headings", "hand", "others", "board", "gnss_status",
+            "contactor",
         }:  # fmt: skip
             continue
         sample = field.type.__args__[0]

@@ -73,7 +73,7 @@ def check_report(report: BoardReport) -> None:
     assert wheels is not None and report.board is not None
     assert all(map(math.isfinite, (*wheels.angle_rad, *wheels.speed_radps)))
     assert battery is None or math.isfinite(battery.voltage_v)
-    assert bool(wheels.faults) == bool(report.board.faults)
+    assert bool(wheels.faults) == (report.board.fault is not None)
 
 
 class Tracer:

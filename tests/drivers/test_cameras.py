@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from agribot.core.errors import ConfigError
+from agribot.core.facts import TimesKnown, TimesUnsure
 from agribot.core.messages import CameraFrame
 from agribot.description.loader import load_robot
 from agribot.drivers import schemes
@@ -109,10 +110,10 @@ def test_a_loop_that_stands_still_keeps_the_newest_pictures_only(
 def test_how_well_the_times_of_pictures_are_known_is_told(opened: Opened, program: str) -> None:
     source = opened.open(f"pipe:{program} 1000")
     opened.frames(source, 8)
-    notes = [note for t_s in (100.0, 102.0) for note in source.take_more(t_s)["events"]]
-    assert [note.text.partition(" are known to ")[0] for note in notes] == [
-        f"times of the camera on {sys.executable}"
-    ]
+    notes = [note for t_s in (100.0, 102.0) for note in source.take_more(t_s)["notes"]]
+    (note,) = notes
+    assert isinstance(note.fact, TimesKnown | TimesUnsure)
+    assert note.fact.device == f"camera on {sys.executable}"
 
 
 def test_a_video_file_is_a_camera_that_begins_again_at_its_end(

@@ -12,6 +12,7 @@ import pytest
 
 from agribot.core import extras
 from agribot.core.errors import ConfigError
+from agribot.core.facts import AxisError, AxisStands, Both
 from agribot.drivers import board_kinds, odrive_can, schemes, vesc_can
 from agribot.drivers.board_kinds import MakeBoard
 from agribot.drivers.can_frames import FRAME, CanDecoder, CanFrame, CanStream
@@ -72,7 +73,7 @@ def test_vescs_on_a_bus_drive_each_its_wheel_and_let_go_after_a_silence() -> Non
     fake = FakeVescBus(IDS)
     linked = link_vesc(fake).run(1.0, AHEAD)
     assert linked.speeds[-1] == pytest.approx([WHEEL_RADPS] * 4, rel=0.01)
-    assert {told.stopped for told in linked.told} == {""}
+    assert {told.stop for told in linked.told} == {None}
     linked.run(0.5, None)
     assert set(fake.erpm.values()) == {0}
     linked.run(0.5, AHEAD)
@@ -146,10 +147,11 @@ def test_states_of_an_odrive_whose_heartbeats_stay_away_are_not_reported() -> No
 def test_an_odrive_on_a_bus_stands_until_a_person_clears_its_stop_and_drives_then() -> None:
     fake = FakeOdriveBus()
     linked = link_odrive(fake).run(1.0, AHEAD)
-    assert linked.last.stopped == "node 0 is idle and node 1 is idle"
+    idle = [AxisStands("node", node, "idle", IDLE) for node in "01"]
+    assert linked.last.stop == Both(*idle)
     assert (fake.states, fake.speed(0)) == ([IDLE, IDLE], 0.0)
     linked.run(1.0, AHEAD, CLEAR)
-    assert (linked.last.stopped, linked.last.faults) == ("", ())
+    assert linked.is_well()
     assert fake.states == [CLOSED_LOOP, CLOSED_LOOP]
     assert linked.speeds[-1] == pytest.approx([WHEEL_RADPS] * 4, rel=0.01)
     assert "battery" in linked.last.inputs
@@ -161,10 +163,11 @@ def test_a_watchdog_that_expired_is_told_and_a_person_goes_on() -> None:
     fake.advance(0.31)
     assert fake.states == [IDLE, IDLE]
     linked.run(0.3, STAND)
-    assert linked.last.stopped == "node 0 has an error and node 1 has an error"
-    assert "its watchdog heard no command" in linked.last.faults[0]
+    assert isinstance(linked.last.stop, Both) and isinstance(linked.last.fault, Both)
+    assert linked.last.stop.kind == Both(*(AxisStands("node", n, "error", 0) for n in "01")).kind
+    assert isinstance(linked.last.fault.first, AxisError) and linked.last.fault.first.is_expired
     linked.run(1.0, AHEAD, CLEAR)
-    assert (linked.last.stopped, linked.last.faults) == ("", ())
+    assert linked.is_well()
     assert fake.speed(1) > 0.0
 
 
@@ -173,10 +176,10 @@ def test_a_node_in_closed_loop_is_not_put_there_again_and_the_sides_can_be_swapp
     linked = link_odrive(fake, "nodes=1,0").run(1.0, AHEAD, CLEAR)
     fake.errors[0] = 0x40
     linked.run(0.3, AHEAD)
-    assert linked.last.faults == ("node 0: error 0x40",)
+    assert linked.last.fault == AxisError("node", "0", 0x40, is_expired=False)
     fake.lets_go.clear()
     linked.run(1.0, AHEAD, CLEAR)
-    assert linked.last.stopped == "" and fake.lets_go == [0]
+    assert linked.last.stop is None and fake.lets_go == [0]
 
 
 @pytest.mark.parametrize("name", ["vesc", "odrive"])
@@ -269,8 +272,8 @@ def test_a_robot_on_a_bus_is_armed_driven_and_stopped_as_its_program_ends(channe
             told = platform.read().board
             platform.write(AHEAD if tick > 50 else STAND)
             if tick % 100 == 30:
-                platform.inbox.post(CLEAR)
-            if told and not told[-1].stopped and fake.speed(0) > 0.0:
+                platform.inbox.post(CLEAR.request)
+            if told and not told[-1].stop and fake.speed(0) > 0.0:
                 break
             assert tick < 5000, (fake.states, fake.errors)
         platform.close()

@@ -19,7 +19,9 @@ from pyrtcm import RTCMReader
 
 from agribot.cli.main import main
 from agribot.core.errors import ConfigError
-from agribot.core.messages import GnssFix, GnssQuality, GnssStatus, OperatorEvent
+from agribot.core.fact_text import render
+from agribot.core.facts import AnyFact, CorrectionsCome
+from agribot.core.messages import DeviceNote, GnssFix, GnssQuality, GnssStatus
 from agribot.drivers import ntrip, rtcm
 from agribot.drivers.corrections import CorrectionLink, CorrectionTiming
 from agribot.drivers.nmea import StampedFix, write_gga
@@ -81,9 +83,8 @@ class Rover:
         finally:
             link.close()
 
-    def tell(self, text: str, is_good: bool) -> None:
-        assert is_good == text.endswith(("come", "are back"))
-        self.told.append(text)
+    def tell(self, fact: AnyFact) -> None:
+        self.told.append(render(fact))
 
     def wait_for(self, data: bytes) -> None:
         wait_for(lambda: data in self.taken, f"{len(data)} bytes")
@@ -491,12 +492,12 @@ def test_a_base_station_behind_a_real_caster_feeds_the_receivers_line(
 
             wait_for(pass_on, "corrections at the rover, and its place at the base")
             speak_ubx(line.say, first=100)
-            note = opened.wait_for(source, field="events")[0]
+            note = opened.wait_for(source, field="notes")[0]
             status = wait_for(lambda: find_fed(opened.take(source, "gnss_status")), "a status")
     assert heard["base"].startswith(b"$GPGGA,")
     assert dict(status.correction_counts).keys() == {1005, 1077}
-    assert isinstance(note, OperatorEvent) and note.value == 0.0
-    assert note.text == f"corrections from 127.0.0.1:{port}/FARM come"
+    assert isinstance(note, DeviceNote)
+    assert note.fact == CorrectionsCome(f"127.0.0.1:{port}/FARM", is_again=False)
 
 
 @machine.needs("str2str")

@@ -13,7 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from agribot.core.messages import BoardSample, Four, ImplementCommand, ImuSample, OperatorEvent
+from agribot.core.messages import (
+    BoardSample,
+    ClearStop,
+    Four,
+    ImplementCommand,
+    ImuSample,
+    RequestEvent,
+)
 from agribot.drivers.board_link import BoardLink
 from agribot.drivers.imu_devices import make_imu
 from agribot.drivers.motor_board import STATE_S
@@ -21,6 +28,7 @@ from agribot.drivers.odrive_line import PATIENCE_S
 from agribot.drivers.schemes import read_uri
 from agribot.drivers.uri_options import UriOptions
 from tests import nightly
+from tests.asking import ask
 from tests.drivers.esc_fakes import CLOSED_LOOP
 from tests.drivers.hostile_line import HostileLine, Hostility
 from tests.drivers.hostile_peers import (
@@ -63,7 +71,7 @@ class Drive:
         self._back = HostileLine(line, rng, has_strays=True)
         self._truth: list[Truth] = []
         self.wheels_s: list[float] = []
-        self.events: tuple[OperatorEvent, ...] = ()
+        self.events: tuple[RequestEvent, ...] = ()
         self.told_s = self.well_s = math.inf  # when the fault was first reported, and its end
         self._there.send(self.link.open(), 0.0, TICK_S)
 
@@ -102,7 +110,7 @@ class Drive:
                 self._check_fault(board)
 
     def _check_fault(self, board: BoardSample) -> None:
-        has_fault = bool(board.faults) or board.is_button_pressed
+        has_fault = board.fault is not None or board.is_button_pressed
         was_so = {truth.has_fault for truth in self._find_truth(board.t_s)}
         assert has_fault in was_so, f"at {board.t_s:.2f} s"
         if has_fault:
@@ -151,7 +159,7 @@ def test_an_odrive_is_understood_again_after_a_stray_line_at_any_delay(latency_s
 
 
 def test_an_odrive_is_armed_over_a_hostile_line_and_no_axis_lets_go_again() -> None:
-    clear = OperatorEvent(t_s=0.0, action="clear_stop", source="Ann")
+    clear = ask(ClearStop(), "Ann")
     for seed in range(4):
         drive = Drive(KINDS["odrive"]._replace(make_peer=IdlePeer), SERIAL, seed).run(1.0)
         assert isinstance(drive.peer, IdlePeer)

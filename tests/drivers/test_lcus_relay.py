@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from agribot.core.errors import ConfigError
+from agribot.core.facts import RelayLost
 from agribot.core.messages import RobotCommand
 from agribot.core.platform import SensorSource, SourceThatActs
 from agribot.drivers import schemes
@@ -93,7 +94,7 @@ def test_a_relay_that_is_pulled_out_is_told_and_is_off_when_it_is_back(
     def is_lost() -> bool:
         contactor.write(GO)
         (told,) = contactor.take(0.0)
-        return not told.is_closed and "is lost" in told.trouble and str(line.path) in told.trouble
+        return not told.is_closed and told.fault == RelayLost(str(line.path))
 
     wait_for(is_lost, "the loss to be reported")
     line.plug_in()
@@ -104,7 +105,7 @@ def test_a_relay_that_is_pulled_out_is_told_and_is_off_when_it_is_back(
     def is_back_and_off() -> bool:
         contactor.write(CUT)
         (told,) = contactor.take(0.0)
-        return relay.is_on() is False and not told.is_closed and not told.trouble
+        return relay.is_on() is False and not told.is_closed and told.fault is None
 
     wait_for(is_back_and_off, "the relay to answer")
 

@@ -13,6 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agribot.core.errors import ConfigError
+from agribot.core.facts import (
+    BoardHung,
+    BoardStopped,
+    BoardUnconfigured,
+    ControllerFault,
+    WheelsReversed,
+)
 from agribot.core.messages import WHEEL_NAMES, ImplementCommand
 from agribot.description.loader import load_robot
 from agribot.drivers import board_kinds, vesc_packets
@@ -81,12 +88,12 @@ def test_a_board_that_was_just_switched_on_turns_no_wheel_until_a_person_clears_
     bench = Bench()
     report = last(bench.run(0.5, (3.0,) * 4))
     assert report.board is not None
-    assert "switched on" in report.board.stopped
+    assert report.board.stop == BoardStopped(("began",))
     assert set(bench.board.speed_countps) == {0.0}
     bench.arm()
     report = last(bench.run(0.5, (3.0,) * 4))
     assert report.board is not None
-    assert (report.board.stopped, report.board.faults) == ("", ())
+    assert (report.board.stop, report.board.fault) == (None, None)
     assert min(bench.board.speed_countps) > 0.0
 
 
@@ -100,7 +107,7 @@ def test_the_red_button_the_bumper_and_the_battery_are_told() -> None:
     report = last(bench.run(0.1))
     assert report.board is not None and report.bumper is not None
     assert report.board.is_button_pressed
-    assert "red button" in report.board.stopped and "bumper" in report.board.stopped
+    assert report.board.stop == BoardStopped(("button", "bumper"))
     assert report.bumper.x_body_m > ROBOT.drive.wheelbase_m / 2.0
     bench.board.battery_v = 4.9  # of the USB line
     report = last(bench.run(0.1))
@@ -151,9 +158,7 @@ def test_a_wheel_that_turns_against_its_motor_is_told_with_what_to_look_at() -> 
     bench.board.causes, bench.board.motor_faults = StopCause.REVERSED, 0b1010_0000
     board = last(bench.run(0.1)).board
     assert board is not None
-    (fault,) = board.faults
-    assert fault.startswith("left rear and left front wheels turn against the motor")
-    assert "encoder" in fault and "leads swapped" in fault
+    assert board.fault == WheelsReversed(("left_wheel_R", "left_wheel_F"))
 
 
 @pytest.mark.parametrize("bits", [0b0010, 0b0010_0000])
@@ -170,8 +175,8 @@ def test_a_board_that_hung_and_began_anew_says_so_and_is_configured_again() -> N
     bench.board.restart(is_by_watchdog=True)
     report = last(bench.run(0.5))
     assert report.board is not None
-    assert report.board.faults == ("it hung, and its watchdog reset it",)
-    assert "switched on" in report.board.stopped
+    assert report.board.fault == BoardHung()
+    assert report.board.stop == BoardStopped(("began",))
     bench.arm()
     wheels = last(bench.run(1.0, (2.0,) * 4)).wheels
     assert wheels is not None
@@ -257,8 +262,8 @@ def test_a_board_that_refuses_its_configuration_is_a_fault() -> None:
         bench.run(0.1)
         bench.driver.feed(encode(0, answer))
         board = last(bench.run(0.1)).board
-        assert board is not None and len(board.faults) == count
-        assert all("refuses its configuration" in fault for fault in board.faults)
+        assert board is not None
+        assert board.fault == (BoardUnconfigured() if count else None)
 
 
 def test_a_board_of_another_table_is_trouble_that_says_what_to_do() -> None:
@@ -361,7 +366,7 @@ def test_vesc_controllers_turn_the_wheels_of_their_sides_and_tell_their_faults()
     report = driver.feed(fake.answer(driver.poll()))[-1].report
     assert report.wheels is not None and report.board is not None
     assert report.wheels.faults == ("left_wheel_R", "left_wheel_F")
-    assert report.board.faults == ("controller 12: MCU under voltage (brown-out)",)
+    assert report.board.fault == ControllerFault("12", "MCU under voltage (brown-out)")
 
 
 def test_a_vesc_packet_is_what_its_protocol_says() -> None:

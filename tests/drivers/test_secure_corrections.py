@@ -15,7 +15,9 @@ from typing import NamedTuple
 import pytest
 
 from agribot.core.errors import ConfigError
-from agribot.core.messages import OperatorEvent
+from agribot.core.fact_text import render
+from agribot.core.facts import CorrectionsCome
+from agribot.core.messages import DeviceNote
 from agribot.drivers import ntrip
 from agribot.drivers.corrections import CorrectionLink, CorrectionTiming, make_tls
 from tests import machine
@@ -97,7 +99,7 @@ class Rover:
     def ask(self, caster: ntrip.Caster, trust: Path | None = None) -> Iterator[None]:
         tls = make_tls(str(trust)) if trust else None
         link = CorrectionLink(
-            caster, LOGIN, self._write, lambda: None, lambda text, _: self.told.append(text),
+            caster, LOGIN, self._write, lambda: None, lambda fact: self.told.append(render(fact)),
             TIMING, tls=tls,
         )  # fmt: skip
         try:
@@ -229,10 +231,10 @@ def test_a_receiver_is_fed_over_tls_by_its_uri(
         source = opened.open("gnss", f"{uri}&ntrip_ca={authority.file}")
         speak_ubx(line.say)
         opened.wait_for(source)
-        note = opened.wait_for(source, field="events")[0]
+        note = opened.wait_for(source, field="notes")[0]
         wait_for(lambda: STATION in line.hear(), "a message at the receiver")
-    assert isinstance(note, OperatorEvent)
-    assert note.text == f"corrections from localhost:{caster.port}/FARM come"
+    assert isinstance(note, DeviceNote)
+    assert note.fact == CorrectionsCome(f"localhost:{caster.port}/FARM", is_again=False)
 
 
 @pytest.mark.parametrize(

@@ -12,17 +12,27 @@ from itertools import count
 
 import pytest
 
-from agribot.core.messages import BoardSample, DriveCommand, OperatorEvent, RobotCommand
+from agribot.core.facts import AxisError, AxisStands, Both, ControllerFault, LineNoisy
+from agribot.core.messages import (
+    BoardSample,
+    ClearStop,
+    DeviceNote,
+    DriveCommand,
+    RequestEvent,
+    RobotCommand,
+)
 from agribot.description.loader import load_robot
 from agribot.drivers import board_kinds, odrive, vesc, vesc_packets
 from agribot.drivers.board_link import BoardLink
 from agribot.drivers.hardware_platform import HardwarePlatform
 from agribot.drivers.motor_board import BoardReport, MotorBoard
+from tests.asking import ask
 from tests.drivers.esc_fakes import CLOSED_LOOP, IDLE, FakeOdrive, FakeVesc
 
 ROBOT = load_robot()
 TICK_S = 0.02
-CLEAR = OperatorEvent(t_s=0.0, action="clear_stop", source="Ann")
+CLEAR = ask(ClearStop(), "Ann")
+BOTH_IDLE = Both(*(AxisStands("axis", axis, "idle", IDLE) for axis in "01"))
 AHEAD, STAND = (
     RobotCommand(t_s=0.0, drive=DriveCommand(v_mps=v, yaw_rate_radps=0.0)) for v in (0.3, 0.0)
 )
@@ -52,7 +62,7 @@ class Linked:
     def plug_in(self) -> None:
         self.link.feed(self.fake.answer(self.link.board.open()), self.now_s)
 
-    def run(self, seconds: float, command: RobotCommand | None = STAND, *events: OperatorEvent,
+    def run(self, seconds: float, command: RobotCommand | None = STAND, *events: RequestEvent,
             loses: slice = slice(None)) -> Linked:  # fmt: skip
         """Let ticks pass; without a command no wheel turns. `loses` is the part kept of answers."""
         for _ in range(round(seconds / TICK_S)):
@@ -69,6 +79,10 @@ class Linked:
             events = ()
         return self
 
+    def is_well(self) -> bool:
+        """Whether the board reports neither a stop nor a fault."""
+        return self.last.stop is None and self.last.fault is None
+
     @property
     def last(self) -> BoardSample:
         return self.told[-1]
@@ -77,10 +91,10 @@ class Linked:
 def test_an_odrive_stands_until_a_person_clears_its_stop_and_drives_then() -> None:
     fake = FakeOdrive()
     linked = Linked(fake).run(1.0, AHEAD)
-    assert linked.last.stopped == "axis 0 is idle and axis 1 is idle"
-    assert (linked.last.faults, fake.states, fake.speed(0)) == ((), [IDLE, IDLE], 0.0)
+    assert linked.last.stop == BOTH_IDLE
+    assert (linked.last.fault, fake.states, fake.speed(0)) == (None, [IDLE, IDLE], 0.0)
     linked.run(6.0, AHEAD, CLEAR)
-    assert (linked.last.stopped, linked.last.faults) == ("", ())
+    assert linked.is_well()
     assert fake.states == [CLOSED_LOOP, CLOSED_LOOP]
     assert linked.speeds[-1] == pytest.approx([WHEEL_RADPS] * 4, rel=0.01)
 
@@ -92,10 +106,11 @@ def test_the_watchdogs_of_an_odrive_stop_a_robot_that_nobody_drives_and_a_person
     linked.run(odrive.WATCHDOG_S + TICK_S, None)
     assert fake.states == [IDLE, IDLE] and fake.errors == [0x800, 0x800]
     linked.run(0.5, STAND)
-    assert linked.last.stopped == "axis 0 has an error and axis 1 has an error"
-    assert linked.last.faults[0] == "axis 0: error 0x800 (its watchdog heard no command in time)"
+    assert linked.last.stop == Both(*(AxisStands("axis", axis, "error", IDLE) for axis in "01"))
+    expired = [AxisError("axis", axis, 0x800, is_expired=True) for axis in "01"]
+    assert linked.last.fault == Both(*expired)
     linked.run(1.0, AHEAD, CLEAR)
-    assert (linked.last.stopped, linked.last.faults) == ("", ())
+    assert linked.is_well()
     assert fake.speed(1) > 0.0
 
 
@@ -104,9 +119,9 @@ def test_an_odrive_that_was_on_while_the_robots_program_began_anew_is_cleared_li
     Linked(fake).run(1.0, AHEAD, CLEAR)
     fake.advance(60.0)
     again = Linked(fake).run(0.5)
-    assert again.last.faults and again.last.stopped
+    assert again.last.fault and again.last.stop
     again.run(0.5, STAND, CLEAR)
-    assert (again.last.stopped, fake.states) == ("", [CLOSED_LOOP, CLOSED_LOOP])
+    assert again.is_well() and fake.states == [CLOSED_LOOP, CLOSED_LOOP]
 
 
 def test_an_odrive_that_restarted_stands_and_its_watchdogs_are_switched_on_again() -> None:
@@ -115,7 +130,7 @@ def test_an_odrive_that_restarted_stands_and_its_watchdogs_are_switched_on_again
     fake.restart()
     linked.run(0.5, AHEAD)
     assert fake.watchdogs == {0, 1} and fake.errors == [0, 0]
-    assert linked.last.stopped == "axis 0 is idle and axis 1 is idle"
+    assert linked.last.stop == BOTH_IDLE
     assert fake.speed(0) == 0.0
 
 
@@ -126,11 +141,12 @@ def test_one_axis_with_an_error_is_told_with_its_wheels_and_the_other_stays_in_c
     linked = Linked(fake, "board=odrive&axes=1,0&gear=10").run(1.0, AHEAD, CLEAR)
     fake.errors[0] = 0x40
     linked.run(0.5, AHEAD)
-    assert linked.last.faults == ("axis 0: error 0x40",)
-    assert linked.last.stopped == "axis 0 has an error"
+    assert linked.last.fault == AxisError("axis", "0", 0x40, is_expired=False)
+    assert isinstance(linked.last.stop, AxisStands)
+    assert (linked.last.stop.axis, linked.last.stop.why) == ("0", "error")
     fake.lets_go.clear()
     linked.run(0.5, AHEAD, CLEAR)
-    assert linked.last.stopped == "" and fake.lets_go == [0]
+    assert linked.last.stop is None and fake.lets_go == [0]
 
 
 def test_an_error_that_comes_back_is_not_cleared_for_ever() -> None:
@@ -138,7 +154,7 @@ def test_an_error_that_comes_back_is_not_cleared_for_ever() -> None:
     linked = Linked(fake).run(1.0, AHEAD)
     fake.is_broken = True
     linked.run(5.0, AHEAD, CLEAR)
-    assert linked.last.faults and linked.last.stopped
+    assert linked.last.fault and linked.last.stop
     clears = fake.clears
     assert 1 < clears < 2.5 / TICK_S
     linked.run(3.0, AHEAD)
@@ -167,7 +183,7 @@ def test_answers_of_an_odrive_that_got_lost_are_not_taken_for_others(loses: slic
     linked.told.clear()
     for _ in range(30):
         linked.run(TICK_S, AHEAD, loses=loses).run(0.14, AHEAD)
-    assert {(told.stopped, told.faults) for told in linked.told} == {("", ())}
+    assert {(told.stop, told.fault) for told in linked.told} == {(None, None)}
     assert all(
         speeds == pytest.approx([WHEEL_RADPS] * 4, rel=0.01) for speeds in linked.speeds[-9:]
     )
@@ -195,14 +211,16 @@ def test_a_speed_that_lost_its_point_on_the_way_to_an_odrive_drives_nothing() ->
 def test_a_line_to_an_odrive_that_breaks_answers_is_told() -> None:
     fake, now_s = FakeOdrive(), 0.0
     board = odrive.OdriveBoard((0, 1), 10.0, now_s=lambda: now_s)
-    link, noted = BoardLink(board, ROBOT.drive, lambda: now_s), list[str]()
+    link, noted = BoardLink(board, ROBOT.drive, lambda: now_s), list[DeviceNote]()
     link.open()
     for tick in range(200):
         now_s += TICK_S
         said = fake.answer(link.command(STAND))
         link.feed(said[3:] if tick % 10 == 0 else said, now_s)
-        noted += [event.text for event in link.watch_line(now_s)]
-    assert len(noted) == 1 and "the link to the motor board broke 3 messages" in noted[0]
+        noted += link.watch_line(now_s)
+    (note,) = noted
+    assert isinstance(note.fact, LineNoisy)
+    assert (note.fact.device, note.fact.count) == ("board", 3)
 
 
 def test_the_values_of_two_vescs_are_no_reading_where_one_of_them_is_old() -> None:
@@ -228,7 +246,8 @@ def test_of_readings_that_a_line_held_back_the_last_one_counts() -> None:
     linked.link.feed(held, linked.now_s)
     told = linked.link.take(linked.now_s + TICK_S)
     assert [wheels.speed_radps for wheels in told["wheels"]] == [(0.0,) * 4]
-    assert [len(board.faults) for board in told["board"]] == [1]
+    (board,) = told["board"]
+    assert isinstance(board.fault, ControllerFault)
 
 
 class CommandedLine:
@@ -260,11 +279,11 @@ def test_a_robot_with_an_odrive_is_armed_driven_and_stopped_as_its_program_ends(
             board = platform.read().board
             platform.write(AHEAD if tick > 50 else STAND)
             if tick == 30:
-                platform.inbox.post(CLEAR)
-            if tick > 60 and board and not board[-1].stopped and fake.speed(0) > 0.0:
+                platform.inbox.post(CLEAR.request)
+            if tick > 60 and board and not board[-1].stop and fake.speed(0) > 0.0:
                 break
             assert tick < 2000, (fake.states, fake.errors)
-        assert board[-1].faults == () and fake.errors == [0, 0]
+        assert board[-1].fault is None and fake.errors == [0, 0]
     finally:
         platform.close()
     assert fake.speed(0) == 0.0
@@ -278,7 +297,7 @@ def test_a_vesc_needs_no_arming_and_goes_on_after_a_silence() -> None:
     assert set(fake.erpm.values()) == {0}
     linked.run(0.5, AHEAD)
     assert linked.speeds[-1] == pytest.approx([WHEEL_RADPS] * 4, rel=0.01)
-    assert {told.stopped for told in linked.told} == {""}
+    assert {told.stop for told in linked.told} == {None}
 
 
 @pytest.mark.parametrize("options", [ODRIVE, VESC])

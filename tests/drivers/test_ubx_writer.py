@@ -9,6 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from pyubx2 import UBXMessage, UBXReader
 
+from agribot.core.facts import LineClean, LineNoisy
 from agribot.core.messages import GnssFix, GnssHeading, GnssQuality
 from agribot.drivers import ubx
 from agribot.drivers.line_watch import MANY, WITHIN_S, LineWatch
@@ -151,16 +152,17 @@ def test_a_broken_length_holds_back_no_later_epoch() -> None:
 
 
 def test_many_broken_messages_are_told_once_and_that_they_are_over_once() -> None:
-    watch = LineWatch("receiver")
+    watch = LineWatch("receiver", "receiver")
     notes = [(t_s, note) for t_s in range(40) for note in watch.update(t_s, min(t_s, 6))]
     (begun_s, begin), (ended_s, end) = notes
-    assert begun_s == MANY and begin.value == 1.0
-    assert "link to the receiver broke 3 messages" in begin.text and "check its cable" in begin.text
-    assert ended_s == pytest.approx(6 + WITHIN_S, abs=1.1) and end.value == 0.0
+    assert begun_s == MANY
+    assert begin.fact == LineNoisy("receiver", "receiver", MANY, MANY - 1.0)
+    assert ended_s == pytest.approx(6 + WITHIN_S, abs=1.1)
+    assert end.fact == LineClean("receiver", "receiver", WITHIN_S)
 
 
 def test_a_broken_message_now_and_then_and_a_line_that_is_opened_again_are_not_told() -> None:
-    watch = LineWatch("receiver")
+    watch = LineWatch("receiver", "receiver")
     rare = [note for k in range(20) for note in watch.update(k * WITHIN_S, k)]
     opened_again = watch.update(20 * WITHIN_S, 0)
     assert not rare and not opened_again

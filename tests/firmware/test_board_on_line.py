@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from agribot.core.fact_text import render
 from agribot.core.messages import (
+    ClearStop,
     DriveCommand,
-    OperatorEvent,
     RobotCommand,
     SensorBatch,
 )
@@ -104,9 +105,9 @@ class Driver:
 
         def exchange() -> SensorBatch | None:
             batch = self.platform.read()
-            if batch.board and batch.board[-1].stopped:
+            if batch.board and batch.board[-1].stop:
                 self._stopped_s = batch.t_s
-                self.platform.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop"))
+                self.platform.inbox.post(ClearStop())
             may_drive = batch.t_s > self._stopped_s + STANDS_S
             drive = DriveCommand(v_mps=0.3 if may_drive else 0.0, yaw_rate_radps=0.0)
             self.platform.write(RobotCommand(t_s=batch.t_s, drive=drive))
@@ -136,7 +137,7 @@ def turns(batch: SensorBatch) -> bool:
 
 
 def tell(batch: SensorBatch) -> str:
-    return " ".join(f"{board.stopped} {board.faults}" for board in batch.board)
+    return " ".join(f"{render(board.stop)} {render(board.fault)}" for board in batch.board)
 
 
 def plug_in_anew(mega: Mega) -> None:

@@ -15,7 +15,8 @@ from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.app.whole_job import read_job
 from agribot.core import config
-from agribot.core.messages import GnssQuality, OperatorEvent, TickRecord
+from agribot.core.facts import BoardHung, BoardStopped
+from agribot.core.messages import ClearStop, GnssQuality, TickRecord, Visit, Who
 from agribot.record import run_files
 from tests import machine, nightly
 
@@ -41,8 +42,7 @@ def drive(
         "farm", [*SETTINGS, f"platform={platform}", f"duration_s={seconds}", *more]
     )
     with simulate(settings, out) as run:
-        numbers = tuple(number for place in PLACES for number in place)
-        run.inbox.post(OperatorEvent(t_s=0.0, action="visit", source="Ann", numbers=numbers))
+        run.inbox.post(Visit(places_map_m=PLACES), Who("Ann"))
         ticks = []
         for record in run.ticks():
             ticks.append(record)
@@ -107,7 +107,7 @@ def test_a_touch_passes_through_contact_and_firmware_and_stops_the_robot(tmp_pat
     (first,) = [t for t in ticks if t.batch.bumper][:1]
     assert 4.0 <= first.batch.t_s < 4.1
     assert "bumper touches something in front" in ticks[-1].status.stopped
-    assert "its bumper was touched" in ticks[-1].batch.board[-1].stopped
+    assert ticks[-1].batch.board[-1].stop == BoardStopped(("bumper",))
     assert ticks[-1].batch.wheels[-1].speed_radps == pytest.approx((0.0,) * 4, abs=0.1)
 
 
@@ -123,10 +123,10 @@ def test_a_mission_that_was_cut_off_in_a_stop_goes_on_stopped_until_a_person_cle
             if record.batch.t_s < 1.5:
                 assert "red button" in record.status.stopped
                 assert record.command.drive.v_mps == record.command.drive.yaw_rate_radps == 0.0
-                assert record.batch.board[-1].stopped or record.batch.t_s < 0.5
+                assert record.batch.board[-1].stop or record.batch.t_s < 0.5
             if round(record.batch.t_s, 2) == 1.5:
-                run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))
-    assert not record.status.stopped and not record.batch.board[-1].stopped
+                run.inbox.post(ClearStop(), Who("Ann"))
+    assert not record.status.stopped and not record.batch.board[-1].stop
 
 
 def test_a_board_that_hangs_is_reset_by_its_watchdog_and_the_robot_stands_until_cleared(
@@ -138,7 +138,7 @@ def test_a_board_that_hangs_is_reset_by_its_watchdog_and_the_robot_stands_until_
 
     ticks, _ = drive(tmp_path / "run", "firmware", 6.0, meddle=meddle)
     assert ticks[-1].status.stopped
-    assert "watchdog" in " ".join(ticks[-1].batch.board[-1].faults)
+    assert ticks[-1].batch.board[-1].fault == BoardHung()
     still = [t for t in ticks if t.batch.t_s > 5.0]
     assert all(t.command.drive.v_mps == 0.0 for t in still)
     speeds = [abs(speed) for t in still for w in t.batch.wheels for speed in w.speed_radps]
@@ -259,11 +259,11 @@ def test_an_empty_battery_stops_the_robot_and_then_its_board_cuts_the_motors_off
     volts = [battery.voltage_v for tick in ticks for battery in tick.batch.battery]
     assert volts[10] > 24.5 and volts[-1] < 18.0
     (stopped_s,) = [t.batch.t_s for t in ticks if t.status.stopped][:1]
-    (cut_s,) = [t.batch.t_s for t in ticks if t.batch.board and t.batch.board[-1].stopped
+    (cut_s,) = [t.batch.t_s for t in ticks if t.batch.board and t.batch.board[-1].stop
                 and t.batch.t_s > 2.0][:1]  # fmt: skip
     assert 7.0 <= stopped_s < 8.5 and "battery empty" in ticks[-1].status.stopped
     assert cut_s > stopped_s
-    assert ticks[-1].batch.board[-1].stopped == "its battery is too low"
+    assert ticks[-1].batch.board[-1].stop == BoardStopped(("battery",))
 
 
 @nightly.by_day(

@@ -15,7 +15,7 @@ from agribot.app.open_run import open_run
 from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.geo import MapFrame
-from agribot.core.messages import GnssQuality, OperatorEvent
+from agribot.core.messages import ClearStop, GnssQuality, Who
 from agribot.record.replay import read_ticks
 from firmware.bench.avr_bench import AvrBench
 from firmware.bench.board_on_line import BoardOnLine
@@ -43,7 +43,7 @@ def test_a_robot_is_armed_driven_by_hand_and_stopped_by_the_red_button_of_its_fi
         with open_run(settings, tmp_path / "run", is_armed=True) as run:
             is_pressed = has_imu = False
             for record in run.ticks():
-                run.inbox.drive(0.3, 0.0, "Ann")
+                run.inbox.drive(0.3, 0.0, Who("Ann"))
                 wheels = record.batch.wheels
                 has_imu |= bool(record.batch.imu)
                 if not is_pressed and wheels and min(wheels[-1].speed_radps) > 1.0:
@@ -53,7 +53,7 @@ def test_a_robot_is_armed_driven_by_hand_and_stopped_by_the_red_button_of_its_fi
                 if is_pressed and "red button is pressed" in record.status.stopped:
                     break
                 if record.status.stopped:  # a busy machine: the board's patience is 0.3 s
-                    run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop"))
+                    run.inbox.post(ClearStop())
                 assert record.batch.t_s < 60.0, record.status
             assert is_pressed and has_imu
             assert "red button is pressed" in record.status.stopped

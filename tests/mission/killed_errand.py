@@ -9,7 +9,8 @@ from pathlib import Path
 
 from agribot.app.simulated_run import simulate
 from agribot.core import config
-from agribot.core.messages import OperatorEvent
+from agribot.core.messages import Who
+from tests.asking import go_to
 
 SETTINGS = ["perception.enabled=false", "seed=1", "field.row_count=1", "field.row_length_m=3"]
 GOAL = (-1.0, 5.0)
@@ -19,8 +20,7 @@ def main() -> None:
     with simulate(config.load("farm", SETTINGS), Path(sys.argv[1])) as session:
         for record in session.ticks():
             if round(record.batch.t_s, 2) == 7.0:
-                event = OperatorEvent(t_s=0.0, action="goto", source="Ada", numbers=GOAL)
-                session.inbox.post(event)
+                session.inbox.post(go_to(GOAL), Who("Ada"))
             # A state is on the disk at least once a second; here it drives 0.3 m in one.
             if record.status.leg == "to the goal" and record.status.s_m > 0.8:
                 os.kill(os.getpid(), signal.SIGKILL)

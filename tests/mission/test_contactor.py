@@ -11,7 +11,8 @@ import pytest
 
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.core.config import load
-from agribot.core.messages import OperatorAction, OperatorEvent, TickRecord
+from agribot.core.messages import ClearStop, RequestWord, TickRecord, Who
+from tests.asking import BY_WORD
 
 IN_ROW_S, FAULT_S = 21.0, 8.0  # the second is in the first turn
 QUICK = ["perception.enabled=false", "record.enabled=false", "sim.sensors='rtk'", "seed=1"]
@@ -37,7 +38,7 @@ def drive(out: Path, fault: str, *more: str, from_s: float = FAULT_S) -> Drive:
             if stop_xy is not None:
                 way_m.append(math.dist(stop_xy, (truth.x_map_m, truth.y_map_m)))
             if abs(record.batch.t_s - (until_s - 1.5)) < 0.005:
-                run.inbox.post(OperatorEvent(t_s=0.0, action="clear_stop", source="Ann"))
+                run.inbox.post(ClearStop(), Who("Ann"))
         run.finish()
     return Drive(run, ticks, way_m)
 
@@ -68,14 +69,14 @@ class Stand(NamedTuple):
     last: TickRecord
 
 
-def stand(out: Path, action: OperatorAction, *more: str) -> Stand:
+def stand(out: Path, action: RequestWord, *more: str) -> Stand:
     """Drive the farm for 4 s, stop or pause it, and let the board run away 2 s later."""
     fault_s = 6.0
     settings = [*QUICK, f"faults=motor.runaway@{fault_s}", f"duration_s={fault_s + 4.0}", *more]
     with simulate(load("farm", settings), out) as run:
         ticks = run.ticks()
         next(record for record in ticks if record.batch.t_s > 4.0)
-        run.inbox.post(OperatorEvent(t_s=0.0, action=action, source="Ann"))
+        run.inbox.post(BY_WORD[action], Who("Ann"))
         next(record for record in ticks if record.batch.t_s > fault_s - 0.05)
         stood, cut_s = run.simulator.truth(), None
         for record in ticks:
@@ -88,7 +89,7 @@ def stand(out: Path, action: OperatorAction, *more: str) -> Stand:
 
 @pytest.mark.parametrize("action", ["stop", "pause"])
 def test_a_board_that_sets_off_while_the_robot_stands_is_cut_off_within_half_a_metre(
-    action: OperatorAction, tmp_path: Path
+    action: RequestWord, tmp_path: Path
 ) -> None:
     cut_after_s, way_m, last = stand(tmp_path / "run", action)
     assert cut_after_s is not None

@@ -16,7 +16,7 @@ from agribot.autonomy.plan.plan_sweep import sweep_footprint
 from agribot.cli.main import main
 from agribot.core.config import RunConfig, load
 from agribot.core.geo import Datum, MapFrame
-from agribot.core.messages import OperatorEvent
+from agribot.core.messages import ControlMission
 from agribot.description.loader import load_robot
 from agribot.gis.plan_file import read_plan
 from agribot.record.replay import read_truth
@@ -122,7 +122,7 @@ def test_called_home_it_comes_back_to_where_it_began(tmp_path: Path) -> None:
     with simulate(config, tmp_path / "run") as session:
         ticks = session.ticks()
         next(record for record in ticks if record.status.row == 0 and record.batch.t_s > 20.0)
-        session.inbox.post(OperatorEvent(t_s=0.0, action="return_home"))
+        session.inbox.post(ControlMission(action="return_home"))
         for _ in ticks:
             pass
         last = session.last

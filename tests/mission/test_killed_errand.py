@@ -11,7 +11,7 @@ from pathlib import Path
 from agribot.app.mission_file import continue_config, read_mission
 from agribot.app.simulated_run import simulate
 from agribot.core import config
-from agribot.core.messages import OperatorEvent, TickRecord
+from agribot.core.messages import ControlMission, TickRecord, Who
 from tests import nightly
 from tests.mission.killed_errand import GOAL
 
@@ -45,7 +45,7 @@ def test_a_run_that_was_killed_on_its_way_to_a_place_asks_and_goes_on(tmp_path: 
             if waits and stands and (not seen or seen[-1] != status.reason):
                 seen.append(status.reason)
                 at_goal = record if "at the goal" in status.reason else at_goal
-                session.inbox.post(OperatorEvent(t_s=0.0, action="resume", source="Bea"))
+                session.inbox.post(ControlMission(action="resume"), Who("Bea"))
         session.finish()
     assert "was cut off: to the goal, as Ada asked" in seen[0]
     assert at_goal is not None

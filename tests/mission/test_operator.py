@@ -9,7 +9,8 @@ import pytest
 
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.core import config
-from agribot.core.messages import OperatorAction, OperatorEvent, TickRecord
+from agribot.core.messages import RequestWord, TickRecord, Who
+from tests.asking import BY_WORD
 
 
 @pytest.fixture
@@ -20,8 +21,8 @@ def session(tmp_path: Path) -> Iterator[SimulatedRun]:
         yield opened
 
 
-def press(session: SimulatedRun, action: OperatorAction) -> None:
-    session.inbox.post(OperatorEvent(t_s=0.0, action=action))
+def press(session: SimulatedRun, action: RequestWord) -> None:
+    session.inbox.post(BY_WORD[action])
 
 
 def until(ticks: Iterator[TickRecord], t_s: float) -> TickRecord:
@@ -83,7 +84,7 @@ def test_a_hand_takes_the_robot_off_the_mission_and_lets_it_stand_when_it_lets_g
     ticks = session.ticks()
     until(ticks, 15.0)
     for t_s in (15.2, 15.4, 15.6, 15.8, 16.0):
-        session.inbox.drive(-0.2, 0.0, "gamepad")
+        session.inbox.drive(-0.2, 0.0, Who("gamepad"))
         by_hand = until(ticks, t_s)
     assert by_hand.status.state == "paused"
     assert session.simulator.truth().v_mps < -0.1

@@ -13,8 +13,18 @@ from agribot.app.mission_file import continue_config, read_mission
 from agribot.app.simulated_run import SimulatedRun, simulate
 from agribot.cli.main import main
 from agribot.core.config import load
-from agribot.core.messages import BumperSample, OperatorEvent, RobotCommand, SensorBatch, TickRecord
+from agribot.core.messages import (
+    BumperSample,
+    ControlMission,
+    GoTo,
+    PressStop,
+    RobotCommand,
+    SensorBatch,
+    TickRecord,
+    Who,
+)
 from tests import nightly
+from tests.asking import BY_WORD
 
 QUICK = ["perception.enabled=false", "record.enabled=false", "sim.sensors='rtk'"]
 FROM_S = 8.0  # in the first turn
@@ -75,17 +85,16 @@ def test_a_touch_stops_the_robot_in_its_tick_in_every_mode(tmp_path: Path, mode:
         ticks = session.ticks()
         for record in ticks:
             if mode == "hand":
-                session.inbox.drive(0.3, 0.0, "Ann")
+                session.inbox.drive(0.3, 0.0, Who("Ann"))
             elif mode == "goto" and record.batch.t_s > 4.0 and record.status.leg != "to the goal":
-                event = OperatorEvent(t_s=0.0, action="goto", numbers=(-2.0, 6.0))
-                session.inbox.post(event)
+                session.inbox.post(GoTo(x_map_m=-2.0, y_map_m=6.0))
             if record.batch.bumper:
                 break
         assert "bumper" in record.reason
         assert record.command.drive.v_mps == 0.0
         assert session.simulator.truth().v_mps > 0.15, "it drove until then"
         for _ in range(100):
-            session.inbox.drive(0.3, 0.0, "Ann")
+            session.inbox.drive(0.3, 0.0, Who("Ann"))
             record = next(ticks)
             assert record.command.drive.v_mps == 0.0
         assert record.status.stopped.startswith("the bumper touches something in front")
@@ -238,9 +247,9 @@ def test_a_robot_without_fault_is_never_stopped(
             assert not record.batch.bumper
             t_s = record.batch.t_s
             if 12.0 < t_s < 13.0:
-                session.inbox.drive(-0.3, 0.8 * (t_s - 12.5), "Ann")
+                session.inbox.drive(-0.3, 0.8 * (t_s - 12.5), Who("Ann"))
             if abs(t_s - 16.0) < 0.01:
-                session.inbox.post(OperatorEvent(t_s=0.0, action="resume"))
+                session.inbox.post(ControlMission(action="resume"))
         assert record.status.s_m > 5.0
 
 
@@ -249,7 +258,7 @@ def test_a_stopped_run_that_is_killed_stands_until_a_person_lets_it_go(tmp_path:
     with opened(first) as session:
         for record in session.ticks():
             if record.batch.t_s > FROM_S and not record.status.stopped:
-                session.inbox.post(OperatorEvent(t_s=0.0, action="stop", source="Ann"))
+                session.inbox.post(PressStop(), Who("Ann"))
             if record.batch.t_s > FROM_S + 1.0:
                 break
     saved = read_mission(first)
@@ -264,7 +273,7 @@ def test_a_stopped_run_that_is_killed_stands_until_a_person_lets_it_go(tmp_path:
                 break
         assert record.status.stopped == "stopped by Ann"
         for action in ("clear_stop", "resume"):
-            session.inbox.post(OperatorEvent(t_s=0.0, action=action))
+            session.inbox.post(BY_WORD[action])
         record = next(record for record in ticks if record.batch.t_s > 10.0)
         assert record.status.state == "running"
         driven = session.simulator.truth()

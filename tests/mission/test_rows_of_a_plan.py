@@ -16,7 +16,7 @@ from agribot.app.field_work import plan_field_file
 from agribot.app.simulated_run import simulate
 from agribot.core.config import RunConfig, load
 from agribot.core.geo import MapFrame
-from agribot.core.messages import MapPoint, OperatorEvent, Row
+from agribot.core.messages import ControlMission, MapPoint, Row, TakePlan
 from agribot.core.row_shape import project_on_row, row_points_map_m
 from agribot.core.world import WorldSpec
 from agribot.description.loader import load_robot
@@ -93,12 +93,12 @@ def test_a_cheap_receiver_holds_the_rows_of_a_plan_by_the_camera(
     with simulate(load("rows-10x12", SETTINGS), tmp_path / "run", plan_text=given) as session:
         session.stack.perception = CameraOnPaper(session, CROP)
         if is_sent:
-            session.inbox.post(OperatorEvent(t_s=0.0, action="pause"))
-            session.inbox.post(OperatorEvent(t_s=0.0, action="plan", text=text))
+            session.inbox.post(ControlMission(action="pause"))
+            session.inbox.post(TakePlan(geojson=text))
         places: list[tuple[float, float, float]] = []
         for record in session.ticks():
             if is_sent and record.status.reason.startswith("new plan"):
-                session.inbox.post(OperatorEvent(t_s=0.0, action="resume"))
+                session.inbox.post(ControlMission(action="resume"))
             truth = session.simulator.truth()
             places.append((truth.x_map_m, truth.y_map_m, truth.yaw_map_rad))
             if is_sent and record.status.rows_done:

@@ -12,6 +12,7 @@ from agribot.core.messages import (
     BatterySample,
     BumperSample,
     CameraFrame,
+    ControlMission,
     DriveCommand,
     Estimate,
     GnssFix,
@@ -24,7 +25,6 @@ from agribot.core.messages import (
     MappedPlant,
     MissionState,
     MissionStatus,
-    OperatorEvent,
     Path,
     PlantClass,
     RobotCommand,
@@ -46,6 +46,7 @@ from agribot.core.robot import (
     SensorMount,
     TyreSpec,
 )
+from tests.asking import ask
 
 URDF = '<robot name="made_up"><link name="base_link"/></robot>'
 SPEED_MPS = 0.4
@@ -176,7 +177,7 @@ def tick(index: int, noise: np.random.Generator, with_camera: bool = False) -> T
         gnss=(_fix(t_s, noise),) if index % 5 == 0 else (),
         gnss_status=(_sky(t_s),) if index % 5 == 0 else (),
         frames=(frame(index, t_s),) if with_camera and index % 5 == 0 else (),
-        events=(OperatorEvent(t_s=t_s, action="pause"),) if index == 7 else (),
+        requests=(ask(ControlMission(action="pause"), t_s=t_s),) if index == 7 else (),
         base=(base_fix(t_s),) if index % 10 == 0 else (),
         bumper=(BumperSample(t_s=t_s, x_body_m=0.35, y_body_m=-0.1),) if index % 20 == 9 else (),
         battery=(battery(t_s),) if index % 50 == 0 else (),

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import get_args
 
 import msgspec
 import pytest
@@ -18,28 +17,29 @@ from agribot.core.facts import (
     NoFixesYet,
     PositionUnsure,
     SensorSilent,
+    SourceHeard,
+    SourceSilent,
     SpeedLimited,
     StoppedBy,
     StopToClear,
 )
 from agribot.core.messages import (
-    SENSOR_WATCH,
     Check,
+    DeviceNote,
     DriveCommand,
     Estimate,
     GateStatus,
-    OperatorAction,
-    OperatorEvent,
+    RequestWord,
     RobotCommand,
     SensorBatch,
     SensorVerdict,
     SensorVerdicts,
     TickRecord,
     Tracking,
-    make_sensor_note,
 )
 from agribot.record.events import EventLog, read_events
 from agribot.record.old_reasons import lift_reasons
+from tests.asking import BY_WORD, ask
 from tests.record import record_samples as samples
 
 
@@ -231,29 +231,26 @@ def test_a_sensor_that_is_not_fine_is_a_fault_once_unless_its_reason_is_told_alr
     assert fine == ["gnss is fine again", "gyro is fine again"]
 
 
-@pytest.mark.parametrize("name", ["Ada", SENSOR_WATCH, "operator", "the battery", ""])
-@pytest.mark.parametrize("action", get_args(OperatorAction))
+@pytest.mark.parametrize("name", ["Ada", "sensors", "operator", "the battery", ""])
+@pytest.mark.parametrize("action", BY_WORD)
 def test_what_a_person_presses_is_logged_as_the_persons_whatever_the_name(
-    action: OperatorAction, name: str, log: EventLog
+    action: RequestWord, name: str, log: EventLog
 ) -> None:
-    press = OperatorEvent(t_s=0.0, action=action, source=name, text="a stone", value=1.0)
+    press = ask(action, name)
     (record,) = samples.ticks(1)
-    log(msgspec.structs.replace(record, batch=SensorBatch(t_s=0.0, events=(press,))))
+    log(msgspec.structs.replace(record, batch=SensorBatch(t_s=0.0, requests=(press,))))
     event = log.events[0]
-    if action == "sensor":  # no person sends it
-        assert (event.kind, event.reason) == ("fault", "a stone")
-    else:
-        assert event.kind == ("mark" if action == "mark" else "operator")
-        assert event.reason.endswith(f"({name})")
+    assert event.kind == ("mark" if action == "mark" else "operator")
+    assert event.reason.endswith(f"({name})")
 
 
 def test_a_note_on_a_sensor_is_a_fault_and_its_end(log: EventLog) -> None:
     notes = (
-        make_sensor_note(0.0, "gnss is silent", is_fault=True, parts=("gnss",)),
-        make_sensor_note(0.0, "gnss is heard again", is_fault=False),
+        DeviceNote(t_s=0.0, fact=SourceSilent("gnss", "gpsd://", 2.5, 2.0)),
+        DeviceNote(t_s=0.0, fact=SourceHeard("gnss", "gpsd://")),
     )
     (record,) = samples.ticks(1)
-    log(msgspec.structs.replace(record, batch=SensorBatch(t_s=0.0, events=notes)))
-    told = [(event.kind, event.reason) for event in log.events[:2]]
-    assert told == [("fault", "gnss is silent"), ("clear", "gnss is heard again")]
-    assert log.events[0].parts == ("gnss",)
+    log(msgspec.structs.replace(record, batch=SensorBatch(t_s=0.0, notes=notes)))
+    told = [(event.kind, event.code) for event in log.events[:2]]
+    assert told == [("fault", "source_silent"), ("clear", "source_heard")]
+    assert (log.events[0].parts, log.events[0].numbers["silent_s"]) == (("gnss",), 2.5)

@@ -18,7 +18,7 @@ import pytest
 
 from agribot.core import topics
 from agribot.core.inbound_topics import INBOUND_TOPICS
-from agribot.core.messages import GnssFix, GnssQuality, Inbox, OperatorEvent
+from agribot.core.messages import AskerKind, GnssFix, GnssQuality, GoTo, Inbox, RequestEvent, Who
 from agribot.ros.dds.gateway import DdsGateway
 from agribot.ros.dds.types import load_dds_types, make_dds_type
 from agribot.ros.messages import rosmsg
@@ -159,14 +159,15 @@ def test_commands_and_goals_of_a_peer_reach_the_inbox() -> None:
     domain = 100 + os.getpid() % 20
     with closing(Robot(domain)) as robot, peer("dds_peer.py", str(domain)) as talk:
 
-        def ask(action: str, *request: object) -> list[OperatorEvent]:
+        def ask(action: str, *request: object) -> list[RequestEvent]:
             """Send a request until it arrives; those sent before may arrive later, too."""
             talk(*request)
-            return [event for event in robot.inbox.drain(1.0)[0] if event.action == action]
+            return [event for event in robot.inbox.drain(1.0)[0] if event.request.word == action]
 
-        assert first(lambda: ask("stop", "command", "stop"), "a command").source == "DDS"
+        assert first(lambda: ask("stop", "command", "stop"), "a command").who.name == "DDS"
         goal = first(lambda: ask("goto", "goal", "map", 2.5, -1.0), "a goal")
-        assert (goal.numbers, goal.source) == ((2.5, -1.0), "DDS")
+        assert goal.request == GoTo(id=goal.request.id, x_map_m=2.5, y_map_m=-1.0)
+        assert goal.who == Who("DDS", AskerKind.ROS)
         refusal = "frame 'moon' is not one of map, odom, wgs84"
 
         def is_refused() -> bool:

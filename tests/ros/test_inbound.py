@@ -11,9 +11,21 @@ import pytest
 
 from agribot.core import topics
 from agribot.core.errors import BridgeError
+from agribot.core.facts import Said
 from agribot.core.geo import Datum, MapFrame
 from agribot.core.inbound_topics import CLICKED_POINT, COMMAND, GOAL_POSE, INITIAL_POSE, VISIT
-from agribot.core.messages import Inbox, OperatorEvent, RequestAnswer, TickRecord
+from agribot.core.messages import (
+    AddNote,
+    AskerKind,
+    CorrectPose,
+    GoTo,
+    Inbox,
+    RequestAnswer,
+    RequestEvent,
+    TickRecord,
+    Visit,
+    Who,
+)
 from agribot.core.topics import Topic
 from agribot.ros.frames import PeerFrames
 from agribot.ros.goals import GoalBook, PeerGoal
@@ -59,23 +71,28 @@ class Robot:
     def _note(self, goal: PeerGoal) -> None:
         self.changes.append((goal.state, goal.reason))
 
-    def hear(self, topic: Topic, *fields: Any) -> list[OperatorEvent]:
+    def hear(self, topic: Topic, *fields: Any) -> list[RequestEvent]:
         """Take one message, a second after the last; what it puts into the inbox."""
         self.now_s += 1.0
         data = rosmsg.to_cdr(rosmsg.make_message(topic.ros_type, *fields))
         self.inbound.take(topic, data, "ROS 2")
         return list(self.inbox.drain(1.0)[0])
 
-    def goal(self, frame: str, x: float, y: float, **turn: float) -> list[OperatorEvent]:
+    def goal(self, frame: str, x: float, y: float, **turn: float) -> list[RequestEvent]:
         return self.hear(GOAL_POSE, rosmsg.make_header(0.0, frame), pose(x, y, **turn))
 
-    def state(self, variance: float, **turn: float) -> list[OperatorEvent]:
+    def state(self, variance: float, **turn: float) -> list[RequestEvent]:
         covariance = np.zeros(36)
         covariance[[0, 35]] = variance, variance / 4.0
         stated = rosmsg.make_message(
             "geometry_msgs/msg/PoseWithCovariance", pose(1.0, 2.0, **turn), covariance
         )
         return self.hear(INITIAL_POSE, rosmsg.make_header(0.0, "map"), stated)
+
+
+def find_place(event: RequestEvent) -> tuple[float, ...]:
+    assert isinstance(event.request, GoTo)
+    return event.request.place
 
 
 def pose(x: float, y: float, z: float = 0.0, w: float = 0.0) -> Any:
@@ -87,9 +104,10 @@ def pose(x: float, y: float, z: float = 0.0, w: float = 0.0) -> Any:
 def test_a_goal_of_the_map_has_a_yaw_only_where_it_has_an_orientation() -> None:
     robot = Robot()
     (event,) = robot.goal("map", 5.0, 1.0)
-    assert (event.action, event.numbers, event.source) == ("goto", (5.0, 1.0), "ROS 2")
+    assert event.request == GoTo(id=event.request.id, x_map_m=5.0, y_map_m=1.0)
+    assert event.who == Who("ROS 2", AskerKind.ROS)
     (event,) = robot.goal("/map", 5.0, 2.0, z=math.sin(0.2), w=math.cos(0.2))
-    assert event.numbers == pytest.approx((5.0, 2.0, 0.4))
+    assert find_place(event) == pytest.approx((5.0, 2.0, 0.4))
 
 
 def test_a_goal_of_odom_goes_through_the_transform_that_the_run_publishes() -> None:
@@ -100,14 +118,14 @@ def test_a_goal_of_odom_goes_through_the_transform_that_the_run_publishes() -> N
     (event,) = robot.goal("odom", 2.0, 0.0, w=1.0)
     x_m, y_m, yaw_rad = HERE
     there = (x_m + 2.0 * math.cos(yaw_rad), y_m + 2.0 * math.sin(yaw_rad), yaw_rad)
-    assert event.numbers == pytest.approx(there)
+    assert find_place(event) == pytest.approx(there)
 
 
 def test_a_goal_of_the_earth_is_longitude_and_latitude() -> None:
     robot = Robot()
     lat_deg, lon_deg, _ = MapFrame(DATUM).geodetic_from_map(12.0, -7.0)
     (event,) = robot.goal("wgs84", lon_deg, lat_deg)
-    assert event.numbers == pytest.approx((12.0, -7.0), abs=1e-3)
+    assert find_place(event) == pytest.approx((12.0, -7.0), abs=1e-3)
     assert robot.goal("wgs84", lat_deg, 95.0) == []
     assert "x is the longitude" in robot.changes[-1][1]
     with pytest.raises(BridgeError, match="no place on Earth"):
@@ -160,13 +178,13 @@ def test_a_goal_that_the_robot_drives_past_is_driven_to() -> None:
     estimate = msgspec.structs.replace(passed.estimate, x_map_m=HERE[0] + 0.5)
     robot.goals.step(msgspec.structs.replace(passed, estimate=estimate))
     (event,) = robot.inbox.drain(1.0)[0]
-    assert (event.action, event.numbers) == ("goto", HERE[:2])
+    assert find_place(event) == HERE[:2]
 
 
 def test_what_the_mission_refuses_aborts_the_goal_with_its_words() -> None:
     robot = Robot()
     (event,) = robot.goal("map", 5.0, 1.0)
-    record = tick(0.0, RequestAnswer(id=event.id, refusal="goal refused: on crop"))
+    record = tick(0.0, RequestAnswer(id=event.request.id, fact=Said("goal refused: on crop")))
     robot.link(record)
     assert robot.goals.step(record) == []
     assert robot.changes == [("pending", ""), ("aborted", "goal refused: on crop")]
@@ -176,7 +194,8 @@ def test_a_visit_is_its_places_in_order() -> None:
     robot = Robot()
     places = [pose(1.0, 2.0), pose(3.0, 4.0)]
     (event,) = robot.hear(VISIT, rosmsg.make_header(0.0, "map"), places)
-    assert (event.action, event.numbers) == ("visit", (1.0, 2.0, 3.0, 4.0))
+    assert isinstance(event.request, Visit)
+    assert event.request.places_map_m == ((1.0, 2.0), (3.0, 4.0))
     assert robot.hear(VISIT, rosmsg.make_header(0.0, "map"), []) == []
     assert robot.changes[-1] == ("rejected", "it has no poses")
 
@@ -184,10 +203,11 @@ def test_a_visit_is_its_places_in_order() -> None:
 def test_a_stated_pose_brings_its_sigmas_or_gets_those_of_a_hand() -> None:
     robot = Robot()
     (event,) = robot.state(0.04, w=1.0)
-    assert event.action == "pose_estimate"
-    assert event.numbers == pytest.approx((1.0, 2.0, 0.0, 0.2, 0.1))
+    assert isinstance(event.request, CorrectPose)
+    assert event.request.pose == pytest.approx((1.0, 2.0, 0.0, 0.2, 0.1))
     (event,) = robot.state(0.0, w=1.0)
-    assert event.numbers[3:] == pytest.approx((0.5, math.radians(15.0)))
+    assert isinstance(event.request, CorrectPose)
+    assert event.request.pose[3:] == pytest.approx((0.5, math.radians(15.0)))
     for variance, turn, why in (
         (0.04, {}, "no orientation"), (-1.0, {"w": 1.0}, "not below zero"),
         (math.nan, {"w": 1.0}, "must be finite"),
@@ -210,20 +230,20 @@ def test_a_clicked_point_is_a_note_and_needs_no_leave() -> None:
     robot = Robot(allow_drive=False)
     point = rosmsg.make_point(1.25, -2.5)
     (event,) = robot.hear(CLICKED_POINT, rosmsg.make_header(0.0, "map"), point)
-    assert (event.action, event.text) == ("note", "point: East 1.250 m, North -2.500 m")
+    assert event.request == AddNote(text="point: East 1.250 m, North -2.500 m")
 
 
 def test_a_command_is_the_name_of_a_service() -> None:
     robot = Robot()
-    for name, action in SERVICES:
+    for name, request in SERVICES:
         (event,) = robot.hear(COMMAND, name.rpartition("/")[2])
-        assert event.action == action
-    assert [e.action for e in robot.hear(COMMAND, "pause")] == ["pause"]
+        assert event.request == request
+    assert [e.request.word for e in robot.hear(COMMAND, "pause")] == ["pause"]
     assert robot.hear(COMMAND, "self_destruct") == []
     assert "'self_destruct' is not one of" in robot.said[-1]
     watched = Robot(allow_drive=False)
     assert watched.hear(COMMAND, "resume") == []
-    assert [e.action for e in watched.hear(COMMAND, "stop")] == ["stop"]
+    assert [e.request.word for e in watched.hear(COMMAND, "stop")] == ["stop"]
 
 
 def test_a_flood_is_thinned_out_but_for_stops() -> None:
@@ -234,7 +254,7 @@ def test_a_flood_is_thinned_out_but_for_stops() -> None:
     }
     for word in ("mark", "mark", "mark", "stop", "stop"):
         robot.inbound.take(COMMAND, data[word], "DDS")
-    actions = [event.action for event in robot.inbox.drain(1.0)[0]]
+    actions = [event.request.word for event in robot.inbox.drain(1.0)[0]]
     assert actions == ["mark", "stop", "stop"]
     assert "faster than 20 Hz" in robot.said[-1]
 

@@ -153,7 +153,7 @@ def test_rostopic_pub_drives_the_robot(ros1: Ros1, robot: Robot) -> None:
 
     def heard() -> bool:
         robot.drive_on()
-        got.extend((h.v_mps, h.yaw_rate_radps, h.source) for h in robot.inbox.drain(1.0)[1])
+        got.extend((h.v_mps, h.yaw_rate_radps, h.who.name) for h in robot.inbox.drain(1.0)[1])
         return len(got) >= 3
 
     wait_for(heard, "twists from rostopic")

@@ -353,7 +353,7 @@ def test_services_pause_stop_and_resume(drivable: Robot) -> None:
     assert drivable.call("/agribot/pause", set_bool, b"\0\1\0\0\0").success
     assert not drivable.call("/agribot/pause", set_bool, b"\0\1").success
     events, _ = drivable.inbox.drain(1.0)
-    actions = sorted(event.action for event in events)
+    actions = sorted(event.request.word for event in events)
     assert actions == ["cancel", "clear_stop", "pause", "resume", "resume", "stop"]
 
 
@@ -368,7 +368,7 @@ def test_without_leave_nothing_moves_the_robot_but_everything_stops_it(watched: 
     watched.send(twist(0.3, 0.0))
     watched.call("/agribot/stop", "std_srvs/srv/Trigger", b"\0\1\0\0\0")  # comes after the twist
     events, hand = watched.inbox.drain(1.0)
-    assert {event.action for event in events} == {"stop", "pause"}
+    assert {event.request.word for event in events} == {"stop", "pause"}
     assert not hand
 
 

@@ -17,9 +17,9 @@ from agribot.app.simulated_run import simulate
 from agribot.cli import bridging, sensor_sources
 from agribot.cli.main import main
 from agribot.core import config
+from agribot.core.facts import SourceHeard, SourceSilent
 from agribot.core.geo import MapFrame
 from agribot.core.messages import (
-    SENSOR_WATCH,
     GnssFix,
     GnssQuality,
     ImuSample,
@@ -96,10 +96,11 @@ def test_a_source_replaces_the_platforms_own_samples_and_its_silence_is_told_onc
     batches = [platform.read() for _ in range(350)]
     assert {sample.gyro_radps for b in batches for sample in b.imu} == {(0.0, 0.0, 0.1)}
     assert all(not b.imu for b in batches if 1.0 < b.t_s < 5.0)
-    notes = [event for b in batches for event in b.events]
-    assert [(n.source, n.value) for n in notes] == [(SENSOR_WATCH, 1.0), (SENSOR_WATCH, 0.0)]
-    assert notes[0].t_s == pytest.approx(3.0, abs=0.05)
-    assert "imu from a list is silent" in notes[0].text
+    silent, heard = [note for b in batches for note in b.notes]
+    assert silent.t_s == pytest.approx(3.0, abs=0.05)
+    assert isinstance(silent.fact, SourceSilent)
+    assert (silent.fact.parts, silent.fact.source) == (("imu",), "a list")
+    assert heard.fact == SourceHeard("imu", "a list")
 
 
 class Network:

@@ -13,14 +13,15 @@ import pytest
 
 from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
 from agribot.core.errors import ConfigError
+from agribot.core.facts import BoardHung
 from agribot.core.geo import MapFrame
 from agribot.core.messages import (
     WHEEL_NAMES,
     CameraFrame,
+    ClearStop,
     DriveCommand,
     FloatArray,
     GnssQuality,
-    OperatorEvent,
     PlantClass,
     RobotCommand,
     Scene,
@@ -328,7 +329,7 @@ def test_a_board_that_hung_stands_and_tells_why_until_a_person_clears_its_stop(
     for tick in range(1, 301):
         batch = platform.read()
         if tick == 200:
-            platform.post(OperatorEvent(t_s=0.0, action="clear_stop"))
+            platform.inbox.post(ClearStop())
         speeds_mps[tick] = platform.truth().v_mps
         told[tick] = batch.board[-1] if batch.board else None
         if not batch.wheels:
@@ -338,9 +339,9 @@ def test_a_board_that_hung_stands_and_tells_why_until_a_person_clears_its_stop(
     assert 2.0 <= heard[0] <= heard[-1] <= 2.25
     assert max(abs(speeds_mps[tick]) for tick in range(140, 200)) < 0.01
     silent = told[150]
-    assert silent is not None and "watchdog" in silent.faults[0] and silent.stopped
+    assert silent is not None and silent.fault == BoardHung() and silent.stop
     last = told[201]
-    assert last is not None and not last.stopped and not last.faults
+    assert last is not None and not last.stop and not last.fault
     assert speeds_mps[300] == pytest.approx(0.4, abs=0.05)
 
 

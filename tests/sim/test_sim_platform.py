@@ -15,9 +15,9 @@ from agribot.core.config import PerceptionConfig, RunConfig, SimConfig
 from agribot.core.errors import ConfigError, PlatformError
 from agribot.core.geo import MapFrame
 from agribot.core.messages import (
+    ControlMission,
     DriveCommand,
     ImplementCommand,
-    OperatorEvent,
     PlantClass,
     RobotCommand,
     SensorBatch,
@@ -197,7 +197,7 @@ def test_events_from_other_threads_arrive_once(rover: RobotSpec, meadow: WorldSp
 
     def post() -> None:
         for _ in range(50):
-            platform.post(OperatorEvent(t_s=0.0, action="pause"))
+            platform.inbox.post(ControlMission(action="pause"))
 
     threads = [threading.Thread(target=post) for _ in range(4)]
     for thread in threads:
@@ -205,9 +205,9 @@ def test_events_from_other_threads_arrive_once(rover: RobotSpec, meadow: WorldSp
     for thread in threads:
         thread.join()
     batch = platform.read()
-    assert len(batch.events) == 200
-    assert {event.t_s for event in batch.events} == {batch.t_s}
-    assert platform.read().events == ()
+    assert len(batch.requests) == 200
+    assert {event.t_s for event in batch.requests} == {batch.t_s}
+    assert platform.read().requests == ()
 
 
 def test_driving_over_a_crop_and_spraying_a_weed_is_noticed(

@@ -67,10 +67,13 @@ class Robot:
         assert found is not None, f"no such order among {self.orders}"
         return found
 
-    def wait_for_event(
-        self, action: str, is_it: Callable[[wire.EventOrder], bool] = lambda _: True
-    ) -> wire.EventOrder:
-        return self.wait_for(wire.EventOrder, lambda o: o.action == action and is_it(o))
+    def wait_for_request(
+        self, word: str, is_it: Callable[[Any], bool] = lambda _: True
+    ) -> wire.RequestOrder:
+        """The first order with a request of this word for which `is_it` holds."""
+        return self.wait_for(
+            wire.RequestOrder, lambda o: o.request.word == word and is_it(o.request)
+        )
 
     def wait_for_question(self, kind: type[M]) -> tuple[int, M]:
         """The first question of this kind, and the id that its answer has to carry."""

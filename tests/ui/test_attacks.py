@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from agribot.core.request_text import describe_request
 from agribot.ui import wire
 from agribot.ui.server.allowance import MAX_BURST
 from agribot.ui.server.connection_slots import MAX_CONNECTIONS
@@ -81,7 +82,7 @@ def assert_stops(robot: Robot, page: Page) -> None:
     robot.orders.clear()
     page.ask(wire.ClearStop())
     assert page.ask(wire.PressStop()).ok
-    robot.wait_for_event("stop")
+    robot.wait_for_request("stop")
 
 
 def begin_login(port: int, length: str, start: bytes) -> socket.socket:
@@ -157,10 +158,10 @@ def test_a_flood_of_stops_is_merged_and_the_next_stop_counts_at_once(
         for _ in range(10_000):
             flood.send(wire.PressStop())
         flood.receive(Never)
-    first = lan.wait_for_event("stop")
-    assert first.text == "", "the first one was acted upon by itself"
+    first = lan.wait_for_request("stop")
+    assert first.request == wire.PressStop(), "the first one was acted upon by itself"
     assert_stops(lan, page)
-    sent = [order for order in lan.of_kind(wire.EventOrder) if order.action == "stop"]
+    sent = [o for o in lan.of_kind(wire.RequestOrder) if o.request.word == "stop"]
     assert len(sent) < 100
 
 
@@ -184,9 +185,6 @@ def test_a_flood_of_requests_for_the_seat_pushes_no_answer_out(
 def test_refusals_and_points_of_viewers_leave_room_for_what_operators_do(
     lan: Robot, viewer: Tablet, operator: Tablet
 ) -> None:
-    def is_goodbye_of_bob(note: wire.EventOrder) -> bool:
-        return note.source == "Bob" and note.text == "leaves the operator's seat"
-
     guest = Tablet.__new__(Tablet)
     guest.robot, guest.origin, guest.cookie = lan, operator.origin, ""
     assert {guest.ask("GET", "/api/v1/field")[0] for _ in range(NOTES_PER_MINUTE + 10)} == {401}
@@ -199,14 +197,16 @@ def test_refusals_and_points_of_viewers_leave_room_for_what_operators_do(
         page.take_seat()
         page.ask(wire.PointOut(x_map_m=1.0, y_map_m=2.0))
         page.send(wire.LeaveSeat())
-        lan.wait_for_event("note", is_goodbye_of_bob)
-    notes = lan.of_kind(wire.EventOrder)
-    assert [note.text for note in notes if note.source == "Bob"] == [
+        lan.wait_for_request("note", lambda note: note.text == "leaves the operator's seat")
+    said = [
+        (order.who, describe_request(order.request)) for order in lan.of_kind(wire.RequestOrder)
+    ]
+    assert [text for who, text in said if who == wire.Who("Bob")] == [
         "takes the operator's seat",
         "point: East 1.000 m, North 2.000 m",
         "leaves the operator's seat",
     ]
-    assert sum("refused" in note.text for note in notes) <= NOTES_PER_MINUTE
+    assert sum("refused" in text for _, text in said) <= NOTES_PER_MINUTE
 
 
 def test_text_with_stop_in_it_is_counted_like_any_other(lan: Robot, viewer: Tablet) -> None:

@@ -14,12 +14,13 @@ from agribot.autonomy.plan.task import Task
 from agribot.core import config
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
-from agribot.core.messages import OperatorEvent
+from agribot.core.messages import ChangeSetting
 from agribot.description.loader import load_robot
 from agribot.ui import wire
 from agribot.ui.address import Address
 from agribot.ui.robot_side.goal_preview import preview_goal
 from agribot.ui.robot_side.operator_page import OperatorPage
+from tests.asking import go_to
 from tests.autonomy.plan.planting import at
 from tests.ui.client import Browser
 from tests.ui.conftest import Robot
@@ -41,7 +42,7 @@ def beside(task: Task, off_m: float) -> tuple[float, float]:
 
 def test_a_place_that_can_be_reached_has_a_way_its_length_and_its_time(task: Task) -> None:
     here, goal = beside(task, 3.0), beside(task, 1.5)
-    shown = preview_goal(task, at(*here, 0.0), CONFIG, goal)
+    shown = preview_goal(task, at(*here, 0.0), CONFIG, go_to(goal))
     assert shown.points_map_m[0] == pytest.approx(here, abs=0.05)
     assert shown.points_map_m[-1] == pytest.approx(goal, abs=0.05)
     assert shown.length_m >= 1.5 - 0.05
@@ -51,10 +52,10 @@ def test_a_place_that_can_be_reached_has_a_way_its_length_and_its_time(task: Tas
 def test_a_place_that_cannot_be_reached_says_why(task: Task) -> None:
     here = at(*beside(task, 3.0), 0.0)
     with pytest.raises(MissionError, match=r"500|fence"):
-        preview_goal(task, here, CONFIG, (500.0, 500.0))
+        preview_goal(task, here, CONFIG, go_to((500.0, 500.0)))
     lost = at(0.0, 0.0, 0.0, ok=False)
     with pytest.raises(MissionError, match="where it is"):
-        preview_goal(task, lost, CONFIG, (0.0, 0.0))
+        preview_goal(task, lost, CONFIG, go_to((0.0, 0.0)))
 
 
 def test_a_place_too_far_from_the_robot_is_refused_before_a_way_is_planned(task: Task) -> None:
@@ -62,7 +63,7 @@ def test_a_place_too_far_from_the_robot_is_refused_before_a_way_is_planned(task:
     with pytest.raises(
         MissionError, match=r"5299999 m from the robot, more than the limit of 1000 m"
     ):
-        preview_goal(task, far, CONFIG, (1.0, 0.0))
+        preview_goal(task, far, CONFIG, go_to((1.0, 0.0)))
 
 
 def test_the_time_is_that_of_the_speed_that_the_mission_drives_at_now(tmp_path: Path) -> None:
@@ -80,10 +81,7 @@ def test_the_time_is_that_of_the_speed_that_the_mission_drives_at_now(tmp_path: 
             "y_map_m": here.y_map_m + math.sin(here.yaw_map_rad),
         }
         for speed_mps in (settings.mission.speed_mps, 0.2):
-            change = OperatorEvent(
-                t_s=0.0, action="set", source="test", text="mission.speed_mps", value=speed_mps
-            )
-            session.inbox.post(change)
+            session.inbox.post(ChangeSetting(setting="mission.speed_mps", value=speed_mps))
             next(ticks)
             status, shown = browser.ask("POST", "/api/v1/goal/preview", place)
             assert status == 200, shown
@@ -105,5 +103,5 @@ def test_the_page_asks_the_robot_and_nothing_moves(robot: Robot) -> None:
             == 400
         )
     asked = [order.question for order in robot.of_kind(wire.Ask)]
-    assert asked == [wire.PreviewGoal(numbers=(1.0, 0.0))] * 2
-    assert not robot.of_kind(wire.DriveOrder) and not robot.of_kind(wire.EventOrder)
+    assert asked == [wire.PreviewGoal(goal=go_to((1.0, 0.0)))] * 2
+    assert not robot.of_kind(wire.DriveOrder) and not robot.of_kind(wire.RequestOrder)

@@ -16,6 +16,7 @@ from starlette.requests import Request
 
 from agribot.core.errors import ConfigError
 from agribot.core.geo import Datum
+from agribot.core.messages import Who
 from agribot.ui import small_yaml, wire
 from agribot.ui.hand.stick_table import read_table
 from agribot.ui.server import about_routes
@@ -38,44 +39,46 @@ from agribot.ui.small_yaml import MAX_BYTES, UnusableYaml, read_yaml
 from tests.ui.messages import make_weed
 from tests.waiting import PATIENCE_S
 
+ADA = Who("Ada")
+
 
 def test_the_first_stop_goes_on_at_once_and_a_flood_as_one_more() -> None:
-    posted: list[tuple[str, str]] = []
+    posted: list[tuple[Who, int]] = []
 
     async def press() -> None:
         repeated = asyncio.Event()
 
-        def post(source: str, text: str) -> None:
-            posted.append((source, text))
-            if text:
+        def post(who: Who, times: int) -> None:
+            posted.append((who, times))
+            if times > 1:
                 repeated.set()
 
         button = Stops(post, lambda: 100.0)
-        button.press("Ada")
-        assert posted == [("Ada", "")]
+        button.press(ADA)
+        assert posted == [(ADA, 1)]
         for _ in range(500):
-            button.press("flood")
+            button.press(Who("flood"))
         assert len(posted) == 1
         await asyncio.wait_for(repeated.wait(), PATIENCE_S)
 
     asyncio.run(press())
-    assert posted == [("Ada", ""), ("flood", "pressed 500 times more")]
+    assert posted == [(ADA, 1), (Who("flood"), 500)]
 
 
 def test_after_a_stop_is_cleared_the_next_counts_at_once_and_none_from_before() -> None:
-    posted: list[str] = []
+    posted: list[Who] = []
 
     async def press() -> None:
-        button = Stops(lambda source, _: posted.append(source), lambda: 100.0)
-        button.press("Ada")
-        button.press("late")
+        button = Stops(lambda who, _: posted.append(who), lambda: 100.0)
+        button.press(ADA)
+        button.press(Who("late"))
         button.clear()
-        button.press("Bob")
-        assert posted == ["Ada", "Bob"]
+        button.press(Who("Bob"))
+        assert posted == [ADA, Who("Bob")]
         await asyncio.sleep(2.0 * MERGE_S)
 
     asyncio.run(press())
-    assert posted == ["Ada", "Bob"]
+    assert posted == [ADA, Who("Bob")]
 
 
 def test_messages_are_allowed_in_a_burst_and_then_at_a_rate() -> None:

@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 
 from agribot.core.config import load
+from agribot.core.fact_text import render
+from agribot.core.facts import AnyFact
 from agribot.core.messages import (
-    SENSOR_WATCH,
+    AddNote,
+    DeviceNote,
     GnssFix,
     GnssQuality,
     GnssStatus,
-    OperatorEvent,
     Satellite,
     SensorBatch,
-    make_sensor_note,
 )
 from agribot.drivers.corrections import CorrectionLink
 from agribot.drivers.line_watch import MANY, WITHIN_S, LineWatch
@@ -33,6 +34,7 @@ from agribot.ui.server.channel import Channel
 from agribot.ui.server.client import Client
 from agribot.ui.server.replay import Replay
 from agribot.ui.view import RunView
+from tests.asking import ask
 from tests.drivers.lines import free_port
 from tests.record import record_samples as samples
 from tests.waiting import wait_for
@@ -161,41 +163,39 @@ def test_a_caster_that_gives_nothing_is_told_with_the_reason_and_forgotten_once_
         "asked",
         "ntrip://127.0.0.1:2101/FARM",
     )
-    told: list[tuple[str, bool]] = []
+    told: list[AnyFact] = []
     link = CorrectionLink(
         Caster("127.0.0.1", free_port(), "FARM"), None, lambda _: True, lambda: None,
-        lambda text, is_good: told.append((text, is_good)),
+        told.append,
     )  # fmt: skip
     wait_for(lambda: told, "the reason why there are no corrections")
     link.close()
-    text, is_good = told[0]
-    view(SensorBatch(t_s=1.0, events=(make_sensor_note(1.0, text, is_fault=not is_good),)))
+    view(SensorBatch(t_s=1.0, notes=(DeviceNote(t_s=1.0, fact=told[0]),)))
     shown = view.show()
-    assert (shown.caster_state, shown.correction_trouble) == ("failed", text)
+    assert (shown.caster_state, shown.correction_trouble) == ("failed", render(told[0]))
     observed = bytes(3) + b"\xff" * 40 + bytes(3)  # of many satellites
     link._take(RtcmMessage(1077, observed))  # as from a caster that answers at last
-    text, is_good = told[-1]
-    view(SensorBatch(t_s=2.0, events=(make_sensor_note(2.0, text, is_fault=not is_good),)))
+    view(SensorBatch(t_s=2.0, notes=(DeviceNote(t_s=2.0, fact=told[-1]),)))
     shown = view.show()
     assert (shown.caster_state, shown.correction_trouble) == ("connected", "")
 
 
 def test_a_line_that_breaks_messages_is_told_until_it_does_not_any_more() -> None:
-    view, watch = view_of(), LineWatch("receiver on /dev/ttyACM0")
-    view(SensorBatch(t_s=1.0, events=watch.update(1.0, MANY)))
+    view, watch = view_of(), LineWatch("receiver", "receiver on /dev/ttyACM0")
+    view(SensorBatch(t_s=1.0, notes=watch.update(1.0, MANY)))
     assert f"broke {MANY} messages" in view.show().line_trouble
-    view(SensorBatch(t_s=2.0, events=LineWatch("board").update(2.0, MANY)))
+    view(SensorBatch(t_s=2.0, notes=LineWatch("board", "motor board").update(2.0, MANY)))
     assert "receiver" in view.show().line_trouble
     late_s = 1.5 + WITHIN_S
-    view(SensorBatch(t_s=late_s, events=watch.update(late_s, MANY)))
+    view(SensorBatch(t_s=late_s, notes=watch.update(late_s, MANY)))
     assert view.show().line_trouble == ""
 
 
 def test_what_an_operator_writes_is_no_news_of_the_receiver() -> None:
-    text = "no corrections from the tractor today"
-    for name in ("Ada", SENSOR_WATCH):
-        note = OperatorEvent(t_s=1.0, action="note", source=name, text=text, value=1.0)
-        assert view_of(SensorBatch(t_s=1.0, events=(note,))).show().correction_trouble == ""
+    note = AddNote(text="no corrections from the tractor today")
+    for name in ("Ada", "sensors"):
+        batch = SensorBatch(t_s=1.0, requests=(ask(note, name, t_s=1.0),))
+        assert view_of(batch).show().correction_trouble == ""
 
 
 def test_a_slow_page_is_sent_the_newest_state_of_the_receiver_alone() -> None:

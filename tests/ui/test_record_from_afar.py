@@ -11,6 +11,7 @@ import pytest
 
 from agribot.cli.main import main
 from agribot.core.errors import PlatformError
+from agribot.ui import wire
 from agribot.ui.address import read_door
 from agribot.ui.hand import remote
 from agribot.ui.hand.remote import Remote
@@ -23,7 +24,7 @@ def answering(robot: Robot, action: str, recording: str) -> threading.Thread:
     """The robot's end: reports the recording once it was requested."""
 
     def run() -> None:
-        robot.wait_for_event(action)
+        robot.wait_for_request(action)
         robot.say(msgspec.structs.replace(make_state(1), recording=recording))
 
     thread = threading.Thread(target=run)
@@ -53,9 +54,10 @@ def test_a_recording_is_begun_ended_and_marked_from_a_terminal(
     thread.join()
     told = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert told == {"ok": True, "recording": recording or None}
-    order = robot.wait_for_event(action)
-    assert order.source == "agribot record"
-    assert order.text == (words[1] if len(words) > 1 else "")
+    order = robot.wait_for_request(action)
+    assert order.who == wire.Who("agribot record")
+    if isinstance(order.request, wire.MarkMoment):
+        assert order.request.text == (words[1] if len(words) > 1 else "")
 
 
 def test_without_a_robot_it_says_how_to_start_one(capsys: pytest.CaptureFixture[str]) -> None:
@@ -105,6 +107,6 @@ def test_programs_begin_and_end_recordings_over_http(robot: Robot) -> None:
     browser = Browser(robot.port)
     for what in ("start", "stop"):
         assert browser.ask("POST", f"/api/v1/recordings/{what}")[0] == 204
-        robot.wait_for_event(f"{what}_recording")
+        robot.wait_for_request(f"{what}_recording")
     assert browser.ask("POST", "/api/v1/recordings/mark", {"text": "wet"})[0] == 204
-    robot.wait_for_event("mark", lambda order: order.text == "wet")
+    robot.wait_for_request("mark", lambda order: order.text == "wet")

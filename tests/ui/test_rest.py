@@ -18,6 +18,7 @@ from agribot.cli.main import main
 from agribot.core import config
 from agribot.core.geo import MapFrame
 from agribot.core.home import find_home
+from agribot.core.messages import ChangeSetting
 from agribot.gis.mbtiles import import_mbtiles
 from agribot.ui import wire
 from agribot.ui.address import Address
@@ -373,8 +374,8 @@ def test_settings_are_shown_with_range_and_unit_and_say_when_they_count(
         assert status == 200
         assert answer["applied"] == change
         assert set(answer["refused"]) == set(wrong)
-        order = robot.wait_for(wire.EventOrder, lambda order: order.text == "mission.speed_mps")
-        assert (order.action, order.value) == ("set", 0.5)
+        order = robot.wait_for_request("set", lambda set: set.setting == "mission.speed_mps")
+        assert order.request == ChangeSetting(setting="mission.speed_mps", value=0.5)
         for value in (5.0, -1, "fast", None, True):
             _, answer = browser.ask("PATCH", "/api/v1/settings", {"mission.speed_mps": value})
             assert answer["applied"] == {}, value

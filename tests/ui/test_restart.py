@@ -66,7 +66,7 @@ def test_a_killed_server_comes_back_at_its_port_with_its_tokens_and_sessions(
         assert page.receive(wire.Hello).role == "operator", "without a login"
         page.take_seat()
         assert page.ask(wire.PressStop()).ok
-        own_robot.wait_for_event("stop")
+        own_robot.wait_for_request("stop")
     told = capfd.readouterr().err
     assert "its server was killed by SIGKILL; it is started again" in told
     own_robot.server.close()
@@ -261,7 +261,7 @@ def test_the_end_of_a_process_is_told_in_words() -> None:
 class _Looking:
     """A page that keeps what it receives."""
 
-    session, name = "ann", "Ann"
+    session, name, who = "ann", "Ann", wire.Who("Ann")
 
     def __init__(self, hub: Hub) -> None:
         self.role: str | None = "operator"
@@ -283,7 +283,7 @@ def test_a_stop_is_not_confirmed_by_the_server_of_a_program_that_has_ended(tmp_p
         hub.is_robot_gone = is_gone
         hub.stops.clear()
         Commands(hub, page).obey(wire.PressStop(id="stop"))
-    assert [isinstance(o, wire.EventOrder) and o.action for o in orders] == ["stop"]
+    assert [isinstance(o, wire.RequestOrder) and o.request.word for o in orders] == ["stop"]
     heard, lost = (verdict for verdict in page.told if isinstance(verdict, wire.Verdict))
     assert heard.ok
     assert not lost.ok

@@ -23,6 +23,7 @@ from agribot.core.messages import (
     SensorBatch,
     TickRecord,
 )
+from agribot.core.request_text import describe_request
 from agribot.ui import wire
 from agribot.ui.robot_side.recent_frames import KEPT, RecentFrames, SeenFrame
 from agribot.ui.robot_side.saved_frames import SavedFrames
@@ -128,8 +129,8 @@ def test_only_the_seat_keeps_frames_and_is_told_where(robot: Robot) -> None:
         page.take_seat()
         robot.answers[wire.SaveFrame] = value
         assert browser.ask("POST", "/api/v1/frames") == (200, value)
-        note = robot.wait_for_event("note", lambda order: "frame" in order.text)
-        assert "images/now-000001.png" in note.text
+        note = robot.wait_for_request("note", lambda note: "frame" in note.text)
+        assert "images/now-000001.png" in describe_request(note.request)
         robot.refusals[wire.SaveFrame] = "only 3 MB are left"
         status, said = browser.ask("POST", "/api/v1/frames")
         assert (status, said["error"]) == (409, "only 3 MB are left")

@@ -57,14 +57,14 @@ def test_everybody_may_stop_without_the_seat(robot: Robot, page: Page) -> None:
     page.take_seat()
     with Page(robot.port, tab="two") as other:
         other.send(wire.PressStop())
-        robot.wait_for_event("stop")
+        robot.wait_for_request("stop")
 
 
 def test_clearing_a_stop_needs_the_seat(robot: Robot, page: Page) -> None:
     assert not page.ask(wire.ClearStop()).ok
     page.take_seat()
     assert page.ask(wire.ClearStop()).ok
-    robot.wait_for_event("clear_stop")
+    robot.wait_for_request("clear_stop")
 
 
 def test_a_page_that_goes_away_while_driving_lets_go(robot: Robot) -> None:
@@ -93,16 +93,17 @@ def test_speed_is_limited_by_the_scale_and_by_the_robot(robot: Robot, page: Page
 def test_marks_and_clicked_points_go_into_the_recording(robot: Robot, page: Page) -> None:
     page.send(wire.MarkMoment(text="a stone"))
     page.send(wire.PointOut(id="1", x_map_m=1.5, y_map_m=-2.0))
-    robot.wait_for_event("mark", lambda order: order.text == "a stone")
-    order = robot.wait_for_event("point_out", lambda order: order.numbers == (1.5, -2.0))
-    assert order.text == "point: East 1.500 m, North -2.000 m"
+    robot.wait_for_request("mark", lambda order: order.text == "a stone")
+    order = robot.wait_for_request("point_out")
+    assert order.request == wire.PointOut(x_map_m=1.5, y_map_m=-2.0)
+    assert order.who.kind == "operator"
 
 
 def test_a_drawn_polygon_goes_into_the_recording(robot: Robot, page: Page) -> None:
-    assert page.ask(wire.DrawShape(shape="polygon", corners_map_m=[(0, 0), (2.5, 0), (2.5, -1)])).ok
-    order = robot.wait_for_event("draw_polygon")
-    assert order.text == "polygon (East North, m): 0.00 0.00, 2.50 0.00, 2.50 -1.00"
-    assert order.numbers == (0.0, 0.0, 2.5, 0.0, 2.5, -1.0)
+    corners = ((0.0, 0.0), (2.5, 0.0), (2.5, -1.0))
+    assert page.ask(wire.DrawShape(shape="polygon", corners_map_m=corners)).ok
+    order = robot.wait_for_request("draw_polygon")
+    assert order.request == wire.DrawShape(shape="polygon", corners_map_m=corners)
 
 
 def test_an_unknown_order_is_refused_with_a_reason_to_who_gave_it(page: Page) -> None:
@@ -124,9 +125,8 @@ def test_a_goal_is_answered_with_what_the_mission_makes_of_it(
     assert "seat" in page.ask(goal).reason
     page.take_seat()
     page.send(goal)
-    id, asked = robot.wait_for_question(wire.EventOrder)
-    assert asked.action == "goto"
-    assert asked.numbers == (1.0, 2.0, 0.5)
+    id, asked = robot.wait_for_question(wire.RequestOrder)
+    assert asked.request == wire.GoTo(x_map_m=1.0, y_map_m=2.0, yaw_map_rad=0.5)
     robot.say(wire.Answer(id=id, refusal=verdict))
     answer = page.receive(wire.Verdict)
     assert (answer.id, answer.ok, answer.reason) == ("2", ok, verdict)
@@ -137,7 +137,7 @@ def test_a_recording_is_begun_and_ended_by_operators_without_the_seat(
 ) -> None:
     for action in ("start", "stop"):
         assert page.ask(wire.ControlRecording(action=action)).ok
-        robot.wait_for_event(f"{action}_recording")
+        robot.wait_for_request(f"{action}_recording")
 
 
 @pytest.mark.parametrize(
@@ -199,5 +199,6 @@ def test_a_pose_by_hand_needs_the_seat_and_a_robot_at_rest(robot: Robot, page: P
     robot.say(msgspec.structs.replace(make_state(2, "paused"), v_mps=0.0))
     page.receive(wire.State)
     assert page.ask(pose).ok
-    order = robot.wait_for_event("pose_estimate")
-    assert order.numbers == (1.0, 2.0, 0.5, 0.3, 0.1)
+    order = robot.wait_for_request("pose_estimate")
+    assert isinstance(order.request, wire.CorrectPose)
+    assert order.request.pose == (1.0, 2.0, 0.5, 0.3, 0.1)

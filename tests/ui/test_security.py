@@ -43,7 +43,7 @@ def test_a_foreign_origin_gets_no_socket(robot: Robot, origin: str) -> None:
         with pytest.raises(InvalidStatus) as refusal, Page(robot.port, origin=origin, path=path):
             pass
         assert refusal.value.response.status_code == 403
-    robot.wait_for_event("note", lambda order: "refused" in order.text)
+    robot.wait_for_request("note", lambda order: "refused" in order.text)
 
 
 def test_a_rebound_name_is_refused_even_with_its_own_origin(robot: Robot) -> None:
@@ -120,13 +120,14 @@ def test_a_viewer_looks_on_and_stops_but_never_drives(lan_robot: Robot) -> None:
         for order in orders:
             assert "viewer" in page.ask(order).reason
         page.send(wire.PressStop())
-        lan_robot.wait_for_event("stop")
+        lan_robot.wait_for_request("stop")
     put = ask(lan_robot, "PUT", "/api/v1/views/x", {**origin, "Cookie": cookie}, b"{}")
     assert put[0] == 403
     for path in ("plan/apply", "recordings/start", "recordings/stop", "recordings/mark"):
         post = ask(lan_robot, "POST", f"/api/v1/{path}", {**origin, "Cookie": cookie}, b"{}")
         assert post[0] == 403, path
-    assert [o.action for o in lan_robot.of_kind(wire.EventOrder) if o.action != "note"] == ["stop"]
+    words = [order.request.word for order in lan_robot.of_kind(wire.RequestOrder)]
+    assert [word for word in words if word != "note"] == ["stop"]
 
 
 def test_a_session_that_is_not_used_for_long_is_a_stranger(
@@ -270,7 +271,7 @@ def test_a_thousand_lines_do_not_keep_the_operator_out(robot: Robot, page: Page)
         )
         with Page(robot.port, tab="again") as again:
             again.send(wire.PressStop())
-            robot.wait_for_event("stop")
+            robot.wait_for_request("stop")
     finally:
         for line in lines:
             line.close()

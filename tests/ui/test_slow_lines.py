@@ -85,7 +85,7 @@ def test_a_stop_is_heard_however_late_it_comes(robot: Robot) -> None:
         page.receive(wire.Hello)
         with line.held():
             page.send(wire.PressStop(id="late"))
-        robot.wait_for_event("stop")
+        robot.wait_for_request("stop")
 
 
 def test_a_page_that_vanished_without_a_word_is_cut() -> None:

@@ -496,7 +496,7 @@ def test_nothing_can_be_commanded_in_a_replay_but_the_stop_reaches_the_robot(
         assert "recording" in refusal.reason
         assert not [order for order in robot.of_kind(wire.DriveOrder) if order.v_mps]
         viewer.send(wire.PressStop())
-        robot.wait_for_event("stop")
+        robot.wait_for_request("stop")
         assert browser.ask("POST", "/api/v1/replay", {"name": None})[0] == 200
         robot.say(make_state(1000))
         while viewer.receive(wire.State).tick != 1000:

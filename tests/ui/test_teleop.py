@@ -121,9 +121,9 @@ def test_keys_in_a_terminal_reach_the_robot(robot: Robot) -> None:
         os.write(ours, b"\x1b[A")
         order = robot.wait_for(wire.DriveOrder, lambda order: order.v_mps != 0.0)
         assert order.v_mps == pytest.approx(0.4)
-        assert order.by == "teleop keyboard"
+        assert order.who == wire.Who("teleop keyboard")
         os.write(ours, b" ")
-        robot.wait_for_event("stop")
+        robot.wait_for_request("stop")
         os.write(ours, b"q")
         assert process.wait(PATIENCE_S) == 0
         assert robot.of_kind(wire.DriveOrder)[-1].v_mps == 0.0

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 
 import msgspec
 import pytest
 
 from agribot.core.messages import (
+    AnyRequest,
+    ChangeSetting,
+    GoTo,
     Inbox,
-    OperatorAction,
-    OperatorEvent,
     RequestAnswer,
+    RequestEvent,
+    TakePlan,
     TickRecord,
+    Who,
 )
 from agribot.ui.robot_side import verdicts
 from agribot.ui.robot_side.verdicts import Verdicts
@@ -20,27 +25,28 @@ from tests.autonomy.plan.planting import at
 from tests.autonomy.plan.test_mission_errands import Drive
 from tests.record import record_samples as samples
 
+GOAL = GoTo(x_map_m=1.0, y_map_m=2.0)
+
 
 def tick(inbox: Inbox, heard: set[str], refusal: str | None = None) -> TickRecord:
     """A tick that answers all requests until now, unless `refusal` is None."""
     record = samples.ticks(1)[0]
     events, _ = inbox.drain(record.batch.t_s)
-    heard |= {event.id for event in events}
+    heard |= {event.request.id for event in events}
     answers = (
         () if refusal is None else tuple(RequestAnswer(id=id, refusal=refusal) for id in heard)
     )
-    batch = msgspec.structs.replace(record.batch, events=events)
+    batch = msgspec.structs.replace(record.batch, requests=events)
     status = msgspec.structs.replace(record.status, answers=answers)
     return msgspec.structs.replace(record, batch=batch, status=status)
 
 
-def ask(action: OperatorAction, refusals: list[str | None]) -> str:
+def find_answer(request: AnyRequest, refusals: list[str | None]) -> str:
     """What a request gets as answer during these ticks, the last one repeated."""
     inbox, heard = Inbox(), set[str]()
     desk = Verdicts(inbox)
-    event = OperatorEvent(t_s=0.0, action=action, source="Ada", numbers=(1.0, 2.0))
     with ThreadPoolExecutor(1) as pool:
-        answer = pool.submit(desk.ask, event)
+        answer = pool.submit(desk.ask, request, Who("Ada"))
         for number in range(1_000_000):
             if answer.done():
                 break
@@ -53,37 +59,34 @@ def test_the_answer_comes_when_the_robot_stands_and_has_planned(
     refusal: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(verdicts, "PATIENCE_S", 60.0)
-    assert ask("goto", [*[None] * 20, refusal]) == refusal
+    assert find_answer(GOAL, [*[None] * 20, refusal]) == refusal
 
 
 def test_a_goal_that_takes_long_counts_as_taken_and_a_plan_does_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(verdicts, "PATIENCE_S", 0.3)
-    assert ask("goto", [None]) == ""
-    assert "did not answer" in ask("plan", [None])
+    assert find_answer(GOAL, [None]) == ""
+    assert "did not answer" in find_answer(TakePlan(geojson="a plan"), [None])
 
 
 def test_a_robot_without_ticks_does_not_hold_up_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(verdicts, "PATIENCE_S", 0.1)
-    goal = OperatorEvent(t_s=0.0, action="goto", numbers=(1.0, 2.0))
-    assert "did not answer" in Verdicts(Inbox()).ask(goal)
+    assert "did not answer" in Verdicts(Inbox()).ask(GOAL, Who("Ada"))
 
 
 def test_two_people_who_ask_in_one_tick_are_each_told_their_own_outcome() -> None:
     drive, inbox = Drive(), Inbox()
     desk, record = Verdicts(inbox), samples.ticks(1)[0]
-    bad_goal = OperatorEvent(t_s=0.0, action="goto", source="Ann", numbers=(1.0,))
-    good_speed = OperatorEvent(
-        t_s=0.0, action="set", source="Bob", text="mission.speed_mps", value=0.3
-    )
+    bad_goal = GoTo(x_map_m=1.0, y_map_m=math.nan)
+    good_speed = ChangeSetting(setting="mission.speed_mps", value=0.3)
     with ThreadPoolExecutor(2) as pool:
-        told = [pool.submit(desk.ask, event) for event in (bad_goal, good_speed)]
-        events: tuple[OperatorEvent, ...] = ()
+        told = [pool.submit(desk.ask, request, Who("Ada")) for request in (bad_goal, good_speed)]
+        events: tuple[RequestEvent, ...] = ()
         while len(events) < 2:
             events += inbox.drain(0.0)[0]
         goal = drive.mission.step(at(*drive.start, drive.t_s), events)
-        batch = msgspec.structs.replace(record.batch, events=events)
+        batch = msgspec.structs.replace(record.batch, requests=events)
         desk(msgspec.structs.replace(record, batch=batch, status=goal.status))
         ann, bob = (answer.result() for answer in told)
     assert "two or three finite numbers" in ann

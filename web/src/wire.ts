@@ -4,6 +4,20 @@ export type GateState = 'standby' | 'checking' | 'driving' | 'slowed' | 'held' |
 
 export type SensorState = 'fine' | 'silent' | 'late' | 'frozen' | 'contradicted'
 
+export type MissionAction =
+  | 'start'
+  | 'pause'
+  | 'resume'
+  | 'cancel'
+  | 'skip_row'
+  | 'return_home'
+  | 'nudge_left'
+  | 'nudge_right'
+
+export type RecordingAction = 'start' | 'stop'
+
+export type ShapeKind = 'polygon' | 'route'
+
 export type Vec2 = [number, number]
 
 export type Mode = 'mission' | 'paused' | 'teleop' | 'stopped' | 'waiting' | 'done' | 'replay'
@@ -19,20 +33,6 @@ export type CheckState = 'ok' | 'warn' | 'fault'
 export type CasterState = 'asked' | 'connected' | 'failed'
 
 export type SensorName = 'gnss' | 'compass' | 'gyro' | 'wheels' | 'camera' | 'clock'
-
-export type MissionAction =
-  | 'start'
-  | 'pause'
-  | 'resume'
-  | 'cancel'
-  | 'skip_row'
-  | 'return_home'
-  | 'nudge_left'
-  | 'nudge_right'
-
-export type RecordingAction = 'start' | 'stop'
-
-export type ShapeKind = 'polygon' | 'route'
 
 export type CalibrationPhase = 'driving' | 'computing' | 'found' | 'failed'
 
@@ -75,53 +75,6 @@ export type ServerMessage =
   | Pong
   | Bye
 
-/** Answered at once by a pong; `sent_ms` is the sender's own clock. */
-export interface Ping {
-  kind: 'ping'
-  sent_ms: number
-}
-
-/** How many messages the page has received since it was opened. */
-export interface Receipt {
-  kind: 'receipt'
-  count: number
-}
-
-/** What the others are shown as the name of this page's operator. */
-export interface UseName {
-  kind: 'use_name'
-  id?: string
-  name: string
-}
-
-/** Operate the robot from now on; `force` takes the seat from its holder. */
-export interface TakeSeat {
-  kind: 'take_seat'
-  id?: string
-  force?: boolean
-}
-
-/** Hand the operator's seat back. */
-export interface LeaveSeat {
-  kind: 'leave_seat'
-  id?: string
-}
-
-/** A body twist that holds for a moment; `mono_ms` is the robot's clock when it was wanted. */
-export interface DriveByHand {
-  kind: 'drive_by_hand'
-  v_mps: number
-  yaw_rate_radps: number
-  mono_ms?: number | null
-}
-
-/** The share of the robot's speed that this page's hand may use. */
-export interface ScaleSpeed {
-  kind: 'scale_speed'
-  id?: string
-  ratio: number
-}
-
 /** Stand still until the stop is cleared; anybody may say so. */
 export interface PressStop {
   kind: 'press_stop'
@@ -134,6 +87,12 @@ export interface ClearStop {
   id?: string
 }
 
+/**
+ * Do `action`.
+ *
+ * "start" restarts a mission that has ended and resumes one that is paused. The two nudges move
+ * the line of the row under the robot aside, a step each.
+ */
 export interface ControlMission {
   kind: 'control_mission'
   id?: string
@@ -187,6 +146,53 @@ export interface DrawShape {
   id?: string
   shape: ShapeKind
   corners_map_m: Vec2[]
+}
+
+/** Answered at once by a pong; `sent_ms` is the sender's own clock. */
+export interface Ping {
+  kind: 'ping'
+  sent_ms: number
+}
+
+/** How many messages the page has received since it was opened. */
+export interface Receipt {
+  kind: 'receipt'
+  count: number
+}
+
+/** What the others are shown as the name of this page's operator. */
+export interface UseName {
+  kind: 'use_name'
+  id?: string
+  name: string
+}
+
+/** Operate the robot from now on; `force` takes the seat from its holder. */
+export interface TakeSeat {
+  kind: 'take_seat'
+  id?: string
+  force?: boolean
+}
+
+/** Hand the operator's seat back. */
+export interface LeaveSeat {
+  kind: 'leave_seat'
+  id?: string
+}
+
+/** A body twist that holds for a moment; `mono_ms` is the robot's clock when it was wanted. */
+export interface DriveByHand {
+  kind: 'drive_by_hand'
+  v_mps: number
+  yaw_rate_radps: number
+  mono_ms?: number | null
+}
+
+/** The share of the robot's speed that this page's hand may use. */
+export interface ScaleSpeed {
+  kind: 'scale_speed'
+  id?: string
+  ratio: number
 }
 
 /** The newest fix; `quality` has the numbers of NMEA GGA field 6; 0 is no fix. */

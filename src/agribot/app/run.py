@@ -34,13 +34,15 @@ from agribot.core.errors import RecordingError
 from agribot.core.facts import Part
 from agribot.core.implement.kind import ReportLine
 from agribot.core.messages import (
+    AskerKind,
+    ControlMission,
     Inbox,
     MappedPlant,
     MapPoint,
-    OperatorEvent,
     Row,
     TickRecord,
     Vec3,
+    Who,
 )
 from agribot.core.messages import Path as PlannedPath
 from agribot.core.platform import MixedPlatform, Platform, SensorSource, TrueState
@@ -53,6 +55,7 @@ from agribot.record.run_figures import HURRIED, explain_absence
 from agribot.record.run_files import write_run_files
 from agribot.record.series import RunData, RunSeries, SeriesTap
 
+SESSION = Who("session", AskerKind.PROGRAM)
 COMING_TO_REST_S = 2.0
 REST_TICKS = 5  # a robot that rocks back passes through standstill
 
@@ -332,7 +335,7 @@ class Run:
             return
         t_s = self.last.batch.t_s
         if not self._has_ended():
-            self.inbox.post(OperatorEvent(t_s=t_s, action="cancel", source="session"))
+            self.inbox.post(ControlMission(action="cancel"), SESSION)
         self.inbox.takes_hands = False
         try:
             self._tick()

@@ -80,10 +80,11 @@ class RunRecording:
             self._begin(run.out_dir)
 
     def __call__(self, record: TickRecord) -> None:
-        for event in record.batch.events:
-            if event.action == "start_recording":
+        words = [event.request.word for event in record.batch.requests]
+        for word in words:
+            if word == "start_recording":
                 self._start(record.batch.t_s)
-            if event.action == "start" and self._has_ended and self._run.config.record.enabled:
+            if word == "start" and self._has_ended and self._run.config.record.enabled:
                 is_new = not self.name
                 self._start(record.batch.t_s)
                 self._is_of_mission = is_new
@@ -95,7 +96,7 @@ class RunRecording:
         ended = self._has_ended
         self._has_ended = record.status.state in ENDED
         is_over = self._is_of_mission and self._has_ended and not ended
-        if is_over or any(event.action == "stop_recording" for event in record.batch.events):
+        if is_over or "stop_recording" in words:
             self.close()
 
     @property

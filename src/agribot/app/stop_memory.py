@@ -17,10 +17,11 @@ from agribot.core.errors import PlatformError
 from agribot.core.fact_text import render
 from agribot.core.facts import AnyFact, Disarmed, Fact, NotCleared, Said
 from agribot.core.home import find_home
-from agribot.core.messages import Inbox, OperatorAction, OperatorEvent, TickRecord
+from agribot.core.messages import AskerKind, ClearStop, Inbox, StopFor, TickRecord, Who
 from agribot.core.whole_file import write_at_once
 
 FOLDER = "stops"
+START_UP = Who("start-up", AskerKind.PROGRAM)
 
 
 class RememberedStop(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,9 +39,7 @@ class RememberedStop(msgspec.Struct, frozen=True, kw_only=True):
 
 def begin(inbox: Inbox, why: Fact | None) -> None:
     """Let the robot begin stopped for a cause, or cleared without one."""
-    action: OperatorAction = "clear_stop" if why is None else "stop"
-    text = render(why)
-    inbox.post(OperatorEvent(t_s=0.0, action=action, source="start-up", text=text, fact=why))
+    inbox.post(ClearStop() if why is None else StopFor(cause=why), START_UP)
 
 
 class StopMemory:

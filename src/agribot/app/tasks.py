@@ -20,7 +20,7 @@ from agribot.core.config import RunConfig
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.geo import MapFrame
-from agribot.core.messages import MapPoint, TickRecord
+from agribot.core.messages import MapPoint, TakePlan, TickRecord
 from agribot.core.robot import RobotSpec
 from agribot.core.table_text import read_text_file
 
@@ -68,7 +68,8 @@ class TakenPlans:
 
     def find(self, record: TickRecord) -> str:
         """Find the text of the plan that was taken in this tick; empty where none was."""
-        sent = [event.text for event in record.batch.events if event.action == "plan"]
+        requests = [event.request for event in record.batch.requests]
+        sent = [plan.geojson for plan in requests if isinstance(plan, TakePlan)]
         text = self._sent = sent[-1] if sent else self._sent
         if not text or record.status.leg == CHECKING:
             return ""

@@ -15,7 +15,7 @@ from agribot.app.run_recording import find_recording
 from agribot.autonomy.control.fence import measure_growth_m
 from agribot.core.errors import MissionError
 from agribot.core.geo import Datum, MapFrame, make_datum
-from agribot.core.messages import FloatArray
+from agribot.core.messages import FloatArray, MarkMoment
 from agribot.gis.drawn_field import DrawnRow, format_drawn_field
 
 STEP_M = 0.05  # between points of a track; a robot that stands adds none
@@ -159,7 +159,8 @@ def _read_run(path: Path) -> DrivenTrack:
     config, unsure_m = read_config(path), 0.0
     for record in read_ticks(path):
         here = record.estimate
-        marks_s += [record.batch.t_s for event in record.batch.events if event.action == "mark"]
+        marks = [e for e in record.batch.requests if isinstance(e.request, MarkMoment)]
+        marks_s += [record.batch.t_s] * len(marks)
         if here.ok and _has_moved(points, here.x_map_m, here.y_map_m):
             if points:  # where it stood before it drove, it may not have known its place yet
                 unsure_m = max(

@@ -15,6 +15,7 @@ from agribot.cli.ranges import finite
 from agribot.cli.standard_error import print_line
 from agribot.core import extras
 from agribot.core.errors import ConfigError
+from agribot.core.fact_text import render
 from agribot.core.geo import compass_deg_from_yaw
 from agribot.core.messages import GnssFix, GnssHeading, GnssStatus
 
@@ -117,8 +118,8 @@ class ReceiverSummary:
             self.heading = heading
         for status in more.get("gnss_status", ()):
             self.status = status
-        for note in more.get("events", ()):
-            print_line(note.text)
+        for note in more.get("notes", ()):
+            print_line(render(note.fact))
 
     def describe(self) -> str:
         from agribot.drivers.receiver_speaker import name_fix

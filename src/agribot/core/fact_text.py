@@ -3,9 +3,9 @@
 A section of a table is the code of a fact: `text` says what is so, `do` what to do about it, each
 one template or, where the fact has variants, one for each of them. A template names the fact's
 fields as a format string does. Beside the formats of Python it knows `!d` (radians as degrees),
-`!k` (metres as kilometres) and `!l` (a list, divided by semicolons). Words in a field are looked up
-in `words.<field>`; a fact in a field is rendered in its place. `words.number.point` is what stands
-between a number and its decimals.
+`!k` (metres as kilometres), `!m` (seconds as milliseconds) and `!l` (a list, divided by
+semicolons). Words in a field are looked up in `words.<field>`; a fact in a field is rendered in its
+place. `words.number.point` is what stands between a number and its decimals.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from agribot.core.facts import Fact
 
 LANGUAGES = ("en", "de")
 UNKNOWN = "?"  # a value that is not known
-_SCALES = {"d": math.degrees(1.0), "k": 1e-3}
+_SCALES = {"d": math.degrees(1.0), "k": 1e-3, "m": 1e3}
 
 Template = str | dict[str, str]  # one, or one for each variant
 

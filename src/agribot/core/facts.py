@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Union
 
 import msgspec
@@ -222,6 +223,123 @@ class TiltUnknown(Fact, frozen=True):
 
     about: ClassVar[tuple[Part, ...]] = ("imu", "robot")
     severity: ClassVar[Severity] = "warning"
+
+
+# --- devices and their lines ---
+
+
+_SOURCES: dict[str, Part] = {
+    "gnss": "gnss", "imu": "imu", "mag": "compass", "wheels": "wheels", "frames": "camera",
+    "contactor": "contactor",
+}  # fmt: skip
+
+
+class _OfSource(Fact, frozen=True):
+    """About what a field of the batch comes from."""
+
+    field: str
+    source: str
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (_SOURCES[self.field],) if self.field in _SOURCES else ()
+
+
+class SourceSilent(_OfSource, frozen=True):
+    """A source has sent nothing for some time."""
+
+    silent_s: float
+    limit_s: float
+
+
+class SourceHeard(_OfSource, frozen=True):
+    """A source that was silent sends again."""
+
+    severity: ClassVar[Severity] = "note"
+
+
+class _OfLine(Fact, frozen=True):
+    """About the line to a device, which has a name besides."""
+
+    about: ClassVar[tuple[Part, ...]] = ("link",)
+    device: Literal["receiver", "board"]
+    name: str
+
+
+class LineNoisy(_OfLine, frozen=True):
+    """A line breaks messages."""
+
+    severity: ClassVar[Severity] = "warning"
+    count: int
+    within_s: float
+
+
+class LineClean(_OfLine, frozen=True):
+    """A line that broke messages does not any more."""
+
+    severity: ClassVar[Severity] = "note"
+    clean_s: float
+
+
+class TimesUnsure(Fact, frozen=True):
+    """The times of a device are known too badly."""
+
+    severity: ClassVar[Severity] = "warning"
+    device: str
+    off_s: float
+    limit_s: float
+
+
+class TimesKnown(Fact, frozen=True):
+    """The times of a device are known well enough."""
+
+    severity: ClassVar[Severity] = "note"
+    device: str
+    off_s: float
+
+
+class CorrectionsMissing(Fact, frozen=True):
+    """No corrections come from a caster, in the words of what asks for them."""
+
+    severity: ClassVar[Severity] = "warning"
+    caster: str
+    why: str
+    is_lost: bool  # they have come before
+
+    @property
+    def variant(self) -> str:
+        return "lost" if self.is_lost else "none"
+
+
+class CorrectionsCome(Fact, frozen=True):
+    """Corrections come from a caster."""
+
+    severity: ClassVar[Severity] = "note"
+    caster: str
+    is_again: bool
+
+    @property
+    def variant(self) -> str:
+        return "again" if self.is_again else "first"
+
+
+class DeviceSaid(Fact, frozen=True):
+    """Something is wrong with a device, in words of its driver."""
+
+    severity: ClassVar[Severity] = "warning"
+    said: str
+    of: tuple[Part, ...] = ()
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return self.of
+
+
+class DeviceWell(Fact, frozen=True):
+    """A device is well again, in words of its driver."""
+
+    severity: ClassVar[Severity] = "note"
+    said: str
 
 
 # --- the clock ---
@@ -808,20 +926,103 @@ class Stuck(Fact, frozen=True):
 
 
 class BoardReports(Fact, frozen=True):
-    """The motor board reports faults, in its words; `of` are the parts that it names."""
+    """The motor board reports faults; in words of a recording of an earlier version."""
 
-    said: tuple[str, ...]
+    said: tuple[str, ...] = ()
     of: tuple[Part, ...] = ("motors",)
+    cause: AnyFact | None = None
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        return self.of
+        return self.of if self.cause is None else self.cause.parts or self.of
+
+    @property
+    def variant(self) -> str:
+        return "said" if self.cause is None else "known"
 
 
 class BoardHoldsStop(Fact, frozen=True):
-    """The motor board holds a stop of its own, for a reason in its words."""
+    """The motor board holds a stop of its own; in words of a recording of an earlier version."""
 
-    said: str
+    said: str = ""
+    cause: AnyFact | None = None
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return ()
+
+    @property
+    def variant(self) -> str:
+        return "said" if self.cause is None else "known"
+
+
+BoardCause = Literal["began", "button", "bumper", "battery", "motor", "reversed"]
+
+
+class BoardStopped(Fact, frozen=True):
+    """Why a motor board stopped by itself; without a cause, it does not say so."""
+
+    stop_causes: tuple[BoardCause, ...]
+
+    @property
+    def variant(self) -> str:
+        return "known" if self.stop_causes else "unknown"
+
+
+class _OfBoard(Fact, frozen=True):
+    about: ClassVar[tuple[Part, ...]] = ("motors",)
+
+
+class BoardHung(_OfBoard, frozen=True):
+    """The board's program hung, and its watchdog reset it."""
+
+
+class BoardUnconfigured(_OfBoard, frozen=True):
+    """The board refuses its configuration."""
+
+
+class WheelsReversed(Fact, frozen=True):
+    """Wheels turn against their motors, as the board measures it."""
+
+    about: ClassVar[tuple[Part, ...]] = ("wheels",)
+    wheels: tuple[Wheel, ...]
+
+    @property
+    def variant(self) -> str:
+        return {1: "one", 4: "all"}.get(len(self.wheels), "many")
+
+
+class AxisError(_OfBoard, frozen=True):
+    """An axis of a speed controller has an error; `is_expired`: it heard no command in time."""
+
+    device: str
+    axis: str
+    error: int
+    is_expired: bool
+
+    @property
+    def variant(self) -> str:
+        return "expired" if self.is_expired else "plain"
+
+
+class AxisStands(_OfBoard, frozen=True):
+    """An axis of a speed controller does not drive its wheels."""
+
+    device: str
+    axis: str
+    why: Literal["error", "idle", "state"]
+    state: int
+
+    @property
+    def variant(self) -> str:
+        return self.why
+
+
+class ControllerFault(_OfBoard, frozen=True):
+    """A speed controller reports a fault, by the name that its maker gives it."""
+
+    controller: str
+    fault: str
 
 
 class ButtonPressed(Fact, frozen=True):
@@ -865,10 +1066,30 @@ class ContactorSilent(Fact, frozen=True):
 
 
 class ContactorInTrouble(Fact, frozen=True):
-    """The contactor cannot obey its command, in the words of its driver."""
+    """The contactor cannot obey its command; in words of a recording of an earlier version."""
 
     about: ClassVar[tuple[Part, ...]] = ("contactor",)
-    said: str
+    said: str = ""
+    cause: AnyFact | None = None
+
+    @property
+    def variant(self) -> str:
+        return "said" if self.cause is None else "known"
+
+
+class RelayLost(Fact, frozen=True):
+    """The line to the relay of a contactor is lost."""
+
+    about: ClassVar[tuple[Part, ...]] = ("contactor",)
+    line: str
+
+
+class RelayStuck(Fact, frozen=True):
+    """The line to the relay of a contactor takes nothing."""
+
+    about: ClassVar[tuple[Part, ...]] = ("contactor",)
+    line: str
+    silent_s: float
 
 
 class ContactorStaysClosed(Fact, frozen=True):
@@ -1126,6 +1347,13 @@ class StoppedBy(Fact, frozen=True):
     by: str
 
 
+class StoppedAgainBy(Fact, frozen=True):
+    """Somebody pressed STOP, and often."""
+
+    by: str
+    times: int
+
+
 class Disarmed(Fact, frozen=True):
     """A machine begins stopped."""
 
@@ -1272,6 +1500,18 @@ class PausedBy(_MissionNote, frozen=True):
     by: str
 
 
+class PausedByHand(_MissionNote, frozen=True):
+    """Somebody took the robot by hand."""
+
+    by: str
+
+
+class PausedByLoss(_MissionNote, frozen=True):
+    """The operator is not heard any more."""
+
+    of: str
+
+
 class CancelledBy(_MissionNote, frozen=True):
     """Somebody ended the mission."""
 
@@ -1374,11 +1614,163 @@ class ErrandRefused(_MissionNote, frozen=True):
     cause: AnyFact
 
 
+# --- what a request is refused for ---
+
+
+class NotStarted(_MissionNote, frozen=True):
+    """The mission was not started."""
+
+    cause: AnyFact
+
+
+class RowNotSkipped(_MissionNote, frozen=True):
+    """The row was not left out."""
+
+    cause: AnyFact
+
+
+class RowNotMoved(_MissionNote, frozen=True):
+    """The line of the row was not moved."""
+
+    cause: AnyFact
+
+
+class TaskRefused(_MissionNote, frozen=True):
+    """Another task was not taken."""
+
+    task: Literal["plan", "visit"]
+    cause: AnyFact
+
+
+class SpeedRefused(_MissionNote, frozen=True):
+    """A speed is more than the robot may drive."""
+
+    speed_mps: float
+    limit_mps: float
+
+
+class MissionEnded(_MissionNote, frozen=True):
+    """The mission has ended; `can_start`: a start begins it once more."""
+
+    can_start: bool = False
+
+    @property
+    def variant(self) -> str:
+        return "open" if self.can_start else "closed"
+
+
+class StopHolds(_MissionNote, frozen=True):
+    """The stop must be cleared first."""
+
+
+class NothingPlanned(_MissionNote, frozen=True):
+    """There is no route yet."""
+
+
+class AwayFromRows(_MissionNote, frozen=True):
+    """The robot is on an errand."""
+
+
+class InNoRow(_MissionNote, frozen=True):
+    """The robot is in no row."""
+
+
+class RowMovedFar(_MissionNote, frozen=True):
+    """The line of a row is as far aside as it may be."""
+
+    row: int
+    limit_m: float
+
+
+class NoOtherTask(_MissionNote, frozen=True):
+    """The mission takes no other task."""
+
+
+class RobotDrives(_MissionNote, frozen=True):
+    """The robot must stand for it."""
+
+
+class AskedElse(_MissionNote, frozen=True):
+    """Another request took its place."""
+
+
+class OwnPathOnly(_MissionNote, frozen=True):
+    """The task knows no ways beside its own path."""
+
+
+class GoalNotFinite(_MissionNote, frozen=True):
+    """A goal is no number."""
+
+
+class NoPlaces(_MissionNote, frozen=True):
+    """A visit names no places."""
+
+
+class ThereAlready(_MissionNote, frozen=True):
+    """The robot is at its goal."""
+
+
+class JustSetOff(_MissionNote, frozen=True):
+    """The robot has not come far enough to back out on its track."""
+
+
+class AllRowsWorked(_MissionNote, frozen=True):
+    """No row is left to resume."""
+
+
+class TooFarAway(_MissionNote, frozen=True):
+    """The nearest place to drive to is too far from the robot."""
+
+    away_m: float
+    limit_m: float
+
+
+class BeyondFence(_MissionNote, frozen=True):
+    """A place lies beyond the fence around the task."""
+
+    x_map_m: float
+    y_map_m: float
+    beyond_m: float
+
+
+class OnCropThere(_MissionNote, frozen=True):
+    """The robot would stand on crop at a place."""
+
+    x_map_m: float
+    y_map_m: float
+
+
+class NoWayOffCrop(_MissionNote, frozen=True):
+    """No way to a place keeps off the crop, for a reason of the planner."""
+
+    x_map_m: float
+    y_map_m: float
+    cause: AnyFact
+
+
+class CarriedAway(_MissionNote, frozen=True):
+    """The robot is not where its work stopped."""
+
+    about: ClassVar[tuple[Part, ...]] = ("robot",)
+    away_m: float
+    x_map_m: float
+    y_map_m: float
+    limit_m: float
+
+
 class Both(Fact, frozen=True):
     """One fact and then another."""
 
     first: AnyFact
     second: AnyFact
+
+
+def join_facts(facts: Sequence[AnyFact]) -> AnyFact | None:
+    """Make one fact of several, in their order; None of none."""
+    joined: AnyFact | None = None
+    for fact in reversed(facts):
+        joined = fact if joined is None else Both(fact, joined)
+    return joined
 
 
 class RowsSkipped(_MissionNote, frozen=True):

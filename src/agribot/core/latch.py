@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from agribot.core.facts import Fact, Said, StoppedBy
-from agribot.core.messages import OperatorEvent
+from agribot.core.facts import Fact, StoppedBy
+from agribot.core.messages import ClearStop, PressStop, RequestEvent, StopFor
 
 
 class Latch:
@@ -16,16 +16,15 @@ class Latch:
     def __init__(self) -> None:
         self.cause: Fact | None = None
 
-    def hear(self, event: OperatorEvent) -> None:
-        """Anybody's stop closes the latch; nothing but `clear_stop` opens it.
-
-        The text of a stop says why it stands, where whose it is says too little.
-        """
-        if event.action == "stop":
-            said = Said(event.text, event.source) if event.text else StoppedBy(event.source)
-            self.hold(event.fact or said)
-        elif event.action == "clear_stop":
-            self.cause = None
+    def hear(self, event: RequestEvent) -> None:
+        """Close it for anybody's stop; only a request to clear it opens it."""
+        match event.request:
+            case PressStop():
+                self.hold(StoppedBy(event.who.name))
+            case StopFor(cause=cause):
+                self.hold(cause)
+            case ClearStop():
+                self.cause = None
 
     def hold(self, cause: Fact) -> None:
         self.cause = self.cause or cause

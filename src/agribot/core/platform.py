@@ -8,21 +8,16 @@ from typing import Any, Literal, Protocol, runtime_checkable
 
 import msgspec
 
-from agribot.core.facts import Part
+from agribot.core.facts import SourceHeard, SourceSilent
 from agribot.core.messages import (
+    DeviceNote,
     Inbox,
-    OperatorEvent,
     RobotCommand,
     SensorBatch,
-    make_sensor_note,
 )
 
 # Fields of a SensorBatch that may come from elsewhere.
 Sensor = Literal["gnss", "imu", "mag", "wheels", "frames", "others", "contactor"]
-SENSOR_PARTS: dict[str, tuple[Part, ...]] = {
-    "gnss": ("gnss",), "imu": ("imu",), "mag": ("compass",), "wheels": ("wheels",),
-    "frames": ("camera",), "contactor": ("contactor",),
-}  # fmt: skip
 SILENCE_S = 2.0
 
 
@@ -118,17 +113,17 @@ class MixedPlatform:
     def read(self) -> SensorBatch:
         batch = self._platform.read()
         samples: dict[str, Any] = {}
-        notes: list[OperatorEvent] = []
+        notes: list[DeviceNote] = []
         for source in self._sources:
             taken = source.take(batch.t_s)
             samples[source.sensor] = (*samples.get(source.sensor, ()), *taken)
             if isinstance(source, SourceOfMore):
                 more = source.take_more(batch.t_s)
-                notes += more.pop("events", ())
+                notes += more.pop("notes", ())
                 for field, found in more.items():
                     samples[field] = (*samples.get(field, ()), *found)
             notes += self._watch(source, batch.t_s, has_samples=bool(taken))
-        return msgspec.structs.replace(batch, **samples, events=(*notes, *batch.events))
+        return msgspec.structs.replace(batch, **samples, notes=(*notes, *batch.notes))
 
     def write(self, command: RobotCommand) -> None:
         for source in self._sources:
@@ -152,8 +147,8 @@ class MixedPlatform:
 
     def _watch(
         self, source: SensorSource, t_s: float, *, has_samples: bool
-    ) -> Iterator[OperatorEvent]:
-        """Note when a source falls silent, with value 1, and when it sends again, with 0."""
+    ) -> Iterator[DeviceNote]:
+        """Note when a source falls silent, and when it sends again."""
         name = f"{source.sensor} from {source.name}"
         last_s = self._heard_s.setdefault(name, t_s)
         if has_samples:
@@ -162,6 +157,6 @@ class MixedPlatform:
         if is_silent == (name in self._silent) or not (is_silent or has_samples):
             return
         self._silent ^= {name}
-        text = f"silent for {t_s - last_s:.1f} s > {SILENCE_S:g} s" if is_silent else "heard again"
-        parts = SENSOR_PARTS.get(source.sensor, ())
-        yield make_sensor_note(t_s, f"{name} is {text}", is_fault=is_silent, parts=parts)
+        field, whose = source.sensor, source.name
+        silence = SourceSilent(field, whose, t_s - last_s, SILENCE_S)
+        yield DeviceNote(t_s=t_s, fact=silence if is_silent else SourceHeard(field, whose))

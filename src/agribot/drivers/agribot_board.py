@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import get_args
 
 from agribot.core.errors import ConfigError
-from agribot.core.fact_text import load_table
-from agribot.core.facts import Part
+from agribot.core.facts import (
+    AnyFact,
+    BoardCause,
+    BoardHung,
+    BoardStopped,
+    BoardUnconfigured,
+    Wheel,
+    WheelsReversed,
+    join_facts,
+)
 from agribot.core.messages import (
     WHEEL_NAMES,
     BatterySample,
@@ -53,13 +62,13 @@ _HOW = (
     "measure the counts (agribot board show), read the full speed from the data sheet, and keep "
     "both: agribot calibrate motors (docs/first-drive.md, step 3)"
 )
-CAUSES = {
-    StopCause.BEGAN: "it was switched on, or reset",
-    StopCause.ESTOP: "its red button was pressed",
-    StopCause.BUMPER: "its bumper was touched",
-    StopCause.BATTERY: "its battery is too low",
-    StopCause.MOTOR: "a motor was at fault",
-    StopCause.REVERSED: "a wheel turned against its motor",
+CAUSES: dict[StopCause, BoardCause] = {
+    StopCause.BEGAN: "began",
+    StopCause.ESTOP: "button",
+    StopCause.BUMPER: "bumper",
+    StopCause.BATTERY: "battery",
+    StopCause.MOTOR: "motor",
+    StopCause.REVERSED: "reversed",
 }
 
 
@@ -244,38 +253,24 @@ def _read_board(state: BoardState, *, has_battery: bool, is_config_refused: bool
     flags, causes = state.flags, state.stop_causes
     has_begun = StopCause.BEGAN in causes and BoardFlag.STOP_LATCHED in flags
     has_hung = has_begun and BoardFlag.WATCHDOG_RESET in flags
-    found = ["it hung, and its watchdog reset it"] if has_hung else []
+    found: list[AnyFact] = [BoardHung()] if has_hung else []
     if is_config_refused:
-        found.append(
-            "it refuses its configuration, and will turn no wheel; check counts_per_turn, "
-            "full_speed_radps, kp and ti_s"
-        )
-    parts: tuple[Part, ...] = ("motors",) if found else ()
+        found.append(BoardUnconfigured())
     if StopCause.REVERSED in causes:
-        found.append(_name_reversed(state.motor_faults))
-        parts = (*parts, "wheels")
-    told = " and ".join(words for cause, words in CAUSES.items() if cause in causes)
+        found.append(_find_reversed(state.motor_faults))
+    told = BoardStopped(tuple(word for cause, word in CAUSES.items() if cause in causes))
     return BoardSample(
         t_s=0.0,
         inputs=("red button", "bumper", "motors", *(("battery",) if has_battery else ())),
         is_button_pressed=BoardFlag.ESTOP_PRESSED in flags,
-        stopped=(told or "for a reason that it does not state")
-        if BoardFlag.STOP_LATCHED in flags
-        else "",
-        faults=tuple(found),
-        fault_parts=parts,
+        stop=told if BoardFlag.STOP_LATCHED in flags else None,
+        fault=join_facts(found),
     )
 
 
-def _name_reversed(motor_faults: int) -> str:
-    named = load_table("en").words["wheel"]
-    names = [named[name] for k, name in enumerate(WHEEL_NAMES) if motor_faults & (0x10 << k)]
-    words = "all" if len(names) == len(WHEEL_NAMES) else " and ".join(names)
-    is_one = len(names) == 1
-    return (
-        f"{words} wheel{'' if is_one else 's'} turn{'s' if is_one else ''} against the motor, as "
-        "with A and B of the encoder or the motor's leads swapped"
-    )
+def _find_reversed(motor_faults: int) -> WheelsReversed:
+    bits = enumerate(get_args(Wheel))
+    return WheelsReversed(tuple(name for k, name in bits if motor_faults & (0x10 << k)))
 
 
 def make_board(robot: RobotSpec, options: UriOptions) -> AgribotBoard:

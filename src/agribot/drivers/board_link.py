@@ -16,8 +16,9 @@ from agribot.core.errors import PlatformError
 from agribot.core.messages import (
     STOP,
     BoardSample,
+    DeviceNote,
     ImplementCommand,
-    OperatorEvent,
+    RequestEvent,
     RobotCommand,
 )
 from agribot.core.robot import DriveSpec
@@ -53,7 +54,7 @@ class BoardLink:
         self._imu_queue: SampleQueue[BoardReport] = SampleQueue(
             now_s, latency_s=board.latency_s, clock=self._queue.clock
         )
-        self._watch = LineWatch("motor board")
+        self._watch = LineWatch("board", "motor board")
         self.has_spoken, self._bytes_heard = False, 0
         self._first_s, self._heard_s = math.inf, -math.inf
         self._clearing_until_s = -math.inf
@@ -119,23 +120,23 @@ class BoardLink:
             "board": tuple(r.board for r in reports if r.board),
         }
 
-    def watch_line(self, t_s: float) -> tuple[OperatorEvent, ...]:
+    def watch_line(self, t_s: float) -> tuple[DeviceNote, ...]:
         """Note that the line breaks many messages, or that it does not any more."""
         board = self.board
         return self._watch.update(t_s, board.broken if isinstance(board, CountsBroken) else 0)
 
     def clear(
-        self, t_s: float, events: tuple[OperatorEvent, ...], told: tuple[BoardSample, ...]
+        self, t_s: float, events: tuple[RequestEvent, ...], told: tuple[BoardSample, ...]
     ) -> bytes:
         """Make the command that clears the board's stop, sent until the board has let go."""
-        actions = [event.action for event in events]
-        if "clear_stop" in actions:
+        words = [event.request.word for event in events]
+        if "clear_stop" in words:
             self._clearing_until_s = t_s + CLEARING_S
         last = told[-1] if told else None
-        has_let_go = last is not None and not last.stopped  # the next stop is a new one
-        if "stop" in actions or has_let_go or (last is not None and last.is_button_pressed):
+        has_let_go = last is not None and last.stop is None  # the next stop is a new one
+        if "stop" in words or has_let_go or (last is not None and last.is_button_pressed):
             self._clearing_until_s = -math.inf
-        is_held = t_s < self._clearing_until_s and last is not None and bool(last.stopped)
+        is_held = t_s < self._clearing_until_s and last is not None and last.stop is not None
         return self.board.clear_stop() if is_held else b""
 
     def command(self, command: RobotCommand) -> bytes:

@@ -183,7 +183,7 @@ class CameraSource:
 
     def take_more(self, t_s: float) -> dict[str, tuple[Any, ...]]:
         """Take notes on the times of its pictures."""
-        return {"events": self._clock.update(t_s)}
+        return {"notes": self._clock.update(t_s)}
 
     def close(self) -> None:
         """Let go of the camera. Safe to call twice."""

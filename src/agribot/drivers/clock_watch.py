@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from agribot.core.messages import OperatorEvent, make_sensor_note
+from agribot.core.facts import TimesKnown, TimesUnsure
+from agribot.core.messages import DeviceNote
 from agribot.core.stamp_clock import WINDOW_S
 
 UNSURE_S = 0.02  # capture times that are off by more are reported
@@ -24,7 +25,7 @@ class ClockWatch:
         self._known_s = math.inf  # when it was first known
         self._is_told = self._is_unsure = False
 
-    def update(self, t_s: float) -> tuple[OperatorEvent, ...]:
+    def update(self, t_s: float) -> tuple[DeviceNote, ...]:
         """Note what has changed at a time."""
         if t_s < self._next_s:
             return ()
@@ -39,6 +40,6 @@ class ClockWatch:
         if self._is_told and is_unsure == self._is_unsure:
             return ()
         self._is_told, self._is_unsure = True, is_unsure
-        text = f"times of the {self._name} are known to {1e3 * unsure_s:.1f} ms"
-        limit = f" > {1e3 * UNSURE_S:g} ms" if is_unsure else ""
-        return (make_sensor_note(t_s, text + limit, is_fault=is_unsure),)
+        unsure = TimesUnsure(self._name, unsure_s, UNSURE_S)
+        fact = unsure if is_unsure else TimesKnown(self._name, unsure_s)
+        return (DeviceNote(t_s=t_s, fact=fact),)

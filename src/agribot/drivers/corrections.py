@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from agribot.core.errors import ConfigError
+from agribot.core.facts import CorrectionsCome, CorrectionsMissing
 from agribot.core.geo import ecef_from_geodetic, geodetic_from_ecef
 from agribot.core.messages import GnssFix, Vec3
 from agribot.drivers.byte_streams import ByteStream, TcpStream
@@ -84,8 +85,7 @@ class CorrectionLink:
     """Feeds a receiver from a caster until it is closed.
 
     `write` gives bytes to the receiver and returns whether it took them, `last_fix` is where that
-    is, None before it knows. `tell` gets a message once when corrections come (and true), are
-    lost, or cannot be had, with the reason (and false).
+    is, None before it knows. `tell` gets once that corrections come, are lost, or cannot be had.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class CorrectionLink:
         login: CasterLogin | None,
         write: Callable[[bytes], bool],
         last_fix: Callable[[], StampedFix | None],
-        tell: Callable[[str, bool], None],
+        tell: Callable[[CorrectionsCome | CorrectionsMissing], None],
         timing: CorrectionTiming | None = None,
         now_s: Callable[[], float] = time.monotonic,
         tls: ssl.SSLContext | None = None,
@@ -207,9 +207,8 @@ class CorrectionLink:
         self._last_s = self._now_s()
         if not self._is_flowing:
             self._is_flowing, self._told = True, ""
-            word = "are back" if self._has_come else "come"
-            self._has_come = True
-            self._tell(f"corrections from {self._caster.name} {word}", True)
+            is_again, self._has_come = self._has_come, True
+            self._tell(CorrectionsCome(self._caster.name, is_again))
 
     def _check_base(self, message: RtcmMessage) -> None:
         """Compare where the base says to stand with where the receiver is.
@@ -241,10 +240,7 @@ class CorrectionLink:
         if why == self._told:
             return
         self._told = why
-        name = self._caster.name
-        lost = f"corrections from {name} are lost"
-        state = lost if self._is_flowing else f"no corrections from {name}"
-        self._tell(f"{state}: {why}; trying again", False)
+        self._tell(CorrectionsMissing(self._caster.name, why, is_lost=self._is_flowing))
 
 
 def _doubt_base(base_m: Vec3, fix: GnssFix) -> str:

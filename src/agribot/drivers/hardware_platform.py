@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable
 
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError, PlatformError
+from agribot.core.facts import AnyFact, DeviceSaid
 from agribot.core.messages import (
+    DeviceNote,
     Inbox,
     RobotCommand,
     SafetyInput,
     SensorBatch,
-    make_sensor_note,
 )
 from agribot.core.robot import RobotSpec
 from agribot.drivers.board_kinds import open_board
@@ -31,6 +33,7 @@ from agribot.drivers.stream_writer import StreamWriter
 MOTOR_SETTINGS = ("counts_per_turn", "full_speed_radps", "winding_ohm")  # of `calibration`
 FIRST_REPORT_S = 5.0  # a board that the line's opening resets starts for two of them
 POLL_S = 0.02
+MOST_SAID = 32  # by threads, between two ticks
 
 
 class HardwarePlatform:
@@ -54,6 +57,7 @@ class HardwarePlatform:
         Raises: ConfigError: no such line. PlatformError: a board that is silent or unfit.
         """
         self.inbox = Inbox()
+        self._said: deque[AnyFact] = deque(maxlen=MOST_SAID)  # by threads
         self._period_s = 1.0 / tick_hz
         self._name, self._now_s = f"motor board on {name}", now_s
         self._link = BoardLink(board, robot.drive, now_s)
@@ -74,10 +78,11 @@ class HardwarePlatform:
         t_s = self._wait_for_tick()
         told = self._link.take(t_s)
         clock = self._clock.update(t_s)
-        events, hand = self.inbox.drain(t_s)
-        self._writer.send(self._link.clear(t_s, events, told["board"]))
-        events = (*clock, *self._link.watch_line(t_s), *events)
-        return SensorBatch(t_s=t_s, events=events, hand=hand, **told)
+        requests, hand = self.inbox.drain(t_s)
+        self._writer.send(self._link.clear(t_s, requests, told["board"]))
+        said = [DeviceNote(t_s=t_s, fact=self._said.popleft()) for _ in range(len(self._said))]
+        notes = (*clock, *self._link.watch_line(t_s), *said)
+        return SensorBatch(t_s=t_s, requests=requests, notes=notes, hand=hand, **told)
 
     def write(self, command: RobotCommand) -> None:
         """Send a command to the board; the line may take its time.
@@ -124,8 +129,8 @@ class HardwarePlatform:
     def _write(self, data: bytes) -> bool:
         return self._link.may_send and self._reader.write(data)
 
-    def _note(self, text: str, *, is_fault: bool = True) -> None:
-        self.inbox.post(make_sensor_note(0.0, text, is_fault=is_fault))
+    def _note(self, text: str) -> None:
+        self._said.append(DeviceSaid(text))
 
 
 def check_inputs(board: MotorBoard, name: str, must_report: tuple[SafetyInput, ...]) -> None:

@@ -214,7 +214,7 @@ class ImuSource:
     def take_more(self, t_s: float) -> dict[str, tuple[Any, ...]]:
         """Take the readings of a magnetometer on the same board, and notes on its clock."""
         mag = {"mag": self._mag.take(t_s)} if self._device.has_magnetometer else {}
-        return mag | {"events": self._clock.update(t_s)}
+        return mag | {"notes": self._clock.update(t_s)}
 
     def close(self) -> None:
         """Let go of the line. Safe to call twice."""

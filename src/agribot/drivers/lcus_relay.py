@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from agribot.core.errors import ConfigError
+from agribot.core.facts import AnyFact, RelayLost, RelayStuck
 from agribot.core.messages import ContactorSample, RobotCommand
 from agribot.core.platform import Sensor
 from agribot.drivers.byte_streams import OpenStream, SerialStream, StreamReader
@@ -63,10 +64,11 @@ class LcusContactor:
     def take(self, t_s: float) -> tuple[ContactorSample, ...]:
         """Report the last command to the relay, and whether its line took that."""
         silent_s = self._now_s() - self._written_s
-        trouble = f"its line {self.name} is lost" if self._is_lost else ""
-        if not trouble and self._asked_s > self._written_s and silent_s > STUCK_S:
-            trouble = f"its line {self.name} takes nothing for {silent_s:.1f} s"
-        return (ContactorSample(t_s=t_s, is_closed=self._is_on and not trouble, trouble=trouble),)
+        fault: AnyFact | None = RelayLost(self.name) if self._is_lost else None
+        if fault is None and self._asked_s > self._written_s and silent_s > STUCK_S:
+            fault = RelayStuck(self.name, silent_s)
+        is_closed = self._is_on and fault is None
+        return (ContactorSample(t_s=t_s, is_closed=is_closed, fault=fault),)
 
     def write(self, command: RobotCommand) -> None:
         """Switch the relay as a command says; it may take its time."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import Literal
 
-from agribot.core.messages import OperatorEvent, make_sensor_note
+from agribot.core.facts import LineClean, LineNoisy
+from agribot.core.messages import DeviceNote
 
 MANY, WITHIN_S = 3, 10.0  # broken frames; a line in order has none, one that is plugged in has one
 
@@ -12,16 +14,17 @@ MANY, WITHIN_S = 3, 10.0  # broken frames; a line in order has none, one that is
 class LineWatch:
     """Notes once that a line breaks frames, and once that it does not any more.
 
-    `name` is that of what is at its other end.
+    `device` is what is at its other end, and `name` how it is called.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, device: Literal["receiver", "board"], name: str) -> None:
+        self._device: Literal["receiver", "board"] = device
         self._name = name
         self._broken_s: deque[float] = deque(maxlen=MANY)
         self._known = 0
         self._is_noisy = False
 
-    def update(self, t_s: float, broken: int) -> tuple[OperatorEvent, ...]:
+    def update(self, t_s: float, broken: int) -> tuple[DeviceNote, ...]:
         """Note what has changed at a time; `broken` counts the frames since the line is open."""
         new = broken - self._known if broken >= self._known else broken
         self._known = broken
@@ -29,13 +32,10 @@ class LineWatch:
         times_s = self._broken_s
         if not self._is_noisy and len(times_s) == MANY and t_s - times_s[0] <= WITHIN_S:
             self._is_noisy = True
-            text = (
-                f"the link to the {self._name} broke {MANY} messages within "
-                f"{t_s - times_s[0]:.1f} s, which are left out; check its cable, plugs and ground"
-            )
-            return (make_sensor_note(t_s, text, is_fault=True, parts=("link",)),)
+            noisy = LineNoisy(self._device, self._name, MANY, t_s - times_s[0])
+            return (DeviceNote(t_s=t_s, fact=noisy),)
         if self._is_noisy and t_s - times_s[-1] > WITHIN_S:
             self._is_noisy = False
-            text = f"the link to the {self._name} broke no message for {WITHIN_S:g} s"
-            return (make_sensor_note(t_s, text, is_fault=False, parts=("link",)),)
+            clean = LineClean(self._device, self._name, WITHIN_S)
+            return (DeviceNote(t_s=t_s, fact=clean),)
         return ()

@@ -12,9 +12,10 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from agribot.core.errors import ConfigError
+from agribot.core.facts import AxisError, AxisStands, join_facts
 from agribot.core.messages import (
     WHEEL_NAMES,
     BatterySample,
@@ -195,29 +196,30 @@ class SideAxes:
         )  # fmt: skip
 
     def _describe(self, states: Mapping[int, AxisState], *, is_powered: bool) -> BoardSample:
-        why = (self._why_standing(axis, states[axis]) for axis in self._axes)
-        errors = (self._name_error(axis, states[axis]) for axis in self._axes)
+        why = (self._find_standing(axis, states[axis]) for axis in self._axes)
+        errors = (self._find_error(axis, states[axis]) for axis in self._axes)
         return BoardSample(
             t_s=0.0, inputs=("battery", "motors") if is_powered else ("motors",),
-            stopped=" and ".join(filter(None, why)), faults=tuple(filter(None, errors)),
+            stop=join_facts([one for one in why if one]),
+            fault=join_facts([one for one in errors if one]),
         )  # fmt: skip
 
     def is_standing(self, state: AxisState | None) -> bool:
         """Return whether an axis does not drive its wheels, as far as is known."""
         return state is None or bool(state.error) or state.state != CLOSED_LOOP
 
-    def _name_error(self, axis: int, state: AxisState) -> str:
-        expired = " (its watchdog heard no command in time)" if state.error & self._expired else ""
-        return f"{self._word} {axis}: error {state.error:#x}{expired}" if state.error else ""
+    def _find_error(self, axis: int, state: AxisState) -> AxisError | None:
+        is_expired = bool(state.error & self._expired)
+        error = AxisError(self._word, str(axis), state.error, is_expired)
+        return error if state.error else None
 
-    def _why_standing(self, axis: int, state: AxisState) -> str:
-        """Say why an axis does not drive its wheels; empty where it does."""
-        if state.error:
-            return f"{self._word} {axis} has an error"
+    def _find_standing(self, axis: int, state: AxisState) -> AxisStands | None:
+        """Find why an axis does not drive its wheels; None where it does."""
         if not self.is_standing(state):
-            return ""
-        does = "idle" if state.state == IDLE else f"in state {state.state}"
-        return f"{self._word} {axis} is {does}"
+            return None
+        by_state: Literal["idle", "state"] = "idle" if state.state == IDLE else "state"
+        why = "error" if state.error else by_state
+        return AxisStands(self._word, str(axis), why, state.state)
 
 
 def make_board(robot: RobotSpec, options: UriOptions) -> OdriveBoard:

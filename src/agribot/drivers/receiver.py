@@ -10,7 +10,8 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from agribot.core.messages import GnssFix, GnssHeading, GnssStatus, make_sensor_note
+from agribot.core.facts import AnyFact
+from agribot.core.messages import DeviceNote, GnssFix, GnssHeading, GnssStatus
 from agribot.core.platform import Sensor
 from agribot.core.stamp_clock import SampleQueue
 from agribot.drivers import gpsd, nmea
@@ -113,7 +114,7 @@ class ReceiverLink:
         self._fixes: SampleQueue[GnssFix] = SampleQueue(now_s, latency_s=latency_s)
         self._headings: SampleQueue[GnssHeading] = SampleQueue(now_s, latency_s=latency_s)
         self._states: SampleQueue[GnssStatus] = SampleQueue(now_s, latency_s=latency_s)
-        self._watch = LineWatch(name)
+        self._watch = LineWatch("receiver", name)
         self._clock = ClockWatch(name, lambda: self._fixes.uncertainty_s)
 
     def feed(self, data: bytes, arrived_s: float) -> None:
@@ -133,7 +134,7 @@ class ReceiverLink:
     def take_more(self, t_s: float) -> dict[str, tuple[Any, ...]]:
         """Take headings and states, and notes on line and clock, by field of the batch."""
         return {
-            "events": (*self._watch.update(t_s, self.decoder.broken), *self._clock.update(t_s)),
+            "notes": (*self._watch.update(t_s, self.decoder.broken), *self._clock.update(t_s)),
             "headings": self._headings.take(t_s),
             "gnss_status": self._states.take(t_s),
         }
@@ -158,7 +159,7 @@ class ReceiverSource:
         self.sensor: Sensor = "gnss"
         self.name = name
         self._link = ReceiverLink(f"receiver on {name}", decoder, latency_s=latency_s)
-        self._notes: deque[tuple[str, bool]] = deque(maxlen=_MOST_NOTES)
+        self._notes: deque[AnyFact] = deque(maxlen=_MOST_NOTES)
         self._corrections: CorrectionLink | None = None
         self._reader = StreamReader(
             f"gnss from {name}", open_stream, self._link.feed, self._link.now_s, tell, on_open,
@@ -182,8 +183,8 @@ class ReceiverSource:
         """Take headings and states of the receiver, and what happened to its corrections."""
         notes = [self._notes.popleft() for _ in range(len(self._notes))]
         more = self._link.take_more(t_s)
-        told = tuple(make_sensor_note(t_s, text, is_fault=not is_good) for text, is_good in notes)
-        return more | {"events": (*told, *more["events"])}
+        told = tuple(DeviceNote(t_s=t_s, fact=fact) for fact in notes)
+        return more | {"notes": (*told, *more["notes"])}
 
     def close(self) -> None:
         """Let go of the line and of the caster. Safe to call twice."""
@@ -191,8 +192,8 @@ class ReceiverSource:
             self._corrections.close()
         self._reader.close()
 
-    def _note(self, text: str, is_good: bool) -> None:
-        self._notes.append((text, is_good))
+    def _note(self, fact: AnyFact) -> None:
+        self._notes.append(fact)
 
     def _tell_fix(self) -> nmea.StampedFix | None:
         return self._link.decoder.last_fix

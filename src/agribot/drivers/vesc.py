@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from agribot.core.errors import ConfigError
+from agribot.core.facts import ControllerFault, join_facts
 from agribot.core.messages import (
     WHEEL_NAMES,
     BatterySample,
@@ -149,8 +150,8 @@ class VescBoard:
             ),
             board=BoardSample(
                 t_s=0.0, inputs=("battery", "motors"),
-                faults=tuple(f"controller {_name(one)}: {name_fault(v.fault)}"
-                             for one, v in zip(self._ids, ours, strict=True) if v.fault),
+                fault=join_facts([ControllerFault(_name(one), name_fault(v.fault))
+                                  for one, v in zip(self._ids, ours, strict=True) if v.fault]),
             ),
         )  # fmt: skip
 

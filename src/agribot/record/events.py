@@ -11,18 +11,23 @@ from typing import Literal
 import msgspec
 
 from agribot.core.errors import RecordingError
+from agribot.core.fact_text import render
 from agribot.core.facts import AnyFact, Fact, Part, find_kind
 from agribot.core.messages import (
     ALL_FINE,
     STOP,
     Check,
+    DeviceNote,
     GateState,
     GateStatus,
+    MarkMoment,
     MissionState,
-    OperatorEvent,
+    RequestEvent,
     SensorVerdicts,
     TickRecord,
+    Who,
 )
+from agribot.core.request_text import describe_request
 
 EventKind = Literal[
     "mission",
@@ -136,7 +141,7 @@ class EventSieve:
 
     def __init__(self) -> None:
         self._found: list[Event] = []
-        self._mission: tuple[str, tuple[object, ...], str] = ("", (), "")
+        self._mission: tuple[str, tuple[object, ...], tuple[object, ...]] = ("", (), ())
         self._objection: tuple[object, ...] = ()
         self._warning: tuple[str, Fact | None] = ("", None)
         self._facts: list[Fact] = []  # of the events of this tick
@@ -146,14 +151,16 @@ class EventSieve:
         self._gate = GateStatus()
         self._verdicts = ALL_FINE
         self._moving = False
-        self._driver = ""
+        self._driver: Who | None = None
         self._row: _RowStory | None = None
 
     def __call__(self, record: TickRecord) -> list[Event]:
         self._found, self._facts = [], []
         t_s = record.batch.t_s
-        for press in record.batch.events:
-            self._note_press(press)
+        for note in record.batch.notes:
+            self._note_device(note)
+        for request in record.batch.requests:
+            self._note_request(request)
         self._note_hand(t_s, record)
         self._note_estimate(t_s, record)
         self._note_doubt(t_s, record)
@@ -166,21 +173,20 @@ class EventSieve:
         self._moving = record.command.drive != STOP
         return self._found
 
-    def _note_press(self, press: OperatorEvent) -> None:
-        if press.action == "sensor":
-            kind: EventKind = "fault" if press.value else "clear"
-            event = Event(t_s=press.t_s, kind=kind, reason=press.text, parts=press.parts)
-            self._found.append(event)
-            return
-        kind = "mark" if press.action == "mark" else "operator"
-        self._add(press.t_s, kind, f"{_describe_press(press)} ({press.source})")
+    def _note_device(self, note: DeviceNote) -> None:
+        kind: EventKind = "clear" if note.fact.severity == "note" else "fault"
+        self._found.append(make_event(note.t_s, kind, render(note.fact), note.fact))
+
+    def _note_request(self, event: RequestEvent) -> None:
+        kind: EventKind = "mark" if isinstance(event.request, MarkMoment) else "operator"
+        self._add(event.t_s, kind, f"{describe_request(event.request)} ({event.who.name})")
 
     def _note_hand(self, t_s: float, record: TickRecord) -> None:
         """Note who drives by hand; letting a stick go is no event of its own."""
-        for request in record.batch.hand:
-            if request.source != self._driver and (request.v_mps or request.yaw_rate_radps):
-                self._driver = request.source
-                self._add(t_s, "operator", f"drives by hand ({request.source})")
+        for hand in record.batch.hand:
+            if hand.who != self._driver and (hand.v_mps or hand.yaw_rate_radps):
+                self._driver = hand.who
+                self._add(t_s, "operator", f"drives by hand ({hand.who.name})")
 
     def _note_estimate(self, t_s: float, record: TickRecord) -> None:
         ok = record.estimate.ok
@@ -213,7 +219,7 @@ class EventSieve:
 
     def _note_mission(self, t_s: float, record: TickRecord) -> None:
         status = record.status
-        now = (status.state, find_kind(status.fact), status.refusal)
+        now = (status.state, find_kind(status.fact), find_kind(status.refusal_fact))
         before, self._mission = self._mission, now
         if now[:2] != before[:2]:
             reason = f"{status.state}: {status.reason}" if status.reason else status.state
@@ -223,8 +229,8 @@ class EventSieve:
                 lack = "driven without evidence that it was this row"
                 self._add(t_s, "fault", f"row {row + 1} does not count as done: {lack}")
         self._unproven = status.rows_unproven
-        if status.refusal and status.refusal not in (before[2], status.reason):
-            self._add(t_s, "mission", status.refusal)
+        if now[2] and now[2] not in (before[2], now[1]):
+            self._add(t_s, "mission", status.refusal, status.refusal_fact)
 
     def _note_warning(self, t_s: float, warning: str, fact: Fact | None) -> None:
         before, was = self._warning
@@ -399,15 +405,3 @@ def read_whole_events(path: Path) -> tuple[Event, ...]:
         with suppress(msgspec.MsgspecError, ValueError):
             events.append(msgspec.json.decode(line, type=Event))
     return tuple(events)
-
-
-def _describe_press(press: OperatorEvent) -> str:
-    if press.action in ("point_out", "draw_polygon", "draw_route"):
-        return press.text or press.action
-    if press.action == "set":
-        return f"sets {press.text} = {press.value:g}"
-    if press.numbers:
-        return f"{press.action} {', '.join(f'{number:.3f}' for number in press.numbers)}"
-    if press.action == "mark":
-        return press.text or "marked"
-    return press.text if press.action == "note" else press.action

@@ -117,12 +117,12 @@ class ReplayPlatform:
         if record is None:
             raise EndOfRecording(f"{self._path} has no more ticks")
         self._scenes, self._sent = record.scenes, record.command.drive
-        events, hand = self.inbox.drain(record.batch.t_s)
-        if not (events or hand):
+        requests, hand = self.inbox.drain(record.batch.t_s)
+        if not (requests or hand):
             return record.batch
         batch = record.batch
         return msgspec.structs.replace(
-            batch, events=(*batch.events, *events), hand=(*batch.hand, *hand)
+            batch, requests=(*batch.requests, *requests), hand=(*batch.hand, *hand)
         )
 
     def recorded_scenes(self) -> tuple[Scene, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from agribot.core.errors import RecordingError
 from agribot.core.messages import ByteArray, CameraFrame, TickRecord
 from agribot.record.old_reasons import lift_reasons
+from agribot.record.old_requests import lift_requests
 
 # Frames keep their time and index; the pixels go to the image topic, at its own rate.
 NO_PIXELS: ByteArray = np.empty((0, 0, 3), dtype=np.uint8)
@@ -53,7 +54,7 @@ def decode_tick(data: bytes) -> TickRecord:
     Raises: RecordingError: the bytes are no TickRecord of this version.
     """
     try:
-        return lift_reasons(_DECODER.decode(data))
+        return lift_requests(lift_reasons(_DECODER.decode(data)), data)
     except msgspec.MsgspecError as error:
         raise RecordingError(
             f"the recording holds a tick that this version cannot read ({error}); "

@@ -14,12 +14,21 @@ from typing import Any, Literal
 
 import msgspec
 
-from agribot.autonomy.plan.answers import MEANWHILE
-from agribot.autonomy.plan.errand import OWN_PATH_ONLY, STANDING_MPS
+from agribot.autonomy.plan.errand import STANDING_MPS
 from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.core.errors import BridgeError
+from agribot.core.fact_text import render
+from agribot.core.facts import AnyFact, AskedElse, OwnPathOnly
 from agribot.core.geo import wrap_rad
-from agribot.core.messages import Estimate, MissionState, OperatorEvent, TickRecord
+from agribot.core.messages import (
+    AnyRequest,
+    ControlMission,
+    Estimate,
+    GoTo,
+    MissionState,
+    TickRecord,
+    Visit,
+)
 from agribot.ros.frames import PeerFrames
 from agribot.ros.requests import Requests
 
@@ -53,7 +62,7 @@ class PeerGoal(msgspec.Struct, kw_only=True, eq=False):
     over_s: float | None = None
     taken_up: bool = False
     is_settling: bool = False  # the robot is at the place, and comes to rest there
-    answer: tuple[str, float] | None = None  # the refusal, or "", and when it was given, s
+    answer: tuple[AnyFact | None, float] | None = None  # why it is refused, and when, s
 
     @property
     def is_over(self) -> bool:
@@ -88,7 +97,9 @@ class GoalBook:
     def _send(self, goal: PeerGoal) -> bool:
         goal.answer = None
         accepted, why = self._requests.post(
-            _make_event(goal), lambda refusal, record: _note_answer(goal, refusal, record)
+            _make_request(goal),
+            goal.source,
+            lambda refusal, record: _note_answer(goal, refusal, record),
         )
         self._turn(goal, *(("pending", "") if accepted else ("rejected", why)))
         return accepted
@@ -106,7 +117,8 @@ class GoalBook:
             if goal.is_settling and not goal.is_over:
                 self._turn(goal, "canceled", f"canceled by {source}")
             elif not goal.is_over:
-                self._requests.request_action("cancel" if goal.is_visit else "pause", source)
+                end = ControlMission(action="cancel" if goal.is_visit else "pause")
+                self._requests.post(end, source)
                 self._turn(goal, "canceling", f"canceled by {source}")
 
     def step(self, record: TickRecord) -> list[PeerGoal]:
@@ -137,11 +149,11 @@ class GoalBook:
     def _follow_visit(self, goal: PeerGoal, record: TickRecord) -> None:
         status = record.status
         if status.task != goal.name:
-            refusal = _read_refusal(goal, record)
+            answer = _read_answer(goal, record)
             if goal.taken_up:
                 self._turn(goal, "replaced", "another goal took its place")
-            elif refusal:
-                self._turn(goal, "aborted", refusal)
+            elif answer and answer[0]:
+                self._turn(goal, "aborted", render(answer[0]))
             elif self.now_s - (goal.since_s or 0.0) > TAKEN_UP_S:
                 self._turn(goal, "aborted", "the robot did not take it up")
             return
@@ -152,14 +164,15 @@ class GoalBook:
             self._turn(goal, "active", "")
 
     def _follow_errand(self, goal: PeerGoal, record: TickRecord) -> None:
-        refusal, status = _read_refusal(goal, record), record.status
-        if refusal is None:  # it stops first, or its way is being planned
+        answer, status = _read_answer(goal, record), record.status
+        if answer is None:  # it stops first, or its way is being planned
             return
-        if refusal.endswith(OWN_PATH_ONLY) and goal.state == "pending":
+        refusal = answer[0]
+        if refusal and refusal.holds(OwnPathOnly()) and goal.state == "pending":
             goal.is_visit = True  # such a mission has no errands, but another may take its place
             self._send(goal)
         elif refusal:
-            self._turn(goal, _name_refused(goal, refusal), refusal)
+            self._turn(goal, _name_refused(goal, refusal), render(refusal))
         elif status.leg == ErrandKind.GOAL.leg and _is_bound_for(goal, status.goal_map_m):
             goal.taken_up = True
             if goal.state == "canceling" and status.state == "paused":
@@ -195,32 +208,29 @@ def find_places(frames: PeerFrames, points: Sequence[tuple[str, Any]]) -> tuple[
     return tuple((*frames.find_place(frame, point.x, point.y), None) for frame, point in points)
 
 
-def _make_event(goal: PeerGoal) -> OperatorEvent:
+def _make_request(goal: PeerGoal) -> AnyRequest:
     if goal.is_visit:
-        numbers = tuple(value for x_m, y_m, _ in goal.places for value in (x_m, y_m))
-        return OperatorEvent(
-            t_s=0.0, action="visit", source=goal.source, text=goal.name, numbers=numbers
-        )
-    numbers = tuple(value for value in goal.places[0] if value is not None)
-    return OperatorEvent(t_s=0.0, action="goto", source=goal.source, numbers=numbers)
+        return Visit(places_map_m=tuple(place[:2] for place in goal.places), title=goal.name)
+    x_m, y_m, yaw_rad = goal.places[0]
+    return GoTo(x_map_m=x_m, y_map_m=y_m, yaw_map_rad=yaw_rad)
 
 
-def _note_answer(goal: PeerGoal, refusal: str, record: TickRecord) -> None:
+def _note_answer(goal: PeerGoal, refusal: AnyFact | None, record: TickRecord) -> None:
     goal.answer = (refusal, record.batch.t_s)
 
 
-def _read_refusal(goal: PeerGoal, record: TickRecord) -> str | None:
+def _read_answer(goal: PeerGoal, record: TickRecord) -> tuple[AnyFact | None, float] | None:
     """Read what the mission answered until this tick; None before it did."""
     if goal.answer is None or goal.answer[1] > record.batch.t_s:
         return None
-    return goal.answer[0]
+    return goal.answer
 
 
-def _name_refused(goal: PeerGoal, refusal: str) -> GoalState:
+def _name_refused(goal: PeerGoal, refusal: AnyFact) -> GoalState:
     """Name the state of an errand that did not begin."""
     if goal.state == "canceling":
         return "canceled"
-    return "replaced" if refusal.endswith(MEANWHILE) else "aborted"
+    return "replaced" if refusal.holds(AskedElse()) else "aborted"
 
 
 def _judge_end(goal: PeerGoal, record: TickRecord) -> tuple[GoalState, str]:

@@ -10,7 +10,8 @@ from typing import Any
 
 from agribot.core import inbound_topics as inbound
 from agribot.core.errors import BridgeError
-from agribot.core.messages import OperatorAction
+from agribot.core.messages import AnyRequest, ControlMission, PointOut
+from agribot.core.request_text import describe_request
 from agribot.core.topics import Topic
 from agribot.ros.frames import PeerFrames
 from agribot.ros.goals import GoalBook, PeerGoal, find_places
@@ -20,9 +21,9 @@ from agribot.ros.requests import PAUSE_SERVICE, SERVICES, Requests
 
 _MIN_INTERVAL_S = 0.05  # of the messages on one topic; faster ones are dropped, except a stop
 _MOST_TEXT = 200  # characters of a command
-_COMMANDS: dict[str, OperatorAction] = {
-    **{name.rpartition("/")[2]: action for name, action in SERVICES},
-    PAUSE_SERVICE.rpartition("/")[2]: "pause",
+_COMMANDS: dict[str, AnyRequest] = {
+    **{name.rpartition("/")[2]: request for name, request in SERVICES},
+    PAUSE_SERVICE.rpartition("/")[2]: ControlMission(action="pause"),
 }
 
 
@@ -102,13 +103,14 @@ class InboundTopics:
     def _take_point(self, message: Any, source: str) -> None:
         point = message.point
         x_m, y_m = self._frames.find_place(message.header.frame_id, point.x, point.y)
-        self._requests.request_note(f"point: East {x_m:.3f} m, North {y_m:.3f} m", source)
+        note = describe_request(PointOut(x_map_m=x_m, y_map_m=y_m))
+        self._requests.request_note(note, source)
 
     def _take_command(self, message: Any, source: str) -> None:
         word = message.data.strip()[:_MOST_TEXT]
         if word not in _COMMANDS:
             raise BridgeError(f"'{word}' is not one of {', '.join(sorted(_COMMANDS))}")
-        self._requests.request_action(_COMMANDS[word], source)
+        self._requests.post(_COMMANDS[word], source)
 
 
 def _decode(topic: Topic, data: bytes) -> Any:

@@ -7,7 +7,7 @@ from typing import Any
 
 from agribot.autonomy.plan.errand import STANDING_MPS
 from agribot.core.errors import BridgeError
-from agribot.core.messages import OperatorEvent
+from agribot.core.messages import CorrectPose
 from agribot.ros.frames import PeerFrames
 from agribot.ros.requests import Requests
 
@@ -27,11 +27,14 @@ def request_pose(
     `stds` are 1 sigma of the place (m) and of the yaw (rad), 0 where they are unknown. Return
     whether it was posted, and the text for the peer.
     """
-    numbers = (*pose, stds[0] or _UNKNOWN_STD_M, stds[1] or _UNKNOWN_STD_RAD)
-    if text := _find_refusal(requests, numbers):
+    request = CorrectPose(
+        x_map_m=pose[0], y_map_m=pose[1], yaw_map_rad=pose[2],
+        std_m=stds[0] or _UNKNOWN_STD_M, std_rad=stds[1] or _UNKNOWN_STD_RAD,
+    )  # fmt: skip
+    if text := _find_refusal(requests, request.pose):
         requests.refuse(f"{source}: pose refused: {text}")
         return False, f"pose refused: {text}"
-    requests.post(OperatorEvent(t_s=0.0, action="pose_estimate", source=source, numbers=numbers))
+    requests.post(request, source)
     return True, (
         f"pose handed to the robot: East {pose[0]:.2f} m, North {pose[1]:.2f} m, "
         f"{math.degrees(pose[2]):.0f} degrees counter-clockwise from East"

@@ -14,7 +14,21 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from agribot.core.errors import BridgeError
-from agribot.core.messages import Inbox, OperatorAction, OperatorEvent
+from agribot.core.messages import (
+    AddNote,
+    AnyRequest,
+    AskerKind,
+    ChangeSetting,
+    ClearStop,
+    ControlMission,
+    ControlRecording,
+    Inbox,
+    LiveSetting,
+    MarkMoment,
+    PressStop,
+    RequestWord,
+    Who,
+)
 from agribot.ros.robot_link import OnAnswer, OnOutcome, RobotLink
 
 if TYPE_CHECKING:
@@ -23,23 +37,23 @@ if TYPE_CHECKING:
 MIN_INTERVAL_S = 0.005  # of twists; faster ones are dropped, except those that stop
 _REPORT_PERIOD_S = 5.0
 _KEPT_REASONS = 100
-_MOVING: frozenset[OperatorAction] = frozenset(
+_MOVING: frozenset[RequestWord] = frozenset(
     {"resume", "clear_stop", "start", "skip_row", "return_home", "goto", "visit", "set"}
 )
 
 Twist = tuple[float, float, float, float, float, float]  # linear x y z, angular x y z
 
-SERVICES: tuple[tuple[str, OperatorAction], ...] = (
-    ("/agribot/stop", "stop"),
-    ("/agribot/clear_stop", "clear_stop"),
-    ("/agribot/start", "start"),
-    ("/agribot/resume", "resume"),
-    ("/agribot/skip_row", "skip_row"),
-    ("/agribot/return_home", "return_home"),
-    ("/agribot/cancel", "cancel"),
-    ("/agribot/mark", "mark"),
-    ("/agribot/start_recording", "start_recording"),
-    ("/agribot/stop_recording", "stop_recording"),
+SERVICES: tuple[tuple[str, AnyRequest], ...] = (
+    ("/agribot/stop", PressStop()),
+    ("/agribot/clear_stop", ClearStop()),
+    ("/agribot/start", ControlMission(action="start")),
+    ("/agribot/resume", ControlMission(action="resume")),
+    ("/agribot/skip_row", ControlMission(action="skip_row")),
+    ("/agribot/return_home", ControlMission(action="return_home")),
+    ("/agribot/cancel", ControlMission(action="cancel")),
+    ("/agribot/mark", MarkMoment()),
+    ("/agribot/start_recording", ControlRecording(action="start")),
+    ("/agribot/stop_recording", ControlRecording(action="stop")),
 )
 PAUSE_SERVICE = "/agribot/pause"  # true pauses, false resumes
 SET_POSE_SERVICE = "/agribot/set_pose"  # takes the pose from the parameters initial_pose
@@ -90,7 +104,7 @@ class Requests:
             limit_hz = 1.0 / MIN_INTERVAL_S
             self.refuse(f"{source}: cmd_vel comes faster than {limit_hz:.0f} Hz; some are dropped")
             return
-        self._inbox.drive(v_mps, yaw_rate_radps, source)
+        self._inbox.drive(v_mps, yaw_rate_radps, Who(source, AskerKind.ROS))
 
     def _is_too_fast(self, *, moves: bool) -> bool:
         with self._lock:
@@ -100,19 +114,14 @@ class Requests:
             self._next_twist_s = now_s + MIN_INTERVAL_S
             return False
 
-    def request_action(self, action: OperatorAction, source: str) -> tuple[bool, str]:
-        """Request an action; return whether it was posted, and the text for the peer."""
-        return self.post(OperatorEvent(t_s=0.0, action=action, source=source))
-
-    def ask_action(self, action: OperatorAction, source: str, on_outcome: OnOutcome) -> None:
-        """Request an action; call `on_outcome` once with what the mission makes of it.
+    def ask(self, request: AnyRequest, source: str, on_outcome: OnOutcome) -> None:
+        """Post a request; call `on_outcome` once with what the mission makes of it.
 
         That is at once where the request is not allowed, else in the robot's thread, or in one of
         its own when the robot has not answered within a few seconds.
         """
-        event = OperatorEvent(t_s=0.0, action=action, source=source)
-        if self.link is None or self._find_refusal(event):
-            on_outcome(*self.post(event))
+        if self.link is None or self._find_refusal(request):
+            on_outcome(*self.post(request, source))
             return
 
         def report_outcome(is_done: bool, text: str) -> None:
@@ -120,38 +129,38 @@ class Requests:
                 self.refuse(f"{source}: {text}")
             on_outcome(is_done, text)
 
-        self.link.ask(event, report_outcome)
+        self.link.ask(request, Who(source, AskerKind.ROS), report_outcome)
 
     def request_note(self, text: str, source: str) -> None:
         """Put a text into the recording; nothing moves."""
-        self.post(OperatorEvent(t_s=0.0, action="note", source=source, text=text))
+        self.post(AddNote(text=text), source)
 
-    def post(self, event: OperatorEvent, on_answer: OnAnswer | None = None) -> tuple[bool, str]:
+    def post(
+        self, request: AnyRequest, source: str, on_answer: OnAnswer | None = None
+    ) -> tuple[bool, str]:
         """Post a request that is allowed; return whether it was, and the text for the peer.
 
         `on_answer` is called when the mission took or refused it, if there is a `link`.
         """
-        if text := self._find_refusal(event):
-            self.refuse(f"{event.source}: {text}")
+        if text := self._find_refusal(request):
+            self.refuse(f"{source}: {text}")
             return False, text
+        who = Who(source, AskerKind.ROS)
         if on_answer is not None and self.link is not None:
-            self.link.post(event, on_answer)
+            self.link.post(request, who, on_answer)
         else:
-            self._inbox.post(event)
-        return True, f"'{event.action}' handed to the robot"
+            self._inbox.post(request, who)
+        return True, f"'{request.word}' handed to the robot"
 
-    def _find_refusal(self, event: OperatorEvent) -> str:
-        if event.action in _MOVING and not self.allow_drive:
-            return (
-                f"'{event.action}' can set the robot in motion; start with --allow-drive to take it"
-            )
+    def _find_refusal(self, request: AnyRequest) -> str:
+        word = request.word
+        if word in _MOVING and not self.allow_drive:
+            return f"'{word}' can set the robot in motion; start with --allow-drive to take it"
         return ""
 
-    def request_change(self, setting: str, value: float, source: str) -> str:
+    def request_change(self, setting: LiveSetting, value: float, source: str) -> str:
         """Request a change of one of LIVE_SETTINGS; return the reason if it is refused, or ""."""
-        done, text = self.post(
-            OperatorEvent(t_s=0.0, action="set", source=source, text=setting, value=value)
-        )
+        done, text = self.post(ChangeSetting(setting=setting, value=value), source)
         return "" if done else text
 
     def refuse(self, why: str) -> None:

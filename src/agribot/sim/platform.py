@@ -21,7 +21,6 @@ from agribot.core.messages import (
     ImplementCommand,
     Inbox,
     LaserScan,
-    OperatorEvent,
     RobotCommand,
     SensorBatch,
     Vec3,
@@ -127,7 +126,7 @@ class SimPlatform:
         t_s = last * self._step_ns / NS_PER_S
         self._affect_field(first * self._step_ns / NS_PER_S, t_s)
         sensors = self._sensors
-        events, hand = self.inbox.drain(t_s)
+        requests, hand = self.inbox.drain(t_s)
         batch = SensorBatch(
             t_s=t_s,
             wheels=sensors.wheels.take_samples(first, last, history),
@@ -135,7 +134,7 @@ class SimPlatform:
             mag=sensors.mag.take_samples(first, last, history) if sensors.mag else (),
             gnss=sensors.gnss.take_samples(first, last, history, t_s),
             frames=self._frames.take_samples(first, last, history) if self._frames else (),
-            events=events,
+            requests=requests,
             hand=hand,
             base=sensors.base.take_samples(first, last, history, t_s) if sensors.base else (),
             headings=(
@@ -201,10 +200,6 @@ class SimPlatform:
     def add_tuning_tap(self, tap: Callable[[str, str, float], None]) -> None:
         """Call `tap` with every change of an error, in the thread that changes it."""
         self._tuning_taps.append(tap)
-
-    def post(self, event: OperatorEvent) -> None:
-        """Post an operator event from any thread; the next batch carries it."""
-        self.inbox.post(event)
 
     def truth(self) -> Truth:
         """Return the true state of the robot; the same object until the next read."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from urllib.parse import parse_qsl
 
 from agribot.core.config import RunConfig
+from agribot.core.fact_text import render
+from agribot.core.facts import CorrectionsCome, CorrectionsMissing, Fact, LineClean, LineNoisy
 from agribot.core.messages import (
     GnssFix,
     GnssStatus,
-    OperatorEvent,
     Satellite,
     SensorBatch,
 )
@@ -18,8 +19,6 @@ from agribot.ui import wire
 RATE_OVER_S = 2.0  # of fixes; a longer pause between two of them begins it anew
 STATUS_LATE_S = 5.0  # age at which satellites, dilutions and corrections are no longer shown
 MOST_SHOWN = 64  # satellites; those that are used and strong first
-# How notes on the receiver's line and on its corrections begin, or go on after a "no".
-LINE_NOTE, CORRECTIONS_NOTE = "the link to the receiver", "corrections from "
 
 
 class ReceiverView:
@@ -51,9 +50,8 @@ class ReceiverView:
             self._correction_hz = _measure_corrections_hz(self._status, status)
             self._use_ratio = _measure_use_ratio(self._status, status)
             self._status = status
-        for event in batch.events:
-            if event.action == "sensor":
-                self._hear(event)
+        for note in batch.notes:
+            self._hear(note.fact)
 
     def show(self) -> wire.ReceiverState:
         """Make the message of what is known by now."""
@@ -88,13 +86,16 @@ class ReceiverView:
             unread=list(told.unread),
         )
 
-    def _hear(self, note: OperatorEvent) -> None:
-        trouble = note.text if note.value else ""
-        if note.text.removeprefix("no ").startswith(CORRECTIONS_NOTE):
-            self._correction_trouble = trouble
-            self._caster_state = "failed" if trouble else "connected"
-        elif note.text.startswith(LINE_NOTE):
-            self._line_trouble = trouble
+    def _hear(self, fact: Fact) -> None:
+        match fact:
+            case CorrectionsMissing():
+                self._correction_trouble, self._caster_state = render(fact), "failed"
+            case CorrectionsCome():
+                self._correction_trouble, self._caster_state = "", "connected"
+            case LineNoisy(device="receiver"):
+                self._line_trouble = render(fact)
+            case LineClean(device="receiver"):
+                self._line_trouble = ""
 
 
 class FixRate:

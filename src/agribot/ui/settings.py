@@ -9,7 +9,8 @@ import msgspec
 
 from agribot.core.config import RunConfig
 from agribot.core.errors import ConfigError
-from agribot.core.messages import LIVE_SETTINGS
+from agribot.core.messages import LIVE_SETTINGS, ChangeSetting
+from agribot.core.messages.requests import find_live_setting
 from agribot.ui import wire
 
 _UNITS = (
@@ -48,12 +49,13 @@ def show_changes(groups: list[wire.SettingGroup], changed: dict[str, float]) -> 
             setting.value = bool(number) if setting.type == "boolean" else number
 
 
-def live_value(config: RunConfig, key: str, value: object) -> float:
-    """Return the value as an operator's event carries it.
+def make_change(config: RunConfig, key: str, value: object) -> ChangeSetting:
+    """Make the request of a value.
 
     Raises: ConfigError: not a live setting, or the value does not fit it.
     """
-    if key not in LIVE_SETTINGS:
+    setting = find_live_setting(key)
+    if setting is None:
         raise ConfigError(NOT_LIVE)
     group_name, _, name = key.partition(".")
     group = getattr(config, group_name)
@@ -64,7 +66,7 @@ def live_value(config: RunConfig, key: str, value: object) -> float:
     number = float(getattr(changed, name))
     if not math.isfinite(number):
         raise ConfigError(f"{key} = {value!r}: must be finite")
-    return number
+    return ChangeSetting(setting=setting, value=number)
 
 
 def _show(key: str, field: msgspec.structs.FieldInfo, value: object) -> wire.Setting:

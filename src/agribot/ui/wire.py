@@ -14,7 +14,6 @@ by its own name. It stays in the server, which writes the text in the language o
 
 from __future__ import annotations
 
-import re
 import struct
 from typing import Any, Literal
 
@@ -22,7 +21,25 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from agribot.core.facts import AnyFact
-from agribot.core.messages import GateState, OperatorAction, PlantClass, SensorState
+from agribot.core.messages import GateState, PlantClass, SensorState, requests
+
+# The robot's own requests cross as they are.
+Message = requests.Message
+Request = requests.Request
+AnyRequest = requests.AnyRequest
+Who = requests.Who
+MissionAction = requests.MissionAction
+RecordingAction = requests.RecordingAction
+ShapeKind = requests.ShapeKind
+PressStop = requests.PressStop
+ClearStop = requests.ClearStop
+ControlMission = requests.ControlMission
+ControlRecording = requests.ControlRecording
+MarkMoment = requests.MarkMoment
+GoTo = requests.GoTo
+CorrectPose = requests.CorrectPose
+PointOut = requests.PointOut
+DrawShape = requests.DrawShape
 
 # The page's screens in the order of its rail: each is the file of its name in `web/src/screens`.
 # The first four are the tabs of a phone.
@@ -62,11 +79,6 @@ EventLevel = Literal["info", "warn", "fault"]
 CheckState = Literal["ok", "warn", "fault"]
 CasterState = Literal["asked", "connected", "failed"]
 SensorName = Literal["gnss", "compass", "gyro", "wheels", "camera", "clock"]
-MissionAction = Literal[
-    "start", "pause", "resume", "cancel", "skip_row", "return_home", "nudge_left", "nudge_right"
-]
-RecordingAction = Literal["start", "stop"]
-ShapeKind = Literal["polygon", "route"]
 CalibrationPhase = Literal["driving", "computing", "found", "failed"]
 CalibrationAction = Literal["look", "start", "cancel", "accept", "undo"]
 SettingType = Literal["number", "boolean", "string", "choice"]
@@ -81,20 +93,6 @@ class BadMessage(Exception):
     def __init__(self, reason: str, id: str = "") -> None:
         super().__init__(reason)
         self.id = id
-
-
-def _kind_of(class_name: str) -> str:
-    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", class_name).lower()
-
-
-class Message(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", tag=_kind_of):
-    """Something that is said once; `kind` names it."""
-
-
-class Request(Message, frozen=True, kw_only=True):
-    """A message that a verdict with its `id` answers; without one, only its refusal is sent."""
-
-    id: str = ""
 
 
 # ---------------------------------------------------------------- page to server
@@ -140,60 +138,6 @@ class ScaleSpeed(Request, frozen=True, kw_only=True):
     """The share of the robot's speed that this page's hand may use."""
 
     ratio: float
-
-
-class PressStop(Request, frozen=True, kw_only=True):
-    """Stand still until the stop is cleared; anybody may say so."""
-
-
-class ClearStop(Request, frozen=True, kw_only=True):
-    """Let the robot go after a stop."""
-
-
-class ControlMission(Request, frozen=True, kw_only=True):
-    action: MissionAction
-
-
-class ControlRecording(Request, frozen=True, kw_only=True):
-    action: RecordingAction
-
-
-class MarkMoment(Request, frozen=True, kw_only=True):
-    """Mark this moment in the recording."""
-
-    text: str = ""
-
-
-class GoTo(Request, frozen=True, kw_only=True):
-    """Drive to a place, as RViz's 2D Goal; answered when the mission took or refused it."""
-
-    x_map_m: float
-    y_map_m: float
-    yaw_map_rad: float | None = None
-
-
-class CorrectPose(Request, frozen=True, kw_only=True):
-    """Where a robot at rest stands, as RViz's 2D Pose Estimate, with one sigma of each."""
-
-    x_map_m: float
-    y_map_m: float
-    yaw_map_rad: float
-    std_m: float = 0.3  # of a place and a direction shown with a finger on a map
-    std_rad: float = 0.1
-
-
-class PointOut(Request, frozen=True, kw_only=True):
-    """A place that somebody clicked, for the recording."""
-
-    x_map_m: float
-    y_map_m: float
-
-
-class DrawShape(Request, frozen=True, kw_only=True):
-    """A polygon or route that somebody drew, for the recording."""
-
-    shape: ShapeKind
-    corners_map_m: list[Vec2]
 
 
 PageRequest = (
@@ -324,7 +268,7 @@ class State(Message, frozen=True, kw_only=True):
     v_mps: float | None = None
     yaw_rate_radps: float | None = None
     cross_track_m: float | None = None
-    joints_rad: list[float] = []
+    joints_rad: list[float] = msgspec.field(default_factory=list)
     tilt_rad: tuple[float, float] | None = None
     gnss: GnssState | None = None
     battery: BatteryState | None = None
@@ -335,15 +279,15 @@ class State(Message, frozen=True, kw_only=True):
     reason: str = ""
     reason_fact: AnyFact | UnsetType = UNSET
     gate: ShownGate | None = None
-    checks: list[StartCheck] = []
-    doubts: list[SensorDoubt] = []
-    implement: list[ImplementLine] = []
+    checks: list[StartCheck] = msgspec.field(default_factory=list)
+    doubts: list[SensorDoubt] = msgspec.field(default_factory=list)
+    implement: list[ImplementLine] = msgspec.field(default_factory=list)
     weed_count: int = 0
     pace_ratio: float | None = None
     recording: str | None = None
     calibration: CalibrationProgress | None = None
     replay: ReplayProgress | None = None
-    signals: list[Sample] = []
+    signals: list[Sample] = msgspec.field(default_factory=list)
 
 
 class Weed(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
@@ -379,7 +323,7 @@ class TracePiece(Message, frozen=True, kw_only=True, tag="trace"):
 
     epoch: int = 0
     first: int = 0
-    points_map_m: list[Vec2] = []
+    points_map_m: list[Vec2] = msgspec.field(default_factory=list)
 
 
 class PathPiece(Message, frozen=True, kw_only=True, tag="path"):
@@ -390,21 +334,21 @@ class PathPiece(Message, frozen=True, kw_only=True, tag="path"):
 
     epoch: int = 0
     first: int = 0
-    points_map_m: list[Vec2] = []
-    rows: list[int] = []
+    points_map_m: list[Vec2] = msgspec.field(default_factory=list)
+    rows: list[int] = msgspec.field(default_factory=list)
 
 
 class WeedChanges(Message, frozen=True, kw_only=True, tag="weeds"):
     """Plants that are new or different, and the numbers of those that are gone."""
 
     epoch: int = 0
-    set: list[Weed] = []
-    gone: list[int] = []
+    set: list[Weed] = msgspec.field(default_factory=list)
+    gone: list[int] = msgspec.field(default_factory=list)
 
 
 class NewEvents(Message, frozen=True, kw_only=True, tag="events"):
     epoch: int = 0
-    events: list[LogEvent] = []
+    events: list[LogEvent] = msgspec.field(default_factory=list)
 
 
 class SeenSatellite(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
@@ -438,7 +382,7 @@ class ReceiverState(Message, frozen=True, kw_only=True, tag="receiver"):
     std_m: float | None = None
     rate_hz: float | None = None
     status_age_s: int | None = None
-    satellites: list[SeenSatellite] = []
+    satellites: list[SeenSatellite] = msgspec.field(default_factory=list)
     used_count: int = 0
     in_view_count: int = 0
     hdop: float | None = None
@@ -453,7 +397,7 @@ class ReceiverState(Message, frozen=True, kw_only=True, tag="receiver"):
     line_trouble: str = ""
     unmeasured: str = ""
     position_trouble: str = ""
-    unread: list[str] = []
+    unread: list[str] = msgspec.field(default_factory=list)
 
 
 class SignalTable(msgspec.Struct, frozen=True, kw_only=True):
@@ -548,21 +492,18 @@ ServerMessage = (
 
 
 class DriveOrder(Message, frozen=True, kw_only=True):
-    """A body twist by the hand of `by`, judged and limited already."""
+    """A body twist by the hand of `who`, judged and limited already."""
 
     v_mps: float
     yaw_rate_radps: float
-    by: str
+    who: Who
 
 
-class EventOrder(Message, frozen=True, kw_only=True):
-    """What becomes an operator's event; inside an `Ask`, the mission's verdict is wanted."""
+class RequestOrder(Message, frozen=True, kw_only=True):
+    """A request for the robot's inbox; inside an `Ask`, the mission's verdict is wanted."""
 
-    action: OperatorAction
-    source: str
-    text: str = ""
-    value: float = 0.0
-    numbers: tuple[float, ...] = ()
+    who: Who
+    request: AnyRequest
 
 
 class WatchOrder(Message, frozen=True, kw_only=True):
@@ -573,7 +514,7 @@ class WatchOrder(Message, frozen=True, kw_only=True):
 
 
 class OperatorLost(Message, frozen=True, kw_only=True):
-    by: str
+    who: Who
 
 
 class Ready(Message, frozen=True, kw_only=True):
@@ -585,9 +526,9 @@ class Alive(Message, frozen=True, kw_only=True):
 
 
 class PreviewGoal(Message, frozen=True, kw_only=True):
-    """The way to x, y (m, map) and, where it matters, yaw (rad), as it would be planned now."""
+    """The way to a goal, as it would be planned now."""
 
-    numbers: tuple[float, ...]
+    goal: GoTo
 
 
 class ListPanels(Message, frozen=True, kw_only=True):
@@ -621,7 +562,7 @@ class FindPlantPicture(Message, frozen=True, kw_only=True):
 
 
 Question = (
-    EventOrder | PreviewGoal | ListPanels | ReadPanel | SubmitPanel | Calibrate | SaveFrame
+    RequestOrder | PreviewGoal | ListPanels | ReadPanel | SubmitPanel | Calibrate | SaveFrame
     | FindPlantPicture
 )  # fmt: skip
 
@@ -660,7 +601,7 @@ class End(Message, frozen=True, kw_only=True):
 
 
 RobotMessage = State | Growth | TickCounts | Answer | End
-RobotOrder = DriveOrder | EventOrder | WatchOrder | OperatorLost | Ready | Alive | Ask
+RobotOrder = DriveOrder | RequestOrder | WatchOrder | OperatorLost | Ready | Alive | Ask
 
 
 # ---------------------------------------------------------------- bodies of HTTP requests
@@ -973,11 +914,11 @@ class PlanReply(msgspec.Struct, frozen=True, kw_only=True):
 
     ok: bool
     reasons: list[FieldReason]
-    warnings: list[str] = []
+    warnings: list[str] = msgspec.field(default_factory=list)
     length_m: float | None = None
     area_m2: float | None = None
     time_s: float | None = None
-    path: list[Vec2] = []
+    path: list[Vec2] = msgspec.field(default_factory=list)
     certificate: dict[str, Any] | None = None
     error: str | UnsetType = UNSET
 
@@ -1044,7 +985,7 @@ class ListedTopic(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     type: str
     displays: list[str]
-    publishers: list[str] = []
+    publishers: list[str] = msgspec.field(default_factory=list)
 
 
 class TopicNetworkInfo(msgspec.Struct, frozen=True, kw_only=True):
@@ -1052,7 +993,7 @@ class TopicNetworkInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     source: str
     title: str
-    topics: list[ListedTopic] = []
+    topics: list[ListedTopic] = msgspec.field(default_factory=list)
     problem: str = ""
 
 

@@ -16,9 +16,10 @@ from agribot.app.calibration.wizard import Wizard
 from agribot.app.rerun import compare_passes, read_pass, rerun
 from agribot.app.simulated_run import simulate
 from agribot.core import config
-from agribot.core.messages import STOP, Inbox, OperatorEvent, TickRecord
+from agribot.core.messages import STOP, Inbox, TickRecord, Who
 from agribot.description.loader import load_robot
 from tests import nightly
+from tests.asking import BY_WORD
 from tests.waiting import wait_for
 
 SETTINGS = (
@@ -49,7 +50,7 @@ class Bench:
         return self.wizard.answer({"do": what, "kind": kind, "by": "Anna"})
 
     def post(self, action: Any) -> None:
-        self.session.inbox.post(OperatorEvent(t_s=0.0, action=action, source="Bert"))
+        self.session.inbox.post(BY_WORD[action], Who("Bert"))
 
     def tick_until(self, is_it: Callable[[TickRecord], bool], limit_s: float = 400.0) -> TickRecord:
         for record in self._ticks:
@@ -173,7 +174,7 @@ def test_whatever_else_is_asked_of_the_robot_ends_it_at_once(bench: Bench, actio
 
 def test_a_hand_and_the_loss_of_the_operator_end_it(bench: Bench) -> None:
     takes: dict[str, Callable[[], None]] = {
-        "Bert took the robot": lambda: bench.session.inbox.drive(0.1, 0.0, "Bert"),
+        "Bert took the robot": lambda: bench.session.inbox.drive(0.1, 0.0, Who("Bert")),
         "Ann is not heard": lambda: bench.wizard.interrupt("Ann is not heard any more"),
     }
     for reason, take in takes.items():
@@ -189,7 +190,7 @@ def test_a_hand_and_the_loss_of_the_operator_end_it(bench: Bench) -> None:
 def test_it_is_refused_while_a_mission_runs_or_a_stop_holds(bench: Bench) -> None:
     bench.stand_ready()
     bench.post("stop")
-    bench.tick_until(lambda record: bool(record.batch.events))
+    bench.tick_until(lambda record: bool(record.batch.requests))
     assert "release the stop" in bench.do("start", "motors")["refusal"]
     bench.post("clear_stop")
     bench.post("resume")

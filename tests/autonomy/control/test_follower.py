@@ -21,17 +21,18 @@ from agribot.core.config import ControlConfig, FieldConfig, MissionConfig, Safet
 from agribot.core.fact_text import render
 from agribot.core.messages import (
     STOP,
+    ControlMission,
     DriveCommand,
     FloatArray,
     Goal,
     MissionState,
     MissionStatus,
-    OperatorEvent,
     Path,
     RobotCommand,
 )  # fmt: skip
 from agribot.core.pose import Pose2
 from tests import nightly
+from tests.asking import ask
 from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
 from tests.autonomy.plan.paper_task import PaperTask
 
@@ -310,10 +311,10 @@ def test_a_pose_that_is_no_number_stops_the_robot(column: str, value: float) -> 
 def test_paused_and_resumed_drive_continues_at_the_same_place() -> None:
     drive = Drive(Soil())
     drive.run(limit_s=12.0)
-    event = OperatorEvent(t_s=drive.rover.t_s, action="pause")
+    event = ask(ControlMission(action="pause"), t_s=drive.rover.t_s)
     held = drive.mission.step(drive.rover.estimate(), (event,)).s_m
     drive.run(limit_s=16.0)
-    resume = OperatorEvent(t_s=drive.rover.t_s, action="resume")
+    resume = ask(ControlMission(action="resume"), t_s=drive.rover.t_s)
     resumed = drive.mission.step(drive.rover.estimate(), (resume,))
     assert resumed.status.state == "running"
     braking_m = 0.15

@@ -6,7 +6,8 @@ import pytest
 
 from agribot.autonomy.control.hand_drive import HandControl
 from agribot.core.config import SafetyConfig
-from agribot.core.messages import DriveCommand, HandDrive, MissionState, SensorBatch
+from agribot.core.facts import PausedByHand
+from agribot.core.messages import DriveCommand, HandDrive, MissionState, PauseFor, SensorBatch, Who
 from tests.autonomy.control.test_supervisor import Gate, goal
 
 MISSION = DriveCommand(v_mps=0.4, yaw_rate_radps=0.0)
@@ -14,7 +15,7 @@ MISSION = DriveCommand(v_mps=0.4, yaw_rate_radps=0.0)
 
 def batch(t_s: float, *speeds_mps: float) -> SensorBatch:
     hand = tuple(
-        HandDrive(t_s=t_s, v_mps=speed, yaw_rate_radps=0.0, source="gamepad")
+        HandDrive(t_s=t_s, v_mps=speed, yaw_rate_radps=0.0, who=Who("gamepad"))
         for speed in speeds_mps
     )
     return SensorBatch(t_s=t_s, hand=hand)
@@ -28,8 +29,8 @@ def driven(control: HandControl, state: MissionState = "paused") -> DriveCommand
 def test_a_hand_that_moves_the_robot_pauses_the_mission_and_drives() -> None:
     control = HandControl(SafetyConfig())
     (event,) = control.update(batch(1.0, 0.2))
-    assert event.action == "pause"
-    assert "gamepad" in event.source
+    assert event.request == PauseFor(cause=PausedByHand("gamepad"))
+    assert event.who == Who("gamepad")
     assert driven(control) == DriveCommand(v_mps=0.2, yaw_rate_radps=0.0)
 
 

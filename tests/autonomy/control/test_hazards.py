@@ -25,6 +25,7 @@ from agribot.core.messages import (
     ImuSample,
     Scene,
     SensorBatch,
+    Who,
 )
 from agribot.sim.faults.table import find_kind
 from tests.autonomy.control.kinematic_rover import TICK_S
@@ -111,7 +112,7 @@ def test_the_gate_tells_its_state_and_why_at_every_turn() -> None:
     gate.send(STOP, state="paused", actions=("clear_stop",))
     state, reason = states_of(gate)
     assert (state, reason) == ("standby", "the stop was cleared by operator; mission paused: why")
-    hand = HandDrive(t_s=gate.rover.t_s, v_mps=-0.2, yaw_rate_radps=0.0, source="Ann")
+    hand = HandDrive(t_s=gate.rover.t_s, v_mps=-0.2, yaw_rate_radps=0.0, who=Who("Ann"))
     batch = msgspec.structs.replace(gate.rover.batch(), t_s=gate.rover.t_s + TICK_S, hand=(hand,))
     gate.send(DriveCommand(v_mps=-0.2), batch=batch, state="paused", is_by_hand=True)
     assert states_of(gate) == ("by hand", "Ann drives by hand")

@@ -7,14 +7,14 @@ import pytest
 
 from agribot.autonomy.control.hazards import CONTACTOR
 from agribot.autonomy.control.power_cut import BLIND_S, OPENING_S, REST_S
-from agribot.core.facts import NoContactor
+from agribot.core.facts import AnyFact, NoContactor, RelayLost
 from agribot.core.messages import (
     STOP,
     BoardSample,
     ContactorSample,
     DriveCommand,
     MissionState,
-    OperatorAction,
+    RequestWord,
     RobotCommand,
     SensorBatch,
 )
@@ -31,14 +31,15 @@ class Machine:
         self.gate = Gate()
         self.has_contactor, self.is_closed, self.is_welded = has_contactor, True, False
         self.is_one_welded = False  # of two
-        self.trouble, self.is_silent, self.are_wheels_seen = "", False, True
+        self.fault: AnyFact | None = None
+        self.is_silent, self.are_wheels_seen = False, True
         self.wheels: DriveCommand | None = None
         self.button = False
         self.sent = RobotCommand(t_s=0.0)
         self.reason = ""
 
     def go(
-        self, seconds: float, drive: DriveCommand = FORWARD, *actions: OperatorAction,
+        self, seconds: float, drive: DriveCommand = FORWARD, *actions: RequestWord,
         state: MissionState = "running",
     ) -> RobotCommand:  # fmt: skip
         for tick in range(round(seconds / TICK_S)):
@@ -59,7 +60,7 @@ class Machine:
             rover.turn_wheels(self.wheels)
         batch = rover.batch()
         told = ContactorSample(
-            t_s=batch.t_s, is_closed=self.is_closed, trouble=self.trouble,
+            t_s=batch.t_s, is_closed=self.is_closed, fault=self.fault,
             is_one_closed=self.is_one_welded and not self.is_closed,
         )  # fmt: skip
         board = BoardSample(t_s=batch.t_s, inputs=("red button",), is_button_pressed=self.button)
@@ -219,7 +220,7 @@ def test_a_robot_that_begins_stopped_begins_without_power_and_others_with_it() -
     ("harm", "words"),
     [
         ({"is_silent": True}, "the contactor does not answer: silent for"),
-        ({"trouble": "its line is lost"}, "the contactor does not answer: its line is lost"),
+        ({"fault": RelayLost("USB")}, "the contactor does not answer: its line USB is lost"),
     ],
 )
 def test_a_contactor_that_does_not_answer_stops_the_robot_and_is_named(
@@ -231,8 +232,8 @@ def test_a_contactor_that_does_not_answer_stops_the_robot_and_is_named(
     assert words in machine.stopped
     assert machine.sent.is_power_cut
     before = machine.stopped
-    for name, value in harm.items():
-        setattr(machine, name, type(value)())
+    for name in harm:
+        setattr(machine, name, False if name == "is_silent" else None)
     machine.go(2.0)
     assert machine.stopped == before, "it answers again, and the stop stays"
     machine.go(1.0, STOP, "clear_stop", state="paused")
@@ -290,7 +291,7 @@ def test_the_list_before_the_start_says_that_there_is_no_contactor() -> None:
     (item,) = (c for c in machine.gate.supervisor.gate.checks if c.name == CONTACTOR)
     assert (item.is_ok, item.fact) == (True, NoContactor())
     with_one = Machine()
-    with_one.trouble = "its line is lost"
+    with_one.fault = RelayLost("/dev/ttyUSB3")
     with_one.go(TICK_S, STOP, state="waiting")
     with_one.gate.send(batch=with_one.sense())
     assert with_one.gate.supervisor.gate.state == "stopped"

@@ -17,12 +17,14 @@ from agribot.core.messages import (
     STOP,
     WHEEL_NAMES,
     BumperSample,
+    ClearStop,
     DriveCommand,
     MissionState,
-    OperatorAction,
-    OperatorEvent,
+    PressStop,
+    RequestWord,
     SensorBatch,
 )
+from tests.asking import BY_WORD, ask
 from tests.autonomy.control.kinematic_rover import TICK_S
 from tests.autonomy.control.test_supervisor import (
     FORWARD,
@@ -241,7 +243,7 @@ def test_nothing_latches_while_the_robot_is_not_to_move() -> None:
 @pytest.mark.parametrize("actions", [("stop",), ()], ids=["STOP", "pause"])
 @pytest.mark.parametrize("drive", [STOP, AHEAD], ids=["at rest", "asked to move"])
 def test_a_board_that_runs_on_though_the_robot_should_stand_is_told_until_it_stands(
-    actions: tuple[OperatorAction, ...], drive: DriveCommand
+    actions: tuple[RequestWord, ...], drive: DriveCommand
 ) -> None:
     gate = Gate().cruise()
     gate.send(STOP, state="paused", actions=actions)
@@ -268,10 +270,10 @@ def test_a_latch_closed_by_others_holds_the_robot_and_keeps_its_first_reason() -
     gate = Gate()
     gate.supervisor = Supervisor(SafetyConfig(), ROBOT, latch)
     assert_stopped(*gate.send(batch=touching(gate, 0.5)), "stopped by Ann")
-    latch.hear(OperatorEvent(t_s=0.0, action="stop", source="Bert"))
+    latch.hear(ask(PressStop(), "Bert"))
     assert latch.cause == StoppedBy("Ann")
     for action in ("resume", "start", "pause"):
-        latch.hear(OperatorEvent(t_s=0.0, action=action))
+        latch.hear(ask(BY_WORD[action]))
     assert latch.cause == StoppedBy("Ann")
-    latch.hear(OperatorEvent(t_s=0.0, action="clear_stop"))
+    latch.hear(ask(ClearStop()))
     assert latch.cause is None

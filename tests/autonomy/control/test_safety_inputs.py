@@ -7,11 +7,14 @@ import pytest
 
 from agribot.autonomy.control.hazards import OF_BOARD
 from agribot.core.config import SafetyConfig
+from agribot.core.fact_text import render
+from agribot.core.facts import BoardHoldsStop, BoardHung, BoardReports, BoardStopped
 from agribot.core.messages import STOP, BoardSample, SafetyInput, SensorBatch
 from tests.autonomy.control.kinematic_rover import TICK_S
 from tests.autonomy.control.test_supervisor import FORWARD, Gate, assert_stopped
 
 ALL: tuple[SafetyInput, ...] = ("red button", "bumper", "battery", "motors")
+BEGAN, BUTTON = BoardStopped(("began",)), BoardStopped(("button",))
 
 
 def telling(gate: Gate, **changes: object) -> SensorBatch:
@@ -33,12 +36,12 @@ def cruising(config: SafetyConfig | None = None) -> Gate:
 @pytest.mark.parametrize("state", ["running", "waiting"])
 def test_the_red_button_stops_a_robot_that_drives_and_holds_one_that_stands(state: str) -> None:
     gate = cruising()
-    pressed = telling(gate, is_button_pressed=True, stopped="its red button was pressed")
+    pressed = telling(gate, is_button_pressed=True, stop=BUTTON)
     gate.send(STOP if state == "waiting" else FORWARD, batch=pressed, state=state)  # type: ignore[arg-type]
     assert_stopped(*gate.send(batch=telling(gate)), "red button is pressed", "clear the stop")
-    pressed = telling(gate, is_button_pressed=True, stopped="its red button was pressed")
+    pressed = telling(gate, is_button_pressed=True, stop=BUTTON)
     gate.send(STOP, state="paused", batch=pressed, actions=("clear_stop",))
-    sent, reason = gate.send(batch=telling(gate, is_button_pressed=True, stopped="yes"))
+    sent, reason = gate.send(batch=telling(gate, is_button_pressed=True, stop=BUTTON))
     assert_stopped(sent, reason, "red button is pressed")
 
 
@@ -46,36 +49,36 @@ def test_a_board_has_a_moment_to_let_go_of_the_stop_that_a_person_cleared_and_no
     None
 ):
     gate = cruising()
-    gate.send(batch=telling(gate, stopped="it was switched on"))
-    assert "holds a stop: it was switched on" in gate.supervisor.gate.reason
-    held = telling(gate, stopped="it was switched on")
+    gate.send(batch=telling(gate, stop=BEGAN))
+    assert gate.supervisor.gate.fact == BoardHoldsStop(cause=BEGAN)
+    held = telling(gate, stop=BEGAN)
     gate.send(STOP, state="paused", batch=held, actions=("clear_stop",))
     for _ in range(50):
-        sent, reason = gate.send(batch=telling(gate, stopped="it was switched on"))
+        sent, reason = gate.send(batch=telling(gate, stop=BEGAN))
         assert reason == ""
     sent, _ = gate.send(batch=telling(gate))
     assert sent.drive == FORWARD
-    sent, reason = gate.send(batch=telling(gate, stopped="it was switched on"))
-    assert_stopped(sent, reason, "holds a stop: it was switched on")
+    sent, reason = gate.send(batch=telling(gate, stop=BEGAN))
+    assert_stopped(sent, reason, render(BoardHoldsStop(cause=BEGAN)))
 
 
 def test_a_board_that_never_lets_go_stops_the_robot_again() -> None:
     gate = cruising()
-    gate.send(STOP, state="paused", batch=telling(gate, stopped="why"), actions=("clear_stop",))
-    reasons = {gate.send(batch=telling(gate, stopped="why"))[1] for _ in range(200)}
-    assert any("holds a stop: why" in reason for reason in reasons)
+    gate.send(STOP, state="paused", batch=telling(gate, stop=BEGAN), actions=("clear_stop",))
+    reasons = {gate.send(batch=telling(gate, stop=BEGAN))[1] for _ in range(200)}
+    assert any(render(BoardHoldsStop(cause=BEGAN)) in reason for reason in reasons)
 
 
 def test_a_fault_of_the_board_stops_the_robot_and_lets_a_hand_drive_it_off() -> None:
     gate = cruising()
-    faulty = telling(gate, faults=("it hung",))
-    assert_stopped(*gate.send(batch=faulty), "motor board: it hung")
-    gate.send(STOP, state="paused", batch=telling(gate, faults=("it hung",)),
+    faulty = telling(gate, fault=BoardHung())
+    assert_stopped(*gate.send(batch=faulty), render(BoardReports(cause=BoardHung())))
+    gate.send(STOP, state="paused", batch=telling(gate, fault=BoardHung()),
               actions=("clear_stop",))  # fmt: skip
-    batch = telling(gate, faults=("it hung",))
+    batch = telling(gate, fault=BoardHung())
     sent, _ = gate.send(FORWARD, state="paused", batch=batch, is_by_hand=True)
     assert sent.drive != STOP
-    assert_stopped(*gate.send(batch=telling(gate, faults=("it hung",))), "it hung")
+    assert_stopped(*gate.send(batch=telling(gate, fault=BoardHung())), render(BoardHung()))
 
 
 @pytest.mark.parametrize(("name", "limit_s"), [("red button", 0.3), ("battery", 5.0)])

@@ -21,14 +21,14 @@ from agribot.core.messages import (
     ImplementCommand,
     MissionState,
     MissionStatus,
-    OperatorAction,
-    OperatorEvent,
     Path,
+    RequestWord,
     RobotCommand,
     SensorBatch,
 )  # fmt: skip
 from agribot.core.robot import RobotSpec
 from agribot.description.loader import load_robot
+from tests.asking import BY_WORD, ask
 from tests.autonomy.control.kinematic_rover import TICK_S, Rover, Soil, farm_robot
 
 ROBOT = farm_robot()
@@ -55,13 +55,13 @@ class Gate:
         estimate: Estimate | None = None,
         batch: SensorBatch | None = None,
         state: MissionState = "running",
-        actions: tuple[OperatorAction, ...] = (),
+        actions: tuple[RequestWord, ...] = (),
         is_by_hand: bool = False,
     ) -> tuple[RobotCommand, str]:
         self.rover.t_s += TICK_S
         batch = batch or self.rover.batch()
-        events = tuple(OperatorEvent(t_s=batch.t_s, action=action) for action in actions)
-        batch = msgspec.structs.replace(batch, events=events)
+        events = tuple(ask(BY_WORD[action], t_s=batch.t_s) for action in actions)
+        batch = msgspec.structs.replace(batch, requests=events)
         command = self.command(drive)
         sent, reason = self.supervisor.check(
             command,

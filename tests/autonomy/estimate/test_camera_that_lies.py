@@ -11,8 +11,9 @@ import pytest
 
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import EstimateConfig
-from agribot.core.messages import Estimate, OperatorEvent, RowLine
+from agribot.core.messages import ControlMission, Estimate, RowLine
 from tests import nightly
+from tests.asking import ask
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, record
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import batches
@@ -68,9 +69,9 @@ class Drive:
         rng = np.random.default_rng(seed)
         for tick, batch in enumerate(batches(recording)):
             is_time = abs(batch.t_s - resume_s) < 0.01
-            events = (OperatorEvent(t_s=batch.t_s, action="resume", source="test"),) * is_time
+            events = (ask(ControlMission(action="resume"), "test", t_s=batch.t_s),) * is_time
             self.estimates.append(
-                self.into.update(msgspec.structs.replace(batch, events=events))
+                self.into.update(msgspec.structs.replace(batch, requests=events))
             )  # fmt: skip
             if tick % 5 == 0 and batch.t_s > 4.0:
                 scene = sight(recording, batch.t_s, 0.0, rng)

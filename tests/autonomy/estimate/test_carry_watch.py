@@ -9,7 +9,8 @@ from agribot.autonomy.estimate.carry_watch import CarryWatch
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.facts import RobotCarried
-from agribot.core.messages import OperatorEvent
+from agribot.core.messages import ControlMission
+from tests.asking import ask
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, record
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import batches
@@ -68,10 +69,10 @@ def test_whoever_resumes_it_has_looked() -> None:
     for batch in batches(carried(RTK, 0.4)):
         last = into.update(batch)
     assert "carried" in last.contradiction
-    event = OperatorEvent(t_s=last.t_s, action="resume", source="page")
-    end = msgspec.structs.replace(batch, t_s=last.t_s + 0.02, events=(event,))
+    event = ask(ControlMission(action="resume"), "page", t_s=last.t_s)
+    end = msgspec.structs.replace(batch, t_s=last.t_s + 0.02, requests=(event,))
     into.update(end)
-    assert not into.update(msgspec.structs.replace(end, events=())).contradiction
+    assert not into.update(msgspec.structs.replace(end, requests=())).contradiction
 
 
 def test_wheels_that_slip_and_a_clod_that_throws_the_robot_are_no_hands() -> None:

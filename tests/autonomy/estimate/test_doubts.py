@@ -16,14 +16,15 @@ from agribot.autonomy.estimate.row_agreement import RowAgreement
 from agribot.core.config import EstimateConfig, FieldConfig
 from agribot.core.messages import (
     BaseFix,
+    ControlMission,
     Estimate,
     GnssFix,
-    OperatorEvent,
     RowLine,
     Scene,
     SensorBatch,
 )
 from tests import nightly
+from tests.asking import ask
 from tests.autonomy.estimate.noisy_rover import M8N, QUIET, RTK, Errors, Recording, record
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import batches, localizer
@@ -64,8 +65,8 @@ def drive(
     rng, found = np.random.default_rng(seed), []
     for tick, batch in enumerate(batches(recording)):
         is_time = resume_s is not None and abs(batch.t_s - resume_s) < 0.01
-        events = (OperatorEvent(t_s=batch.t_s, action="resume", source="test"),) * is_time
-        found.append(into.update(msgspec.structs.replace(batch, events=events)))
+        events = (ask(ControlMission(action="resume"), "test", t_s=batch.t_s),) * is_time
+        found.append(into.update(msgspec.structs.replace(batch, requests=events)))
         if camera and tick % 5 == 0 and batch.t_s > 4.0:
             into.observe(sight(recording, batch.t_s, aside_m, rng))
     return into, found

@@ -10,8 +10,15 @@ import pytest
 
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.core.config import EstimateConfig, FieldConfig
-from agribot.core.messages import Estimate, GnssHeading, OperatorEvent, SensorBatch, Vec3
+from agribot.core.messages import (
+    ControlMission,
+    Estimate,
+    GnssHeading,
+    SensorBatch,
+    Vec3,
+)
 from tests import nightly
+from tests.asking import ask
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, record, rows
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import batches, localizer
@@ -116,8 +123,8 @@ def test_a_person_who_has_measured_the_antenna_goes_on() -> None:
     recording = record(rows, 38.0, seed=1, errors=RTK)
     last = [into.update(batch) for batch in batches(recording)][-1]
     assert "GNSS antenna" in last.contradiction
-    resumed = OperatorEvent(t_s=last.t_s, action="resume")
-    after = into.update(SensorBatch(t_s=last.t_s + 0.02, events=(resumed,)))
+    resumed = ask(ControlMission(action="resume"), t_s=last.t_s)
+    after = into.update(SensorBatch(t_s=last.t_s + 0.02, requests=(resumed,)))
     assert not after.contradiction
 
 

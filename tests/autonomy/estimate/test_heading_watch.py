@@ -9,8 +9,9 @@ import pytest
 
 from agribot.autonomy.estimate.ekf import YAW
 from agribot.autonomy.estimate.heading_watch import HeadingWatch
-from agribot.core.messages import OperatorEvent, SensorBatch
+from agribot.core.messages import ControlMission, SensorBatch
 from tests import nightly
+from tests.asking import ask
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, record, rows
 from tests.autonomy.estimate.playback import batches, localizer, play
 
@@ -37,8 +38,8 @@ def test_a_heading_turned_over_at_once_is_told_until_a_person_resumes() -> None:
     assert not any(reason for t_s, reason in told if t_s <= 8.0)
     reason = next(reason for _, reason in told if reason)
     assert "the heading jumped by -" in reason
-    resume = OperatorEvent(t_s=20.0, action="resume")
-    assert not into.update(SensorBatch(t_s=20.02, events=(resume,))).contradiction
+    resume = ask(ControlMission(action="resume"), t_s=20.0)
+    assert not into.update(SensorBatch(t_s=20.02, requests=(resume,))).contradiction
 
 
 def test_a_heading_that_nobody_knew_yet_may_be_found_at_once() -> None:

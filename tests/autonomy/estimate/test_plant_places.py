@@ -12,8 +12,9 @@ import numpy as np
 from agribot.autonomy.estimate.localizer import Localizer
 from agribot.autonomy.estimate.stem_map import StemMap
 from agribot.core.config import EstimateConfig, FieldConfig
-from agribot.core.messages import Estimate, FloatArray, OperatorEvent, SensorBatch
+from agribot.core.messages import ControlMission, Estimate, FloatArray, SensorBatch
 from tests import nightly
+from tests.asking import ask
 from tests.autonomy.estimate.noisy_rover import M8N, Recording, record
 from tests.autonomy.estimate.paper_robot import robot
 from tests.autonomy.estimate.playback import batches, error
@@ -81,8 +82,8 @@ def _map(plants: FloatArray, rng: np.random.Generator) -> FloatArray:
 
 
 def _resume(batch: SensorBatch) -> SensorBatch:
-    event = OperatorEvent(t_s=batch.t_s, action="resume", source="a person")
-    return msgspec.structs.replace(batch, events=(event,))
+    event = ask(ControlMission(action="resume"), "a person", t_s=batch.t_s)
+    return msgspec.structs.replace(batch, requests=(event,))
 
 
 def off(driven: Drive, after_s: float = 0.0) -> FloatArray:

@@ -11,8 +11,9 @@ import pytest
 
 from agribot.autonomy.plan.caution import across_std_m
 from agribot.core.config import EstimateConfig
-from agribot.core.messages import Estimate, GnssFix, OperatorEvent, SensorBatch
+from agribot.core.messages import CorrectPose, Estimate, GnssFix, SensorBatch
 from tests import nightly
+from tests.asking import ask
 from tests.autonomy.estimate.noisy_rover import M8N, RTK, Errors, Recording, record, rows
 from tests.autonomy.estimate.playback import batches, localizer, play
 from tests.autonomy.estimate.test_localizer_faults import distance_m, shifted, with_fixes
@@ -159,9 +160,12 @@ def test_there_is_no_level_without_a_pose_and_a_new_one_when_a_person_tells_the_
         if not estimate.ok:
             assert estimate.protection_m == math.inf
     assert estimate.protection_m > 2.0
-    place = (estimate.x_map_m, estimate.y_map_m, estimate.yaw_map_rad, 0.02, 0.02)
-    event = OperatorEvent(t_s=estimate.t_s, action="pose_estimate", numbers=place)
-    assert into.update(SensorBatch(t_s=estimate.t_s, events=(event,))).protection_m < 0.2
+    pose = CorrectPose(
+        x_map_m=estimate.x_map_m, y_map_m=estimate.y_map_m, yaw_map_rad=estimate.yaw_map_rad,
+        std_m=0.02, std_rad=0.02,
+    )  # fmt: skip
+    event = ask(pose, t_s=estimate.t_s)
+    assert into.update(SensorBatch(t_s=estimate.t_s, requests=(event,))).protection_m < 0.2
 
 
 def test_a_jump_of_a_cheap_receiver_does_not_drag_the_robot_along_later() -> None:

@@ -21,18 +21,19 @@ from agribot.core.facts import (
 )
 from agribot.core.geo import WGS84_A_M
 from agribot.core.messages import (
+    ControlMission,
     Estimate,
     GnssFix,
     GnssHeading,
     GroundPlant,
     ImuSample,
     MagSample,
-    OperatorEvent,
     PlantClass,
     Scene,
     SensorBatch,
 )
 from tests import nightly
+from tests.asking import ask
 from tests.autonomy.estimate.noisy_rover import M8N, Errors, Recording, record, rows
 from tests.autonomy.estimate.playback import batches, localizer
 from tests.autonomy.estimate.test_doubts import north
@@ -123,8 +124,8 @@ def test_a_person_who_believes_the_fixes_that_crept_goes_on_with_them() -> None:
     def resume(batch: SensorBatch) -> SensorBatch:
         if abs(batch.t_s - 21.0) > 0.01:
             return batch
-        event = OperatorEvent(t_s=batch.t_s, action="resume", source="test")
-        return msgspec.structs.replace(batch, events=(event,))
+        event = ask(ControlMission(action="resume"), "test", t_s=batch.t_s)
+        return msgspec.structs.replace(batch, requests=(event,))
 
     _, estimates = play_with(recording, resume)
     assert at(estimates, 20.9).contradiction

@@ -13,11 +13,12 @@ from agribot.core.messages import (
     Estimate,
     FloatArray,
     GnssQuality,
-    OperatorAction,
-    OperatorEvent,
     Path,
+    RequestEvent,
+    RequestWord,
 )  # fmt: skip
 from agribot.core.robot import DriveSpec, Joint, Link, Origin, RobotSpec, SensorMount, TyreSpec
+from tests.asking import ask
 
 FARM = FieldConfig()
 MISSION = MissionConfig()
@@ -78,8 +79,8 @@ def at(x_m: float, y_m: float, t_s: float, ok: bool = True) -> Estimate:
     )  # fmt: skip
 
 
-def event(action: OperatorAction, t_s: float = 0.0) -> OperatorEvent:
-    return OperatorEvent(t_s=t_s, action=action)
+def event(action: RequestWord, t_s: float = 0.0) -> RequestEvent:
+    return ask(action, t_s=t_s)
 
 
 def point_at(path: Path, s_m: float) -> tuple[float, float]:

@@ -28,7 +28,7 @@ from agribot.core.facts import (
     MayBeOffRow,
     PictureFrozen,
 )
-from agribot.core.messages import Estimate, GnssQuality, Goal, OperatorAction
+from agribot.core.messages import Estimate, GnssQuality, Goal, RequestWord
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM_START, MISSION, at, event, point_at, rover
 
@@ -154,7 +154,7 @@ class Ride:
         s_m: float,
         level_m: float = 0.1,
         contradiction: Fact | None = None,
-        action: OperatorAction | None = None,
+        action: RequestWord | None = None,
         fact: Fact | None = None,
     ) -> Goal:
         self.t_s += 0.02

@@ -12,7 +12,8 @@ from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.autonomy.plan.task import Task
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.field_bounds import FieldBounds
-from agribot.core.messages import Estimate, MapPoint, OperatorEvent, Path
+from agribot.core.messages import Estimate, GoTo, MapPoint, Path, Visit
+from tests.asking import ask
 from tests.autonomy.plan.paper_task import PaperTask, PaperTasks
 from tests.autonomy.plan.planting import MISSION, at, rover
 from tests.autonomy.plan.test_mission_errands import HEADLAND, NORTH, Drive, no_places, task
@@ -97,9 +98,7 @@ def test_the_way_home_is_asked_about_too_and_another_goal_takes_its_place() -> N
 def test_a_visit_goes_on_with_the_places_that_are_left() -> None:
     drive = Ride(Mission(task(), MISSION, new_tasks=PaperTasks(no_plan, places)))
     drive.settle()
-    event = OperatorEvent(
-        t_s=0.0, action="visit", source="Bea", text="the traps", numbers=(-2.0, 3.0, -2.0, 6.0)
-    )
+    event = ask(Visit(title="the traps", places_map_m=((-2.0, 3.0), (-2.0, 6.0))), "Bea")
     drive.mission.step(at(-2.0, 0.0, drive.t_s), [event])
     drive.settle()
     assert drive.mission.path is not None
@@ -121,7 +120,7 @@ def test_a_goto_before_any_work_is_kept_as_well() -> None:
     waits = msgspec.structs.replace(MISSION, waits_for_goals=True)
     drive = Ride(Mission(task(), waits, new_tasks=PaperTasks(no_plan, no_places)))
     drive.be_at(-2.0, 0.0)
-    goto = OperatorEvent(t_s=0.0, action="goto", source="Ada", numbers=(-2.0, 8.0))
+    goto = ask(GoTo(x_map_m=-2.0, y_map_m=8.0), "Ada")
     drive.mission.step(at(-2.0, 0.0, drive.t_s), [goto])
     drive.be_at(-2.0, 0.0)
     drive.along(0.0, 2.0)

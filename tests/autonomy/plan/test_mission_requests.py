@@ -21,9 +21,37 @@ from agribot.autonomy.plan.states import (
     Stopping,
     Waiting,
 )
-from agribot.core.facts import BatteryLow, Said
+from agribot.core.facts import (
+    AwayFromRows,
+    BatteryLow,
+    CancelledBy,
+    CarriedAway,
+    ErrandRefused,
+    InNoRow,
+    NothingPlanned,
+    NotResumed,
+    PausedBy,
+    ResumeAwaited,
+    RobotDrives,
+    RowNotMoved,
+    RowNotSkipped,
+    Said,
+    TaskRefused,
+)
 from agribot.core.latch import Latch
-from agribot.core.messages import Goal, MissionStatus, OperatorAction, OperatorEvent
+from agribot.core.messages import (
+    ChangeSetting,
+    CorrectPose,
+    DrawShape,
+    Goal,
+    MissionStatus,
+    PointOut,
+    RequestEvent,
+    RequestWord,
+    TakePlan,
+    Visit,
+)
+from tests.asking import ask, go_to
 from tests.autonomy.plan.paper_task import PaperTasks
 from tests.autonomy.plan.planting import MISSION, at, point_at
 from tests.autonomy.plan.test_mission_cut_off import places
@@ -40,17 +68,21 @@ STATES: dict[Column, type[State]] = {
     "open": Ended,
     "stopped": Paused,
 }
-ACTIONS = get_args(OperatorAction)
-REQUESTS: dict[str, OperatorEvent] = {
-    "goto": OperatorEvent(t_s=0.0, action="goto", source="Ada", numbers=HEADLAND),
-    "visit": OperatorEvent(t_s=0.0, action="visit", source="Ada", numbers=(-2.0, 6.0)),
-    "plan": OperatorEvent(t_s=0.0, action="plan", source="Ada", text="1"),
-    "set": OperatorEvent(t_s=0.0, action="set", text="mission.speed_mps", value=0.2),
+ACTIONS = get_args(RequestWord)
+REQUESTS: dict[str, RequestEvent] = {
+    "goto": ask(go_to(HEADLAND), "Ada"),
+    "visit": ask(Visit(places_map_m=((-2.0, 6.0),)), "Ada"),
+    "plan": ask(TakePlan(geojson="1"), "Ada"),
+    "set": ask(ChangeSetting(setting="mission.speed_mps", value=0.2)),
+    "pose_estimate": ask(CorrectPose(x_map_m=0.0, y_map_m=0.0, yaw_map_rad=0.0)),
+    "point_out": ask(PointOut(x_map_m=0.0, y_map_m=0.0)),
+    "draw_polygon": ask(DrawShape(shape="polygon", corners_map_m=())),
+    "draw_route": ask(DrawShape(shape="route", corners_map_m=())),
 }
 
 
-def request(action: OperatorAction) -> OperatorEvent:
-    return REQUESTS.get(action, OperatorEvent(t_s=0.0, action=action, source="Ada"))
+def request(action: RequestWord) -> RequestEvent:
+    return REQUESTS[action] if action in REQUESTS else ask(action, "Ada")
 
 
 class Asked(Ride):
@@ -61,10 +93,10 @@ class Asked(Ride):
         super().__init__(Mission(task(), MISSION, saved, new_tasks, latch=Latch()))
         self.where = self.start
 
-    def ask(self, event: OperatorEvent | None = None, v_mps: float = 0.0) -> MissionStatus:
+    def ask(self, event: RequestEvent | None = None, v_mps: float = 0.0) -> MissionStatus:
         return self.want(event, v_mps).status
 
-    def want(self, event: OperatorEvent | None = None, v_mps: float = 0.0) -> Goal:
+    def want(self, event: RequestEvent | None = None, v_mps: float = 0.0) -> Goal:
         self.t_s += 0.02
         here = msgspec.structs.replace(at(*self.where, self.t_s), v_mps=v_mps)
         return self.mission.step(here, [event] if event else [])
@@ -103,7 +135,7 @@ def test_every_request_has_a_reaction_in_every_state() -> None:
 @pytest.mark.parametrize("column", STATES)
 @pytest.mark.parametrize("action", ACTIONS)
 def test_a_mission_does_with_a_request_what_the_table_says(
-    action: OperatorAction, column: Column
+    action: RequestWord, column: Column
 ) -> None:
     one = Asked()
     before = one.into(column)
@@ -116,7 +148,10 @@ def test_a_mission_does_with_a_request_what_the_table_says(
     v_mps = 0.4 * (column == "stopping")
     after = one.ask(request(action), v_mps)
     if isinstance(reaction, Refuse):
-        assert after == msgspec.structs.replace(before, refusal=reaction.why)
+        assert after.refusal_fact == reaction.why
+        assert after == msgspec.structs.replace(
+            before, refusal=after.refusal, refusal_fact=reaction.why
+        )
     elif isinstance(reaction, Ignore):
         assert after == before
     else:
@@ -125,20 +160,22 @@ def test_a_mission_does_with_a_request_what_the_table_says(
 
 def is_done(reaction: Do, one: Asked, before: MissionStatus, after: MissionStatus) -> bool:
     """What may be seen of it at once, or why it could not be done."""
-    state = one.mission.state
+    state, refusal = one.mission.state, after.refusal_fact
+    is_stopped = after.stopped_fact is not None
     seen = {
-        Do.HOLD: after.stopped != "" and isinstance(state, Paused | Ended),
-        Do.RELEASE: after.stopped == "" and (after == before or "stop cleared" in after.reason),
-        Do.PAUSE: after.reason == "paused by Ada",
+        Do.HOLD: is_stopped and isinstance(state, Paused | Ended),
+        Do.RELEASE: not is_stopped and (after == before or after.fact == ResumeAwaited()),
+        Do.PAUSE: after.fact == PausedBy("Ada"),
         Do.RESUME: isinstance(state, Driving),
         Do.BEGIN_ANEW: isinstance(state, Waiting),
-        Do.CANCEL: (after.state, after.reason) == ("cancelled", "cancelled by Ada"),
+        Do.CANCEL: (after.state, after.fact) == ("cancelled", CancelledBy("Ada")),
         Do.SKIP_ROW: any(row.skipped for row in one.mission.row_results),
-        Do.NUDGE_LEFT: after.row_nudged_m > 0.0 or "in no row" in after.refusal,
-        Do.NUDGE_RIGHT: after.row_nudged_m < 0.0 or "in no row" in after.refusal,
-        Do.TURN_HOME: after.leg in ("way home", STOPPING) or "was planned" in after.refusal,
+        Do.NUDGE_LEFT: after.row_nudged_m > 0.0 or refusal == RowNotMoved(InNoRow()),
+        Do.NUDGE_RIGHT: after.row_nudged_m < 0.0 or refusal == RowNotMoved(InNoRow()),
+        Do.TURN_HOME: after.leg in ("way home", STOPPING)
+        or refusal == ErrandRefused("home", NothingPlanned()),
         Do.TURN_TO_GOAL: after.leg in ("to the goal", STOPPING),
-        Do.TAKE_PLAN: after.rows_total == 1 or "the robot drives" in after.refusal,
+        Do.TAKE_PLAN: after.rows_total == 1 or refusal == TaskRefused("plan", RobotDrives()),
         Do.TAKE_VISIT: after.task == "visit",
         Do.SET: one.mission.speed_mps == 0.2,
     }
@@ -146,7 +183,7 @@ def is_done(reaction: Do, one: Asked, before: MissionStatus, after: MissionStatu
 
 
 @pytest.mark.parametrize("action", ["pause", "cancel", "skip_row", "stop"])
-def test_a_pause_on_an_errand_keeps_its_way(action: OperatorAction) -> None:
+def test_a_pause_on_an_errand_keeps_its_way(action: RequestWord) -> None:
     one = Asked()
     one.into("on_errand")
     one.ask(request("pause"))
@@ -154,7 +191,7 @@ def test_a_pause_on_an_errand_keeps_its_way(action: OperatorAction) -> None:
     status = one.ask(request(action))
     assert one.mission.path is path
     if action == "skip_row":
-        assert status.refusal == "row not skipped: the robot is away from its rows"
+        assert status.refusal_fact == RowNotSkipped(AwayFromRows())
 
 
 def test_a_mission_that_is_cancelled_while_it_stops_for_an_errand_stays_where_it_is() -> None:
@@ -221,7 +258,7 @@ def test_a_speed_set_while_a_way_is_planned_is_that_of_the_way(has_errand: bool)
         host.is_ready = False
         for _ in range(60):
             one.ask()
-    slow = OperatorEvent(t_s=0.0, action="set", text="mission.speed_mps", value=0.1)
+    slow = ask(ChangeSetting(setting="mission.speed_mps", value=0.1))
     one.ask(slow)
     host.is_ready = True
     status = one.ask()
@@ -257,7 +294,7 @@ def test_a_battery_that_gets_low_in_the_moment_of_a_stop_is_heeded_after_it() ->
     one.mission = Mission(task(), MISSION, latch=latch)
     one.into("driving")
     latch.hold(Said("the bumper touches something in front"))
-    moments: tuple[OperatorAction | None, ...] = (None, "clear_stop", "resume")
+    moments: tuple[RequestWord | None, ...] = (None, "clear_stop", "resume")
     for action in moments:
         one.mission.heed(BatteryLow(19.0, 20.0))
         one.ask(request(action) if action else None)
@@ -270,5 +307,7 @@ def test_a_mission_carried_away_tells_in_its_refusal_why_it_is_not_resumed() -> 
     one.into("paused")
     one.where = (one.where[0] + 3.0, one.where[1])
     status = one.ask(request("resume"))
-    assert status.refusal == status.reason
-    assert "not resumed: the robot was carried away: it is 3.0" in status.refusal
+    assert status.refusal_fact == status.fact
+    assert isinstance(status.refusal_fact, NotResumed)
+    assert isinstance(status.refusal_fact.cause, CarriedAway)
+    assert status.refusal_fact.cause.away_m == pytest.approx(3.0, abs=0.05)

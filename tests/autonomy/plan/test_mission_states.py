@@ -13,8 +13,9 @@ from agribot.autonomy.plan.speed import warn_of_speeds
 from agribot.autonomy.plan.waypoints import plan_waypoints
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
-from agribot.core.facts import NoFixesYet, PositionAwaited, PositionLost
-from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
+from agribot.core.facts import NoFixesYet, PositionAwaited, PositionLost, SpeedRefused
+from agribot.core.messages import ChangeSetting, Estimate, Goal, Path
+from tests.asking import ask
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import FARM, FARM_START, MISSION, at, event, point_at, rover
 
@@ -59,10 +60,10 @@ def test_a_mission_plans_and_takes_no_speed_that_the_robot_may_not_drive() -> No
     ride.settle()
     speeds = [goal.max_speed_mps for goal in ride.along(0.0, 3.0)]
     assert max(speeds) == 0.8
-    faster = OperatorEvent(t_s=0.0, action="set", text="mission.speed_mps", value=0.81, id="a")
+    faster = ask(ChangeSetting(setting="mission.speed_mps", value=0.81, id="a"))
     goal = ride.mission.step(at(*ride.place(3.0), ride.t_s + 0.02), [faster])
     (answer,) = goal.status.answers
-    assert "speed not set: 0.81 m/s is more than the 0.80 m/s" in answer.refusal
+    assert answer.fact == SpeedRefused(0.81, 0.8)
     assert ride.mission.speed_mps == 0.8
 
 
@@ -304,7 +305,7 @@ def test_the_time_left_follows_a_change_of_speed(ride: Ride, path: Path) -> None
     ride.along(0.0, 4.0)
     before = ride.be_at(*ride.place(4.0)).status
     ride.t_s += 0.02
-    slower = OperatorEvent(t_s=0.0, action="set", text="mission.speed_mps", value=0.1)
+    slower = ask(ChangeSetting(setting="mission.speed_mps", value=0.1))
     after = ride.mission.step(at(*ride.place(4.0), ride.t_s), [slower]).status
     left_m = float(path.s_m[-1]) - 4.0
     assert before.eta_s is not None and after.eta_s is not None

@@ -7,26 +7,29 @@ import pytest
 
 from agribot.autonomy.plan.errand import BATTERY, LOST, MISSION, STUCK, restore_errand, save_errand
 from agribot.autonomy.plan.errand_kind import ErrandKind
-from agribot.core.messages import SENSOR_WATCH, Goal, OperatorAction, OperatorEvent
+from agribot.core.messages import Goal, RequestWord
 from tests import nightly
+from tests.asking import BY_WORD, ask, go_to
 from tests.autonomy.plan.planting import point_at
 from tests.autonomy.plan.test_mission_errands import HEADLAND, Drive
 
 # What the program itself shows as who asked, the kinds of errands, and what names hide in texts.
+QUOTED = "the 'row'\n\"lost\"\r\0\t"
+LONG = "the lost row " * 800
 NAMES = (
-    LOST, STUCK, BATTERY, SENSOR_WATCH, "", "Ada; resume goes on",
-    MISSION, *ErrandKind, "operator", "start-up", "session", " ", "stopped", "\N{FLEXED BICEPS}",
-    "0.5 m",
+    LOST, STUCK, "sensors", QUOTED, "\N{RIGHT-TO-LEFT OVERRIDE}adA", LONG, "{by}",
+    "Ada; resume goes on", BATTERY, MISSION, "", *ErrandKind, "operator", "start-up", "session",
+    " ", "stopped", "\N{FLEXED BICEPS}", "0.5 m",
 )  # fmt: skip
 each_name = nightly.one_by_one("name", NAMES, in_suite=6)
 
 
-def follow(action: OperatorAction, name: str, *numbers: float) -> list[Goal]:
+def follow(action: RequestWord, name: str, *numbers: float) -> list[Goal]:
     """Ask for something in a row: what the mission does until the robot stands again."""
     drive = Drive()
     where = drive.into_row(1)
-    event = OperatorEvent(t_s=0.0, action=action, source=name, numbers=numbers)
-    goals = [drive.ask(*where, event)]
+    request = go_to(numbers) if action == "goto" else BY_WORD[action]
+    goals = [drive.ask(*where, ask(request, name))]
     path = drive.mission.path
     assert path is not None
     for s_m in np.arange(0.0, float(path.s_m[-1]) + 0.04, 0.02):
@@ -42,7 +45,7 @@ def describe(goals: list[Goal]) -> list[tuple[object, ...]]:
 
 @pytest.mark.parametrize("action", ["goto", "return_home", "pause", "cancel", "stop"])
 @each_name
-def test_a_request_by_any_name_ends_as_one_by_ada(action: OperatorAction, name: str) -> None:
+def test_a_request_by_any_name_ends_as_one_by_ada(action: RequestWord, name: str) -> None:
     numbers = HEADLAND if action == "goto" else ()
     asked, by_ada = follow(action, name, *numbers), follow(action, "Ada", *numbers)
     assert describe(asked) == describe(by_ada)
@@ -54,7 +57,7 @@ def test_a_goal_of_any_name_is_kept_as_a_goal_by_a_run_that_is_cut_off(name: str
     drive = Drive()
     drive.ask(
         *drive.into_row(1),
-        OperatorEvent(t_s=0.0, action="goto", source=name, numbers=HEADLAND),
+        ask(go_to(HEADLAND), name),
     )
     saved = drive.mission.snapshot()
     assert saved is not None

@@ -13,6 +13,7 @@ from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.row_log import MOST_NUDGED_M
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig
+from agribot.core.facts import InNoRow, RowMovedFar, RowNotMoved
 from agribot.core.messages import Estimate, Path
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import MISSION, at, rover
@@ -64,9 +65,9 @@ def test_a_row_is_moved_no_farther_than_the_limit_and_the_next_one_not_at_all(ri
     ride.along(0.0, to_m)
     steps = round(MOST_NUDGED_M / 0.01)
     for _ in range(steps):
-        assert ride.be_at(*ride.place(to_m), "nudge_right").status.refusal == ""
+        assert ride.be_at(*ride.place(to_m), "nudge_right").status.refusal_fact is None
     goal = ride.be_at(*ride.place(to_m), "nudge_right")
-    assert goal.status.refusal == "row 1 not moved: 0.1 m is the limit"
+    assert goal.status.refusal_fact == RowNotMoved(RowMovedFar(1, MOST_NUDGED_M))
     assert goal.status.row_nudged_m == pytest.approx(-MOST_NUDGED_M)
     ride.along(to_m, middle_m(ride, 1))
     assert moved_m(ride) == (0.0, 0.0)
@@ -74,7 +75,7 @@ def test_a_row_is_moved_no_farther_than_the_limit_and_the_next_one_not_at_all(ri
 
 def test_between_rows_there_is_no_line_to_move(ride: Ride) -> None:
     goal = ride.be_at(*ride.start, "nudge_left")
-    assert goal.status.refusal == "row not moved: the robot is in no row"
+    assert goal.status.refusal_fact == RowNotMoved(InNoRow())
 
 
 def test_a_mission_that_goes_on_keeps_what_was_moved(ride: Ride) -> None:

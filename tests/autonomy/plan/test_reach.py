@@ -10,7 +10,8 @@ from agribot.autonomy.plan.mission import Mission
 from agribot.autonomy.plan.rows import lay_rows
 from agribot.core.config import FieldConfig
 from agribot.core.errors import MissionError
-from agribot.core.messages import MapPoint, OperatorEvent, Path, Row
+from agribot.core.messages import GoTo, MapPoint, Path, Row
+from tests.asking import ask
 from tests.autonomy.plan.paper_task import PaperTask
 from tests.autonomy.plan.planting import MISSION, at
 from tests.autonomy.plan.test_mission_resume import cut_off
@@ -55,7 +56,7 @@ def test_a_goal_too_far_from_the_robot_is_refused_and_planned_nowhere() -> None:
     ride = Ride(Mission(task(), msgspec.structs.replace(MISSION, waits_for_goals=True)))
     ride.start = (FAR_M, 0.0)
     ride.be_at(*ride.start)
-    goto = OperatorEvent(t_s=0.0, action="goto", source="Ada", numbers=(0.0, 0.0))
+    goto = ask(GoTo(x_map_m=0.0, y_map_m=0.0), "Ada")
     ride.mission.step(at(*ride.start, 1.0), [goto])
     status = ride.be_at(*ride.start).status
     assert (

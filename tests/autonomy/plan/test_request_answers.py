@@ -2,32 +2,38 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 import pytest
 
 from agribot.core.messages import (
+    AnyRequest,
+    ChangeSetting,
     Estimate,
+    GoTo,
     MissionStatus,
-    OperatorAction,
-    OperatorEvent,
     RequestAnswer,
+    RequestEvent,
+    RequestWord,
+    TakePlan,
 )
+from tests import asking
+from tests.asking import go_to
 from tests.autonomy.plan.planting import at
 from tests.autonomy.plan.test_mission_errands import HEADLAND, Drive
 
 BEYOND = (40.0, 0.0)
 
 
-def ask(
-    action: OperatorAction, id: str, *numbers: float, text: str = "", value: float = 0.0
-) -> OperatorEvent:
-    return OperatorEvent(
-        t_s=0.0, action=action, source=id, id=id, numbers=numbers, text=text, value=value
-    )
+def ask(request: AnyRequest | RequestWord, id: str) -> RequestEvent:
+    """A request that somebody sends under an id, which is the name, too."""
+    event = asking.ask(request, id)
+    return msgspec.structs.replace(event, request=msgspec.structs.replace(event.request, id=id))
 
 
 def step(
-    drive: Drive, where: tuple[float, float], *events: OperatorEvent, v_mps: float = 0.0
+    drive: Drive, where: tuple[float, float], *events: RequestEvent, v_mps: float = 0.0
 ) -> dict[str, str]:
     """One tick; the answers in it, by the id of the request."""
     drive.t_s += 0.02
@@ -39,8 +45,8 @@ def step(
 def test_two_people_in_one_tick_are_each_told_their_own_outcome() -> None:
     drive = Drive()
     where = drive.into_row(0)
-    bad_goal = ask("goto", "Ann", 1.0)
-    good_speed = ask("set", "Bob", text="mission.speed_mps", value=0.3)
+    bad_goal = ask(GoTo(x_map_m=1.0, y_map_m=math.nan), "Ann")
+    good_speed = ask(ChangeSetting(setting="mission.speed_mps", value=0.3), "Bob")
     for events in ((bad_goal, good_speed), (good_speed, bad_goal)):
         told = step(drive, where, *events)
         assert "two or three finite numbers" in told["Ann"]
@@ -57,23 +63,25 @@ def test_each_answer_is_given_once_and_none_without_an_id() -> None:
 def test_a_goal_is_answered_when_the_robot_stands_and_has_planned_its_way() -> None:
     drive = Drive()
     where = drive.into_row(0)
-    assert step(drive, where, ask("goto", "Ann", *HEADLAND), v_mps=0.4) == {}
+    assert step(drive, where, ask(go_to(HEADLAND), "Ann"), v_mps=0.4) == {}
     assert step(drive, where, v_mps=0.2) == {}
     assert step(drive, where) == {"Ann": ""}
 
 
 def test_a_goal_that_cannot_be_reached_is_refused_to_who_asked_for_it() -> None:
     drive = Drive()
-    told = step(drive, drive.into_row(0), ask("goto", "Ann", *BEYOND))
+    told = step(drive, drive.into_row(0), ask(go_to(BEYOND), "Ann"))
     assert "beyond the fence" in told["Ann"]
 
 
-@pytest.mark.parametrize("other", ["goto", "pause", "cancel", "plan"])
-def test_who_asked_before_is_told_that_something_else_is_wanted(other: OperatorAction) -> None:
+@pytest.mark.parametrize("other", [go_to(HEADLAND), "pause", "cancel", TakePlan(geojson="2")])
+def test_who_asked_before_is_told_that_something_else_is_wanted(
+    other: AnyRequest | RequestWord,
+) -> None:
     drive = Drive()
     where = drive.into_row(0)
-    step(drive, where, ask("goto", "Ann", *HEADLAND), v_mps=0.4)
-    told = step(drive, where, ask(other, "Bob", *HEADLAND, text="2"))
+    step(drive, where, ask(go_to(HEADLAND), "Ann"), v_mps=0.4)
+    told = step(drive, where, ask(other, "Bob"))
     assert "something else was asked" in told["Ann"]
     assert told["Bob"] == ""
 
@@ -81,7 +89,7 @@ def test_who_asked_before_is_told_that_something_else_is_wanted(other: OperatorA
 def test_two_goals_in_one_tick_are_answered_both() -> None:
     drive = Drive()
     told = step(
-        drive, drive.into_row(0), ask("goto", "Ann", 1.0, 9.0), ask("goto", "Bob", *HEADLAND)
+        drive, drive.into_row(0), ask(go_to((1.0, 9.0)), "Ann"), ask(go_to(HEADLAND), "Bob")
     )
     assert "something else was asked" in told["Ann"]
     assert told["Bob"] == ""
@@ -104,9 +112,7 @@ def test_a_mission_that_has_ended_refuses_what_it_does_not_hear_any_more() -> No
     assert told == {"Ann": "not resumed: the mission has ended", "Bob": ""}
 
 
-def test_what_was_recorded_without_ids_and_answers_is_still_read() -> None:
-    event = msgspec.json.decode(b'{"t_s":1,"action":"pause"}', type=OperatorEvent)
-    assert event.id == ""
+def test_what_was_recorded_without_answers_is_still_read() -> None:
     status = (
         b'{"state":"running","reason":"","row":0,"rows_total":6,"rows_done":[],"s_m":0.0,'
         b'"length_m":1.0,"waypoints_total":0,"waypoints_reached":0}'

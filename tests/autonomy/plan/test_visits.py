@@ -14,8 +14,19 @@ from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
-from agribot.core.messages import Estimate, GnssQuality, Goal, OperatorAction, OperatorEvent, Path
+from agribot.core.messages import (
+    AnyRequest,
+    Estimate,
+    GnssQuality,
+    Goal,
+    Path,
+    RequestEvent,
+    RequestWord,
+    TakePlan,
+    Visit,
+)
 from agribot.core.pose import Pose2
+from tests.asking import ask
 from tests.autonomy.plan.paper_task import PaperTask, PaperTasks
 
 
@@ -67,12 +78,15 @@ class Drive:
         self.mission = Mission(task, config, saved, PaperTasks(no_plan, visiting))
         self.t_s = self.x_m = 0.0
 
-    def step(self, *events: OperatorEvent, seconds: float = 0.1) -> Goal:
+    def step(self, *events: RequestEvent, seconds: float = 0.1) -> Goal:
         self.t_s += seconds
         return self.mission.step(at(self.t_s, self.x_m), events)
 
-    def ask(self, action: OperatorAction, *numbers: float) -> Goal:
-        return self.step(OperatorEvent(t_s=self.t_s, action=action, text="abc", numbers=numbers))
+    def ask(self, action: RequestWord, *numbers: float) -> Goal:
+        places = tuple(zip(numbers[::2], numbers[1::2], strict=True))
+        visit = Visit(title="abc", places_map_m=places)
+        requests: dict[RequestWord, AnyRequest] = {"visit": visit, "plan": TakePlan(geojson="abc")}
+        return self.step(ask(requests.get(action, action), t_s=self.t_s))
 
     def settle(self) -> Goal:
         return [self.step() for _ in range(15)][-1]

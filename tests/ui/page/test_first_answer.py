@@ -108,4 +108,4 @@ def test_who_has_not_logged_in_sees_no_stop_that_stops_nothing_and_is_turned_awa
         until(page, "window.__agribot?.ready")
         expect(page.locator("#stop")).to_be_visible()
         page.locator("#stop").click()
-        robot.wait_for_event("stop")
+        robot.wait_for_request("stop")

@@ -107,7 +107,7 @@ def test_a_recording_takes_the_place_of_the_robot_on_the_page_and_gives_it_back(
         expect(page.locator(".banner.note")).to_contain_text("Replay of recorded")
         if turn == 0:
             page.locator("#stop").click()
-            robot.wait_for_event("stop")
+            robot.wait_for_request("stop")
             expect(page.locator(".banner.bad", has_text="not confirmed")).to_be_visible()
             live(2, "stopped", "stopped by operator 1")
             expect(page.locator(".banner.bad", has_text="The robot itself is held")).to_be_visible()

@@ -76,7 +76,7 @@ def test_a_stop_that_was_pressed_meanwhile_reaches_the_next_run_before_the_page_
     expect(page.locator(".banner.bad").first).to_be_visible()
     page.locator("#stop").click()
     with served(tmp_path / "next", track=3, port=first.port) as robot:
-        robot.wait_for_event("stop")
+        robot.wait_for_request("stop")
         until(page, "!window.isOld && window.__agribot?.ready")
         until(page, "window.__agribot.counters.traj === 3")
         take_control(page)

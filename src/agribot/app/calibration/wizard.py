@@ -20,11 +20,20 @@ from agribot.app.magnetometer import has_magnetometer
 from agribot.autonomy.plan.errand import STANDING_MPS
 from agribot.core.config import RunConfig
 from agribot.core.errors import AgribotError, MissionError
-from agribot.core.messages import STOP, Inbox, OperatorEvent, SensorBatch, TickRecord
+from agribot.core.messages import (
+    STOP,
+    AddNote,
+    AskerKind,
+    Inbox,
+    RequestEvent,
+    SensorBatch,
+    TickRecord,
+    Who,
+)
 from agribot.core.robot import RobotSpec
 
 BUSY = ("running", "waiting")  # states of a mission that sets off by itself
-HARMLESS = ("note", "sensor", "mark", "set", "start_recording", "stop_recording")
+HARMLESS = ("note", "mark", "set", "start_recording", "stop_recording")
 HELD_LIMIT_S = 1.0  # the supervisor may hold the robot this long before the drive is given up
 ROOM_MARGIN_M = 1.0
 
@@ -43,18 +52,19 @@ class Wizard:
         self._kind: Kind | None = None
         self._drive, self._coverage = FigureDrive(robot.drive), Coverage()
         self._found: CalibrationResult | None = None
-        self._phase, self._reason, self._source = "idle", "", ""
+        self._phase, self._reason = "idle", ""
+        self._who = Who("calibration", AskerKind.PROGRAM)
         self._start_map_m = (math.nan, math.nan)
         self._free_s = -math.inf
 
     def __call__(self, record: TickRecord) -> None:
         with self._lock:
             self._record = record
-            for event in record.batch.events:
+            for event in record.batch.requests:
                 self._on_event(event)
             hand = record.batch.hand
-            if hand and hand[-1].source != self._source:
-                self.interrupt(f"{hand[-1].source} took the robot")
+            if hand and hand[-1].who != self._who:
+                self.interrupt(f"{hand[-1].who.name} took the robot")
             if self._phase == "driving" and (objection := self._find_objection(record)):
                 self._fail(objection)
             if self._phase == "driving":
@@ -156,7 +166,7 @@ class Wizard:
             raise MissionError("nothing is seen here; start with perception.enabled and a camera")
         self._kind, self._found, self._reason = kind, None, ""
         self._drive, self._coverage = FigureDrive(self._robot.drive, kind.figure), Coverage()
-        self._source = f"calibration of {by}"
+        self._who = Who(f"calibration of {by}", AskerKind.PROGRAM)
         estimate = record.estimate
         self._start_map_m = (
             (estimate.x_map_m, estimate.y_map_m) if estimate.ok else (math.nan, math.nan)
@@ -183,9 +193,10 @@ class Wizard:
         self._note(by, f"took over {', '.join(found.settings)} into {self._file.path}")
         self._phase, self._found = "idle", None
 
-    def _on_event(self, event: OperatorEvent) -> None:
-        if event.action not in HARMLESS and self._phase == "driving":
-            self._fail(f"ended by '{event.action}' of {event.source}")
+    def _on_event(self, event: RequestEvent) -> None:
+        word = event.request.word
+        if word not in HARMLESS and self._phase == "driving":
+            self._fail(f"ended by '{word}' of {event.who.name}")
 
     def _find_objection(self, record: TickRecord) -> str:
         """Say why the robot must not go on; empty where it may."""
@@ -206,7 +217,7 @@ class Wizard:
         return ""
 
     def _drive_on(self, batch: SensorBatch) -> None:
-        seen = msgspec.structs.replace(batch, frames=(), events=(), hand=())
+        seen = msgspec.structs.replace(batch, frames=(), requests=(), notes=(), hand=())
         self._coverage.add(batch)
         try:
             command = self._drive.step(seen)
@@ -215,10 +226,10 @@ class Wizard:
             return
         if command is None:
             self._phase = "computing"
-            self._inbox.drive(0.0, 0.0, self._source)
+            self._inbox.drive(0.0, 0.0, self._who)
             threading.Thread(target=self._compute_result, name="calibration", daemon=True).start()
         else:
-            self._inbox.drive(command.v_mps, command.yaw_rate_radps, self._source)
+            self._inbox.drive(command.v_mps, command.yaw_rate_radps, self._who)
 
     def _compute_result(self) -> None:
         """Fit in a thread of its own: that takes longer than a tick."""
@@ -235,9 +246,9 @@ class Wizard:
             self._phase, self._found = "found", found
 
     def _fail(self, reason: str) -> None:
-        self._inbox.drive(0.0, 0.0, self._source)
+        self._inbox.drive(0.0, 0.0, self._who)
         self._phase, self._reason = "failed", reason
-        self._note(self._source, f"ended: {reason}")
+        self._note(self._who.name, f"ended: {reason}")
 
     def _note(self, by: str, text: str) -> None:
-        self._inbox.post(OperatorEvent(t_s=0.0, action="note", source=by, text=text))
+        self._inbox.post(AddNote(text=text), Who(by, AskerKind.OPERATOR))

@@ -7,11 +7,13 @@ only when somebody resumes it: a robot never sets off by itself because a thumb 
 from __future__ import annotations
 
 from agribot.core.config import SafetyConfig
+from agribot.core.facts import PausedByHand
 from agribot.core.messages import (
     DriveCommand,
     HandDrive,
     MissionStatus,
-    OperatorEvent,
+    PauseFor,
+    RequestEvent,
     SensorBatch,
 )
 
@@ -23,7 +25,7 @@ class HandControl:
         self._timeout_s = config.hand_timeout_s
         self._newest: HandDrive | None = None
 
-    def update(self, batch: SensorBatch) -> tuple[OperatorEvent, ...]:
+    def update(self, batch: SensorBatch) -> tuple[RequestEvent, ...]:
         """Take in the requests of this tick.
 
         Returns the pause that a hand imposes on the mission in the moment it moves the robot.
@@ -36,8 +38,8 @@ class HandControl:
             self._newest = newest = None
         if newest is None or not batch.hand or not _moves(newest):
             return ()
-        by = f"{newest.source}, who drives by hand"
-        return (OperatorEvent(t_s=batch.t_s, action="pause", source=by),)
+        pause = PauseFor(cause=PausedByHand(newest.who.name))
+        return (RequestEvent(t_s=batch.t_s, who=newest.who, request=pause),)
 
     def arbitrate(self, drive: DriveCommand, status: MissionStatus) -> tuple[DriveCommand, bool]:
         """Choose the command; the flag is True where it is the hand's.

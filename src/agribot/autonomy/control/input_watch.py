@@ -6,12 +6,13 @@ import math
 
 from agribot.core.config import SafetyConfig
 from agribot.core.facts import (
+    AnyFact,
     BoardHoldsStop,
     BoardReports,
     ButtonPressed,
     InputNotHeardYet,
     InputSilent,
-    Part,
+    join_facts,
 )
 from agribot.core.messages import BoardSample, SafetyInput, SensorBatch
 
@@ -36,21 +37,17 @@ class InputWatch:
         t_s = self._t_s = batch.t_s
         # A time stamp in the future counts as now.
         self._heard_s = {name: min(heard_s, t_s) for name, heard_s in self._heard_s.items()}
-        faults: dict[str, None] = {}
+        faults: list[AnyFact] = []
         for sample in batch.board:
             self._heard_s.update(dict.fromkeys(sample.inputs, sample.t_s))
-            faults.update(dict.fromkeys(sample.faults))
+            if sample.fault is not None and sample.fault not in faults:
+                faults.append(sample.fault)
             self._last = sample
-            if not sample.stopped:
+            if sample.stop is None:
                 self._cleared_s = -math.inf
         if batch.board:
-            self.fault = BoardReports(tuple(faults), self._find_parts(batch)) if faults else None
-
-    @staticmethod
-    def _find_parts(batch: SensorBatch) -> tuple[Part, ...]:
-        """Find the parts at fault; motors where the board's driver does not say."""
-        parts = dict.fromkeys(part for sample in batch.board for part in sample.fault_parts)
-        return tuple(parts) or ("motors",)
+            cause = join_facts(faults)
+            self.fault = None if cause is None else BoardReports(cause=cause)
 
     @property
     def is_there(self) -> bool:
@@ -69,9 +66,9 @@ class InputWatch:
     def stop(self) -> BoardHoldsStop | None:
         """Find the stop that the board holds, unless it is being cleared."""
         last = self._last
-        if last is None or not last.stopped or 0.0 <= self._t_s - self._cleared_s <= CLEARING_S:
+        if last is None or last.stop is None or 0.0 <= self._t_s - self._cleared_s <= CLEARING_S:
             return None
-        return BoardHoldsStop(last.stopped)
+        return BoardHoldsStop(cause=last.stop)
 
     def unheard(self) -> InputNotHeardYet | None:
         """Find an input that must be there and never spoke."""

@@ -108,8 +108,8 @@ class PowerCut:
         silent_s = self._t_s - self._heard_s
         if not silent_s <= self._timeout_s:
             return ContactorSilent(silent_s, self._timeout_s)
-        trouble = self._last.trouble if self._last is not None else ""
-        return ContactorInTrouble(trouble) if trouble else None
+        fault = self._last.fault if self._last is not None else None
+        return None if fault is None else ContactorInTrouble(cause=fault)
 
     def waiting(self) -> Fact | None:
         """Find motors that have no power yet."""

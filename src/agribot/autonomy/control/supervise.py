@@ -34,6 +34,7 @@ from agribot.core.field_bounds import FieldBounds
 from agribot.core.latch import Latch
 from agribot.core.messages import (
     STOP,
+    ClearStop,
     DriveCommand,
     Estimate,
     GateStatus,
@@ -199,13 +200,13 @@ class Supervisor:
         self._cleared_by = ""
         if status.state == "running":
             self._accepted = frozenset()
-        for event in batch.events:
-            if event.action == "clear_stop":
+        for event in batch.requests:
+            if isinstance(event.request, ClearStop):
                 self._bumper.accept()
                 self._inputs.accept(batch.t_s)
                 self._progress.restart()
                 self._accepted |= {self._held_kind} - {""}
-                self._held_kind, self._cleared_by = "", event.source
+                self._held_kind, self._cleared_by = "", event.who.name
             self._latch.hear(event)
 
     def _look(
@@ -225,7 +226,7 @@ class Supervisor:
         is_held = self._progress.stays_behind(batch.t_s)
         motion = self._wheels.watch(
             self.sent, batch, self._sensors.dt_s, is_held=is_held,
-            is_stop_pressed=any(event.action == "stop" for event in batch.events),
+            is_stop_pressed=any(event.request.word == "stop" for event in batch.requests),
         )  # fmt: skip
         demand = self._inputs.button() or motion.runaway
         is_stopped = self._latch.cause is not None
@@ -340,4 +341,4 @@ def _describe_idle(status: MissionStatus) -> MissionIdle | None:
 
 
 def _name_hand(batch: SensorBatch) -> str:
-    return batch.hand[-1].source if batch.hand else "a person"
+    return batch.hand[-1].who.name if batch.hand else "a person"

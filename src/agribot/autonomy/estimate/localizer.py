@@ -43,9 +43,12 @@ from agribot.core.facts import (
 )
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import (
+    AnyRequest,
+    ChangeSetting,
+    ControlMission,
+    CorrectPose,
     Estimate,
     GnssQuality,
-    OperatorEvent,
     RowLine,
     Scene,
     SensorBatch,
@@ -121,8 +124,8 @@ class Localizer:
             self.pose.first_heading.wait(batch.t_s, self._motion.yaw_rad)
         for ladder in self.ladders.values():
             ladder.update_all(batch)
-        for event in batch.events:
-            self._apply_event(event)
+        for event in batch.requests:
+            self._apply(event.request)
         self._doubts.expire(batch.t_s)
         if not self.pose.first_heading.check.is_under_way:
             self._doubts.heading.add(
@@ -132,16 +135,17 @@ class Localizer:
         self._now_s = batch.t_s
         return self._estimate(batch.t_s)
 
-    def _apply_event(self, event: OperatorEvent) -> None:
-        if event.action == "set" and event.text == "treatment.enabled" and event.value:
-            self._doubts.crop.accept()
-        if event.action == "pose_estimate":
-            self._set_pose_by_hand(event.numbers)
-        elif event.action in ("start", "resume") and self._plant_places.accept():
-            self._doubts.forget()
-            self._integrity.restart()
-        elif event.action in ("start", "resume") and self._doubts.decide():
-            self._integrity.restart()
+    def _apply(self, request: AnyRequest) -> None:
+        match request:
+            case ChangeSetting(setting="treatment.enabled") if request.value:
+                self._doubts.crop.accept()
+            case CorrectPose():
+                self._set_pose_by_hand(request.pose)
+            case ControlMission(action="start" | "resume") if self._plant_places.accept():
+                self._doubts.forget()
+                self._integrity.restart()
+            case ControlMission(action="start" | "resume") if self._doubts.decide():
+                self._integrity.restart()
 
     def take_rows(self, rows: Rows) -> None:
         """Hold what the camera sees against these rows from now on."""

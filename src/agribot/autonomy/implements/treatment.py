@@ -15,7 +15,7 @@ from agribot.core.config import TreatmentConfig
 from agribot.core.implement.kind import ReportLine
 from agribot.core.implement.plants import PlantMap
 from agribot.core.implement.spec import ImplementSpec
-from agribot.core.messages import Estimate, ImplementCommand, OperatorEvent
+from agribot.core.messages import ChangeSetting, Estimate, ImplementCommand, RequestEvent
 
 RATE = "rate_lpha"  # a setpoint of a command: litres per hectare, where a prescription states it
 
@@ -38,11 +38,12 @@ class Treatment:
         self._config, self._spec, self.zones = config, spec, zones
         self._implement = None if spec is None else fit_implement(spec, config, plugins)
 
-    def apply_events(self, events: Iterable[OperatorEvent]) -> None:
+    def apply_events(self, events: Iterable[RequestEvent]) -> None:
         """Switch the treatment on or off under way, when an operator sets it."""
         for event in events:
-            if event.action == "set" and event.text == "treatment.enabled":
-                is_on = event.value != 0.0
+            request = event.request
+            if isinstance(request, ChangeSetting) and request.setting == "treatment.enabled":
+                is_on = request.value != 0.0
                 self._config = msgspec.structs.replace(self._config, enabled=is_on)
 
     def step(self, estimate: Estimate, plants: PlantMap, tool_on: bool) -> ImplementCommand:

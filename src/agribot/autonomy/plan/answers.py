@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from agribot.autonomy.plan.errand import Errand
 from agribot.autonomy.plan.states import State, Stopping
-from agribot.core.messages import OperatorEvent, RequestAnswer
-
-MEANWHILE = "something else was asked of the robot meanwhile"
+from agribot.core.fact_text import render
+from agribot.core.facts import AnyFact, AskedElse, ErrandRefused
+from agribot.core.messages import AnyRequest, RequestAnswer
 
 
 class Answers:
@@ -18,14 +18,14 @@ class Answers:
 
     def __init__(self) -> None:
         self._given: list[RequestAnswer] = []
-        self._open: OperatorEvent | None = None  # the request that is being heard
-        self._errand: tuple[Errand, OperatorEvent] | None = None
-        self._check: OperatorEvent | None = None
+        self._open: AnyRequest | None = None  # the request that is being heard
+        self._errand: tuple[Errand, AnyRequest] | None = None
+        self._check: AnyRequest | None = None
 
-    def open(self, event: OperatorEvent) -> None:
-        self._open = event
+    def open(self, request: AnyRequest) -> None:
+        self._open = request
 
-    def close(self, refusal: str) -> None:
+    def close(self, refusal: AnyFact | None) -> None:
         """Answer the request that was heard, unless it waits for its answer."""
         if self._open is not None:
             self._give(self._open, refusal)
@@ -37,19 +37,19 @@ class Answers:
         if self._open is not None:
             self._errand, self._open = (errand, self._open), None
 
-    def settle_errand(self, refusal: str = "") -> None:
+    def settle_errand(self, refusal: AnyFact | None = None) -> None:
         if self._errand is not None:
             self._give(self._errand[1], refusal)
             self._errand = None
 
     def drop_errand(self) -> None:
         if self._errand is not None:
-            self.settle_errand(f"{self._errand[0].refusal}: {MEANWHILE}")
+            self.settle_errand(ErrandRefused(self._errand[0].kind.value, AskedElse()))
 
     def await_check(self) -> None:
         self._check, self._open = self._open, None
 
-    def settle_check(self, refusal: str = "") -> None:
+    def settle_check(self, refusal: AnyFact | None = None) -> None:
         if self._check is not None:
             self._give(self._check, refusal)
             self._check = None
@@ -63,7 +63,8 @@ class Answers:
         given, self._given = tuple(self._given), []
         return given
 
-    def _give(self, event: OperatorEvent, refusal: str) -> None:
+    def _give(self, request: AnyRequest, refusal: AnyFact | None) -> None:
         """Answer a request; one without an id needs no answer."""
-        if event.id:
-            self._given.append(RequestAnswer(id=event.id, refusal=refusal))
+        if request.id:
+            answer = RequestAnswer(id=request.id, refusal=render(refusal), fact=refusal)
+            self._given.append(answer)

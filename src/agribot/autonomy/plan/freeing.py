@@ -14,10 +14,11 @@ import numpy as np
 
 from agribot.autonomy.plan.curves import Segment, sample
 from agribot.core.arithmetic import clamp
-from agribot.core.errors import MissionError
+from agribot.core.facts import JustSetOff
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import Estimate, Path
 from agribot.core.pose import Pose2
+from agribot.core.refusal import Refusal
 
 
 class Try(NamedTuple):
@@ -70,7 +71,7 @@ class Trail:
         )
         came_m = min(math.dist(here.xy_m, then.xy_m), back_m)
         if came_m < LEAST_BACK_M:
-            raise MissionError("the robot has only just set off")
+            raise Refusal(JustSetOff())
         bend_radpm = wrap_rad(here.yaw_rad - then.yaw_rad) / came_m
         bend_radpm = clamp(bend_radpm, -MAX_CURVATURE_RADPM, MAX_CURVATURE_RADPM)
         course = Pose2(here.x_m, here.y_m, here.yaw_rad + math.pi)

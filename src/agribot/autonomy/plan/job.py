@@ -22,6 +22,8 @@ from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.facts import (
     Fact,
+    InNoRow,
+    RowMovedFar,
     RowsSkipped,
     RowsUndriven,
     RowsUnproven,
@@ -131,14 +133,14 @@ class MissionJob:
         self.route = self._make_route(path)
         self.route.go_on(route.progress.s_m, route.visits.reached)
 
-    def nudge(self, left_m: float) -> str:
-        """Move the line of the row under the robot to the left as it drives; why not, else."""
+    def nudge(self, left_m: float) -> InNoRow | RowMovedFar | None:
+        """Move the line of the row under the robot to the left as it drives, or find why not."""
         row = self.rows.here
         if row < 0:
-            return "row not moved: the robot is in no row"
+            return InNoRow()
         if not self.rows.nudge(row, self._read_along(row) * left_m):
-            return f"row {row + 1} not moved: {MOST_NUDGED_M:g} m is the limit"
-        return ""
+            return RowMovedFar(row + 1, MOST_NUDGED_M)
+        return None
 
     def relate_to_nudged(self, estimate: Estimate) -> Estimate:
         """Return the pose in a map in which the row under the robot lies where a person moved it.

@@ -18,8 +18,9 @@ from agribot.autonomy.plan.saved_mission import (
 )
 from agribot.autonomy.plan.task import Task
 from agribot.core.config import MissionConfig
-from agribot.core.errors import MissionError
+from agribot.core.facts import AllRowsWorked
 from agribot.core.messages import Estimate, MapPoint, MissionState
+from agribot.core.refusal import Refusal
 
 
 def plan_job(
@@ -67,7 +68,7 @@ def _plan_rest(
     done = covered.complete
     left = [row.index for row in task.rows if row.index not in done + skipped]
     if not left:
-        raise MissionError("every row was worked or skipped before; nothing is left to resume")
+        raise Refusal(AllRowsWorked())
     path = task.plan_rest(estimate, left)
     job = MissionJob(task, config, path, take_pose(estimate), covered)
     job.leave_out(done, skipped)

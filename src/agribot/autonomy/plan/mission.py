@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
-from agribot.autonomy.plan.answers import MEANWHILE, Answers
+from agribot.autonomy.plan.answers import Answers
 from agribot.autonomy.plan.errand import (
     BATTERY,
     CHECKING,
@@ -48,13 +48,16 @@ from agribot.autonomy.plan.states import (
     name_state,
 )
 from agribot.autonomy.plan.status import describe, find_way, make_goal
-from agribot.autonomy.plan.task import NewTasks, Task, read_places
+from agribot.autonomy.plan.task import NewTasks, Task
 from agribot.autonomy.plan.watch import Watch
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
 from agribot.core.fact_text import render
 from agribot.core.facts import (
+    AnyFact,
+    AskedElse,
     AtGoal,
+    AwayFromRows,
     AwayFromWork,
     Both,
     CameToBeCharged,
@@ -66,7 +69,11 @@ from agribot.core.facts import (
     FirstEstimateAwaited,
     FoundRowAside,
     GoalAwaited,
+    InNoRow,
     NewTask,
+    NoOtherTask,
+    NoPlaces,
+    NothingPlanned,
     NotResumed,
     OnErrandOf,
     OnVisit,
@@ -76,21 +83,38 @@ from agribot.core.facts import (
     PositionLost,
     ResumeAwaited,
     ReturnedHome,
-    Said,
+    RobotDrives,
+    RowNotMoved,
+    RowNotSkipped,
     Settling,
+    SpeedRefused,
     StopsForGoal,
     StopsToBackOut,
     StopsToReturn,
     StopToResume,
+    TaskRefused,
 )
 from agribot.core.latch import Latch
-from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
+from agribot.core.messages import (
+    ChangeSetting,
+    ControlMission,
+    Estimate,
+    Goal,
+    GoTo,
+    MapPoint,
+    Path,
+    PauseFor,
+    RequestEvent,
+    TakePlan,
+    Visit,
+)
+from agribot.core.refusal import Refusal, find_fact
 
 SETTLE_S = 1.0  # the estimate must hold this long before the robot moves
 END_TOLERANCE_M = 0.01
 CALM_S = 1.0  # before it backs out: wheels that spun stand, and a tool is out of the soil
 NUDGE_M = 0.01  # of a row's line, at a time
-Handler = Callable[[OperatorEvent], str | None]  # gives why the request is refused
+Handler = Callable[[Any, RequestEvent], AnyFact | None]  # of a request; gives why it is refused
 
 
 class Mission:
@@ -133,7 +157,7 @@ class Mission:
         self._new_tasks = new_tasks
         self._last: Estimate | None = None
         self._is_located = False
-        self._refusal = ""
+        self._refusal: AnyFact | None = None
         self._answers = Answers()
         self._ended: Ended | None = None  # as which it had, before it was sent on an errand
         self._stays_open = config.waits_for_goals
@@ -209,10 +233,9 @@ class Mission:
         if warning is None or self._is_heeded or not drives:
             return
         self._is_heeded = True
-        self._refusal = ""
-        self._turn_home(BATTERY, ErrandKind.CHARGE)
-        if self._refusal:
-            self._pause(Both(warning, Said(self._refusal)), by_itself=True)
+        self._refusal = None
+        if refusal := self._turn_home(BATTERY, ErrandKind.CHARGE):
+            self._pause(Both(warning, refusal), by_itself=True)
 
     def free(self, stuck: Fact | None) -> None:
         """Back out and try again where the robot is stuck, as the gate says; None: it gets on.
@@ -255,7 +278,7 @@ class Mission:
         self._watch.restart_headway()
         self._state = Driving(self._job)
 
-    def step(self, estimate: Estimate, events: Iterable[OperatorEvent] = ()) -> Goal:
+    def step(self, estimate: Estimate, events: Iterable[RequestEvent] = ()) -> Goal:
         """Take the requests of this tick, then drive on; return what the robot is to do now."""
         self._is_located = estimate.ok and math.isfinite(estimate.x_map_m + estimate.y_map_m)
         self._last = estimate if self._is_located else self._last
@@ -287,15 +310,15 @@ class Mission:
         )  # fmt: skip
         return goal if self._watch.may_work else msgspec.structs.replace(goal, tool_on=False)
 
-    def _hear(self, event: OperatorEvent) -> None:
+    def _hear(self, event: RequestEvent) -> None:
         """Do what is asked and answer it, at once or when it shows what becomes of it."""
-        self._answers.open(event)
+        self._answers.open(event.request)
         self._answers.close(self._obey(event))
 
-    def _obey(self, event: OperatorEvent) -> str:
-        """Why it is refused; empty where it is done, left alone or to be seen."""
+    def _obey(self, event: RequestEvent) -> AnyFact | None:
+        """Find why it is refused; None where it is done, left alone or to be seen."""
         reaction = react(
-            event.action,
+            event.request.word,
             self._state,
             is_stopped=self._latch.cause is not None,
             stays_open=self._stays_open,
@@ -303,10 +326,10 @@ class Mission:
         if isinstance(reaction, Refuse):
             return self._refuse(reaction.why)
         if isinstance(reaction, Do):
-            return self._handlers[reaction](event) or ""
-        return ""
+            return self._handlers[reaction](event.request, event)
+        return None
 
-    def _refuse(self, why: str) -> str:
+    def _refuse(self, why: AnyFact) -> AnyFact:
         self._refusal = why
         return why
 
@@ -314,21 +337,25 @@ class Mission:
         return {
             Do.HOLD: self._turn_latch,
             Do.RELEASE: self._turn_latch,
-            Do.PAUSE: lambda event: self._pause(PausedBy(event.source)),
-            Do.RESUME: lambda event: self._resume(),
-            Do.BEGIN_ANEW: lambda event: self._begin_anew(),
+            Do.PAUSE: self._pause_as_asked,
+            Do.RESUME: lambda *_: self._resume(),
+            Do.BEGIN_ANEW: lambda *_: self._begin_anew(),
             Do.CANCEL: self._cancel,
-            Do.SKIP_ROW: lambda event: self._skip_row(),
-            Do.NUDGE_LEFT: lambda event: self._nudge(NUDGE_M),
-            Do.NUDGE_RIGHT: lambda event: self._nudge(-NUDGE_M),
-            Do.TURN_HOME: lambda event: self._turn_home(event.source, ErrandKind.HOME),
+            Do.SKIP_ROW: lambda *_: self._skip_row(),
+            Do.NUDGE_LEFT: lambda *_: self._nudge(NUDGE_M),
+            Do.NUDGE_RIGHT: lambda *_: self._nudge(-NUDGE_M),
+            Do.TURN_HOME: lambda _, event: self._turn_home(event.who.name, ErrandKind.HOME),
             Do.TURN_TO_GOAL: self._turn_to_goal,
             Do.TAKE_PLAN: self._take_plan,
             Do.TAKE_VISIT: self._take_visit,
             Do.SET: self._set,
         }
 
-    def _turn_latch(self, event: OperatorEvent) -> None:
+    def _pause_as_asked(self, request: ControlMission | PauseFor, event: RequestEvent) -> None:
+        asked = PausedBy(event.who.name)
+        self._pause(request.cause if isinstance(request, PauseFor) else asked)
+
+    def _turn_latch(self, _request: Any, event: RequestEvent) -> None:
         self._latch.hear(event)
         self._heed_latch()
 
@@ -341,28 +368,28 @@ class Mission:
             self._pause(ResumeAwaited())
         self._has_stood_for_stop = holds
 
-    def _cancel(self, event: OperatorEvent) -> None:
+    def _cancel(self, _request: ControlMission, event: RequestEvent) -> None:
         """End; a run that goes on with this one stands as this one stood, and has its errand."""
         self._end(
             "cancelled",
-            CancelledBy(event.source),
+            CancelledBy(event.who.name),
             stood=find_stood(self._state),
             errand=find_errand(self._state),
         )
 
-    def _skip_row(self) -> str:
+    def _skip_row(self) -> AnyFact | None:
         if find_away(self._state):
-            return self._refuse("row not skipped: the robot is away from its rows")
+            return self._refuse(RowNotSkipped(AwayFromRows()))
         if self._job is None:
-            return self._refuse("row not skipped: nothing was planned yet")
+            return self._refuse(RowNotSkipped(NothingPlanned()))
         self._job.skip_row()
-        return ""
+        return None
 
-    def _nudge(self, left_m: float) -> str:
+    def _nudge(self, left_m: float) -> AnyFact | None:
         if self._job is None or find_away(self._state):
-            return self._refuse("row not moved: the robot is in no row")
+            return self._refuse(RowNotMoved(InNoRow()))
         why = self._job.nudge(left_m)
-        return self._refuse(why) if why else ""
+        return self._refuse(RowNotMoved(why)) if why else None
 
     def relate_to_path(self, estimate: Estimate) -> Estimate:
         """Return the pose in a map whose rows lie where the robot is to drive them.
@@ -376,23 +403,23 @@ class Mission:
         on_path = self._job.relate_to_nudged(on_rows)
         return on_path.relate_to_aside(self._job.route.yaw_map_rad, self._freeing.left_m)
 
-    def _resume(self) -> str:
+    def _resume(self) -> AnyFact | None:
         state = self._state
         if not isinstance(state, Paused):
-            return ""
+            return None
         try:
             if errand := self._find_errand_to_resume(state):
                 self._drop()
                 self._answers.await_errand(errand)
                 self._state = Stopping(errand, state.reason, state.stood, state.held)
-                return ""
+                return None
             if self._way is not None and self._last is not None:
                 limit_m = self._config.resume_limit_m
                 check_not_carried_away(self._last, self._way.place, limit_m)
         except MissionError as error:
-            reason = NotResumed(Said(str(error)))
+            reason = NotResumed(find_fact(error))
             self._state = msgspec.structs.replace(state, reason=reason)
-            return self._refuse(render(reason))
+            return self._refuse(reason)
         self._is_resumed = True
         self._recovery.restart()
         self._freeing.restart()
@@ -400,7 +427,7 @@ class Mission:
             self._run_on(OnErrand(state.away.errand, state.away.route))
         else:
             self._run_on(Driving(self._job) if self._job else Waiting())
-        return ""
+        return None
 
     def _find_errand_to_resume(self, state: Paused) -> Errand | None:
         """Find that of an earlier run, or the way back to where the work stopped.
@@ -420,70 +447,74 @@ class Mission:
         self._is_resumed = True
         self._run_on(Waiting())
 
-    def _turn_home(self, asked_by: str, kind: Literal[ErrandKind.HOME, ErrandKind.CHARGE]) -> str:
+    def _turn_home(
+        self, asked_by: str, kind: Literal[ErrandKind.HOME, ErrandKind.CHARGE]
+    ) -> AnyFact | None:
         state = self._state
         errand = state.errand if isinstance(state, OnErrand | Stopping) else None
         if errand is not None and errand.kind.leads_home:
-            return ""
+            return None
         try:
             errand = make_home_errand(self._task, self._job, asked_by, kind)
         except MissionError as error:
-            return self._refuse(f"cannot return home: {error}")
+            return self._refuse(ErrandRefused("home", find_fact(error)))
         self._stop_for(errand, StopsToReturn(asked_by))
-        return ""
+        return None
 
-    def _turn_to_goal(self, event: OperatorEvent) -> str:
+    def _turn_to_goal(self, goal: GoTo, event: RequestEvent) -> AnyFact | None:
         try:
-            errand = make_goal_errand(self._task, event.source, event.numbers)
+            errand = make_goal_errand(self._task, event.who.name, goal.place)
         except MissionError as error:
-            return self._refuse(f"goal refused: {error}")
-        self._stop_for(errand, StopsForGoal(event.source))
-        return ""
+            return self._refuse(ErrandRefused("goal", find_fact(error)))
+        self._stop_for(errand, StopsForGoal(event.who.name))
+        return None
 
     def _stop_for(self, errand: Errand, reason: Fact) -> None:
         """Stop; the way is planned from where the robot comes to rest."""
         state = self._state
         self._ended = state if isinstance(state, Ended) else self._ended
         self._drop()
-        self._refusal = ""
+        self._refusal = None
         self._answers.await_errand(errand)
         held = state.held if isinstance(state, Stopping | Paused) else None
         self._state = Stopping(errand, reason, find_stood(state), held)
 
-    def _take_plan(self, event: OperatorEvent) -> str:
+    def _take_plan(self, plan: TakePlan, event: RequestEvent) -> AnyFact | None:
         """Take another task for a robot that stands, once it is checked and resumed."""
         new_tasks, last = self._new_tasks, self._last
         if new_tasks is None:
-            return self._refuse("plan refused: this mission takes no other task")
+            return self._refuse(TaskRefused("plan", NoOtherTask()))
         if last and abs(last.v_mps) > STANDING_MPS:
-            return self._refuse("plan refused: the robot drives; pause its mission first")
-        make = partial(new_tasks.read_plan, event.text)
-        return self._take(event, make, new_tasks.checking_s)
+            return self._refuse(TaskRefused("plan", RobotDrives()))
+        make = partial(new_tasks.read_plan, plan.geojson)
+        self._take(event, make, new_tasks.checking_s)
+        return None
 
-    def _take_visit(self, event: OperatorEvent) -> str:
+    def _take_visit(self, visit: Visit, event: RequestEvent) -> AnyFact | None:
         """Take another task at once, from where the robot is."""
-        new_tasks, name, bounds = self._new_tasks, event.text or "visit", self._task.bounds
+        new_tasks, name, bounds = self._new_tasks, visit.title or "visit", self._task.bounds
         if new_tasks is None:
-            return self._refuse("visit refused: this mission takes no other task")
-        return self._take(event, lambda: new_tasks.visit(read_places(event), name, bounds), 0.0)
+            return self._refuse(TaskRefused("visit", NoOtherTask()))
+        self._take(event, lambda: new_tasks.visit(_read_places(visit), name, bounds), 0.0)
+        return None
 
-    def _take(self, event: OperatorEvent, make: Callable[[], Task], latency_s: float) -> str:
+    def _take(self, event: RequestEvent, make: Callable[[], Task], latency_s: float) -> None:
         def refuse(error: MissionError) -> None:
-            self._answers.settle_check(self._refuse(f"{event.action} refused: {error}"))
+            task: Literal["plan", "visit"] = "plan" if is_check else "visit"
+            self._answers.settle_check(self._refuse(TaskRefused(task, find_fact(error))))
 
         self._drop()
         self._answers.await_check()
-        then, is_check = partial(self._work_at, event), event.action == "plan"
+        then, is_check = partial(self._work_at, event), isinstance(event.request, TakePlan)
         self._desk.ask(event.t_s, make, latency_s, then, refuse, is_check=is_check)
-        return ""
 
-    def _work_at(self, event: OperatorEvent, task: Task) -> None:
+    def _work_at(self, event: RequestEvent, task: Task) -> None:
         self._answers.settle_check()
         self._take_task(task)
-        self._refusal = ""
-        reason = NewTask(event.action, event.source)
+        self._refusal = None
+        reason = NewTask(event.request.word, event.who.name)
         self._state = Paused(reason, stood=reason)
-        if event.action == "visit" and self._latch.cause is None:
+        if isinstance(event.request, Visit) and self._latch.cause is None:
             self._run_on(Waiting())
 
     def _take_task(self, task: Task) -> None:
@@ -491,21 +522,18 @@ class Mission:
         self._task, self._job, self._begun = task, None, None
         self._ended, self._is_away = None, False
 
-    def _set(self, event: OperatorEvent) -> str:
+    def _set(self, change: ChangeSetting, _event: RequestEvent) -> AnyFact | None:
         """Take a new speed: it counts at once, also for the time that is left."""
-        if event.text != "mission.speed_mps":
-            return ""
-        if event.value > self._most_mps:
-            return self._refuse(
-                f"speed not set: {event.value:.2f} m/s is more than the {self._most_mps:.2f} m/s "
-                "that this robot may drive"
-            )
-        self._config = msgspec.structs.replace(self._config, speed_mps=event.value)
+        if change.setting != "mission.speed_mps":
+            return None
+        if change.value > self._most_mps:
+            return self._refuse(SpeedRefused(change.value, self._most_mps))
+        self._config = msgspec.structs.replace(self._config, speed_mps=change.value)
         if self._job:
             self._job.change_speed(self._config)
         if away := find_away(self._state):
             away.route.change_speed(self._config)
-        return ""
+        return None
 
     def _take_up(self, saved: SavedMission | None) -> None:
         """Stand as the mission that was cut off stood, or until there is a goal."""
@@ -570,11 +598,11 @@ class Mission:
 
         def fail(error: MissionError) -> None:
             if self._is_resumed and not self._task.name:
-                reason = NotResumed(Said(str(error)))
+                reason = NotResumed(find_fact(error))
                 self._pause(reason)
-                self._refusal = render(reason)
+                self._refusal = reason
             else:
-                self._end("failed", Said(str(error)))
+                self._end("failed", find_fact(error))
 
         work = partial(plan_job, self._task, self._config, estimate, self._begun)
         self._desk.ask(estimate.t_s, work, self._task.planning_s, begin, fail)
@@ -593,7 +621,7 @@ class Mission:
             self._run_on(OnErrand(errand, route))
 
         def stay(error: MissionError) -> None:
-            why = ErrandRefused(errand.kind.value, Said(str(error)))
+            why = ErrandRefused(errand.kind.value, find_fact(error))
             if errand.kind is ErrandKind.FREE:
                 self._pause(Both(state.reason, why), by_itself=True)
             elif errand.kind is ErrandKind.CHARGE or errand.kind.leaves_row:
@@ -602,7 +630,7 @@ class Mission:
                 self._pause(Both(warning, why) if warning else why, by_itself=True)
             else:
                 self._pause(why)
-            self._answers.settle_errand(self._refuse(render(why)))
+            self._answers.settle_errand(self._refuse(why))
 
         latency_s = self._task.errand_planning_s
         if errand.kind is ErrandKind.FREE:
@@ -640,7 +668,7 @@ class Mission:
         try:
             job.lead_on()
         except MissionError as error:
-            self._end("failed", Said(str(error)))
+            self._end("failed", find_fact(error))
             return False
         return True
 
@@ -707,7 +735,7 @@ class Mission:
 
     def _run_on(self, state: Waiting | Driving | OnErrand) -> None:
         self._drop()
-        self._state, self._refusal = state, ""
+        self._state, self._refusal = state, None
         self._watch.restart()
 
     def _pause(self, reason: Fact, *, by_itself: bool = False) -> None:
@@ -742,8 +770,15 @@ class Mission:
     def _drop(self) -> None:
         """Drop what is being worked out: it is not wanted any more."""
         if self._desk.is_checking:
-            self._answers.settle_check(self._refuse(f"plan refused: {MEANWHILE}"))
+            self._answers.settle_check(self._refuse(TaskRefused("plan", AskedElse())))
         self._desk.drop()
+
+
+def _read_places(visit: Visit) -> tuple[MapPoint, ...]:
+    """Return the places of a visit. Raises: MissionError: it names none."""
+    if not visit.places_map_m:
+        raise Refusal(NoPlaces())
+    return visit.places_map_m
 
 
 def _describe_return(errand: Errand) -> CameToBeCharged | ReturnedHome:

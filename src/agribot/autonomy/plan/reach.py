@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 
 from agribot.core.config import MissionConfig
-from agribot.core.errors import MissionError
+from agribot.core.facts import TooFarAway
 from agribot.core.messages import MapPoint
+from agribot.core.refusal import Refusal
 
 
 def check_reach(
@@ -22,8 +23,4 @@ def check_reach(
     away_m = min(math.dist(here_map_m, place) for place in places_map_m)
     limit_m = config.max_waypoint_distance_m
     if not away_m <= limit_m:
-        raise MissionError(
-            f"the nearest place to drive to is {away_m:.0f} m from the robot, more than the limit "
-            f"of {limit_m:.0f} m; check the map's origin and the place, or raise "
-            "mission.max_waypoint_distance_m"
-        )
+        raise Refusal(TooFarAway(away_m, limit_m))

@@ -19,7 +19,21 @@ from agribot.autonomy.plan.states import (
     Stopping,
     Waiting,
 )
-from agribot.core.messages import OperatorAction
+from agribot.core.facts import (
+    AnyFact,
+    AwayFromRows,
+    ErrandRefused,
+    InNoRow,
+    MissionEnded,
+    NothingPlanned,
+    NotResumed,
+    NotStarted,
+    RowNotMoved,
+    RowNotSkipped,
+    StopHolds,
+    TaskRefused,
+)
+from agribot.core.messages import RequestWord
 
 
 class Do(Enum):
@@ -44,7 +58,7 @@ class Do(Enum):
 class Refuse(NamedTuple):
     """Nothing is done; the status states why."""
 
-    why: str
+    why: AnyFact
 
 
 class Ignore(NamedTuple):
@@ -84,11 +98,9 @@ _DRIVES = Ignore("it drives already")
 _SETS_OFF = Ignore("it sets off by itself")
 _OVER = Ignore("it has ended already")
 _RECORDED = Ignore("the recording takes it")
-_STOP_FIRST = "the robot is stopped; clear the stop first"
-_NO_ROW = Refuse("row not moved: the robot is in no row")
-_ENDED = "the mission has ended"
+_NO_ROW = Refuse(RowNotMoved(InNoRow()))
 
-TABLE: Mapping[OperatorAction, Mapping[Column, Reaction]] = {
+TABLE: Mapping[RequestWord, Mapping[Column, Reaction]] = {
     "stop": _always(Do.HOLD),
     "clear_stop": _always(Do.RELEASE),
     "start": {
@@ -97,9 +109,9 @@ TABLE: Mapping[OperatorAction, Mapping[Column, Reaction]] = {
         "on_errand": _DRIVES,
         "stopping": _SETS_OFF,
         "paused": Do.RESUME,
-        "ended": Refuse(f"not started: {_ENDED}"),
+        "ended": Refuse(NotStarted(MissionEnded())),
         "open": Do.BEGIN_ANEW,
-        "stopped": Refuse(f"not started: {_STOP_FIRST}"),
+        "stopped": Refuse(NotStarted(StopHolds())),
     },
     "resume": {
         "waiting": _SETS_OFF,
@@ -107,9 +119,9 @@ TABLE: Mapping[OperatorAction, Mapping[Column, Reaction]] = {
         "on_errand": _DRIVES,
         "stopping": _SETS_OFF,
         "paused": Do.RESUME,
-        "ended": Refuse(f"not resumed: {_ENDED}"),
-        "open": Refuse(f"not resumed: {_ENDED}; start begins it once more"),
-        "stopped": Refuse(f"not resumed: {_STOP_FIRST}"),
+        "ended": Refuse(NotResumed(MissionEnded())),
+        "open": Refuse(NotResumed(MissionEnded(can_start=True))),
+        "stopped": Refuse(NotResumed(StopHolds())),
     },
     "pause": {
         **_until_ended(Do.PAUSE),
@@ -119,32 +131,31 @@ TABLE: Mapping[OperatorAction, Mapping[Column, Reaction]] = {
     },
     "cancel": {**_until_ended(Do.CANCEL), "ended": _OVER, "open": _OVER},
     "skip_row": {
-        "waiting": Refuse("row not skipped: nothing was planned yet"),
+        "waiting": Refuse(RowNotSkipped(NothingPlanned())),
         "driving": Do.SKIP_ROW,
-        "on_errand": Refuse("row not skipped: the robot is away from its rows"),
+        "on_errand": Refuse(RowNotSkipped(AwayFromRows())),
         "stopping": Do.SKIP_ROW,
         "paused": Do.SKIP_ROW,
-        "ended": Refuse(f"row not skipped: {_ENDED}"),
-        "open": Refuse(f"row not skipped: {_ENDED}"),
+        "ended": Refuse(RowNotSkipped(MissionEnded())),
+        "open": Refuse(RowNotSkipped(MissionEnded())),
     },
     "nudge_left": {**_always(_NO_ROW), "driving": Do.NUDGE_LEFT, "paused": Do.NUDGE_LEFT},
     "nudge_right": {**_always(_NO_ROW), "driving": Do.NUDGE_RIGHT, "paused": Do.NUDGE_RIGHT},
     "return_home": {
         **_always(Do.TURN_HOME),
-        "ended": Refuse(f"cannot return home: {_ENDED}"),
-        "stopped": Refuse(f"cannot return home: {_STOP_FIRST}"),
+        "ended": Refuse(ErrandRefused("home", MissionEnded())),
+        "stopped": Refuse(ErrandRefused("home", StopHolds())),
     },
     "goto": {
         **_always(Do.TURN_TO_GOAL),
-        "ended": Refuse(f"goal refused: {_ENDED}"),
-        "stopped": Refuse(f"goal refused: {_STOP_FIRST}"),
+        "ended": Refuse(ErrandRefused("goal", MissionEnded())),
+        "stopped": Refuse(ErrandRefused("goal", StopHolds())),
     },
-    "visit": {**_always(Do.TAKE_VISIT), "ended": Refuse(f"visit refused: {_ENDED}")},
-    "plan": {**_always(Do.TAKE_PLAN), "ended": Refuse(f"plan refused: {_ENDED}")},
+    "visit": {**_always(Do.TAKE_VISIT), "ended": Refuse(TaskRefused("visit", MissionEnded()))},
+    "plan": {**_always(Do.TAKE_PLAN), "ended": Refuse(TaskRefused("plan", MissionEnded()))},
     "set": {**_always(Do.SET), "ended": Ignore("it drives nowhere any more")},
     "pose_estimate": _always(Ignore("the estimate takes it")),
     "note": _always(_RECORDED),
-    "sensor": _always(_RECORDED),
     "mark": _always(_RECORDED),
     "point_out": _always(_RECORDED),
     "draw_polygon": _always(_RECORDED),
@@ -154,9 +165,9 @@ TABLE: Mapping[OperatorAction, Mapping[Column, Reaction]] = {
 }
 
 
-def react(action: OperatorAction, state: State, *, is_stopped: bool, stays_open: bool) -> Reaction:
+def react(word: RequestWord, state: State, *, is_stopped: bool, stays_open: bool) -> Reaction:
     """Look up what to do; `stays_open` says that a mission takes requests after its end, too."""
-    reactions, column = TABLE[action], COLUMN_OF[type(state)]
+    reactions, column = TABLE[word], COLUMN_OF[type(state)]
     if column == "ended" and not stays_open:
         return reactions["ended"]
     if is_stopped and "stopped" in reactions:

@@ -12,8 +12,9 @@ from agribot.autonomy.plan.covered import WorkedStretch
 from agribot.autonomy.plan.errand_kind import ErrandKind
 from agribot.autonomy.plan.row_log import RowResult
 from agribot.core.errors import MissionError
-from agribot.core.facts import AnyFact, Said
+from agribot.core.facts import AnyFact, CarriedAway, Said
 from agribot.core.messages import Estimate, MissionState, Path
+from agribot.core.refusal import Refusal
 
 PoseTuple = tuple[float, float, float]
 LENGTH_TOLERANCE_M = 0.01
@@ -120,8 +121,4 @@ def check_not_carried_away(estimate: Estimate, place: tuple[float, float], limit
     away_m = math.dist((estimate.x_map_m, estimate.y_map_m), place)
     allowed_m = limit_m + 2.0 * estimate.pos_std_m
     if not away_m <= allowed_m:
-        raise MissionError(
-            f"the robot was carried away: it is {away_m:.2f} m from where the work stopped, East "
-            f"{place[0]:.2f} m, North {place[1]:.2f} m, more than {allowed_m:.2f} m; bring it back "
-            "there, or start a new mission"
-        )
+        raise Refusal(CarriedAway(away_m, *place, allowed_m))

@@ -10,9 +10,8 @@ from agribot.autonomy.plan.curves import Place
 from agribot.autonomy.plan.explore.explorer import Explorer
 from agribot.autonomy.plan.route import Tool
 from agribot.autonomy.plan.saved_mission import PoseTuple
-from agribot.core.errors import MissionError
 from agribot.core.field_bounds import FieldBounds
-from agribot.core.messages import Estimate, FloatArray, MapPoint, OperatorEvent, Path, Row
+from agribot.core.messages import Estimate, FloatArray, MapPoint, Path, Row
 
 
 class Task(Protocol):
@@ -125,14 +124,3 @@ class NewTasks(Protocol):
     def visit(self, places: Sequence[MapPoint], name: str, bounds: FieldBounds | None) -> Task:
         """Visit places, inside the field of the task before."""
         ...
-
-
-def read_places(event: OperatorEvent) -> tuple[MapPoint, ...]:
-    """Take the places of a visit, (x_map_m, y_map_m) each, out of a request.
-
-    Raises: MissionError: it names none.
-    """
-    xs_m, ys_m = event.numbers[::2], event.numbers[1::2]
-    if not xs_m or len(xs_m) != len(ys_m):
-        raise MissionError("it names no places: x and y (m, map) of each")
-    return tuple(zip(xs_m, ys_m, strict=True))

@@ -41,10 +41,11 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RequestAnswer(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of the operator's event with this `id`: taken, or why not."""
+    """What became of the request with this `id`: taken, or why not, and its text."""
 
     id: str
     refusal: str = ""
+    fact: AnyFact | None = None
 
 
 class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
@@ -80,6 +81,7 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
     stopped_fact: AnyFact | None = None
     held_fact: AnyFact | None = None
     warning_fact: AnyFact | None = None
+    refusal_fact: AnyFact | None = None
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):

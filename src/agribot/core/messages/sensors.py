@@ -12,9 +12,10 @@ from typing import Literal
 
 import msgspec
 
-from agribot.core.facts import Part
+from agribot.core.facts import AnyFact
 from agribot.core.messages.arrays import ByteArray, FloatArray, Four, Vec3
-from agribot.core.messages.operator import HandDrive, OperatorEvent
+from agribot.core.messages.operator import HandDrive
+from agribot.core.messages.requests import RequestEvent
 
 # The order of every four-wheel tuple: rear right, rear left, front right, front left.
 WHEEL_NAMES = ("right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F")
@@ -226,31 +227,29 @@ class BoardSample(msgspec.Struct, frozen=True, kw_only=True):
     """What a motor board reports: its safety inputs, its stop and its faults.
 
     `inputs` are those that it reads at this moment; one that it has lost is left out, and is a
-    fault where the robot must have it. `stopped` says why it drives no motor until it gets the
-    command that a person cleared the stop. `faults` are in words; both are empty where it is well.
-    The parts that these speak of are `fault_parts`.
+    fault where the robot must have it. `stop` is why it drives no motor until it gets the command
+    that a person cleared the stop, and `fault` is what is wrong with it; None where it is well.
     """
 
     t_s: float
     inputs: tuple[SafetyInput, ...] = ()
     is_button_pressed: bool = False
-    stopped: str = ""
-    faults: tuple[str, ...] = ()
-    fault_parts: tuple[Part, ...] = ()
+    stop: AnyFact | None = None
+    fault: AnyFact | None = None
 
 
 class ContactorSample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """What the contactor in the motors' supply reports: whether it feeds them, as far as it knows.
 
     Where there are two in series, `is_closed` while both are, and `is_one_closed` while one of
-    them is alone: the other took the power. `trouble` says why it does not obey, or cannot get, its
-    command; empty where it can.
+    them is alone: the other took the power. `fault` is why it does not obey, or cannot get, its
+    command; None where it can.
     """
 
     t_s: float
     is_closed: bool = True
     is_one_closed: bool = False
-    trouble: str = ""
+    fault: AnyFact | None = None
 
 
 class OtherSample(msgspec.Struct, frozen=True, kw_only=True):
@@ -265,6 +264,13 @@ class OtherSample(msgspec.Struct, frozen=True, kw_only=True):
     numbers: tuple[float, ...]
 
 
+class DeviceNote(msgspec.Struct, frozen=True, kw_only=True):
+    """What is found of a device or its line once; one whose severity is "note" is no fault."""
+
+    t_s: float
+    fact: AnyFact
+
+
 class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     """What arrived since the last tick, oldest first. A silent sensor is an empty tuple."""
 
@@ -274,7 +280,8 @@ class SensorBatch(msgspec.Struct, frozen=True, kw_only=True):
     mag: tuple[MagSample, ...] = ()
     gnss: tuple[GnssFix, ...] = ()
     frames: tuple[CameraFrame, ...] = ()
-    events: tuple[OperatorEvent, ...] = ()
+    requests: tuple[RequestEvent, ...] = ()
+    notes: tuple[DeviceNote, ...] = ()
     base: tuple[BaseFix, ...] = ()
     headings: tuple[GnssHeading, ...] = ()
     bumper: tuple[BumperSample, ...] = ()

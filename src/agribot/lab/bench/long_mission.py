@@ -22,7 +22,7 @@ from agribot.autonomy.plan.plan_certificate import certify_plan
 from agribot.autonomy.plan.saved_mission import SavedMission
 from agribot.core.config import load
 from agribot.core.errors import ConfigError, MissionError
-from agribot.core.messages import Inbox, OperatorEvent, TickRecord
+from agribot.core.messages import ControlMission, Inbox, TickRecord, Who
 from agribot.description.loader import load_robot
 from agribot.gis.plan_file import SavedPlan, format_plan
 from agribot.lab.sweep.execution import Assignment, RunOutcome, drive_run
@@ -127,7 +127,7 @@ class _Charger:
 
     def __call__(self, record: TickRecord) -> None:
         if self._inbox is not None and record.status.state == "paused":
-            self._inbox.post(OperatorEvent(t_s=0.0, action="resume", source="whoever charged it"))
+            self._inbox.post(ControlMission(action="resume"), Who("whoever charged it"))
             self._inbox = None
 
 

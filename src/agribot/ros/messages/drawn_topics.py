@@ -7,28 +7,30 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from agribot.core import topics
-from agribot.core.messages import OperatorEvent
+from agribot.core.messages import DrawShape, GoTo, PointOut, RequestEvent
 from agribot.core.topics import Topic
 from agribot.ros.messages.rosmsg import MAP_FRAME, make_header, make_message, make_point, make_pose
 
 MapPoints = Sequence[tuple[float, float]]
 
 
-def list_drawn(events: Iterable[OperatorEvent], t_s: float) -> Iterator[tuple[Topic, Any]]:
+def list_drawn(events: Iterable[RequestEvent], t_s: float) -> Iterator[tuple[Topic, Any]]:
     """List the messages of what was pointed at, drawn and asked for as a goal."""
     for event in events:
-        points = list(zip(event.numbers[::2], event.numbers[1::2], strict=False))
-        if not points or not all(map(math.isfinite, event.numbers)):
-            continue
-        if event.action == "goto":
-            yaw_rad = event.numbers[2] if len(event.numbers) > 2 else 0.0
-            yield topics.GOAL_POSE, make_goal(t_s, points[0], yaw_rad)
-        elif event.action == "point_out":
-            yield topics.CLICKED_POINT, make_clicked_point(t_s, points[0])
-        elif event.action == "draw_polygon":
-            yield topics.DRAWN_POLYGON, make_polygon(t_s, points)
-        elif event.action == "draw_route":
-            yield topics.DRAWN_ROUTE, make_route(t_s, points)
+        match event.request:
+            case GoTo() as goal if _are_finite([goal.place]):
+                at_map_m = goal.x_map_m, goal.y_map_m
+                yield topics.GOAL_POSE, make_goal(t_s, at_map_m, goal.yaw_map_rad or 0.0)
+            case PointOut(x_map_m=x_m, y_map_m=y_m) if _are_finite([(x_m, y_m)]):
+                yield topics.CLICKED_POINT, make_clicked_point(t_s, (x_m, y_m))
+            case DrawShape(shape=shape, corners_map_m=corners) if _are_finite(corners):
+                is_polygon = shape == "polygon"
+                topic = topics.DRAWN_POLYGON if is_polygon else topics.DRAWN_ROUTE
+                yield topic, (make_polygon if is_polygon else make_route)(t_s, corners)
+
+
+def _are_finite(places: Sequence[Sequence[float]]) -> bool:
+    return bool(places) and all(math.isfinite(sum(place)) for place in places)
 
 
 def make_goal(t_s: float, at_map_m: tuple[float, float], yaw_rad: float) -> Any:

@@ -60,7 +60,7 @@ class TopicWriter:
         self._wheel_odometry(self._now_ns, record.batch)
         self._write_overlays(record)
         self._write_decisions(record)
-        for topic, message in list_drawn(record.batch.events, record.batch.t_s):
+        for topic, message in list_drawn(record.batch.requests, record.batch.t_s):
             self._write_ros(topic, message, record.batch.t_s)
         if self._now_ns >= self._next_slow_ns:
             self._next_slow_ns = self._now_ns + SLOW_NS

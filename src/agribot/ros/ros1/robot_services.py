@@ -6,7 +6,7 @@ import queue
 import struct
 
 from agribot.core.errors import BridgeError
-from agribot.core.messages import OperatorAction
+from agribot.core.messages import AnyRequest, ControlMission
 from agribot.ros.pose_request import request_pose
 from agribot.ros.requests import PAUSE_SERVICE, SERVICES, SET_POSE_SERVICE, Requests
 from agribot.ros.ros1.node import Node
@@ -23,8 +23,8 @@ def serve_robot(node: Node, requests: Requests) -> Ros1ServiceServer:
     """
     server = Ros1ServiceServer(node, requests.refuse)
     try:
-        for name, action in SERVICES:
-            server.serve(name, TRIGGER, _make_trigger(requests, action))
+        for name, request in SERVICES:
+            server.serve(name, TRIGGER, _make_trigger(requests, request))
         server.serve(PAUSE_SERVICE, SET_BOOL, _make_pause(requests))
         server.serve(SET_POSE_SERVICE, TRIGGER, _make_set_pose(node, requests))
     except BridgeError:
@@ -33,11 +33,11 @@ def serve_robot(node: Node, requests: Requests) -> Ros1ServiceServer:
     return server
 
 
-def _make_trigger(requests: Requests, action: OperatorAction) -> Answer:
-    def answer(request: bytes, source: str) -> bytes:
-        if request:
-            raise BridgeError(f"{len(request)} bytes; a request of std_srvs/Trigger is empty")
-        return _ask(requests, action, source)
+def _make_trigger(requests: Requests, request: AnyRequest) -> Answer:
+    def answer(body: bytes, source: str) -> bytes:
+        if body:
+            raise BridgeError(f"{len(body)} bytes; a request of std_srvs/Trigger is empty")
+        return _ask(requests, request, source)
 
     return answer
 
@@ -46,15 +46,16 @@ def _make_pause(requests: Requests) -> Answer:
     def answer(request: bytes, source: str) -> bytes:
         if len(request) != 1:
             raise BridgeError(f"{len(request)} bytes; a request of std_srvs/SetBool has one")
-        return _ask(requests, "pause" if request[0] else "resume", source)
+        control = ControlMission(action="pause" if request[0] else "resume")
+        return _ask(requests, control, source)
 
     return answer
 
 
-def _ask(requests: Requests, action: OperatorAction, source: str) -> bytes:
+def _ask(requests: Requests, request: AnyRequest, source: str) -> bytes:
     """Ask the mission and wait: each client has a thread of its own."""
     outcomes: queue.SimpleQueue[tuple[bool, str]] = queue.SimpleQueue()
-    requests.ask_action(action, source, lambda is_done, text: outcomes.put((is_done, text)))
+    requests.ask(request, source, lambda is_done, text: outcomes.put((is_done, text)))
     return _pack_outcome(*outcomes.get())
 
 

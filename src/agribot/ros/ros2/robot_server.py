@@ -8,7 +8,8 @@ from typing import Any
 
 from agribot.core.errors import BridgeError
 from agribot.core.inbound_topics import INBOUND_TOPICS
-from agribot.core.messages import LIVE_SETTINGS, OperatorAction, TickRecord
+from agribot.core.messages import LIVE_SETTINGS, AnyRequest, ControlMission, TickRecord
+from agribot.core.messages.requests import find_live_setting
 from agribot.core.topics import Qos, Topic
 from agribot.ros.inbound import InboundTopics
 from agribot.ros.pose_request import request_pose
@@ -52,8 +53,8 @@ class Ros2RobotServer:
 
     def _serve_actions(self, server: ServiceServer) -> None:
         types = load_service_types()
-        for name, action in SERVICES:
-            server.serve(types, name, "std_srvs/srv/Trigger", self._make_trigger(action))
+        for name, request in SERVICES:
+            server.serve(types, name, "std_srvs/srv/Trigger", self._make_trigger(request))
         none = (False, "these bytes are no SetBool request")
         server.serve(types, PAUSE_SERVICE, "std_srvs/srv/SetBool", self._on_pause, none)
         server.serve(types, SET_POSE_SERVICE, "std_srvs/srv/Trigger", self._on_set_pose)
@@ -66,23 +67,23 @@ class Ros2RobotServer:
         ParameterServer(server, name, values, changeable, self._change)
 
     def _change(self, name: str, value: float) -> str:
-        if name not in self._pose:
-            return self._requests.request_change(name, value, _SOURCE)
+        if setting := find_live_setting(name):
+            return self._requests.request_change(setting, value, _SOURCE)
         if not math.isfinite(value):
             return f"{name} must be finite"
         self._pose[name] = value
         return ""
 
-    def _make_trigger(self, action: OperatorAction) -> Answer:
-        return lambda _request, reply: self._ask(action, reply)
+    def _make_trigger(self, request: AnyRequest) -> Answer:
+        return lambda _body, reply: self._ask(request, reply)
 
     def _on_pause(self, request: Any, reply: Reply) -> None:
-        self._ask("pause" if request.data else "resume", reply)
+        self._ask(ControlMission(action="pause" if request.data else "resume"), reply)
 
-    def _ask(self, action: OperatorAction, reply: Reply) -> None:
+    def _ask(self, request: AnyRequest, reply: Reply) -> None:
         """Answer when the mission has, in a thread that holds up neither robot nor network."""
-        self._requests.ask_action(
-            action, _SOURCE, lambda is_done, text: self._replies.put(lambda: reply(is_done, text))
+        self._requests.ask(
+            request, _SOURCE, lambda is_done, text: self._replies.put(lambda: reply(is_done, text))
         )
 
     def _on_set_pose(self, _request: Any, reply: Reply) -> None:

@@ -11,7 +11,8 @@ from typing import Any, get_args
 
 import msgspec
 
-from agribot.core.messages import BoardSample, SafetyInput, SensorBatch
+from agribot.core.facts import BoardHung, BoardStopped
+from agribot.core.messages import BoardSample, ClearStop, SafetyInput, SensorBatch
 from agribot.sim.faults.schedule import Fault
 
 # Of the firmware: its watchdog, and from its reset until it reports and is configured, s.
@@ -98,7 +99,7 @@ class HungBoard:
             return batch
         if away_s < AWAY_S:
             return msgspec.structs.replace(batch, wheels=())
-        self._is_cleared = any(event.action == "clear_stop" for event in batch.events)
+        self._is_cleared = any(isinstance(event.request, ClearStop) for event in batch.requests)
         told = BoardSample(t_s=batch.t_s) if self._is_cleared else _tell_reset(batch.t_s)
         return msgspec.structs.replace(batch, board=(*batch.board, told))
 
@@ -106,7 +107,6 @@ class HungBoard:
 def _tell_reset(t_s: float) -> BoardSample:
     return BoardSample(
         t_s=t_s,
-        stopped="it was switched on, or reset",
-        faults=("it hung, and its watchdog reset it",),
-        fault_parts=("motors",),
+        stop=BoardStopped(("began",)),
+        fault=BoardHung(),
     )

@@ -20,8 +20,8 @@ NUMBERS = {
     "headings": ("yaw_map_rad",),
     "battery": ("voltage_v", "charge_ratio"),
 }
-STAMPED = ("wheels", "imu", "mag", "gnss", "frames", "events", "base", "headings", "bumper",
-           "battery", "board", "hand", "gnss_status", "contactor")  # fmt: skip
+STAMPED = ("wheels", "imu", "mag", "gnss", "frames", "requests", "notes", "base", "headings",
+           "bumper", "battery", "board", "hand", "gnss_status", "contactor")  # fmt: skip
 Stamped = TypeVar("Stamped", bound=msgspec.Struct)
 
 

@@ -14,16 +14,16 @@ from agribot.ui.view import thin_path
 
 
 def preview_goal(
-    task: Task, estimate: Estimate, config: MissionConfig, numbers: tuple[float, ...]
+    task: Task, estimate: Estimate, config: MissionConfig, goal: wire.GoTo
 ) -> wire.GoalPreview:
-    """Way, length and least time to a goal (x, y and perhaps yaw).
+    """Way, length and least time to a goal.
 
     The robot gets no command; its way from standstill may differ by the distance it rolls out.
     Raises: MissionError: there is no way; the text says why.
     """
     if not estimate.ok or not math.isfinite(estimate.x_map_m + estimate.y_map_m):
         raise MissionError("the robot does not know where it is")
-    path = make_goal_errand(task, "page", numbers).plan_route(estimate, config).path
+    path = make_goal_errand(task, "page", goal.place).plan_route(estimate, config).path
     length_m = float(path.s_m[-1])
     return wire.GoalPreview(
         points_map_m=thin_path(path).points_map_m,

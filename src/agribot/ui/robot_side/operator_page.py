@@ -16,7 +16,16 @@ from agribot.app.calibration.wizard import Wizard
 from agribot.app.run import Run
 from agribot.autonomy.weeds.track import Track
 from agribot.core.errors import ConfigError, MissionError, RecordingError
-from agribot.core.messages import ByteArray, OperatorEvent, TickRecord
+from agribot.core.facts import PausedByLoss
+from agribot.core.messages import (
+    AddNote,
+    AskerKind,
+    ByteArray,
+    ChangeSetting,
+    PauseFor,
+    TickRecord,
+    Who,
+)
 from agribot.core.messages import Path as PlannedPath
 from agribot.core.plugins import PANELS, bind_settings, iterate_plugins
 from agribot.record.events import Event
@@ -36,7 +45,8 @@ from agribot.ui.robot_side.verdicts import Verdicts
 from agribot.ui.settings import show_changes
 from agribot.ui.view import RunView
 
-SERVER = "the page's server"
+SERVER = Who("the page's server", AskerKind.PROGRAM)
+SILENT_PAGE = Who("page, silent", AskerKind.PROGRAM)
 SERVER_SILENT_S = 3.0  # of a server that hangs: it does not report that its operator is lost
 
 
@@ -157,7 +167,7 @@ class OperatorPage:
         """Let go for a hand that fell silent, by wall clock: a simulation may be slow."""
         is_old = time.monotonic() - self._hand_wall_s > self._timeout_s
         if self._is_hand_moving and is_old:
-            self._hand(0.0, 0.0, "page, silent")
+            self._hand(0.0, 0.0, SILENT_PAGE)
         is_silent = self.server.silent_s > SERVER_SILENT_S
         if is_silent and not self._is_server_silent:
             self._operator_lost(SERVER)
@@ -171,19 +181,20 @@ class OperatorPage:
         self._close_feeds()
 
     def _note(self, text: str) -> None:
-        self._inbox.post(OperatorEvent(t_s=0.0, action="note", source=SERVER, text=text))
+        self._inbox.post(AddNote(text=text), SERVER)
 
     def _obey(self, order: wire.RobotOrder) -> None:
         if isinstance(order, wire.DriveOrder):
-            self._hand(order.v_mps, order.yaw_rate_radps, order.by)
-        elif isinstance(order, wire.EventOrder):
-            self._inbox.post(self._event(order))
+            self._hand(order.v_mps, order.yaw_rate_radps, order.who)
+        elif isinstance(order, wire.RequestOrder):
+            self._note_change(order)
+            self._inbox.post(order.request, order.who)
         elif isinstance(order, wire.WatchOrder):
             if self._camera is not None:
                 self._camera.is_watched = order.camera
                 self._camera.is_mask_watched = order.mask
         elif isinstance(order, wire.OperatorLost):
-            self._operator_lost(order.by)
+            self._operator_lost(order.who)
         elif isinstance(order, wire.Ask):
             asked = (order, self.server.link)
             threading.Thread(target=self._answer, args=asked, daemon=True).start()
@@ -194,31 +205,23 @@ class OperatorPage:
                 self._note("serves again")
             self._ready.set()
 
-    def _event(self, order: wire.EventOrder) -> OperatorEvent:
-        if order.action == "set":
-            self._changed[order.text] = order.value
-        return OperatorEvent(
-            t_s=0.0,
-            action=order.action,
-            source=order.source,
-            text=order.text,
-            value=order.value,
-            numbers=order.numbers,
-        )
+    def _note_change(self, order: wire.RequestOrder) -> None:
+        if isinstance(order.request, ChangeSetting):
+            self._changed[order.request.setting] = order.request.value
 
-    def _hand(self, v_mps: float, yaw_rate_radps: float, by: str) -> None:
-        self._wizard.interrupt(f"{by} took the robot")
-        self._inbox.drive(v_mps, yaw_rate_radps, by)
+    def _hand(self, v_mps: float, yaw_rate_radps: float, who: Who) -> None:
+        self._wizard.interrupt(f"{who.name} took the robot")
+        self._inbox.drive(v_mps, yaw_rate_radps, who)
         self._is_hand_moving = bool(v_mps or yaw_rate_radps)
         if self._is_hand_moving:
             self._hand_wall_s = time.monotonic()
 
-    def _operator_lost(self, who: str) -> None:
-        self._wizard.interrupt(f"{who} is not heard any more")
+    def _operator_lost(self, who: Who) -> None:
+        self._wizard.interrupt(f"{who.name} is not heard any more")
         self._hand(0.0, 0.0, who)
         if self._pauses_when_lost:
-            self._inbox.post(OperatorEvent(t_s=0.0, action="pause", source=f"loss of {who}"))
-        self._inbox.post(OperatorEvent(t_s=0.0, action="note", source=who, text="operator lost"))
+            self._inbox.post(PauseFor(cause=PausedByLoss(who.name)), who)
+        self._inbox.post(AddNote(text="operator lost"), who)
 
     def _answer(self, asked: wire.Ask, link: Connection) -> None:
         """Answer what the server asks of mission and panels; their errors become answers."""
@@ -231,15 +234,16 @@ class OperatorPage:
             self._send(link, data)
 
     def _find_answer(self, id: int, question: wire.Question) -> wire.Answer:
-        if isinstance(question, wire.EventOrder):
-            return wire.Answer(id=id, refusal=self._verdicts.ask(self._event(question)))
+        if isinstance(question, wire.RequestOrder):
+            self._note_change(question)
+            return wire.Answer(id=id, refusal=self._verdicts.ask(question.request, question.who))
         if isinstance(question, wire.Calibrate):
             wanted = {"do": question.action, "kind": question.name, "by": question.by}
             found = self._wizard.answer(wanted)
             return wire.Answer(id=id, value=found, refusal=found.pop("refusal"))
         try:
             if isinstance(question, wire.PreviewGoal):
-                return wire.Answer(id=id, value=self._preview_goal(question.numbers))
+                return wire.Answer(id=id, value=self._preview_goal(question.goal))
             if isinstance(question, wire.SaveFrame):
                 return wire.Answer(id=id, value=self._save_frame())
         except (MissionError, RecordingError) as error:
@@ -258,13 +262,13 @@ class OperatorPage:
             return self._panels.submit(question.panel, question.values)
         return self._panels.infos()
 
-    def _preview_goal(self, numbers: tuple[float, ...]) -> wire.GoalPreview:
+    def _preview_goal(self, goal: wire.GoTo) -> wire.GoalPreview:
         record = self._view.record
         if record is None:
             raise MissionError("the robot has not begun yet")
         mission = self._session.stack.mission
         config = msgspec.structs.replace(self._session.config.mission, speed_mps=mission.speed_mps)
-        return preview_goal(mission.task, record.estimate, config, numbers)
+        return preview_goal(mission.task, record.estimate, config, goal)
 
     def _save_frame(self) -> wire.KeptFrame:
         shot = self._frames.newest()

@@ -7,7 +7,7 @@ import threading
 
 import msgspec
 
-from agribot.core.messages import Inbox, OperatorEvent, TickRecord
+from agribot.core.messages import AnyRequest, GoTo, Inbox, TickRecord, Who
 
 PATIENCE_S = 4.0  # the page itself waits a little longer
 
@@ -31,15 +31,15 @@ class Verdicts:
         self._asked: dict[str, _Asked] = {}
 
     def __call__(self, record: TickRecord) -> None:
-        for event in record.batch.events:
-            if asked := self._asked.get(event.id):
+        for event in record.batch.requests:
+            if asked := self._asked.get(event.request.id):
                 asked.is_heard = True
         for answer in record.status.answers:
             if asked := self._asked.get(answer.id):
                 asked.refusal = answer.refusal
                 asked.is_settled.set()
 
-    def ask(self, event: OperatorEvent) -> str:
+    def ask(self, request: AnyRequest, who: Who) -> str:
         """Post a request; return why it is refused, or "".
 
         A goal that takes long to settle counts as taken: the robot still rolls out, and the
@@ -47,9 +47,9 @@ class Verdicts:
         """
         id = f"page-{next(self._numbers)}"
         asked = self._asked[id] = _Asked()
-        self._inbox.post(msgspec.structs.replace(event, id=id))
+        self._inbox.post(msgspec.structs.replace(request, id=id), who)
         is_settled = asked.is_settled.wait(PATIENCE_S)
         del self._asked[id]
-        if is_settled or (asked.is_heard and event.action == "goto"):
+        if is_settled or (asked.is_heard and isinstance(request, GoTo)):
             return asked.refusal
         return f"the robot did not answer within {PATIENCE_S:g} s; see whether its ticks arrive"

@@ -19,6 +19,7 @@ from typing import Literal
 
 import msgspec
 
+from agribot.core.messages import AskerKind, Who
 from agribot.ui.server.guesses import Guesses
 from agribot.ui.server.signed_session import RENEW_AFTER_S, Session, Signer
 
@@ -39,6 +40,11 @@ class Caller(msgspec.Struct, frozen=True, kw_only=True):
     session: str
     role: Role | None
     cookie: str = ""
+
+
+def make_who(name: str, role: str | None) -> Who:
+    """Make who asks of a name and a role; None of an unknown visitor."""
+    return Who(name, AskerKind.UNKNOWN if role is None else AskerKind(role))
 
 
 class Refusal(msgspec.Struct, frozen=True, kw_only=True):

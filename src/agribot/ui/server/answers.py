@@ -9,8 +9,9 @@ import msgspec
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
+from agribot.core.messages import Who
 from agribot.ui import wire
-from agribot.ui.server.access import Caller
+from agribot.ui.server.access import Caller, make_who
 from agribot.ui.server.channel import Channel
 from agribot.ui.server.hub import Hub, NotWanted
 
@@ -126,11 +127,11 @@ def channel_of(request: Request) -> Channel:
     return hub.channel_of(caller.session)
 
 
-def name_of(request: Request) -> str:
-    """Find the name that the caller's open page goes by, for the log."""
+def who_asks(request: Request) -> Who:
+    """Find who the caller is, by the name of its open page."""
     hub: Hub = request.app.state.hub
     caller: Caller = request.scope["agribot.caller"]
     for socket in hub.sockets:
         if caller.session and socket.session.startswith(f"{caller.session}/"):
-            return str(socket.name)
-    return str(caller.role)
+            return make_who(socket.name, caller.role)
+    return make_who(str(caller.role), caller.role)

@@ -13,7 +13,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from agribot.ui import wire
-from agribot.ui.server.access import Access, Caller, Refusal
+from agribot.ui.server.access import Access, Caller, Refusal, make_who
 from agribot.ui.server.answers import Unusable, read_body, refuse_request
 from agribot.ui.server.camera import Camera, camera_socket
 from agribot.ui.server.connection_slots import Slot
@@ -58,7 +58,9 @@ class RequestGate:
         )
         if isinstance(verdict, Refusal):
             client = scope.get("client") or ("unknown",)
-            self._hub.refuse(str(client[0]), f"{scope['path'][:80]}: {verdict.reason}")
+            self._hub.refuse(
+                make_who(str(client[0]), None), f"{scope['path'][:80]}: {verdict.reason}"
+            )
             await _turn_away(verdict, scope, receive, send)
             return
         scope["agribot.caller"] = verdict
@@ -131,7 +133,7 @@ def _session_for(request: Request, token: str) -> str | Response:
     address = request.client.host if request.client else ""
     session = hub.access.login(token, address)
     if isinstance(session, Refusal):
-        hub.refuse(address or "unknown", session.reason)
+        hub.refuse(make_who(address or "unknown", None), session.reason)
         return refuse_request(session.status, session.reason)
     return session
 

@@ -10,10 +10,10 @@ from agribot.ui.server.answers import (
     Unusable,
     ask_robot,
     json_answer,
-    name_of,
     need_operator,
     need_seat,
     read_body,
+    who_asks,
 )
 from agribot.ui.server.hub import Hub
 
@@ -52,7 +52,7 @@ async def _calibrate(request: Request, action: wire.CalibrationAction, name: str
     hub: Hub = request.app.state.hub
     if not hub.has_robot:
         raise Unusable(409, "no robot runs here; nothing can be calibrated")
-    question = wire.Calibrate(action=action, name=name, by=name_of(request))
+    question = wire.Calibrate(action=action, name=name, by=who_asks(request).name)
     return json_answer(await ask_robot(request, question, wire.Calibrations))
 
 

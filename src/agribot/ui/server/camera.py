@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from agribot.core.messages import ByteArray
+from agribot.core.messages import AskerKind, ByteArray, Who
 from agribot.ui import wire
 from agribot.ui.server.guarded_connections import POLICY, TOO_MUCH
 from agribot.ui.server.hub import Hub
@@ -157,7 +157,7 @@ class Viewer:
                 message = await self._socket.receive()
                 if message["type"] == "websocket.disconnect":
                     if message.get("code") == POLICY:
-                        self._hub.refuse("a viewer of the camera", TOO_MUCH)
+                        self._hub.refuse(Who("a viewer of the camera", AskerKind.VIEWER), TOO_MUCH)
                     return
                 self._note_drawing()
         finally:

@@ -8,10 +8,11 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from agribot.autonomy.plan.errand import STANDING_MPS
-from agribot.core.messages import OperatorAction
+from agribot.core.messages import AnyRequest, Who
+from agribot.core.request_text import describe_request
 from agribot.ui import wire
 from agribot.ui.server.channel import Channel
-from agribot.ui.server.hub import Hub, Places
+from agribot.ui.server.hub import Hub
 
 MAX_NAME = 40
 MAX_TEXT = 500
@@ -20,14 +21,6 @@ FIRST_SCALE = 0.5
 MAX_CORNERS = 500
 ROBOT_GONE = "the robot's program has ended"
 MAX_HAND_AGE_S = 0.5  # of a request to move: a hand that let go meanwhile cannot be heard yet
-DRAWN_ACTIONS: dict[wire.ShapeKind, OperatorAction] = {
-    "polygon": "draw_polygon",
-    "route": "draw_route",
-}
-RECORD_EVENTS: dict[wire.RecordingAction, OperatorAction] = {
-    "start": "start_recording",
-    "stop": "stop_recording",
-}
 
 
 class Refused(Exception):
@@ -40,6 +33,9 @@ class Page(Protocol):
     session: str
     name: str
     role: str | None
+
+    @property
+    def who(self) -> Who: ...
 
     @property
     def channel(self) -> Channel: ...
@@ -109,15 +105,15 @@ class Commands:
             before = hub.seat.holder
             reason = hub.seat.take(page.session, page.name, time.monotonic(), force=message.force)
             if not reason and before != page.session:
-                hub.order(wire.DriveOrder(v_mps=0.0, yaw_rate_radps=0.0, by=page.name))
-                hub.note(page.name, "takes the operator's seat")
+                hub.order(wire.DriveOrder(v_mps=0.0, yaw_rate_radps=0.0, who=page.who))
+                hub.note(page.who, "takes the operator's seat")
         self._answer(message, reason)
         hub.tell_seat()
 
     def _leave_seat(self, message: wire.LeaveSeat) -> None:
         if self._hub.seat.release(self._page.session):
             self._drive(0.0, 0.0)  # a calibration ends as well
-            self._hub.note(self._page.name, "leaves the operator's seat")
+            self._hub.note(self._page.who, "leaves the operator's seat")
             self._hub.tell_seat()
         self._answer(message)
 
@@ -139,29 +135,29 @@ class Commands:
 
     def _press_stop(self, message: wire.PressStop) -> None:
         """Everybody may stop the robot: no seat, no role, also while a recording is shown."""
-        self._hub.stops.press(self._page.name)
+        self._hub.stops.press(self._page.who)
         self._is_driving = False
         self._answer(message, ROBOT_GONE if self._hub.is_robot_gone else "")
 
     def _clear_stop(self, message: wire.ClearStop) -> None:
         if not self._no_seat():
             self._hub.stops.clear()
-        self._operate(message, "clear_stop")
+        self._operate(message)
 
     def _control_mission(self, message: wire.ControlMission) -> None:
-        self._operate(message, message.action)
+        self._operate(message)
 
     def _control_recording(self, message: wire.ControlRecording) -> None:
         """Begin or end a recording; nothing moves, so that no seat is needed."""
         reason = self._not_operator()
         if not reason:
-            self._hub.event(RECORD_EVENTS[message.action], self._page.name)
+            self._hub.send(message, self._page.who)
         self._answer(message, reason)
 
     def _mark_moment(self, message: wire.MarkMoment) -> None:
         reason = self._not_operator()
         if not reason:
-            self._hub.event("mark", self._page.name, message.text.strip()[:MAX_TEXT])
+            self._hub.send(wire.MarkMoment(text=message.text.strip()[:MAX_TEXT]), self._page.who)
         self._answer(message, reason)
 
     def _go_to(self, message: wire.GoTo) -> None:
@@ -170,20 +166,16 @@ class Commands:
         if reason:
             self._answer(message, reason)
             return
-        yaw = () if message.yaw_map_rad is None else (message.yaw_map_rad,)
-        numbers = (message.x_map_m, message.y_map_m, *yaw)
-        event = wire.EventOrder(action="goto", source=self._page.name, numbers=numbers)
-        request = asyncio.create_task(self._request(message, event))
+        request = asyncio.create_task(self._request(message))
         self._requests.add(request)
         request.add_done_callback(self._requests.discard)
 
-    async def _request(self, message: wire.Request, event: wire.EventOrder) -> None:
-        self._answer(message, await self._hub.request(event))
+    async def _request(self, message: AnyRequest) -> None:
+        self._answer(message, await self._hub.request(message, self._page.who))
 
     def _point_out(self, message: wire.PointOut) -> None:
         """Publish and record a place that somebody clicked, as RViz's Publish Point."""
-        place = f"East {message.x_map_m:.3f} m, North {message.y_map_m:.3f} m"
-        self._draw("point_out", f"point: {place}", [(message.x_map_m, message.y_map_m)])
+        self._draw(message)
         self._answer(message)
 
     def _draw_shape(self, message: wire.DrawShape) -> None:
@@ -191,17 +183,15 @@ class Commands:
         corners = message.corners_map_m
         if not 0 < len(corners) <= MAX_CORNERS:
             raise Refused(f"{len(corners)} corners of a shape: it has 1 to {MAX_CORNERS}")
-        places = ", ".join(f"{x_m:.2f} {y_m:.2f}" for x_m, y_m in corners)
-        self._draw(DRAWN_ACTIONS[message.shape], f"{message.shape} (East North, m): {places}",
-                   corners)  # fmt: skip
+        self._draw(message)
         self._answer(message)
 
-    def _draw(self, action: OperatorAction, text: str, places_map_m: Places) -> None:
+    def _draw(self, drawn: wire.PointOut | wire.DrawShape) -> None:
         """Publish what an operator draws; what a viewer draws is a note in the recording."""
         if self._page.role == "operator":
-            self._hub.draw(action, self._page.name, text, places_map_m)
+            self._hub.draw(drawn, self._page.who)
         else:
-            self._hub.note(self._page.name, text, "viewer")
+            self._hub.note(self._page.who, describe_request(drawn), "viewer")
 
     def _correct_pose(self, message: wire.CorrectPose) -> None:
         """Only a robot at rest believes it."""
@@ -213,15 +203,13 @@ class Commands:
         if not reason and not self._is_at_rest():
             reason = "the robot drives; pause its mission first"
         if not reason:
-            pose = (message.x_map_m, message.y_map_m, message.yaw_map_rad)
-            numbers = (*pose, message.std_m, message.std_rad)
-            self._hub.event("pose_estimate", self._page.name, numbers=numbers)
+            self._hub.send(message, self._page.who)
         self._answer(message, reason)
 
-    def _operate(self, message: wire.Request, action: OperatorAction) -> None:
+    def _operate(self, message: wire.ClearStop | wire.ControlMission) -> None:
         reason = self._no_seat()
         if not reason:
-            self._hub.event(action, self._page.name)
+            self._hub.send(message, self._page.who)
         self._answer(message, reason)
 
     def _is_at_rest(self) -> bool:
@@ -231,8 +219,8 @@ class Commands:
 
     def _drive(self, v_mps: float, yaw_rate_radps: float) -> None:
         self._is_driving = bool(v_mps or yaw_rate_radps)
-        by = self._page.name
-        self._hub.order(wire.DriveOrder(v_mps=v_mps, yaw_rate_radps=yaw_rate_radps, by=by))
+        who = self._page.who
+        self._hub.order(wire.DriveOrder(v_mps=v_mps, yaw_rate_radps=yaw_rate_radps, who=who))
 
     def _no_seat(self) -> str:
         reason = self._not_operator()

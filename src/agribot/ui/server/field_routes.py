@@ -11,6 +11,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from agribot.core.errors import AgribotError
+from agribot.core.messages import TakePlan
 from agribot.gis.field_choice import keep_field, list_fields
 from agribot.gis.formats.table import read_field_file, write_field_file
 from agribot.ui import wire
@@ -18,10 +19,10 @@ from agribot.ui.server.answers import (
     NO_STORE,
     Unusable,
     json_answer,
-    name_of,
     need_operator,
     need_seat,
     read_body,
+    who_asks,
 )
 from agribot.ui.server.field_check import check_field, datum_of
 from agribot.ui.server.hub import Hub
@@ -67,7 +68,7 @@ async def put_field(request: Request) -> Response:
         error = f"field '{name}' is not stored: {verdict.reasons[0].text}"
         return json_answer(msgspec.structs.replace(verdict, error=error), 422)
     _fields(request).write(name, collection)
-    hub.note(name_of(request), f"stores field '{name}'")
+    hub.note(who_asks(request), f"stores field '{name}'")
     return json_answer(verdict)
 
 
@@ -75,7 +76,7 @@ async def delete_field(request: Request) -> Response:
     need_operator(request)
     hub: Hub = request.app.state.hub
     _fields(request).delete(request.path_params["name"])
-    hub.note(name_of(request), f"deletes field '{request.path_params['name']}'")
+    hub.note(who_asks(request), f"deletes field '{request.path_params['name']}'")
     return Response(status_code=204)
 
 
@@ -148,12 +149,11 @@ async def apply_plan(request: Request) -> Response:
     if made.field is None:
         error = f"the plan is not used: {made.answer.reasons[0].text}"
         return json_answer(msgspec.structs.replace(made.answer, error=error), 422)
-    event = wire.EventOrder(action="plan", source=name_of(request), text=made.text)
-    refusal = await hub.request(event)
+    refusal = await hub.request(TakePlan(geojson=made.text), who_asks(request))
     if refusal:
         raise Unusable(409, refusal)
     if made.is_crop_gone:
-        hub.note(name_of(request), "takes the crop rows off the map")
+        hub.note(who_asks(request), "takes the crop rows off the map")
     hub.about.field = made.field
     hub.tell_all(wire.FieldChange())
     return json_answer(made.answer)

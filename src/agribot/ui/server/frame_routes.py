@@ -11,8 +11,8 @@ from agribot.ui.server.answers import (
     ask_robot,
     is_robot_shown,
     json_answer,
-    name_of,
     need_seat,
+    who_asks,
 )
 from agribot.ui.server.hub import Hub
 
@@ -24,7 +24,7 @@ async def save_frame(request: Request) -> Response:
     if not is_robot_shown(request):
         raise Unusable(409, "no robot is shown whose camera could be kept")
     saved = await ask_robot(request, wire.SaveFrame(), wire.KeptFrame)
-    hub.note(name_of(request), f"keeps a frame: {saved.image}")
+    hub.note(who_asks(request), f"keeps a frame: {saved.image}")
     return json_answer(saved)
 
 

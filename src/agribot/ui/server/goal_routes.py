@@ -22,8 +22,8 @@ async def preview(request: Request) -> Response:
     if not is_robot_shown(request):
         raise Unusable(409, "no robot is shown that could drive there")
     goal = await read_body(request, wire.GoalPlace)
-    yaw = () if goal.yaw_map_rad is None else (goal.yaw_map_rad,)
-    question = wire.PreviewGoal(numbers=(goal.x_map_m, goal.y_map_m, *yaw))
+    there = wire.GoTo(x_map_m=goal.x_map_m, y_map_m=goal.y_map_m, yaw_map_rad=goal.yaw_map_rad)
+    question = wire.PreviewGoal(goal=there)
     return json_answer(await ask_robot(request, question, wire.GoalPreview))
 
 

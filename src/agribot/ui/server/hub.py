@@ -5,13 +5,23 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import defaultdict, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import msgspec
 
-from agribot.core.messages import OperatorAction
+from agribot.core.facts import StoppedAgainBy
+from agribot.core.messages import (
+    AddNote,
+    AnyRequest,
+    AskerKind,
+    DrawShape,
+    PointOut,
+    PressStop,
+    StopFor,
+    Who,
+)
 from agribot.ros.messages.shown_types import SHOWN_DISPLAYS
 from agribot.ui import wire
 from agribot.ui.about import About
@@ -25,7 +35,6 @@ from agribot.ui.server.stops import Stops
 from agribot.ui.server.topic_sources import TITLES, TopicSources
 
 T = TypeVar("T")
-Places = Sequence[wire.Vec2]
 NoteKind = Literal["operator", "viewer", "refusal"]
 ToRobot = Callable[[wire.RobotOrder], None]
 NOTES_PER_MINUTE = 60  # of each kind
@@ -64,7 +73,7 @@ class Hub:
             is_local=is_local, is_encrypted=bool(about.tls_cert),
         )  # fmt: skip
         self._to_robot = to_robot
-        self.stops = Stops(lambda source, text: self.event("stop", source, text))
+        self.stops = Stops(self._stop)
         self._seat_timer: asyncio.TimerHandle | None = None
         self._noted_s: defaultdict[NoteKind, deque[float]] = defaultdict(
             lambda: deque(maxlen=NOTES_PER_MINUTE)
@@ -166,22 +175,19 @@ class Hub:
         if waiting is not None and not waiting.done():
             waiting.set_result(answer)
 
-    def event(
-        self,
-        action: OperatorAction,
-        source: str,
-        text: str = "",
-        value: float = 0.0,
-        numbers: tuple[float, ...] = (),
-    ) -> None:
-        self.order(
-            wire.EventOrder(action=action, source=source, text=text, value=value, numbers=numbers)
+    def send(self, request: AnyRequest, who: Who) -> None:
+        """Send a request without waiting for its answer."""
+        self.order(_make_order(request, who))
+
+    def _stop(self, who: Who, times: int) -> None:
+        self.send(
+            PressStop() if times == 1 else StopFor(cause=StoppedAgainBy(who.name, times)), who
         )
 
-    async def request(self, event: wire.EventOrder) -> str:
+    async def request(self, request: AnyRequest, who: Who) -> str:
         """Ask for what the mission may refuse: why it does, or nothing where it was taken."""
         try:
-            return (await self._ask(event, ANSWER_S)).refusal
+            return (await self._ask(_make_order(request, who), ANSWER_S)).refusal
         except TimeoutError:
             return f"the robot's program did not answer within {ANSWER_S:g} s"
         except LookupError as error:
@@ -195,25 +201,25 @@ class Hub:
 
     def take_layer(self, network: str, text: str) -> None:
         """Do what a program of ROS asks for; the recording keeps what became of it."""
+        who = Who(TITLES[network], AskerKind.ROS)
         try:
-            self.note(TITLES[network], self.layers.obey(text))
+            self.note(who, self.layers.obey(text))
         except BadLayer as error:
-            self.note(TITLES[network], f"layer refused: {error}", "refusal")
+            self.note(who, f"layer refused: {error}", "refusal")
 
     def tell_all(self, message: wire.ServerMessage) -> None:
         for socket in self.sockets:
             socket.tell(message)
 
-    def note(self, source: str, text: str, kind: NoteKind = "operator") -> None:
+    def note(self, who: Who, text: str, kind: NoteKind = "operator") -> None:
         """Put who did what into the recording; a flood of one kind is cut, and no other kind."""
         if self._has_room(kind):
-            self.event("note", source, text)
+            self.send(AddNote(text=text), who)
 
-    def draw(self, action: OperatorAction, source: str, text: str, places_map_m: Places) -> None:
+    def draw(self, drawn: PointOut | DrawShape, who: Who) -> None:
         """Publish what an operator showed on the map; a flood is cut like that of notes."""
         if self._has_room("operator"):
-            numbers = tuple(number for place in places_map_m for number in place)
-            self.event(action, source, text, numbers=numbers)
+            self.send(drawn, who)
 
     def _has_room(self, kind: NoteKind) -> bool:
         now_s, noted_s = time.monotonic(), self._noted_s[kind]
@@ -222,10 +228,15 @@ class Hub:
         noted_s.append(now_s)
         return True
 
-    def refuse(self, who: str, reason: str) -> None:
+    def refuse(self, who: Who, reason: str) -> None:
         """Somebody was turned away at the door."""
         self.refusals += 1
         self.note(who, f"refused: {reason}", "refusal")
+
+
+def _make_order(request: AnyRequest, who: Who) -> wire.RequestOrder:
+    """Leave the page's own id out: the robot's ids are those of its program."""
+    return wire.RequestOrder(who=who, request=msgspec.structs.replace(request, id=""))
 
 
 def _browser_of(session: str) -> str:

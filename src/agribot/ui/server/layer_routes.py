@@ -7,7 +7,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from agribot.ui import wire
-from agribot.ui.server.answers import Unusable, json_answer, name_of, need_operator, read_body
+from agribot.ui.server.answers import Unusable, json_answer, need_operator, read_body, who_asks
 from agribot.ui.server.hub import Hub
 from agribot.ui.server.outside_layers import BadLayer
 
@@ -32,7 +32,7 @@ async def delete_layer(request: Request) -> Response:
     name = request.path_params["name"]
     if not hub.layers.remove(name):
         raise Unusable(404, f"no layer '{name[:80]}'")
-    hub.note(name_of(request), f"removes layer '{name}'")
+    hub.note(who_asks(request), f"removes layer '{name}'")
     return Response(status_code=204)
 
 
@@ -45,7 +45,7 @@ async def _set(request: Request, layer: wire.OutsideLayer) -> Response:
     except BadLayer as error:
         raise Unusable(422, str(error)) from error
     if is_new:
-        hub.note(name_of(request), f"adds layer '{layer.name.strip()}'")
+        hub.note(who_asks(request), f"adds layer '{layer.name.strip()}'")
     return json_answer({"id": id}, 201 if is_new else 200)
 
 

@@ -28,11 +28,11 @@ from agribot.ui import wire
 from agribot.ui.server.answers import (
     Unusable,
     json_answer,
-    name_of,
     need_operator,
     need_seat,
     read_body,
     refuse_request,
+    who_asks,
 )
 from agribot.ui.server.hub import Hub
 from agribot.ui.server.off_the_loop import run_in_thread
@@ -117,7 +117,7 @@ async def submit_panel(request: Request) -> Response:
     if id not in panels or panels[id].needs_seat is not False:
         need_seat(request)
     hub: Hub = request.app.state.hub
-    hub.note(name_of(request), f"uses panel '{id}'")
+    hub.note(who_asks(request), f"uses panel '{id}'")
     question = wire.SubmitPanel(panel=id, values=values)
     return json_answer(await _ask_program(request, question, wire.PanelReply))
 

@@ -12,24 +12,24 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from agribot.core.errors import ConfigError
-from agribot.core.messages import OperatorAction
+from agribot.core.messages import ControlRecording, MarkMoment, RecordingAction
 from agribot.ui import wire
 from agribot.ui.server.access import Caller
 from agribot.ui.server.answers import (
     Unusable,
     inside,
     json_answer,
-    name_of,
     need_operator,
     need_seat,
     read_body,
     served_file,
+    who_asks,
 )
 from agribot.ui.server.hub import Hub
 from agribot.ui.server.off_the_loop import run_in_thread
 from agribot.ui.server.replay import MAX_SPEED, MIN_SPEED, Replay
 from agribot.ui.server.replays import NoRoom
-from agribot.ui.settings import live_value
+from agribot.ui.settings import make_change
 
 RECORDING = "run.mcap"
 MAX_LISTED = 500
@@ -92,23 +92,23 @@ async def mark(request: Request) -> Response:
     need_operator(request)
     hub: Hub = request.app.state.hub
     text = (await read_body(request, wire.MarkText)).text
-    hub.event("mark", name_of(request), text.strip()[:MAX_TEXT])
+    hub.send(MarkMoment(text=text.strip()[:MAX_TEXT]), who_asks(request))
     return Response(status_code=204)
 
 
 async def start_recording(request: Request) -> Response:
     """Begin a recording; the state names its folder."""
-    return _record(request, "start_recording")
+    return _record(request, "start")
 
 
 async def stop_recording(request: Request) -> Response:
-    return _record(request, "stop_recording")
+    return _record(request, "stop")
 
 
-def _record(request: Request, action: OperatorAction) -> Response:
+def _record(request: Request, action: RecordingAction) -> Response:
     need_operator(request)
     hub: Hub = request.app.state.hub
-    hub.event(action, name_of(request))
+    hub.send(ControlRecording(action=action), who_asks(request))
     return Response(status_code=204)
 
 
@@ -193,11 +193,11 @@ async def change_settings(request: Request) -> Response:
             refused[key] = "there is no such setting"
             continue
         try:
-            number = live_value(hub.about.config, key, value)
+            change = make_change(hub.about.config, key, value)
         except ConfigError as error:
             refused[key] = str(error)
             continue
-        hub.event("set", name_of(request), key, number)
+        hub.send(change, who_asks(request))
         known[key].value = applied[key] = value
     return json_answer(wire.SettingsReply(applied=applied, refused=refused))
 

@@ -53,7 +53,7 @@ class RobotLine:
         threading.Thread(target=self._run, name="orders", daemon=True).start()
 
     def put(self, order: wire.RobotOrder) -> None:
-        is_stop = isinstance(order, wire.EventOrder) and order.action == "stop"
+        is_stop = isinstance(order, wire.RequestOrder) and order.request.word == "stop"
         if is_stop or self._orders.qsize() < ORDERS_KEPT:
             self._orders.put(order)
 
@@ -176,7 +176,7 @@ async def _watch(hub: Hub) -> None:
             was_silent = is_silent
             hub.tell_seat()
             if is_silent and hub.seat.holder:
-                hub.order(wire.OperatorLost(by=hub.seat.name))
+                hub.order(wire.OperatorLost(who=wire.Who(hub.seat.name)))
 
 
 async def _keep_topics(hub: Hub) -> None:

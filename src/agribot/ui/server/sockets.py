@@ -8,8 +8,10 @@ import time
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from agribot.core.messages import AskerKind, Who
 from agribot.core.version import __version__
 from agribot.ui import wire
+from agribot.ui.server.access import make_who
 from agribot.ui.server.channel import Channel
 from agribot.ui.server.client import Client
 from agribot.ui.server.commands import Commands, Refused
@@ -38,6 +40,10 @@ class Socket:
         self._commands = Commands(hub, self)
         self.heard_s = time.monotonic()
 
+    @property
+    def who(self) -> Who:
+        return make_who(self.name, self.role)
+
     async def serve(self) -> None:
         hub = self.hub
         hub.sockets.add(self)
@@ -49,7 +55,7 @@ class Socket:
         try:
             await self._listen()
         except Refused as refused:
-            hub.refuse(self.name, str(refused))
+            hub.refuse(self.who, str(refused))
             await self._leave(str(refused))
         except WebSocketDisconnect:
             pass
@@ -120,7 +126,7 @@ class Socket:
             message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
                 if message.get("code") == POLICY:
-                    self.hub.refuse(self.name, TOO_MUCH)
+                    self.hub.refuse(self.who, TOO_MUCH)
                 return
             text = message.get("text")
             if text is None:
@@ -157,7 +163,7 @@ async def state_socket(socket: WebSocket) -> None:
     hub: Hub = socket.app.state.hub
     refusal = make_room(hub, socket.scope["agribot.caller"], time.monotonic())
     if refusal:
-        hub.refuse("a page", refusal)
+        hub.refuse(Who("a page", AskerKind.UNKNOWN), refusal)
         await socket.close(TRY_LATER)
         return
     await socket.accept()

@@ -21,9 +21,11 @@ from agribot.autonomy.plan.plan_certificate import check_crop, check_ways
 from agribot.autonomy.plan.speed import plan_speed_mps, time_left_s
 from agribot.core.config import MissionConfig
 from agribot.core.errors import MissionError
+from agribot.core.facts import ThereAlready
 from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import FloatArray, MapPoint, Path, Row
 from agribot.core.pose import Pose2
+from agribot.core.refusal import Refusal
 
 STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
 MAX_LENGTH_M = 100_000.0  # 5 million places of the path, as much memory as a small computer has
@@ -122,7 +124,7 @@ class FieldWork:
 
     def _check(self, legs: list[Leg], start: MapPoint) -> Path:
         if not legs:
-            raise MissionError("the robot is there already")
+            raise Refusal(ThereAlready())
         problems = check_ways(tuple(legs), self.area, self._shape, self.request, start)
         if problems:
             raise MissionError(f"the way there is refused: {problems[0].message}")
