@@ -75,9 +75,9 @@ function sourceOptions(sources: Source[]): HTMLElement[] {
   const options = (network: string | undefined): HTMLElement[] =>
     sources
       .filter((one) => one.network === network)
-      .map(({ id, title }) => el('option', { value: id }, network ? `${title} (${network})` : title))
+      .map(({ id, title }) => el('option', { value: id }, network ? `${title} (${named(network)})` : title))
   return networks.flatMap((network) =>
-    network === undefined ? options(network) : el('optgroup', { label: network }, ...options(network)),
+    network === undefined ? options(network) : el('optgroup', { label: named(network) }, ...options(network)),
   )
 }
 
@@ -89,7 +89,7 @@ function describe(type: DisplayType, sources: number): string {
 
 function networkOf(source: string): string {
   return (
-    { ros1: 'ROS 1', ros2: 'ROS 2', dds: 'ROS 2 (DDS)', recording: say('theRecording') }[source] ??
+    { ros1: 'ROS 1', ros2: 'ROS 2', dds: say('rosOnDds'), recording: say('theRecording') }[source] ??
     source.replace(/^bag:/, '')
   )
 }

@@ -9,7 +9,7 @@ const NETWORKS: [id: string, title: string][] = [
   ['robot', say('insideTheRobot')],
   ['ros1', 'ROS 1'],
   ['ros2', 'ROS 2'],
-  ['dds', 'ROS 2 on DDS'],
+  ['dds', say('rosOnDds')],
 ]
 
 export class GraphCard {

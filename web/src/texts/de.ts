@@ -415,6 +415,7 @@ export const de: Texts = {
   insideTheRobot: 'Im Roboter',
   graph: 'Graph',
   network: 'Netz',
+  rosOnDds: 'ROS 2 über DDS',
   nodesAndTopics: 'Knoten und Topics',
   // GNSS receiver
   singleFixNoCorrections: 'Einzelfix, keine Korrekturen',
@@ -831,6 +832,9 @@ export const names: Record<string, string> = {
   '# m × # m of firm, level, free ground around it': '# m × # m festen, ebenen, freien Boden um sich',
   '# m × # m of firm, level field around it, and a crop row between its wheels and ahead':
     '# m × # m festen, ebenen Acker um sich und eine Pflanzenreihe zwischen und vor den Rädern',
+  // Networks of topics
+  'ROS 2 on DDS': 'ROS 2 über DDS',
+  Recording: 'Aufnahme',
   // Choices of displays
   lines: 'Linien',
   points: 'Punkte',

@@ -412,6 +412,7 @@ export const en = {
   insideTheRobot: 'Inside the robot',
   graph: 'Graph',
   network: 'Network',
+  rosOnDds: 'ROS 2 on DDS',
   nodesAndTopics: 'Nodes and topics',
   // GNSS receiver
   singleFixNoCorrections: 'Single fix, no corrections',
