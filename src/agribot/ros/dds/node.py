@@ -79,8 +79,13 @@ class DdsNode:
         return lambda data: _write(writer, data)
 
     def subscribe(self, topic: Topic, on_message: Callable[[bytes], None]) -> None:
-        """Call `on_message` with CDR in a thread of DDS; call `announce` after the last one."""
+        """Call `on_message` with CDR in a thread of DDS; call `announce` after the last one.
+
+        As in ROS 1 the node does not hear itself.
+        """
         from cyclonedds.core import Listener
+        from cyclonedds.qos import Policy
+        from cyclonedds.qos import Qos as DdsQos
         from cyclonedds.sub import DataReader
 
         class MessageListener(Listener):
@@ -94,7 +99,7 @@ class DdsNode:
         reader = DataReader(
             self._subscriber,
             self._create_topic(topic, f"rt{topic.name}"),
-            _make_qos(topic),
+            DdsQos(Policy.IgnoreLocal.Participant, base=_make_qos(topic)),
             listener,
         )
         self._kept.append((reader, listener))
