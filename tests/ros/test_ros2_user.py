@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from agribot.core.inbound_topics import CLICKED_POINT
-from agribot.core.messages import OperatorEvent
+from agribot.core.messages.requests import AskerKind, PointOut, Who
 from tests.ros.driven_robot import SETTINGS, driven_robot
 from tests.ros.live import free_port
 from tests.ros.ros2_transports import DdsUser, ZenohUser
@@ -56,8 +56,8 @@ def test_a_point_of_the_page_is_published_once_and_not_taken_for_one_of_a_peer(
 
         def is_heard() -> bool:
             """Point out another place: a network that begins to listen has no earlier one."""
-            place = (float(next(places)), 4.0)
-            session.inbox.post(OperatorEvent(t_s=0.0, action="point_out", numbers=place))
+            place = PointOut(x_map_m=float(next(places)), y_map_m=4.0)
+            session.inbox.post(place, Who("Ada", AskerKind.OPERATOR))
             return all(user.heard[CLICKED_POINT.name] for user in both)
 
         wait_for(is_heard, "a point in both networks")

@@ -15,6 +15,8 @@ import type { MapView } from './view.ts'
 import { named, say } from '../say.ts'
 
 const PICTURE_PX = 256
+/** Between two looks at the topics that there are, while the dialog is open. */
+const LOOK_MS = 2000
 
 export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void): Promise<void> {
   let options: Options = {}
@@ -24,49 +26,75 @@ export async function addDisplay(view: MapView, useTool: (tool: ToolId) => void)
     ...DISPLAY_TYPES.map(({ id, title }) => el('option', { value: id }, title)),
   )
   type.value = 'odometry'
-  const source = el('select')
+  const chosen = (): DisplayType => typeOf(type.value) as DisplayType
+  const offer = new SourceOffer(view)
   const title = el('input', { type: 'text', class: 'field-input', maxlength: 40, autocomplete: 'off' })
-  const about = el('p', { class: 'muted small' })
   const fields = el('div', { class: 'option-grid' })
-  const sourceField = el('label', { class: 'field' }, el('span', {}, say('showsWhat')), source)
   const titleField = el('label', { class: 'field' }, el('span', {}, say('name')), title)
-  const problems = el('p', { class: 'muted small topic-problems' }, say('lookingForTopics'))
   const fill = (): void => {
-    const chosen = typeOf(type.value) as DisplayType
-    const sources = view.displays.sources(chosen)
-    const isTool = chosen.kind === 'tool'
-    const before = source.value
-    replace(source, ...sourceOptions(sources))
-    if (sources.some(({ id }) => id === before)) source.value = before
-    sourceField.hidden = isTool || sources.length === 0
-    problems.hidden = isTool || chosen.kind === 'tiles' || (chosen.kind === 'shapes' && chosen.needsNoSource === true)
-    titleField.hidden = isTool
-    title.value = chosen.title
-    about.textContent = describe(chosen, sources.length)
-    options = filled(chosen.options)
-    replace(fields, ...optionFields(chosen.options, options, (name, value) => (options[name] = value)))
+    const { kind } = chosen()
+    offer.show(chosen())
+    titleField.hidden = kind === 'tool'
+    title.value = chosen().title
+    options = filled(chosen().options)
+    replace(fields, ...optionFields(chosen().options, options, (name, value) => (options[name] = value)))
   }
   fill()
-  void view.displays.findTopics().then((networks) => {
-    fill()
-    problems.textContent = networks
+  const timer = setInterval(() => void offer.look(), LOOK_MS)
+  void offer.look()
+  const kindField = el('label', { class: 'field' }, el('span', {}, say('displayKind')), type)
+  const body = [kindField, ...offer.nodes, titleField, fields]
+  const isConfirmed = await view.app.dialogs.confirm(say('addADisplay'), body, say('addIt'))
+  clearInterval(timer)
+  if (!isConfirmed) return
+  const made = chosen()
+  if (made.kind === 'tool') useTool(made.tool)
+  else if (!view.displays.make(made.id, title.value.trim() || made.id, offer.source.value, options))
+    view.app.toasts.show('warn', say('displayNotAdded'))
+}
+
+/** What a kind of display can show; what comes up meanwhile is offered too. */
+class SourceOffer {
+  readonly source = el('select')
+  readonly nodes: HTMLElement[]
+  private readonly about = el('p', { class: 'muted small' })
+  private readonly field = el('label', { class: 'field' }, el('span', {}, say('showsWhat')), this.source)
+  private readonly problems = el('p', { class: 'muted small topic-problems' }, say('lookingForTopics'))
+  private type: DisplayType | null = null
+  private offered = ''
+
+  constructor(private readonly view: MapView) {
+    this.nodes = [this.about, this.field, this.problems]
+  }
+
+  show(type: DisplayType): void {
+    this.type = type
+    const { kind } = type
+    this.problems.hidden = kind === 'tool' || kind === 'tiles' || (kind === 'shapes' && type.needsNoSource === true)
+    this.fill(type)
+  }
+
+  async look(): Promise<void> {
+    const networks = await this.view.displays.findTopics()
+    if (this.type) this.fill(this.type)
+    this.problems.textContent = networks
       .filter(({ problem }) => problem)
       .map(({ problem }) => problem)
       .join(' ')
-  })
-  const body = [
-    el('label', { class: 'field' }, el('span', {}, say('displayKind')), type),
-    about,
-    sourceField,
-    problems,
-    titleField,
-    fields,
-  ]
-  if (!(await view.app.dialogs.confirm(say('addADisplay'), body, say('addIt')))) return
-  const chosen = typeOf(type.value)
-  if (chosen?.kind === 'tool') useTool(chosen.tool)
-  else if (!view.displays.make(type.value, title.value.trim() || type.value, source.value, options))
-    view.app.toasts.show('warn', say('displayNotAdded'))
+  }
+
+  /** Leaves the list as it is where nothing is new: it may be open. */
+  private fill(type: DisplayType): void {
+    const sources = this.view.displays.sources(type)
+    const found = JSON.stringify([type.id, sources.map(({ id, title, network }) => [id, title, network])])
+    if (found === this.offered) return
+    this.offered = found
+    const before = this.source.value
+    replace(this.source, ...sourceOptions(sources))
+    if (sources.some(({ id }) => id === before)) this.source.value = before
+    this.field.hidden = type.kind === 'tool' || sources.length === 0
+    this.about.textContent = describe(type, sources.length)
+  }
 }
 
 /** The robot's own first, then the topics of each network below its name. */
