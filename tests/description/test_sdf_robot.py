@@ -80,6 +80,9 @@ def test_describe_reads_back_what_it_has_printed(
     again = write(capsys.readouterr().out)
     assert len(load_robot(str(again)).links) == 12
     assert "<robot" in export_urdf(str(again))
+    named = again.rename(again.with_name("model.xml"))
+    assert len(load_robot(str(named)).links) == 12
+    named.rename(again)
     with pytest.raises(DescriptionError, match="takes no arguments"):
         load_robot(f"{again} side:=left")
 

@@ -286,9 +286,17 @@ def test_an_observation_corrects_where_it_counts_a_satellite(kind: int) -> None:
 
 @pytest.mark.parametrize("accept", [b"*/*", b"rtk/rtcm, dgps/rtcm"])
 @pytest.mark.parametrize("version", [1, 2])
-@pytest.mark.parametrize("code", [b"403 Forbidden", b"406 Not Acceptable"])
+@pytest.mark.parametrize(
+    "answer",
+    [
+        b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\n\r\n",
+        b"HTTP/1.1 406 Not Acceptable\r\nContent-Length: 0\r\n\r\n",
+        b"SOURCETABLE 200 OK\r\n\r\n" + TABLE,
+    ],
+    ids=["403", "406", "table"],
+)
 def test_a_caster_that_wants_another_form_of_the_request_gets_it(
-    code: bytes, version: int, accept: bytes
+    answer: bytes, version: int, accept: bytes
 ) -> None:
     def want(peer: socket.socket, head: bytes) -> None:
         is_wanted = b"HTTP/1.%d\r\n" % (version - 1) in head and b"Accept: %s\r\n" % accept in head
@@ -296,7 +304,7 @@ def test_a_caster_that_wants_another_form_of_the_request_gets_it(
             peer.sendall(b"ICY 200 OK\r\n\r\n" + STATION)
             caster.listen(peer)
         else:
-            peer.sendall(b"HTTP/1.1 %s\r\nContent-Length: 0\r\n\r\n" % code)
+            peer.sendall(answer)
 
     rover = Rover()
     with casting(want) as caster, rover.fed_by(caster.port):

@@ -52,6 +52,23 @@ def test_every_tile_is_at_its_place_where_the_scheme_or_the_bounds_say_the_order
             assert read_tile(maps / "farm.mbtiles", z, x, y) == expected
 
 
+@pytest.mark.parametrize(
+    "metadata",
+    [
+        {"center": "11.605,48.2,15"},
+        {"center": "11.605, 48.2", "bounds": "-180.0,-85.0511,180.0,85.0511"},
+        {"scheme": "google"},
+    ],
+)
+def test_rows_from_north_are_found_by_the_middle_where_bounds_say_nothing(
+    metadata: dict[str, str], tmp_path: Path, maps: Path
+) -> None:
+    _write(tmp_path / "farm.mbtiles", "north", **metadata)
+    assert main(["map", "import", str(tmp_path / "farm.mbtiles")]) == 0
+    z, x, y = find_tile(48.2, 11.605, 17)
+    assert read_tile(maps / "farm.mbtiles", z, x, y) == png((x % 256, y % 256, z))
+
+
 def _list_addresses() -> set[tuple[int, int, int]]:
     return {tuple(tile) for tile in iterate_tiles(FARM, 15, 17)}  # type: ignore[misc]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
@@ -22,6 +23,8 @@ from agribot.description.xacro_yaml import bound_yaml
 
 # xacro keeps the files it works on in module variables.
 _XACRO_LOCK = threading.Lock()
+# Comments and declarations, and the first element.
+_SDF = re.compile(rb"(?:\s*<(?:!--(?:[^-]|-(?!->))*-->|[?!](?!--)[^>]*>))*\s*<sdf[\s>]")
 
 
 class _Arguments(dict[str, str]):
@@ -72,6 +75,19 @@ def is_xacro(path: Path) -> bool:
     """
     try:
         return path.suffix == ".xacro" or b"xmlns:xacro" in read_utf_8(path)
+    except OSError as error:
+        raise DescriptionError(
+            f"{path} cannot be read: {error.strerror or error}; check the path"
+        ) from error
+
+
+def is_sdf(path: Path) -> bool:
+    """Return whether a file is an SDF, by its suffix or its first element.
+
+    Raises: DescriptionError: it cannot be read.
+    """
+    try:
+        return path.suffix.lower() == ".sdf" or bool(_SDF.match(read_utf_8(path)))
     except OSError as error:
         raise DescriptionError(
             f"{path} cannot be read: {error.strerror or error}; check the path"

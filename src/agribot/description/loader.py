@@ -21,7 +21,7 @@ from agribot.description.adopt_wheels import (
     tell_loose_links,
 )
 from agribot.description.elements import FileFinding, SourceFile
-from agribot.description.expansion import expand
+from agribot.description.expansion import expand, is_sdf
 from agribot.description.fixture import (
     FixtureSpec,
     is_fixture,
@@ -118,7 +118,7 @@ def _open_source(
 
 def _read_tree(path: Path, mappings: Mapping[str, str], source: SourceFile) -> ET.Element:
     """Read a file as a URDF tree; an SDF takes no arguments."""
-    if path.suffix.lower() == SDF and not mappings and path.is_file():
+    if not mappings and path.is_file() and is_sdf(path):
         return read_sdf_robot(path, source)
     return expand(path, mappings, source)
 

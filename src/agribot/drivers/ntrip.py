@@ -31,7 +31,7 @@ _EMPTY_LINE = re.compile(rb"\r?\n\r?\n")  # RFC 9112, section 2.2: a line may en
 _CHUNK_LENGTH = re.compile(rb"\A[0-9A-Fa-f]+(?:;[^\n]*)?\r?\n")
 _TABLE_BEGINS = (b"STR;", b"CAS;", b"NET;", b"ENDSOURCETABLE")
 _ENOUGH_TO_TELL = 64  # bytes
-_OF_FORM = (" 400", " 403", " 406", " 505")
+_OF_FORM = (" 400", " 403", " 405", " 406", " 415", " 501", " 505")
 _NO_CASTER = "what answers there is no NTRIP caster; check host and port"
 
 
@@ -195,7 +195,7 @@ class AnswerDecoder:
         Raises: CasterRefusal: always.
         """
         if self._is_table:
-            raise CasterRefusal(self._explain_table(bytes(self._waiting)))
+            raise self._refuse_by_table(bytes(self._waiting))
         if self.is_open:
             raise CasterRefusal("the caster closed the line")
         line = _clean(bytes(self._waiting).partition(b"\n")[0])
@@ -278,13 +278,17 @@ class AnswerDecoder:
             f"the caster answers '{line}'", is_of_form=any(code in words for code in _OF_FORM)
         )
 
-    def _explain_table(self, table: bytes) -> str:
+    def _refuse_by_table(self, table: bytes) -> CasterRefusal:
         words = [_clean(line).split(";") for line in table.splitlines()]
         names = [w[1] for w in words if w[0] == "STR" and len(w) > 1]
+        if self._caster.mount in names:
+            text = f"the caster sends its list, and not its mountpoint '{self._caster.mount}'"
+            return CasterRefusal(f"{text}; check that the login may use it", is_of_form=True)
         more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
         has = f"it has {', '.join(names[:_NAMES])}{more}" if names else "its list is empty"
         mount = self._caster.mount
-        return f"the caster has no mountpoint '{mount}'{suggest_name(mount, names)}; {has}"
+        hint = suggest_name(mount, names)
+        return CasterRefusal(f"the caster has no mountpoint '{mount}'{hint}; {has}")
 
 
 class _Chunks:

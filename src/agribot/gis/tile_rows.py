@@ -1,7 +1,7 @@
 """Find the side from which an MBTiles file counts its rows.
 
 The specification counts from the south (TMS). Many programs write rows from the north (XYZ); some
-state it in `scheme`, for others only `bounds` shows it.
+state it in `scheme`, for others only `bounds` or `center` show it.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from agribot.gis.tile_grid import MAX_ZOOM, GeoBounds, find_tile
 
 Scheme = Literal["tms", "xyz"]
 _LONGITUDE_LIMIT_DEG, _LATITUDE_LIMIT_DEG = 180.0, 90.0
+_FROM_NORTH = ("xyz", "google")
 
 
 class TileRange(NamedTuple):
@@ -44,28 +45,48 @@ def flip_row(z: int, y: int, scheme: Scheme) -> int:
 
 
 def read_scheme(database: sqlite3.Connection) -> Scheme:
-    found = database.execute("SELECT value FROM metadata WHERE name = 'scheme'").fetchone()
-    return "xyz" if found and str(found[0]).strip().lower() == "xyz" else "tms"
+    return "xyz" if _read_text(database, "scheme").lower() in _FROM_NORTH else "tms"
+
+
+def _read_text(database: sqlite3.Connection, name: str) -> str:
+    found = database.execute("SELECT value FROM metadata WHERE name = ?", (name,)).fetchone()
+    return str(found[0]).strip() if found else ""
+
+
+def _read_center(database: sqlite3.Connection) -> GeoBounds | None:
+    """Read the place in the middle as bounds without a size; None without one."""
+    try:
+        lon_deg, lat_deg = (float(word) for word in _read_text(database, "center").split(",")[:2])
+    except ValueError:
+        return None
+    center = GeoBounds(lon_deg, lat_deg, lon_deg, lat_deg)
+    return (
+        center
+        if abs(lon_deg) <= _LONGITUDE_LIMIT_DEG and abs(lat_deg) <= _LATITUDE_LIMIT_DEG
+        else None
+    )
 
 
 def find_scheme(database: sqlite3.Connection, bounds: list[float], name: str) -> Scheme:
-    """Find the order of the rows: what the file says, or what alone fits its `bounds`.
+    """Find the order of the rows: what the file says, or what alone fits its `bounds` or `center`.
 
     Raises: ConfigError: `bounds` are no place on Earth, or fit the tiles in neither order.
     """
     stated = read_scheme(database)
     tiles = _read_range(database, name)
-    if not bounds:
-        return stated
-    if not _is_place(bounds):
-        raise ConfigError(_refuse(name, bounds, tiles.find_bounds(stated), "are no place on Earth"))
-    place = GeoBounds(*bounds)
     other: Scheme = "tms" if stated == "xyz" else "xyz"
-    for scheme in (stated, other):
-        if _overlap(tiles, scheme, place):
-            return scheme
-    why = "fit its tiles whether rows count from north or from south"
-    raise ConfigError(_refuse(name, bounds, tiles.find_bounds(stated), f"do not {why}"))
+    orders: tuple[Scheme, ...] = (stated, other)
+    if bounds:
+        if not _is_place(bounds):
+            what = "are no place on Earth"
+            raise ConfigError(_refuse(name, bounds, tiles.find_bounds(stated), what))
+        orders = tuple(one for one in orders if _overlap(tiles, one, GeoBounds(*bounds)))
+    if not orders:
+        why = "fit its tiles whether rows count from north or from south"
+        raise ConfigError(_refuse(name, bounds, tiles.find_bounds(stated), f"do not {why}"))
+    center = _read_center(database)
+    fitting = [one for one in orders if center is not None and _overlap(tiles, one, center)]
+    return (*fitting, *orders)[0]
 
 
 def _read_range(database: sqlite3.Connection, name: str) -> TileRange:
