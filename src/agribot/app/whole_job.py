@@ -150,7 +150,7 @@ class WholeJob:
 def _restore_judgement(judge: Judge | None, judged: RefereeState) -> list[str]:
     """Let the judge go on with an earlier judgement; what of it is lost, in words."""
     if judge is None:
-        return ["what was measured before: nobody knows the truth of this run"]
+        return ["what was measured before: no ground truth in this run"]
     lost = judge.restore(judged)
     return [lost] if lost else []
 

@@ -477,7 +477,7 @@ class CameraAndGnssDisagree(Fact, frozen=True):
 
     @property
     def variant(self) -> str:
-        return "open" if self.is_left_open else "told"
+        return "open" if self.is_left_open else "reported"
 
 
 class _OfGnss(Fact, frozen=True):
@@ -556,7 +556,7 @@ class AntennaElsewhere(_OfGnss, frozen=True):
 
     @property
     def variant(self) -> str:
-        return "open" if self.is_left_open else "told"
+        return "open" if self.is_left_open else "reported"
 
 
 class WheelsSlip(Fact, frozen=True):
@@ -879,7 +879,7 @@ class ContactorStaysClosed(Fact, frozen=True):
 
     @property
     def variant(self) -> str:
-        return "told" if self.is_told else "seen"
+        return "reported" if self.is_told else "seen"
 
 
 class ContactorStaysOpen(Fact, frozen=True):

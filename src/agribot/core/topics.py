@@ -103,7 +103,7 @@ EXTENDED_FIX = Topic(
     rate_hz=10.0,
     seed_alias="/extended_fix",
     seed_ros_type="gps_common/msg/GPSFix",
-    about="all that a real receiver told: velocity, dilutions, satellites, errors at 95 %",
+    about="the full report of a real receiver: velocity, dilutions, satellites, errors at 95 %",
 )
 IMU = Topic(
     name="/agribot/imu",

@@ -152,7 +152,7 @@ class ImplementReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SafetyEvent(msgspec.Struct, frozen=True, kw_only=True):
-    """What befell the robot; `code`, `parts` and `numbers` are those of its fact, if any."""
+    """A stop, refusal or fault; `code`, `parts` and `numbers` are those of its fact, if any."""
 
     t_s: float
     reason: str

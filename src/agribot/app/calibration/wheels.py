@@ -99,7 +99,7 @@ def format_wheels(drive: DriveSpec, result: WheelsResult) -> str:
         _format_line("gyro scale", fit.gyro_scale, fit.gyro_scale_std, 1.0),
         f"reached / commanded, as described: speed {result.described_gain.speed:.3f}, "
         f"yaw rate {result.described_gain.yaw_rate:.3f}",
-        f"reached / commanded, as told:      speed {result.told_gain.speed:.3f}, "
+        f"reached / commanded, as set:       speed {result.told_gain.speed:.3f}, "
         f"yaw rate {result.told_gain.yaw_rate:.3f}",
     ]  # fmt: skip
     described = (

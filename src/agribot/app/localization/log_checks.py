@@ -15,7 +15,7 @@ from agribot.core.errors import RecordingError
 NEEDED: dict[LogSensor, str] = {
     "odom": "odometry: Odometry, TwistStamped or JointState; the wheels carry the pose",
     "imu": "IMU: sensor_msgs/Imu; its gyro carries the heading",
-    "gnss": "GNSS: NavSatFix, GPSFix, NMEA or UBX; fixes tell the place",
+    "gnss": "GNSS: NavSatFix, GPSFix, NMEA or UBX; fixes give the position",
 }
 # Stamps may stand in another order than the log now and then, no more often, and no farther back.
 MOST_BACKWARDS_RATIO, MOST_BACK_S = 0.01, 2.0

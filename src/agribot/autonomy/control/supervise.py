@@ -162,7 +162,7 @@ class Supervisor:
 
     def _tell(self, now: Situation) -> tuple[Fact | None, Fact | None]:
         """Return the warning and the alarm: of a robot that may drive, and of one that must not."""
-        found = find_hazard(now, "tell")
+        found = find_hazard(now, "report")
         if found is None:
             return now.camera_fault, None
         hazard, fact = found

@@ -109,8 +109,8 @@ def _heading(log: DriveLog, stretches: Sequence[Stretch], start_s: float) -> tup
         rolled_rad = log.rolled_rad(stretch.start_s, stretch.at_rest_s)[0]
         if abs(rolled_rad) < MIN_ROLLED_RAD:
             raise MissionError(
-                f"the wheels did not turn in '{stretch.name}', and nothing else tells forwards "
-                "from backwards; check the encoders and drive again"
+                f"the wheels did not turn in '{stretch.name}', and nothing else distinguishes "
+                "forwards from backwards; check the encoders and drive again"
             )
         is_back = rolled_rad < 0.0
         turned_rad = log.turned_rad(start_s, (stretch.start_s + stretch.end_s) / 2.0)

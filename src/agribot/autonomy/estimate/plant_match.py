@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agribot.autonomy.estimate.stem_map import NOBODY, IndexArray, StemMap
+from agribot.autonomy.estimate.stem_map import NO_PLANT, IndexArray, StemMap
 from agribot.core.messages import FloatArray
 
 # How far a plant is seen from where the map has it, 1 sigma: both looks, and the odometry between.
@@ -133,7 +133,7 @@ def _match(
     at = places[:, None] + seen_m[None]
     nearest = plants.find_nearest(at[..., 0], at[..., 1])
     off_m = at - plants.stems_map_m[nearest]
-    off2 = np.where(nearest == NOBODY, np.inf, (off_m**2).sum(axis=-1))
+    off2 = np.where(nearest == NO_PLANT, np.inf, (off_m**2).sum(axis=-1))
     gain: FloatArray = np.maximum(MATCHED_GAIN - off2 / (2.0 * SEEN_STD_M**2), 0.0)
     return gain, off_m
 

@@ -55,7 +55,9 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
         if self.unseen_m:
             lacks.append(f"no crop row seen over {self.unseen_m:.1f} m")
         if self.unsure_m:
-            lacks.append(f"position too vague to tell it from the next over {self.unsure_m:.1f} m")
+            lacks.append(
+                f"position too uncertain to exclude the next row over {self.unsure_m:.1f} m"
+            )
         return f"row {self.index + 1}: {' and '.join(lacks)}"
 
 

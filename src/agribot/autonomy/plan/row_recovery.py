@@ -44,10 +44,10 @@ LADDER = (
          f"found again with the robot more than {ASIDE_M:g} m aside of it"),
     Rung("leave out", "backs out before the row, leaves it out as skipped and goes on with the "
          "next", "the same row is lost again, and it is surely that row: its crop was seen before, "
-         f"or RTK tells which row it is; at most {MOST_LEFT_OUT} rows one after the other"),
+         f"or RTK shows which row it is; at most {MOST_LEFT_OUT} rows one after the other"),
     Rung("ask", "stands; after `mission.stall_timeout_s` the mission is paused where the robot may "
          "reach crop, and fails elsewhere",
-         "whatever is left, and wherever no camera looks"),
+         "all other cases, and every case without a camera"),
 )  # fmt: skip
 
 

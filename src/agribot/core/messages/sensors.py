@@ -243,7 +243,7 @@ class ContactorSample(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=T
     """What the contactor in the motors' supply reports: whether it feeds them, as far as it knows.
 
     Where there are two in series, `is_closed` while both are, and `is_one_closed` while one of
-    them is alone: the other took the power. `trouble` says why it does not obey, or cannot get, its
+    them is alone: the other cut the power. `trouble` says why it does not obey, or cannot get, its
     command; empty where it can.
     """
 

@@ -127,7 +127,7 @@ class _Charger:
 
     def __call__(self, record: TickRecord) -> None:
         if self._inbox is not None and record.status.state == "paused":
-            self._inbox.post(OperatorEvent(t_s=0.0, action="resume", source="whoever charged it"))
+            self._inbox.post(OperatorEvent(t_s=0.0, action="resume", source="charging station"))
             self._inbox = None
 
 

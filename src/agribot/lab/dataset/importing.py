@@ -229,7 +229,7 @@ def _check_names(sources: Sequence[LabelFile], meaning: Mapping[str, int]) -> No
     unknown = [] if ANY in meaning else sorted(counts.keys() - meaning.keys())
     if unknown:
         raise ConfigError(
-            f"the labels have classes that nobody explained: {', '.join(unknown)}; say what each "
+            f"the labels have classes without a meaning here: {', '.join(unknown)}; say what each "
             f"is, such as {EXAMPLE}"
         )
 

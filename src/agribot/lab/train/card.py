@@ -181,10 +181,10 @@ def _name_temperatures(values: Temperatures) -> str:
 
 
 def _describe_calibration(found: Calibration) -> str:
-    where = "these, each judged with what the others tell" if found.is_by_turns else "test images"
+    where = "these, each judged by the others" if found.is_by_turns else "test images"
     text = f"{_name_temperatures(found.temperatures)}, found on {found.images} images set aside"
     if found.error_after is None:
-        return f"{text}; what they bring was not measured: a second image would tell"
+        return f"{text}; their gain was not measured: that takes a second image"
     before, after = found.plant_error_before, found.plant_error_after
     if after is None:
         plants = ""

@@ -75,7 +75,7 @@ class Access:
         """Judge one request; `kind` is "http" or "websocket", header names are lower case."""
         host = headers.get("host", "").lower()
         if host not in self._hosts:
-            reason = f"host '{host[:80]}' is none of this robot's names; use the address it printed"
+            reason = f"host '{host[:80]}' is not a name of this robot; use the address it printed"
             return Refusal(status=403, reason=f"{reason}, or start it with --allow-host")
         origin = headers.get("origin")
         if origin is not None and origin.lower() not in {f"http://{host}", f"https://{host}"}:

@@ -133,7 +133,7 @@ class Commands:
 
     def _scale_speed(self, message: wire.ScaleSpeed) -> None:
         if message.ratio not in SCALES:
-            raise Refused(f"speed scale {message.ratio!r} is none of {SCALES}")
+            raise Refused(f"speed scale {message.ratio!r} is not one of {SCALES}")
         self._scale = message.ratio
         self._answer(message)
 

@@ -81,7 +81,7 @@ class Replay(Channel):
 
     @classmethod
     def load(cls, path: Path, name: str) -> Replay:
-        """Read a recording; one that was cut off is read as far as it goes.
+        """Read a recording; one that was cut off is read up to its last whole message.
 
         Raises: RecordingError: no recording, or nothing in it.
         """

@@ -183,7 +183,7 @@ class TopicFeeds:
                 opened = self._network.open_topic(one, feed.shown.put)
                 if opened is not None:
                     feed.opened.append(opened)
-            feed.problem = "" if feed.opened else f"nobody publishes {name} now"
+            feed.problem = "" if feed.opened else f"no node publishes {name} now"
         except BridgeError as error:
             feed.problem = str(error)
 

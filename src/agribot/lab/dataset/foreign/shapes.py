@@ -166,7 +166,7 @@ def check_inside(polygon: Polygon, size_px: tuple[int, int]) -> Polygon:
         u_px, v_px = polygon[int(over.max(axis=1).argmax())]
         raise LabelFileError(
             f"a polygon reaches ({u_px:.0f}, {v_px:.0f}), outside the picture of {size_px[0]} x "
-            f"{size_px[1]} pixels; mend it, or label the picture at the size it has"
+            f"{size_px[1]} pixels; fix it, or label the picture at the size it has"
         )
     return polygon.clip(0.0, size)
 
