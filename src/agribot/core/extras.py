@@ -151,5 +151,5 @@ def _list_requirements() -> list[Requirement]:
 def _is_installed(module: str) -> bool:
     try:
         return importlib.util.find_spec(module) is not None
-    except ModuleNotFoundError:  # of the package around it
+    except ModuleNotFoundError:  # the package that would hold it is missing
         return False

@@ -35,9 +35,9 @@ Severity = Literal["note", "warning", "fault"]
 Wheel = Literal["right_wheel_R", "left_wheel_R", "right_wheel_F", "left_wheel_F"]
 Side = Literal["left", "right"]
 Where = Literal["left", "right", "ahead", "behind"]
-End = Literal["front", "behind"]  # of the robot
+End = Literal["front", "behind"]  # ends of the robot
 Unspoken = Literal["wheels", "imu", "gnss", "compass"]  # a sensor that may fall silent
-Motion = Literal["stand", "backwards", "fast", "slow"]  # of wheels, against their command
+Motion = Literal["stand", "backwards", "fast", "slow"]  # motions of wheels, against their command
 Check = Literal["board", "imu", "imu_cable", "cable", "gnss", "compass", "wheels"]
 
 _CAPITAL = re.compile(r"(?<!^)(?=[A-Z])")

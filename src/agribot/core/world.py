@@ -197,7 +197,7 @@ class WorldSpec(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     spawn_yaw_map_rad: float = 0.0
     gravity_mps2: float = 9.8
     field_enu_t: Vec3 = (0.0, 3.8e-5, -2.3e-5)  # about what a compass meets at 21 N, 73 E
-    friction_ratio: float = 1.0  # of the ground outside the patches
+    friction_ratio: float = 1.0  # friction of the ground outside the patches
     grip: tuple[GripPatch, ...] = ()
     light: Light = Light()
     ground: tuple[GroundTile, ...] = ()

@@ -29,7 +29,7 @@ PIVOT_GAIN_PER_S = 1.5
 NOMINAL_DT_S = 0.02
 MAX_DT_S = 0.1
 CORNER_REACH_M = 0.03
-MAX_ASIDE_M = 0.05  # what a certified plan keeps off every edge
+MAX_ASIDE_M = 0.05  # margin of a certified plan to every edge
 
 
 class _Errors(NamedTuple):

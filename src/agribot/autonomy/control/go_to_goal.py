@@ -24,7 +24,7 @@ class GoToGoalSettings(msgspec.Struct, frozen=True, kw_only=True):
     max_yaw_rate_radps: float = 0.5
     arrive_m: float = 0.5
     depart_m: float = 0.2  # beyond arrive_m: a goal farther away is a new one
-    timeout_s: float = 1.0  # of either input
+    timeout_s: float = 1.0  # largest age of either input
 
 
 class GoToGoal:

@@ -46,9 +46,11 @@ from agribot.core.messages import (
 )  # fmt: skip
 from agribot.core.robot import RobotSpec
 
-CHECK_AFTER_S = 5.0  # for which a mission waits, its list before the start is published, too
+# Waiting time of a mission after which its list before the start is published, too.
+CHECK_AFTER_S = 5.0
 SHOWN_EXCESS = 0.01  # m/s or rad/s over a limit, the least for which two decimals differ
-PAUSE_BRAKE_RATIO = 0.5  # of the drive's acceleration, the least braking that a pause must show
+# Least braking that a pause must show, as a share of the drive's acceleration.
+PAUSE_BRAKE_RATIO = 0.5
 
 
 class Supervisor:
@@ -93,7 +95,7 @@ class Supervisor:
         self._camera = CameraWatch(config)
         self._machine = GateMachine()
         self._waiting_since_s = math.inf  # on the platform's clock
-        self._held_kind = ""  # of the hazard that closed the latch, until it is cleared
+        self._held_kind = ""  # kind of the hazard that closed the latch, until it is cleared
         self._accepted: frozenset[str] = frozenset()
         self._cleared_by = ""
         self._is_tool_working = False

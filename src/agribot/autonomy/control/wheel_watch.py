@@ -30,8 +30,8 @@ from agribot.core.robot import DriveSpec
 
 SPAN_S = 0.1
 LASTING_S = 0.4  # a wheel that jerks free or spins up on a clod is over sooner
-# Encoders may be slower than the ticks: a sample covers the time since the last one, yet two alone
-# are not a fault.
+# Longest time for which one sample counts. Encoders may be slower than the ticks: a sample covers
+# the time since the last one, yet two alone are not a fault.
 MOST_OF_ONE_S = LASTING_S / 2.0
 TOLERANCE_RADPS, TOLERANCE_RATIO = 0.6, 0.3
 STANDS_RATIO = 0.15
@@ -95,7 +95,7 @@ class WheelWatch:
         self._told: deque[_Told] = deque()
         self._read: deque[WheelSample] = deque()
         self._off_s = [0.0] * 4
-        self._is_driven = [False] * 4  # by its motor, since the wheel last stood
+        self._is_driven = [False] * 4  # whether its motor has driven a wheel since it last stood
         self._rest = RestWatch(drive)
         self._runaway: Fact | None = None
         self._dead_s = [0.0] * 4

@@ -11,7 +11,7 @@ from agribot.core.implement.plants import KnownPlant
 from agribot.core.messages import Estimate
 
 CROP_STEM_M = 0.02  # radius of a young stem
-LEAST_POSE_M = 0.01  # by which the place of leaves is always uncertain
+LEAST_POSE_M = 0.01  # least uncertainty of the place of leaves
 SURE_SIGMA = 2.0
 
 

@@ -8,7 +8,7 @@ from agribot.core.arithmetic import clamp
 from agribot.core.messages import Estimate
 
 SAME_TIME_S = 1e-9
-MAX_STEP_S = 0.1  # a longer silence between ticks is not credited as work
+MAX_STEP_S = 0.1  # longest tick that is credited as work
 
 
 class SectionHistory:

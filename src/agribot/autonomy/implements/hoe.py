@@ -32,7 +32,7 @@ BLADE_M = 0.03  # length of a blade along the way
 HIT_M = BLADE_M / 2.0
 # A large plant has a thick stem: an assumption of how thick, by the radius of its leaves, at most.
 STEM_RATIO, MOST_STEM_M = 0.3, 0.06
-CLEAR_M = 0.02  # a blade counts as in the soil up to this height above level ground
+CLEAR_M = 0.02  # height above level ground up to which a blade counts as in the soil
 
 
 class Hoe:

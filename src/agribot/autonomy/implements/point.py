@@ -29,7 +29,7 @@ from agribot.core.implement.plants import PlantMap
 from agribot.core.implement.point import Aim, PointSpec, name_aim
 from agribot.core.messages import Estimate, ImplementCommand, PlantClass
 
-LONGEST_TICK_S = 0.1  # a longer silence between ticks is not credited as time on a weed
+LONGEST_TICK_S = 0.1  # longest tick that is credited as time on a weed
 
 
 @dataclass(slots=True)

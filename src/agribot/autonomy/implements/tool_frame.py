@@ -10,7 +10,7 @@ from agribot.core.implement.plants import KnownPlant, PlantMap
 from agribot.core.messages import Estimate
 from agribot.core.pose import Pose2
 
-SEEN_AHEAD_M = 1.0  # from where a plant is seen last to the tool
+SEEN_AHEAD_M = 1.0  # distance of the last sight of a plant from the tool
 
 
 class Placed(NamedTuple):

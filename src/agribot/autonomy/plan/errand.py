@@ -39,7 +39,7 @@ class Errand(NamedTuple):
     asked_by: str
     plan: Callable[[Estimate], Path]
     goal: tuple[float, ...] = ()
-    place: MapPoint | None = None  # where it ends; None where it begins at the robot's own track
+    place: MapPoint | None = None  # end of the path; None if it begins at the robot's own track
 
     @property
     def leg(self) -> str:

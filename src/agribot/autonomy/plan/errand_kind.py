@@ -12,8 +12,8 @@ class ErrandKind(StrEnum):
     CHARGE = "charge"  # home, because the battery is low
     GOAL = "goal"
     WORK = "work"  # back to where the work stopped
-    BACK = "back"  # of a lost row, to where it was still sure
-    OUT = "out"  # of a lost row, all of the way
+    BACK = "back"  # back from a lost row, to where the row was still certain
+    OUT = "out"  # all of the way out of a lost row
     FREE = "free"  # out of a place where the robot is stuck
 
     @property

@@ -32,7 +32,7 @@ from agribot.core.messages import Estimate, MissionState, Path
 from agribot.core.pose import Pose2
 from agribot.core.row_shape import chord_yaw_rad
 
-Ending = Literal["done", "cancelled", "failed"]  # of a mission
+Ending = Literal["done", "cancelled", "failed"]  # end of a mission
 MOST_NAMED = 3  # rows without evidence
 
 

@@ -86,10 +86,10 @@ from agribot.core.facts import (
 from agribot.core.latch import Latch
 from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
 
-SETTLE_S = 1.0  # the estimate must hold this long before the robot moves
+SETTLE_S = 1.0  # time for which the estimate must hold before the robot moves
 END_TOLERANCE_M = 0.01
-CALM_S = 1.0  # before it backs out: wheels that spun stand, and a tool is out of the soil
-NUDGE_M = 0.01  # of a row's line, at a time
+CALM_S = 1.0  # pause before it backs out: wheels that spun stand, and a tool is out of the soil
+NUDGE_M = 0.01  # step of a row's line
 Handler = Callable[[OperatorEvent], str | None]  # gives why the request is refused
 
 
@@ -516,7 +516,7 @@ class Mission:
             if saved.planned_from is None:
                 self._wait_for_an_answer(saved)
         elif why is not None:
-            # of its own cause, however often the run is cut off
+            # the cause is its own, however often the run is cut off
             self._state = Paused(CutOff(why), stood=why)
         elif self._config.waits_for_goals:
             self._state = Paused(GoalAwaited())

@@ -16,7 +16,7 @@ from agribot.core.messages import FloatArray, MapPoint, Path
 from agribot.core.robot import RobotSpec
 
 _EVERY, _TOUCH_M = 5, 1e-6  # points of a path, 10 cm; what is no nearness
-_BEYOND_M = 0.05  # of a way around, beyond the clearance: curves cut its corners
+_BEYOND_M = 0.05  # margin of a way around, beyond the clearance: curves cut its corners
 
 
 class ObstacleCircle(NamedTuple):

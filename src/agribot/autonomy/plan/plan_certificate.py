@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 ROUNDED_M = 1e-4  # places in a plan file
 JOINT_M = 1e-3  # legs meet this closely; a plan file keeps a tenth of a millimetre
-CURVATURE_SLACK_RATIO = 1.05  # arcs are checked on their chords
+CURVATURE_SLACK_RATIO = 1.05  # tolerance of the curvature: arcs are checked on their chords
 MAX_PROBLEMS = 20
 
 

@@ -17,7 +17,7 @@ from agribot.core.messages import FloatArray, Path
 
 # The tool works up to this far past the last plant, and the robot is careful as far from it.
 TOOL_REACH_M = 0.6
-STRAIGHT_RAD = 1e-6  # from point to point
+STRAIGHT_RAD = 1e-6  # smallest turn between two points
 
 
 class Tool(NamedTuple):

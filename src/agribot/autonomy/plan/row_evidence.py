@@ -14,7 +14,8 @@ from agribot.core.row_shape import project_on_row
 
 # A position known across the rows to this share of their distance (1 sigma) identifies the row.
 TELLS_APART_RATIO = 0.25
-# A bent row of a plan is worked in straight stretches, which begin where the last one ends.
+# Gap between straight stretches of one row. A bent row of a plan is worked in straight stretches,
+# each beginning at the end of the last one.
 SAME_ROW_M = 0.05
 
 

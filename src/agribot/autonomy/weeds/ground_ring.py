@@ -16,7 +16,7 @@ IndexArray = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
 CELL_M = 0.025
-# Ground is remembered while it is nearer than half of this: from the view's far end to the boom.
+# Side of the remembered ground, twice the distance of the view's far end from the boom.
 SIDE_CELLS = 256
 
 

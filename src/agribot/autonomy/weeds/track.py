@@ -19,7 +19,7 @@ from agribot.core.messages import GroundPlant, MappedPlant, PlantClass
 from agribot.core.pose import Pose2
 
 SHARED_STD_M = 0.01  # camera mount and flat-ground error that no sighting averages out
-MIN_OWN_STD_M = 0.01  # a plant's outline has no better defined centre
+MIN_OWN_STD_M = 0.01  # least error of a plant's centre, by its outline
 
 # A plant that comes into view again after this time is seen on another pass, with another error of
 # the pose. Looks give its place anew if their own variance is at most this share of the variance
@@ -32,9 +32,10 @@ TELLING_SHARE = 0.5
 HIT_LOGIT = math.log(0.5 / 0.05)
 MISS_LOGIT = math.log(0.5 / 0.95)
 MAX_EXISTS_LOGIT = 6.0
-GONE_LOGIT = -2.0  # below it the track is dropped
+GONE_LOGIT = -2.0  # belief below which the track is dropped
 
-# Networks are surer than they are right, and frames of one plant are alike.
+# Limits of one frame's confidence. Networks are surer than they are right, and frames of one plant
+# are alike.
 CLASS_CONFIDENCE = (0.55, 0.9)
 MAX_CLASS_LOGIT = 6.0
 
@@ -57,7 +58,7 @@ class PlantSighting:
     weed_logit: float
     area_m2: float
     is_stem: bool = False
-    rest_m: tuple[float, float] | None = None  # by the pose as it was known at the capture
+    rest_m: tuple[float, float] | None = None  # the same by the pose as it was known at the capture
 
 
 @dataclass(slots=True, eq=False)
@@ -82,7 +83,7 @@ class Track:
     left: int = 0  # index into REASONS
     is_here: bool = True  # its place was seen on this pass
     apart: set[int] = field(default_factory=set)  # weeds that one picture showed beside this one
-    # Where the map has it once the robot has left it: the mean place of all sightings, by the pose
+    # Its place in the map once the robot has left it: the mean place of all sightings, by the pose
     # as it was known then, the nearest looks first.
     rest_m: tuple[float, float] | None = None
     rest_weight: float = 0.0

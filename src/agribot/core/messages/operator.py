@@ -50,7 +50,7 @@ class OperatorEvent(msgspec.Struct, frozen=True, kw_only=True):
     value: float = 0.0
     numbers: tuple[float, ...] = ()
     id: str = ""
-    parts: tuple[Part, ...] = ()  # that a note on a sensor is about
+    parts: tuple[Part, ...] = ()  # parts that a note on a sensor is about
     fact: AnyFact | None = None  # why the program itself asks for a stop; `text` is its text
 
 

@@ -118,8 +118,8 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     row_line: RowLine | None = None
     crop_cover: CropCover | None = None  # None: the camera or the recording has none
     weed_scores: WeedScores | None = None  # None: the network or the recording has none
-    picture_crc32: int = 0  # of the picture's bytes; 0 where not computed
-    doubt: float | None = None  # of the network, 0 to 1 (perceive/doubt.py); None: not known
+    picture_crc32: int = 0  # checksum of the picture's bytes; 0 where not computed
+    doubt: float | None = None  # doubt of the network, 0 to 1 (perceive/doubt.py); None: not known
     unfit: str = ""  # why nothing else of the scene holds, such as too dark a picture
 
 

@@ -217,8 +217,8 @@ class BatterySample(msgspec.Struct, frozen=True, kw_only=True):
     charge_ratio: float
 
 
-# What a motor board reads for safety: the red button (e-stop), the bumper, the battery's voltage,
-# and whether its motors are well.
+# Safety inputs of a motor board: the red button (e-stop), the bumper, the battery's voltage, and
+# the health of its motors.
 SafetyInput = Literal["red button", "bumper", "battery", "motors"]
 
 

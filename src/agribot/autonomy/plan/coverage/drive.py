@@ -25,7 +25,7 @@ from agribot.core.field_bounds import FieldBounds
 from agribot.core.messages import FloatArray, MapPoint, Path, Row
 from agribot.core.pose import Pose2
 
-STRETCH_M = 0.05  # a bent working leg is counted as straight stretches that stay this near to it
+STRETCH_M = 0.05  # largest deviation of the straight stretches that replace a bent working leg
 MAX_LENGTH_M = 100_000.0  # 5 million places of the path, as much memory as a small computer has
 MAX_OUTSIDE_M = 50.0
 RUN_IN_M = 0.2  # straight to a place at which the robot is to look somewhere

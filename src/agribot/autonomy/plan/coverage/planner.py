@@ -157,7 +157,7 @@ def _make_area_tasks(
         if not list_polygons(edge):
             break
         rings += make_ring_tasks(shapely.MultiPolygon(list_polygons(edge)), space.away_m)
-        if number:  # what this ring does not reach of the band that it should reach
+        if number:  # the part of this ring's band that it does not reach
             slivers += list_polygons(work.difference(edge.buffer(half_m + 1e-3)))
         work, inner = FreeSpace.inset(edge, request.spacing_m / 2.0), edge
     work = shapely.MultiPolygon(

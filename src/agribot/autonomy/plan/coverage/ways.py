@@ -97,7 +97,7 @@ class Ways:
     ) -> dict[int, float]:
         """Find which of some corners a shortest way from a point may bend around first."""
         starts = np.broadcast_to(np.array(point), (len(near), 2))
-        if corners.is_exact:  # of a simplified outline a place may lie outside
+        if corners.is_exact:  # a place may lie outside a simplified outline
             touches = corners.is_tangent(near, starts)
             near, starts = near[touches], starts[touches]
         near = near[self._find_covered(starts, corners.places[near])]

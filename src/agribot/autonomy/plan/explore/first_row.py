@@ -20,7 +20,7 @@ from agribot.core.messages import FloatArray, RowLine
 from agribot.core.pose import Pose2
 
 CELL_M = 0.05
-# A cell counts if this many pictures showed crop in it: single ones mistake a weed for crop.
+# Pictures that must show crop in a cell: a single one may mistake a weed for crop.
 LOOKS = 2
 STEP_RAD, HALF_LINE_M = math.radians(1.5), 0.1
 # Part of a line that must be in view, m, without a hole of HOLE_M: plants of one row stand nearer

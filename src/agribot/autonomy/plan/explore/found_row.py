@@ -23,7 +23,7 @@ DRAWN_M = 3.0
 HALF_STRIP_M, WINDOW_M = 0.15, 0.25
 # Crop counts if this many pictures show it: single ones mistake a weed for it.
 LOOKS, CELLS, CROP_RATIO = 2, 3, 0.35
-WHOLE = 0.5  # of the cells of a piece, in view
+WHOLE = 0.5  # share of a piece's cells that must be in view
 # Distance over which the direction of a line seen in one picture holds, m.
 ARM_M = 0.5
 # Errors of a picture's line that its neighbours share; see estimate/row_model.py.
@@ -62,7 +62,7 @@ class FoundRow:
         self._told = GrowingTable(2)  # the same, as a robot saw it from beside
         self._drawn: Row | None = None  # once it is driven, nothing changes any more
         self._looks, self._astride = _Looks(), _Looks()  # all of them, and those from astride it
-        self.pos_std_m = 0.0  # of the robot, 1 sigma, while it looked
+        self.pos_std_m = 0.0  # position error of the robot while it looked, 1 sigma
 
     @property
     def has_crop(self) -> bool:
@@ -173,7 +173,7 @@ class FoundRow:
     ) -> tuple[float, float]:
         low_m, high_m = (BEHIND_M, AHEAD_M) if towards > 0.0 else (AHEAD_M, BEHIND_M)
         low_m, high_m = (low_m, high_m) if reach_m is None else (reach_m, reach_m)
-        # What the robot saw astride it is newer than what it saw from beside it.
+        # The view astride a row is newer than the view from beside it.
         for places in (self._places.to_array(), self._list_places()):
             near = (places[:, 0] >= along_m - low_m) & (places[:, 0] <= along_m + high_m)
             if np.count_nonzero(near) >= FEWEST and np.ptp(places[near, 0]) >= PIECE_M:
