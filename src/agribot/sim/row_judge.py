@@ -16,9 +16,9 @@ from agribot.core.row_shape import (
     start_yaw_rad,
 )
 
-# A found row is a true one's where its middle and both ends lie so near to its line.
+# Largest distance of a found row's middle and both ends from the line of its true row.
 SAME_ROW_M = 0.3
-# The crop of a drawn row is what stands so near to its line, and then to the line of that crop.
+# Largest distance of crop from a drawn row, and then from the line of that crop.
 CROP_OF_ROW_M = (0.4, 0.25, 0.15)
 LEAST_PLANTS = 3
 

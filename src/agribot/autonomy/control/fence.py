@@ -28,7 +28,7 @@ from agribot.core.messages import DriveCommand, Estimate, FloatArray, GnssQualit
 from agribot.core.pose import Pose2
 from agribot.core.robot import REACTION_S
 
-# Way after which edges are looked for again: less than half the robot, so that it cannot get past an edge unseen.
+# Way between two searches for edges: less than half the robot, so that none is passed unseen.
 RECHECK_M = 0.25
 # A way in or out leaves the field; within this distance of it only the box counts.
 AWAY_M, AWAY_STEP_M = 2.0, 0.2

@@ -21,9 +21,9 @@ from agribot.core.pose import Pose2
 
 MIN_TURNED_RAD = math.tau
 MIN_FIXES = 20
-MIN_ROLLED_RAD = 0.5  # of a wheel in a leg
+MIN_ROLLED_RAD = 0.5  # least roll of a wheel in a leg
 MAX_STD_M = 0.02
-MAX_SCATTER_M = 0.05  # more is a wander whose fixes err together
+MAX_SCATTER_M = 0.05  # largest scatter; more is a wander whose fixes err together
 
 
 class AntennaFit(msgspec.Struct, frozen=True, kw_only=True):

@@ -36,7 +36,7 @@ MIN_MOVED_M = 0.005
 TELLS_PLANTS_APART_RATIO = 0.2
 # Fragments of weeds taken for crop are smaller than the crop of the field by far.
 MIN_SIZE_RATIO, SIZE_WEIGHT = 0.2, 0.1
-# What is too small counts a little all the same, so that a few giants cannot shut out the crop.
+# Least weight of a small plant, so that a few giants cannot shut out the crop.
 SMALL_WEIGHT = 0.002
 # A plant farther outside the rows than this belongs to no row.
 BEYOND_M = 0.6
@@ -72,7 +72,7 @@ class CropRows(Correction[Scene]):
 
     def __init__(self, pose: PoseFilter) -> None:
         super().__init__(pose)
-        # What rejects too much is overruled by the contradiction of several plants, not by a run.
+        # Too many rejections are overruled by the contradiction of several plants, not by a run.
         self._gate = Gate(pose.config.row_gate_sigma, outlier="crop off its row")
         self._end_gate = Gate(pose.config.row_gate_sigma, outlier="row end elsewhere")
         self._contradiction = Contradiction()

@@ -20,7 +20,7 @@ from agribot.autonomy.estimate.velocity_way import MAX_GAP_S, summed_variance_m2
 from agribot.core.facts import GnssCrept, GnssParts
 
 WINDOWS_S = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 40.0)
-STEP_S = 0.1  # nearer fixes are not kept
+STEP_S = 0.1  # least distance of kept fixes
 # Receivers smooth velocities; their sum lags behind by the change of speed times some tenths.
 LAG_STD_S = 0.1
 # Two normal errors exceed this squared distance once in a million times.
@@ -31,10 +31,10 @@ LASTS_S = 0.5
 APART_LASTS_S = 2.0
 # Wheels and gyro bear it out: beyond two sigmas themselves, and nearer to the velocity.
 BORNE_OUT2 = 4.0
-FAR_M = 0.3  # beyond this gap it is enough that they are nearer to the velocity
+FAR_M = 0.3  # gap beyond which it is enough that they are nearer to the velocity
 # On soil wheels slip by 2 to 5 %, in turns they lose up to 0.3 m for each radian.
 SOIL_RATIO, TURN_LOSS_M_PER_RAD = 0.03, 0.3
-# More than this share of the wheels' way is not lost by slip.
+# Largest share of the wheels' way that slip loses.
 MAX_LOST_RATIO = 0.1
 
 
@@ -94,9 +94,9 @@ class DriftWatch:
         self._sums: deque[_Sums] = deque()
         self._last: _Sums | None = None
         self._since_s: float | None = None
-        self.off_m = (0.0, 0.0)  # how far the fixes have crept; zero while they are believed
+        self.off_m = (0.0, 0.0)  # creep of the fixes; zero while they are believed
         self._over_s = 0.0
-        # How far fixes and velocity are apart, whatever the wheels say: one of the two is wrong.
+        # Distance of fixes and velocity, whatever the wheels say: one of the two is wrong.
         self.apart_m = (0.0, 0.0)
         self.suspicion: GnssParts | None = None  # the same, once it has lasted
         self._apart_since_s: float | None = None
@@ -159,7 +159,7 @@ class DriftWatch:
         self._sums.clear()
         for each in (*then, self._last):
             told, late_s = each.told, max(0.0, each.told.t_s - since_s)
-            # What the filter makes of the wheels' heading is true of before.
+            # The filter's correction of the wheels' heading holds for the past.
             turn = told.turn if turn is None or not late_s else turn
             by_rad = bent_rad - rate_radps * late_s
             told = told._replace(
@@ -219,7 +219,7 @@ def _judge(then: _Sums, here: _Sums, trust: Trust, window_s: float) -> _Creep | 
     velocity_m2 += (LAG_STD_S * change_mps) ** 2
     if abs(by_velocity_m) ** 2 <= ALARM2 * (fixes_m2 + velocity_m2):
         return None
-    # What the filter believed at the begin: what creeps since then has no part in it.
+    # The filter's belief at the start: later creep has no part in it.
     driven_m = then.told.turn * (here.driven_m - then.driven_m)
     by_wheels_m = moved_m - driven_m - (here.told.arm_m - then.told.arm_m)
     way_m = here.told.way_m - then.told.way_m

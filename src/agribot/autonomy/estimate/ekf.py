@@ -40,7 +40,7 @@ class MotionNoise(msgspec.Struct, frozen=True, kw_only=True):
     yaw_rad2_per_s: float
 
 
-# Of one step; a robot that hardly turns does not slide.
+# Least turn of one step; a robot that hardly turns does not slide.
 TURN_FLOOR_RAD = 1e-6
 
 

@@ -51,11 +51,12 @@ from agribot.core.messages import FloatArray, GnssFix, GnssQuality, SensorBatch,
 from agribot.core.pose import Pose2
 
 UNKNOWN_M2 = 1e6
-SUSPICIOUS_REJECTIONS = 5  # in a row
-MAX_FROM_DATUM_M = 10e3  # of a first position; a map is flat, and a field is no larger
-# From this turn rate and turn on, fixes within three sigmas of where velocities lead are right.
-# On the straight, swerves and the gyro's noise add up to half of that turn: there they are right
-# where the wheels have lost some of their way ahead, but not aside.
+SUSPICIOUS_REJECTIONS = 5  # rejections in a row
+# Largest distance of a first position; a map is flat, and a field is no larger.
+MAX_FROM_DATUM_M = 10e3
+# Turn rate and turn from which fixes within three sigmas of where velocities lead are right. On the
+# straight, swerves and the gyro's noise add up to half of that turn: there they are right where the
+# wheels have lost some of their way ahead, but not aside.
 VOUCHED_TURN_RADPS, VOUCHED_TURN_RAD, VOUCHED_SIGMA2 = 0.1, 0.1, 9.0
 
 
@@ -82,12 +83,12 @@ class Gnss(Correction[GnssFix]):
         config, robot = pose.config, pose.robot
         # Offset of the last rejected fix, and sum of the jumps of robot and receiver.
         self.rejected_m, self.moved_m = (0.0, 0.0), (0.0, 0.0)
-        self.off_m = (0.0, 0.0)  # where the last fix puts the robot, from where the filter has it
+        self.off_m = (0.0, 0.0)  # offset of the last fix from the filter's position
         self.repeats, self.jump, self.drift = RepeatWatch(), JumpWatch(), DriftWatch()
         self.position_noise, self.velocity = PositionNoise(), GnssVelocity(pose)
         self.wander = GnssWander()
         self._driven_m = self._moved_m = self._turned_rad = self._unguided_m = 0.0
-        # What turning the way, that was drawn before the heading was known, moves the robot by.
+        # Shift of the robot by turning the way that was drawn before the heading was known.
         self._turned_m = 0j
         self._widest_m2 = 0.0  # largest slow error that was believed of the receiver, squared
         self._rejected_fix: Measurement | None = None
@@ -104,7 +105,7 @@ class Gnss(Correction[GnssFix]):
         self._noise: FixNoise | None = None
         self._is_corrected = self._is_differential = self._is_wide = False
         self._sure: _Sure | None = None
-        self.elsewhere: FarFromMap | None = None  # where the first fixes are not of this map
+        self.elsewhere: FarFromMap | None = None  # first fixes outside this map
 
     @property
     def rejected_in_a_row(self) -> int:

@@ -25,7 +25,7 @@ from agribot.core.arithmetic import clamp
 from agribot.core.geo import std_along_m
 from agribot.core.pose import Pose2
 
-# Before anything speaks against it, a receiver that lies is given this probability.
+# Probability of a receiver that lies, before evidence against it.
 FAULT_RATIO = 0.1
 ANCHOR_PERIOD_S, ANCHOR_AGE_S = 1.0, 5.0
 # Wrong fixes and multipath last minutes; then a jump that nothing took back is believed.
@@ -39,13 +39,13 @@ LEARNING_WAY_M, LEARNING_GAIN = 0.2, 0.02
 LOSS_RESIDUAL_RATIO, LOSS_RESIDUAL_M = 0.3, 0.03
 # Way in turns from which the velocities of the receiver show where the robot is, too.
 VOUCHED_TURNING_M = 0.2
-# Where nothing holds the filter better than this it follows the wheels and shows no loss.
+# Error below which something holds the filter; above it, it follows the wheels and shows no loss.
 LEARNING_STD_M = 0.03
-# What the camera held the robot to across its row still counts while it heads within this of it.
+# Largest change of heading for which the camera's hold across the row still counts.
 HELD_HEADING_COS = math.cos(math.radians(20.0))
 # Two solutions that differ by less than this part of the alarm agree again.
 AGREE_RATIO = 0.5
-# More than this share of the wheels' way is not lost by slip: the GNSS stands still, or the robot.
+# Largest share of the wheels' way that slip loses; beyond it the GNSS or the robot stands still.
 MAX_LOST_RATIO = 0.1
 
 

@@ -21,7 +21,7 @@ SECTORS, PER_SECTOR = 36, 20
 MIN_SECTORS = 12
 # A fit with larger errors of the heading than this, 1 sigma at the worst heading, is not used.
 MAX_STD_RAD = math.radians(1.5)
-# More than a third of the field is no iron that a fit takes away but a magnet nearby.
+# Largest stretch of the field by iron that a fit takes away; more is a magnet nearby.
 MAX_STRETCH_RATIO = 0.35
 
 

@@ -37,7 +37,7 @@ class MappedRows:
         table = np.array(pieces, dtype=np.float64).reshape(-1, 9)
         self._start, self._ahead = table[:, :2], table[:, 2:4]
         self._length_m, self._along_m = table[:, 4], table[:, 5]
-        self._turns_rad = table[:, 6:8]  # from the piece to the middle of its corners
+        self._turns_rad = table[:, 6:8]  # directions from the piece to the middle of its corners
         self._row = table[:, 8].astype(int)
         self._row_length_m = [_measure_length_m(way) for way in ways]
 

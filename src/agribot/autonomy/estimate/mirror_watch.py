@@ -21,7 +21,7 @@ from agribot.core.messages import Scene
 LINES, BEND_RAD = 5, math.radians(0.7)
 # Neighbouring pictures show the same leaves: two of three looks are new.
 NEW_RATIO = 2.0 / 3.0
-TURN_RAD = math.radians(1.5)  # that a vote needs
+TURN_RAD = math.radians(1.5)  # turn that a vote needs
 # A direction that was seen longer ago, in way or turn, is that of another row or piece of it.
 MAX_WAY_M, MAX_TURN_RAD = 1.0, math.radians(10.0)
 # At least three looks must err, and no lead is larger than two looks take back.

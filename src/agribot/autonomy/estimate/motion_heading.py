@@ -26,7 +26,7 @@ LEAST_COURSE_MPS, LEAST_COURSE_STD_MPS = 0.1, 0.03
 COURSE_MEMORY_S = 1.0
 # A place that the wheels cannot have led to from most of the others, in joint sigmas.
 OUTLIER_SIGMA = 4.0
-# What wheels lose or gain of a way on soil, as a bound.
+# Largest loss or gain of the wheels' way on soil.
 WAY_SLACK_RATIO = 0.2
 # 1 sigma of the angle between where a skidding robot points and where it goes.
 CRAB_STD_RAD = 0.03

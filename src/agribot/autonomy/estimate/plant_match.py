@@ -18,7 +18,7 @@ import numpy as np
 from agribot.autonomy.estimate.stem_map import NO_PLANT, IndexArray, StemMap
 from agribot.core.messages import FloatArray
 
-# How far a plant is seen from where the map has it, 1 sigma: both looks, and the odometry between.
+# Distance of a seen plant from its place in the map, 1 sigma: both looks, and the odometry between.
 SEEN_STD_M = 0.04
 # Probability that a mapped plant in view is seen, and things on a square metre that are taken for
 # crop but are not on the map.
@@ -32,7 +32,7 @@ SHARE = 0.6
 # Places nearer to each other than this are one.
 SAME_M, SAME_RAD = 0.1, math.radians(4.0)
 ANCHORS, KEPT, CHUNK = 4, 800, 2000
-# That the robot stands where the map has nothing of what it sees, before it has seen anything.
+# Probability of a place outside the map's plants, before the robot has seen anything.
 ELSEWHERE = 0.01
 
 

@@ -30,7 +30,7 @@ from agribot.core.pose import Pose2
 
 # Probability and number of plants that make a place sure.
 SURE, FEWEST_SURE = 0.999, 8
-# Once a place is that likely, it counts which row it is in.
+# Probability of a place from which its row counts.
 TELLS_ROW = 0.99
 # Offset from the pose, m and in sigmas, up to which plants are in place; offset along the row up to
 # which the pose follows them unasked.
@@ -44,7 +44,7 @@ STD_M, MEMORY_M = 0.03, 1.0
 # Headings are tried in such steps, where the heading is known worse than that.
 TURN_RAD, MOST_TURNS = math.radians(1.5), 8
 YAW_STD_RAD = math.radians(1.0)
-# Before it has moved farther than this, the robot takes the plants' word.
+# Way at the start within which the robot follows the plants.
 STARTS_M = 0.3
 
 

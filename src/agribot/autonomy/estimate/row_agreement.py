@@ -12,7 +12,7 @@ from agribot.core.facts import CameraAndGnssDisagree
 WINDOW_S, MIN_LOOKS, MIN_FIXES = 2.0, 8, 8
 # A camera that is mounted 3 cm and 1.5 degrees wrong, and fixes that are 2 cm off, differ by less.
 NAMED_M = 0.10
-# Half of what a wheel may be off its way before it reaches the crop: the robot may follow either.
+# Half of a wheel's distance from the crop: the robot may follow either.
 HALT_M = 0.15
 LASTS_S, SETTLED_RATIO = 1.0, 0.8
 # Rows that stand beside their map do so from the first look at a row on, within what fixes wander.

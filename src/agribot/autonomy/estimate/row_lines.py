@@ -34,16 +34,18 @@ from agribot.core.arithmetic import clamp
 from agribot.core.geo import wrap_rad
 from agribot.core.messages import RowLine
 
-# Of plants farther apart each is seen by itself, and bare ground after one is no row's end.
+# Largest spacing of plants of a line; beyond it each is seen by itself, and bare ground after one
+# is no row's end.
 MAX_SPACING_M = 0.5
-# What seems the end of a row nearer than this to it may correct a pose that is sure of another.
+# Largest distance between a seen and a known end of the row; a nearer one may correct a pose that
+# is sure of another.
 GAP_M = 0.6
 # The outermost plant of a row may be missing, which every look at that end repeats: 1 sigma in
 # plant spacings, and how many looks share it.
 END_STD_SPACINGS, LOOKS_AT_END = 0.35, 16
 # Time over which earlier rows show how far the next one stands off the map.
 ROW_MEMORY_S = 100.0
-USUAL_SPACING_M = 0.2  # of plants that make up a line, if the field states none
+USUAL_SPACING_M = 0.2  # spacing of plants that make up a line, if the field states none
 MAX_HEADING_RAD, MAX_DISAGREEMENT_RAD = math.radians(30.0), math.radians(15.0)
 
 

@@ -18,7 +18,7 @@ from agribot.core.messages import RowLine
 
 MIN_LINES, MIN_SEEN_RATIO = 40, 0.5
 MAX_POSE_STD_M = 0.03
-# A robot on the wrong side of a row's middle sees another row.
+# Largest offset from a row's middle; on the other side of it the robot sees another row.
 MAX_OFFSET_RATIO = 0.3
 # Neighbouring pictures that count as one, since they show the same leaves.
 PICTURES_ALIKE = 10

@@ -13,8 +13,9 @@ from agribot.core.facts import StartAside, StartTurned
 # Largest distance to the mark, in joint sigmas; without fixed ambiguities at least in metres, too.
 MISPLACED_SIGMA = 4.0
 MISPLACED_M = 1.0
-# Where rows stand closer than twice that, half their distance: a robot astride the next one does.
-# Nearer than this to its mark a robot without fixed ambiguities always begins.
+# Least error of the place on the mark; where rows stand closer than twice that, half their
+# distance: a robot astride the next one does. Nearer than this to its mark a robot without fixed
+# ambiguities always begins.
 LEAST_MISPLACED_M = 0.3
 DIRECTIONS = (
     "east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east",

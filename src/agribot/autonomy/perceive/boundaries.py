@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from agribot.core.messages import ByteArray, PlantClass
 
-# Of the picture's diagonal: so near an outline counts as met. Source: Csurka et al. 2013.
+# Tolerance of an outline, as a share of the picture's diagonal. Source: Csurka et al. 2013.
 TOLERANCE_RATIO = 0.0075
 
 Mask = npt.NDArray[np.bool_]

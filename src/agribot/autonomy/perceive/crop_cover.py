@@ -11,11 +11,12 @@ from agribot.core.errors import PerceptionError
 from agribot.core.messages import CropCover, FloatArray
 
 CELL_M = 0.025
-# Foliage is seen from above: what stands h high seems to lie h / H of its way farther off. Leaves
-# of young crop are 2 to 16 cm high; where they pass out of view, that is 4 cm either way.
+# Height of foliage, which is seen from above: a leaf at height h seems to lie h / H of its way
+# farther off. Leaves of young crop are 2 to 16 cm high; at the near edge of the view, that is 4 cm
+# either way.
 FOLIAGE_M = 0.08
 
-# Of a pixel without a stem of crop: no leaf of crop, a leaf that no stem explains, and one whose
+# Marks of a pixel without a stem of crop: no leaf of crop, a leaf without a stem, and one whose
 # stem is outside the picture.
 NO_LEAF, NO_STEM, OUTSIDE = -1, -2, -3
 MOST_STEMS = 255

@@ -23,10 +23,10 @@ from agribot.core.pose import Pose2
 # A plant is found again in the next picture by the robot's motion, within this error.
 NEXT_M, NEXT_S = 0.06, 0.35
 MIN_LOOKS, MIN_WAY_M = 6, 0.4
-# Of the mount against its description, before anything is seen; keeps back what does not show.
+# Spread of the mount against its description, before anything is seen; it keeps unseen values back.
 PRIOR_RAD, PRIOR_M = math.radians(10.0), 0.15
 LEAST_STD_M, HUBER_SIGMA = 0.01, 1.5
-# What the supposed height of the leaves and the light on them leave open, in the simulator.
+# Errors from the supposed height of the leaves and the light on them, in the simulator.
 MODEL_STD = (math.radians(0.3), math.radians(0.3), math.radians(0.1), 0.006)
 PASSES, STEP = 12, 1e-5
 MIN_TRACKS = 20
@@ -143,7 +143,7 @@ def fit_mount(looks: Sequence[Look], body_from_camera: FloatArray) -> MountFit |
     for _ in range(PASSES):
         off_m = tracks.off_m(mount, weights)
         sigmas = np.hypot(off_m[:, 0], off_m[:, 1]) / tracks.std_m
-        # What the stated sigmas leave out, looks at one plant share; their mean size is measured.
+        # The stated sigmas lack the error that looks at one plant share; its mean size is measured.
         scale = max(float(np.median(sigmas)), 1e-3)
         weights = even * np.minimum(1.0, HUBER_SIGMA * scale / np.maximum(sigmas, 1e-9)) / scale**2
         slopes = _slopes(tracks, mount, weights)

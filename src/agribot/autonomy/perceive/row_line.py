@@ -22,13 +22,14 @@ from agribot.autonomy.perceive.ground import GroundLookup
 from agribot.core.messages import ByteArray, FloatArray, PlantClass, RowLine
 from agribot.core.pose import Pose2
 
-FAR_M = 2.1  # from the camera; beyond it the network misses small crop
+FAR_M = 2.1  # distance from the camera beyond which the network misses small crop
 CELL_M = 0.025
-# Evidence is counted about this far ahead, where offset and heading hardly depend on each other.
+# Distance ahead about which evidence is counted: offset and heading hardly depend on each other
+# there.
 PIVOT_AHEAD_M = 1.1
 MAX_HEADING_RAD, HEADING_STEP_RAD = math.radians(25.0), math.radians(1.25)
 MAX_OFFSET_M = 0.6
-VOTE_CELLS = np.hanning(15)  # as wide as a plant
+VOTE_CELLS = np.hanning(15)  # weights of a vote, as wide as a plant
 FOLIAGE_STD_RATIO = 0.045  # 1 sigma of where foliage seems to lie aside, for its height
 # The fit looks this far to both sides of the line, as far as big leaves reach.
 WINDOW_M, PASSES = 0.3, 3

@@ -18,10 +18,12 @@ from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray
 
 PIXEL_OUTPUTS = ("class_id", "confidence")
-PLANT_OUTPUTS = {"stem_score": SQUARE_PX, "way_px": CELL_PX}  # with px per value; both or none
-PLANT_TYPES = ("tensor(uint8)", "tensor(float)")  # of theirs
+# Outputs for plants, with px per value; both or none.
+PLANT_OUTPUTS = {"stem_score": SQUARE_PX, "way_px": CELL_PX}
+PLANT_TYPES = ("tensor(uint8)", "tensor(float)")  # types of these outputs
 CPU = "CPUExecutionProvider"
-# The winner of three classes has at least a third of the probability, 85 of 255; less is NaN.
+# Least confidence: the winner of three classes has at least a third of the probability, 85 of 255;
+# less is NaN.
 LEAST_CONFIDENCE = 80
 
 

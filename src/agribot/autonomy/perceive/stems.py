@@ -20,9 +20,9 @@ from agribot.core.messages import ByteArray, FloatArray
 CELL_PX, SQUARE_PX = 4, 2
 # Two stems nearer than this are one plant found twice.
 LEAST_GAP_PX = 8.0
-# Where the cell of a stem points to; what is farther off is another stem.
+# Radius around the stem that a cell points to; a stem farther off is another one.
 OWN_STEM_PX = 3.0
-# How far from a stem vegetation may point and still be its: ways err in proportion to themselves.
+# Largest distance from a stem to where its vegetation points: ways err in proportion to themselves.
 REACH_PX = 10.0
 REACH_RATIO = 0.3
 

@@ -9,7 +9,7 @@ from agribot.autonomy.perceive.crop_cover import CELL_M
 from agribot.autonomy.perceive.stems import CELL_PX, PlantMaps, pool_squares
 from agribot.core.messages import PlantClass, WeedScores
 
-# Nearer than this to the camera, a stem is separate from its neighbours and leaves hide less.
+# Distance from the camera within which a stem is separate from its neighbours and leaves hide less.
 NEAR_M = 0.9
 
 

@@ -17,7 +17,7 @@ from agribot.sim.camera.arrays import PinholeView, Singles, Targets
 from agribot.sim.jit import compile_fast
 
 TOLERANCE_PX = 0.01
-MAX_WIDENING = 3.0  # of the pinhole picture against the distorted one
+MAX_WIDENING = 3.0  # largest size of the pinhole picture against the distorted one
 
 
 class Lens(NamedTuple):

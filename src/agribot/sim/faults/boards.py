@@ -14,7 +14,7 @@ import msgspec
 from agribot.core.messages import BoardSample, SafetyInput, SensorBatch
 from agribot.sim.faults.schedule import Fault
 
-# Of the firmware: its watchdog, and from its reset until it reports and is configured, s.
+# Times of the firmware: its watchdog, and from its reset until it reports and is configured, s.
 WATCHDOG_S, AWAY_S = 0.12, 0.2
 
 

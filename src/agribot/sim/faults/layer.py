@@ -163,7 +163,7 @@ def _make_offset(fault: Fault, around: FaultMaterial) -> BatchFault:
     return Offset(fault, around.world.datum, around.rng)
 
 
-# What a fault does to samples; those that are missing here do nothing to them.
+# Effects of faults on samples; a fault without an entry has none.
 MAKERS: dict[str, MakeFault] = {
     "gnss.outage": lambda fault, _: Outage(fault),
     "gnss.jump": _make_offset,

@@ -11,7 +11,7 @@ import numpy as np
 from agribot.core.messages import SensorBatch
 from agribot.sim.faults.schedule import Fault
 
-# What comes over a line, and the numbers that stand in its messages.
+# Lines, and the numbers in their messages.
 NUMBERS = {
     "wheels": ("angle_rad", "speed_radps"),
     "imu": ("gyro_radps", "accel_mps2"),

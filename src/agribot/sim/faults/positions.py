@@ -11,7 +11,7 @@ from agribot.core.geo import Datum, MapFrame
 from agribot.core.messages import GnssFix, GnssHeading, GnssQuality, SensorBatch
 from agribot.sim.faults.schedule import Fault
 
-RTK_STD_M = 0.014  # what a receiver with corrections says of a fixed solution
+RTK_STD_M = 0.014  # stated error of a fixed solution with corrections
 
 
 class Outage:

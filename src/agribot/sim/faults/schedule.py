@@ -18,7 +18,7 @@ SYNTAX = "NAME[=VALUE]@T[+SECONDS]"
 LONGEST_MISSION_S = 86_400.0  # a day; no battery lasts as long
 ROUNDING_S = 1e-9
 SHORTEST_CARRY_S = 1.0
-CARRY_MPS = 0.5  # so slowly that a tilt sensor is not deceived
+CARRY_MPS = 0.5  # speed at which a tilt sensor is not deceived
 CAMERA_PARTS = ("camera", "network")
 
 

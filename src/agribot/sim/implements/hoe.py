@@ -19,9 +19,9 @@ from agribot.sim.attitude import read_rotation
 from agribot.sim.implements.sections import DelayedSections, SectionSwath
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 
-BLADE_M = 0.03  # along the way
-WORKING_RATIO = 0.8  # of the commanded depth; from there on, a blade uproots
-# Soil holds back with its whole force above this speed, and not at all a blade that stands.
+BLADE_M = 0.03  # length of a blade along the way
+WORKING_RATIO = 0.8  # share of the commanded depth from which a blade uproots
+# Speed from which soil holds back with its whole force; a blade that stands has none.
 FULL_DRAUGHT_MPS = 0.1
 
 

@@ -15,7 +15,7 @@ from agribot.sim.sensors.presets import FloatOutages, HectorGnss, PhysicalGnss, 
 from agribot.sim.sensors.tuning import Tuning
 from agribot.sim.state import ANGULAR, POSITION, VELOCITY
 
-# No receiver claims a better velocity, whatever the error model says.
+# Least velocity error that a receiver claims, whatever the error model says.
 BEST_VELOCITY_STD_MPS = 0.01
 
 
