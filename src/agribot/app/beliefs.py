@@ -19,7 +19,7 @@ from agribot.record.report import (
     WeedReport,
 )
 
-LONGEST_TICK_S = 0.5  # what passes between two ticks that are farther apart is not believed in
+LONGEST_TICK_S = 0.5  # longest gap between two ticks that a belief outlasts
 
 
 class BeliefSums(msgspec.Struct, kw_only=True):

@@ -15,7 +15,7 @@ from agribot.core.platforms import find_platform
 from agribot.core.robot import RobotSpec
 
 PACKAGE = "pygeomag"
-MOST_OFF_DEG = 3.0  # of a value that was typed, from the model's
+MOST_OFF_DEG = 3.0  # largest difference of a typed value from the model's
 # Horizontal field of the model's blackout zones round the magnetic poles, T.
 LEAST_HORIZONTAL_T = 2e-6
 T_PER_NT = 1e-9

@@ -18,9 +18,9 @@ from agribot.core.messages import MissionStatus, TickRecord
 if TYPE_CHECKING:
     from agribot.app.run import Run
 
-SIGNS_OF_LIFE = 4  # in the time after which systemd ends a silent service
+SIGNS_OF_LIFE = 4  # signs in the time after which systemd ends a silent service
 STATUS_PERIOD_S = 1.0
-QUIET_LIMIT_S = 300.0  # for figures and files of a long run, on a slow card
+QUIET_LIMIT_S = 300.0  # time for figures and files of a long run, on a slow card
 
 
 class ServiceManager:

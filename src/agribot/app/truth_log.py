@@ -12,7 +12,7 @@ from agribot.record.events import Event
 if TYPE_CHECKING:
     from agribot.sim.platform import SimPlatform
 
-LET_GO_S = 2.0  # without contact, before the same thing counts as touched anew
+LET_GO_S = 2.0  # time without contact, before the same thing counts as touched anew
 
 
 class TruthLog:

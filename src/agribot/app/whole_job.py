@@ -59,7 +59,7 @@ class JobSoFar(msgspec.Struct, frozen=True, kw_only=True):
 
 
 NOTHING = JobSoFar(runs=())
-# Of a mission that goes on without the account of the run before; see `read_job`.
+# State of a mission that goes on without the account of the run before; see `read_job`.
 UNKNOWN = JobSoFar(runs=(), lacks=("all but the mission itself: no account of them was given",))
 
 

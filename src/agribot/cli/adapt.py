@@ -14,7 +14,7 @@ from agribot.cli.ranges import finite, seed
 from agribot.core.config import DEFAULT_MODEL
 from agribot.core.errors import ConfigError
 
-MINUTES = 10.0  # of CPU time
+MINUTES = 10.0  # minutes of CPU time
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

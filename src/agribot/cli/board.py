@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from agribot.drivers.board_probe import BoardProbe, FoundBoard
     from agribot.drivers.schemes import SourceUri
 
-PERIOD_S = 1.0  # of a line
+PERIOD_S = 1.0  # period of a line
 KINDS = ("motor", "imu")
 
 

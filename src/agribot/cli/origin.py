@@ -29,8 +29,8 @@ from agribot.drivers.schemes import open_source, read_uri
 
 FILE_NAME = "origins.toml"
 FIRST_FIX_FILE_NAME = "first-fix.toml"  # the origin of a real robot that was given none
-PATIENCE_S = 60.0  # for the first good fix; a cold receiver needs half of that
-# For the first good fix where the command asked for none; the robot may stand in its workshop.
+PATIENCE_S = 60.0  # time for the first good fix; a cold receiver needs half of that
+# Time for the first good fix if the command asked for none; the robot may stand in its workshop.
 UNASKED_PATIENCE_S = 10.0
 PERIOD_S = 0.05
 FIRST_FIX = "first fix"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from agribot.autonomy.weeds.plant_table import PlantTable
     from agribot.core.messages import Row
 
-# What --format says -> how the file's name ends.
+# Suffix of the file by --format.
 SUFFIXES = {
     "geojson": ".geojson", "gpkg": ".gpkg", "shp": ".shp", "kml": ".kml", "csv": ".csv",
 }  # fmt: skip

@@ -31,9 +31,9 @@ from agribot.description.turning import compute_yaw_multiplier
 
 # The packaged robot, whose drive and tyres others are scaled from.
 MASS_KG, RADIUS_M = 5.1122, 0.09
-TINY = 1e-9  # a robot without mass is refused later
+TINY = 1e-9  # least mass in use; a robot without mass is refused later
 SAME_MULTIPLIER = 0.05
-MIN_TORQUE_RATIO = 0.5  # of weight times wheel radius, for each wheel
+MIN_TORQUE_RATIO = 0.5  # least share of weight times wheel radius, for each wheel
 CAMERA_HEIGHT_M, CAMERA_PITCH_RAD = 0.9, math.radians(50.0)
 
 

@@ -13,7 +13,7 @@ from agribot.description.elements import SourceFile
 
 BASE = "base_link"
 WHEEL_KG, BASE_KG = 1.0, 15.0
-GYRATION_M = 0.2  # of a base without an inertia
+GYRATION_M = 0.2  # radius of a base without an inertia
 
 
 def give_wheel_mass(

@@ -41,7 +41,7 @@ class Preset(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     start_yaw_std_deg: NonNegative = 0.0
     soil_classes: tuple[SoilClass, ...] = ("rigid",)
     moisture_ratio: ShareBetween = NOTHING
-    friction_ratio: Between | None = None  # of the ground at large; None: the world's own
+    friction_ratio: Between | None = None  # friction of the ground at large; None: the world's own
     roughness_rms_m: Between = NOTHING
     clods_per_m2: Between = NOTHING
     clod_height_m: Between = NOTHING

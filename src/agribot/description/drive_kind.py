@@ -19,9 +19,9 @@ from agribot.description.tags import (
     read_tag_value,
 )
 
-ACROSS = 0.7  # of an axle: the part of it that lies across the robot
-UPRIGHT = 0.7  # of the axis of a steering joint: the part of it that is vertical
-# Of a first direction of friction: more of it along the axle and across it is a roller's.
+ACROSS = 0.7  # share of an axle that lies across the robot
+UPRIGHT = 0.7  # share of a steering joint's axis that is vertical
+# Share of a first direction of friction along and across the axle; beyond it the wheel is a roller.
 OBLIQUE = 0.3
 ROLLERS = 3  # turning links on one wheel that make it one with rollers
 TURNING = ("continuous", "revolute")

@@ -20,7 +20,7 @@ from agribot.description.xacro_arithmetic import bound_arithmetic
 from agribot.description.xacro_dialect import OldDialect, read_utf_8
 from agribot.description.xacro_yaml import bound_yaml
 
-# xacro keeps the files it works on in module variables.
+# Lock of xacro, which keeps the files it works on in module variables.
 _XACRO_LOCK = threading.Lock()
 
 

@@ -32,7 +32,7 @@ def read_joints(root: ET.Element, source: SourceFile) -> tuple[Joint, ...]:
     gears = _read_gear_ratios(root, source)
     links = {element.get("name", "") for element in root.findall("link")}
     joints = []
-    above: dict[str, Joint] = {}  # by the link that hangs on it
+    above: dict[str, Joint] = {}  # joints by the link that hangs on each
     for element in root.findall("joint"):
         with source.attempt(element):
             joint = _read_joint(element, gears, source)

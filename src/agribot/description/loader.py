@@ -43,9 +43,10 @@ from agribot.description.sdf_robot import read_sdf_robot
 from agribot.description.sensor_places import place_sensors, tell_turned, tell_unread
 
 SDF, WORLD = ".sdf", ".world"
-# Of the wheels together: a lighter body lacks its mass, and its physics would be unstable.
+# Least mass of the body, as a share of the wheels together: a lighter one lacks its mass, and its
+# physics would be unstable.
 MIN_BODY_RATIO = 0.05
-MOST_KG_PER_M2 = 3000.0  # of the ground under it; a tractor has 1500, a tank 2500
+MOST_KG_PER_M2 = 3000.0  # mass over the ground under it; a tractor has 1500, a tank 2500
 
 
 def load_robot(

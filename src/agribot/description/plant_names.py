@@ -8,7 +8,7 @@ from typing import NamedTuple
 from agribot.core.messages import PlantClass
 
 _WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
-MOST_SIDE_M = 1.5  # of one plant; what is wider is a row or a field of them
+MOST_SIDE_M = 1.5  # width of one plant; a wider mesh is a row or a field of them
 HEIGHT_LIMITS_M = (0.02, 3.0)
 
 

@@ -19,7 +19,7 @@ from agribot.description.poses import read_pose, to_origin
 from agribot.description.sdf_frames import OWN, FrameScope
 from agribot.description.sdf_library import ModelLibrary
 
-ENDLESS = 1e12  # from this value on a limit counts as absent, as in Gazebo's files
+ENDLESS = 1e12  # value from which on a limit counts as absent, as in Gazebo's files
 SAME_PLACE = 1e-6  # m, and of the axes, between a sensor and a frame
 KINDS = ("continuous", "revolute", "prismatic", "fixed")
 INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")

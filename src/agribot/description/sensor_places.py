@@ -26,13 +26,13 @@ READ = {
     "gpu_lidar": "lidar",
 }  # fmt: skip
 OFFSET_TAGS = ("xyzoffset", "rpyoffset")
-# Of plugins whose work is done here otherwise.
+# Plugins whose work is done here otherwise.
 READ_PLUGINS = (
     *DRIVE_PLUGINS, *IMU_PLUGINS, *GNSS_PLUGINS, *MAG_PLUGINS, "camera", "control",
     "laser", "ray_sensor",
     "joint_state", "joint-state", "pose-publisher", "odometry-publisher", "p3d", "ground_truth",
 )  # fmt: skip
-TURNED_RAD = 0.01  # more than a mount is described to
+TURNED_RAD = 0.01  # angle beyond the accuracy of a mount's description
 
 
 def place_sensors(root: ET.Element, source: SourceFile) -> None:

@@ -6,8 +6,8 @@ import xml.etree.ElementTree as ET
 
 from agribot.description.elements import SourceFile
 
-BASE_SENSORS = ("gps", "navsat")  # of a base station
-# Of world plugins whose work is done here otherwise.
+BASE_SENSORS = ("gps", "navsat")  # sensors of a base station
+# World plugins whose work is done here otherwise.
 READ_PLUGINS = (
     "physics", "user-commands", "user_commands", "scene-broadcaster", "sensors-system",
     "imu-system", "navsat-system", "magnetometer-system", "contact-system", "gazebo_ros_init",

@@ -45,9 +45,9 @@ from agribot.description.surfaces import Surfaces
 from agribot.description.terrain import load_heights, make_volcano, place_heights
 from agribot.description.unread_world import tell_unread_parts, tell_unread_systems
 
-START_M = 3.0  # from the start to the first plant, in a world that states no start
+START_M = 3.0  # distance of the start from the first plant, in a world that states no start
 STEM_M = 0.02  # radius of the stem of a plant that only a name speaks of
-CLEAR_M = 2.0  # between the robot's start and the middle of a box in an absent model's place
+CLEAR_M = 2.0  # distance of the robot's start from the middle of a box in an absent model's place
 
 
 def list_worlds() -> list[str]:

@@ -44,10 +44,11 @@ from agribot.drivers.uri_options import UriOptions
 
 POLLS_PER_QUESTION = 10  # a board that did not answer is asked again
 MOST_COUNTPS, MOST_FULL_COUNTPS = 32767, 65535
-SUPPLY_V = 24.0  # of the motors' full speed, and where no battery is measured
+SUPPLY_V = 24.0  # supply of the motors' full speed, and the default without a measured battery
 WRAP_US = 1 << 32
 WRAP_SPAN_US = 60_000_000  # a clock that goes back from its last minute to its first wrapped around
-USB_V = 6.0  # less feeds no motor: the board runs on its USB line, and has no battery
+# Least voltage that feeds motors; below it the board runs on its USB line, and has no battery.
+USB_V = 6.0
 TOOL_OUTPUTS = 8
 _HOW = (
     "measure the counts (agribot board show), read the full speed from the data sheet, and keep "

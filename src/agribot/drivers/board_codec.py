@@ -21,7 +21,7 @@ from agribot.drivers.board_protocol import (
     list_fields,
 )
 
-LONGEST_FRAME = 254  # with CRC and before stuffing: one code byte more, never two
+LONGEST_FRAME = 254  # bytes with CRC and before stuffing: one code byte more, never two
 HEAD_BYTES, CRC_BYTES = 2, 2
 _LETTERS = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i"}
 _LIMITS = {

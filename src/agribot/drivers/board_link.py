@@ -36,7 +36,7 @@ CLEARING_S = 2.0
 # A board that speaks first has missed ten of its words: it hung or begins anew, and its bootloader
 # must hear nothing. A watchdog resets it 0.12 s after its last one.
 HUSH_S = 0.1
-# What a board said before its line was opened may come within the first milliseconds after that.
+# Time after opening a line in which bytes from before may still come.
 SURE_S = 0.05
 
 

@@ -21,12 +21,12 @@ import msgspec
 from agribot.core.messages import Four, Vec3
 
 PROTOCOL = 1
-BAUD = 250_000  # which 16 MHz divide without an error
+BAUD = 250_000  # speed that 16 MHz divide without an error
 TELEMETRY_HZ = 100
 COMMAND_TIMEOUT_S = 0.3  # longest time without a command before wheels and tool go off
 CLEAR_KEY = 0x5AFE
 GRAVITY_MPS2 = 9.80665
-# What the boards set the MPU-9250 to, and the 16 bits of its AK8963.
+# Ranges of the MPU-9250 as the boards set it, and the 16 bits of its AK8963.
 ACCEL_RANGE_G, GYRO_RANGE_DPS, MAG_LSB_T = 4.0, 500.0, 0.15e-6
 
 Sender = Literal["host", "board"]
@@ -46,8 +46,8 @@ class Wire(NamedTuple):
 class BoardFlag(IntFlag):
     """How a board is now."""
 
-    ESTOP_PRESSED = 1 << 0  # or its wire is broken
-    BUMPER_PRESSED = 1 << 1  # or its wire is broken
+    ESTOP_PRESSED = 1 << 0  # pressed, or its wire is broken
+    BUMPER_PRESSED = 1 << 1  # pressed, or its wire is broken
     STOP_LATCHED = 1 << 2  # until ClearLatch
     NO_COMMAND = 1 << 3  # for COMMAND_TIMEOUT_S
     NOT_CONFIGURED = 1 << 4  # no BoardConfig since the board began

@@ -11,8 +11,8 @@ from agribot.drivers.line_answers import LineAnswer
 from agribot.drivers.rosserial import STRING, RosserialHost
 
 FRAMES_S = 1.5  # a board of ours that reported its version goes on in frames within that
-ANSWER_S = 4.0  # a board is asked after two seconds, and again after one; nothing then is no answer
-LISTEN_S = 3.0  # to the topics of a rosserial device
+ANSWER_S = 4.0  # time for an answer: a board is asked after two seconds, and again after one
+LISTEN_S = 3.0  # time for the topics of a rosserial device
 _PACKET = re.compile(rb"\xff\xfe(..)(.)", re.DOTALL)
 
 

@@ -32,7 +32,7 @@ HOST_HELP = (
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.2, 5.0  # between two tries to open a line
 
 
-# What pyserial lets through when a line does not know a speed; Windows has no termios.
+# Errors of pyserial where a line does not know a speed; Windows has no termios.
 _BAUD_ERRORS: tuple[type[Exception], ...] = (ValueError,)
 with contextlib.suppress(ImportError):
     import termios
@@ -98,7 +98,7 @@ class SerialStream:
         errors: tuple[type[Exception], ...] = (serial.SerialException, *_BAUD_ERRORS)
         try:
             self._port.baudrate = baud
-            self._port.reset_input_buffer()  # what came at the old one makes no sense
+            self._port.reset_input_buffer()  # bytes of the old speed make no sense
         except errors as error:
             raise OSError(errno.EIO, f"{baud} baud: {error}") from error
 

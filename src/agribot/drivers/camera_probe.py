@@ -8,7 +8,7 @@ import time
 from typing import Any, NamedTuple
 
 LIMIT_S = 8.0  # longest wait for a driver that hangs
-PICTURES = 8  # whose times are measured, after the first
+PICTURES = 8  # pictures whose times are measured, after the first
 
 
 class CameraAnswer(NamedTuple):

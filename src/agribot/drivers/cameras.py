@@ -29,10 +29,11 @@ from agribot.drivers.uri_options import UriOptions
 
 MOST_WAITING = 4  # pictures not yet taken; a loop that stands still keeps no more
 CLOSING_S = 2.0  # a driver that hangs keeps no program from ending
-# From the middle of the exposure until the picture is there, at least.
+# Least time from the middle of the exposure until the picture is there.
 LATENCY_S = {"v4l2": 0.05, "rtsp": 0.2, "video": 0.0, "pipe": 0.05}
 PIPE_ERROR_CHARS = 200
-# For what a program said before it ended; one that it started may hold its error output open.
+# Time for the last output of a program that ended; one that it started may hold its error output
+# open.
 LAST_WORDS_S = 2.0
 SAME_ASPECT = 0.01
 

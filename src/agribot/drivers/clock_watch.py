@@ -9,7 +9,7 @@ from agribot.core.messages import OperatorEvent, make_sensor_note
 from agribot.core.stamp_clock import WINDOW_S
 
 UNSURE_S = 0.02  # capture times that are off by more are reported
-PERIOD_S = 1.0  # between two looks
+PERIOD_S = 1.0  # time between two looks
 
 
 class ClockWatch:
@@ -33,7 +33,7 @@ class ClockWatch:
         if not math.isfinite(unsure_s):
             return ()
         self._known_s = min(self._known_s, t_s)
-        if t_s - self._known_s < WINDOW_S:  # of the first few messages little follows
+        if t_s - self._known_s < WINDOW_S:  # the first few messages say little
             return ()
         is_unsure = unsure_s > UNSURE_S
         if self._is_told and is_unsure == self._is_unsure:

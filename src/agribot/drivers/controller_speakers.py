@@ -23,7 +23,7 @@ from agribot.drivers.vesc_packets import (
 
 FW_VERSION, PING_CAN = 0, 62
 ASK_AGAIN_S = 1.0
-PING_S = 4.0  # a controller tries all 255 ids of its CAN bus, one after the other
+PING_S = 4.0  # time in which a controller tries all 255 ids of its CAN bus
 ODRIVE_S, FLUSH_S = 1.0, 0.2
 NO_PROPERTY = "invalid property"
 MUST_REPORT = "--set 'safety.must_report=[\"motors\"]'"

@@ -37,11 +37,12 @@ if TYPE_CHECKING:
     import ssl
 
 _CLOSE_S = 1.0  # a name that does not resolve holds the thread up for longer; it ends by itself
-# No base corrects a receiver beyond this: networks of them carry over 50 to 70 km (Swift
-# Navigation, "What is an RTK baseline"), and the millimetre per kilometre that makers of receivers
-# state (u-blox, ZED-F9P data sheet: 1 cm + 1 ppm) is 20 cm by then.
+# Largest distance of a base that corrects a receiver: networks of them carry over 50 to 70 km
+# (Swift Navigation, "What is an RTK baseline"), and the millimetre per kilometre that makers of
+# receivers state (u-blox, ZED-F9P data sheet: 1 cm + 1 ppm) is 20 cm by then.
 _FARTHEST_BASE_M = 200e3
-_LEAST_RADIUS_M = 6e6  # from the Earth's centre, which a base says that knows no place of its own
+# Least distance from the Earth's centre; a base without a place of its own reports less.
+_LEAST_RADIUS_M = 6e6
 
 
 class CorrectionTiming(NamedTuple):

@@ -27,7 +27,7 @@ STATUS = {
     3: GnssQuality.RTK_FIXED,
     4: GnssQuality.RTK_FLOAT,
 }
-UNMEASURED = {5: DEAD_RECKONING, 7: HELD}  # of its status: dead reckoning, and surveyed in
+UNMEASURED = {5: DEAD_RECKONING, 7: HELD}  # values of its status: dead reckoning, and surveyed in
 GST_AGE_S = 2.5  # two epochs of a slow receiver
 FIXED_STD_M, FLOAT_STD_M = 0.05, 0.5  # nothing else is so good
 
@@ -76,8 +76,8 @@ class GpsdFixes:
         self._refuse = refuse
         self._gst: tuple[float, float] | None = None
         self._last_s = -math.inf
-        self.lacks_fix = True  # of the newest TPV
-        self.is_accuracy_told = False  # of the newest fix
+        self.lacks_fix = True  # whether the newest TPV lacks a fix
+        self.is_accuracy_told = False  # whether the newest fix has an accuracy
 
     def add(self, report: Mapping[str, Any]) -> StampedFix | None:
         """Add a report; gives the fix that it is, if it is one."""

@@ -12,7 +12,7 @@ from agribot.drivers.gpsd import write_watch
 from agribot.drivers.receiver import GpsdDecoder
 from agribot.ros.nodes.gpsd_client import GpsdReport
 
-_MOST_REPORTS = 100  # that were not taken yet
+_MOST_REPORTS = 100  # largest number of waiting reports
 
 
 class GpsdReader:

@@ -28,7 +28,7 @@ from agribot.drivers.clock_watch import ClockWatch
 from agribot.drivers.motor_board import MotorBoard
 from agribot.drivers.stream_writer import StreamWriter
 
-MOTOR_SETTINGS = ("counts_per_turn", "full_speed_radps", "winding_ohm")  # of `calibration`
+MOTOR_SETTINGS = ("counts_per_turn", "full_speed_radps", "winding_ohm")  # settings of `calibration`
 FIRST_REPORT_S = 5.0  # a board that the line's opening resets starts for two of them
 POLL_S = 0.02
 

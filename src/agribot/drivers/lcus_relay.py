@@ -20,8 +20,8 @@ from agribot.drivers.stream_writer import StreamWriter
 from agribot.drivers.uri_options import UriOptions
 
 BAUD, HEAD = 9600, 0xA0
-CHANNELS = 8  # of the largest of the family
-REPEAT_S = 0.1  # what was lost on the line is said again
+CHANNELS = 8  # channels of the largest of the family
+REPEAT_S = 0.1  # period of repetition: a command that the line lost is sent again
 STUCK_S = 1.0  # a line that takes nothing for this time is lost
 
 

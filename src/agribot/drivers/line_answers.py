@@ -13,7 +13,7 @@ AnswerKind = Literal[
     "vesc", "odrive", "unknown", "silent",
 ]  # fmt: skip
 Use = Literal["base", "imu", "gnss", ""]
-# What a run takes where its URI states no speed.
+# Default speeds of a run whose URI states none.
 USUAL_BAUD: dict[Use, int] = {"base": 115_200, "imu": 57_600, "gnss": 38_400}
 
 

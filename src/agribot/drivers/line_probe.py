@@ -22,12 +22,12 @@ RECEIVER_BAUDS = (38_400, 115_200, 9_600, 230_400, 460_800, 921_600)
 ALL_BAUDS = (*BAUDS.values(), *RECEIVER_BAUDS)
 # At the first speed: a bootloader ends after one or two seconds, and a receiver speaks every one.
 FIRST_S, NEXT_S = 3.5, 1.3
-ASKING_S = 6.0  # of a line that is asked while it is silent, for all who wait for a question
+ASKING_S = 6.0  # time of a line that is asked while it is silent, for all who wait for a question
 ASKED_BAUDS = (115_200, 57_600)
-ODRIVE_LATER_S = 1.2  # than a VESC, whose bytes mean nothing to an ODrive
-# Bytes at a far lower speed may be no bytes at all at a higher one, but a broken line.
+ODRIVE_LATER_S = 1.2  # delay after a VESC, whose bytes mean nothing to an ODrive
+# Speed below which bytes may be no bytes at all at a higher speed, but a broken line.
 SLOW_BAUD = 38_400
-LIMIT_S = 40.0  # of a line that does not stop to talk
+LIMIT_S = 40.0  # time limit of a line that does not stop to talk
 
 
 class TunableStream(ByteStream, Protocol):

@@ -23,7 +23,7 @@ from agribot.core.messages import (
     WheelSample,
 )
 
-STATE_S = 0.5  # age of what motors do beyond which it is not known
+STATE_S = 0.5  # age from which the state of the motors is unknown
 GEAR_HOW = "write gear=N, turns of the motor for one of its wheel, 1 for a motor in the hub"
 
 

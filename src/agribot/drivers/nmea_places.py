@@ -20,7 +20,7 @@ from agribot.drivers.nmea import (
     read_finite,
 )
 
-MINUTE_M = 1852.0  # of latitude
+MINUTE_M = 1852.0  # length of a minute of latitude
 # 1 sigma of one horizontal axis where no GST states it, at an HDOP of 1.
 STD_M: dict[FixKind, float] = {
     GnssQuality.SINGLE: 2.5,

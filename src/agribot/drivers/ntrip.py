@@ -292,7 +292,7 @@ class _Chunks:
 
     def __init__(self) -> None:
         self._line = bytearray()
-        self._left = 0  # of the present chunk, with the line's end behind it
+        self._left = 0  # bytes left of the present chunk, with the line's end behind it
 
     def feed(self, data: bytes) -> bytes:
         body = bytearray()

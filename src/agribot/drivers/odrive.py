@@ -29,12 +29,12 @@ from agribot.drivers.motor_board import GEAR_HOW, STATE_S, BoardReport, StampedR
 from agribot.drivers.odrive_line import VOLTAGE, OdriveAnswers, OdriveLine, write_line
 from agribot.drivers.uri_options import UriOptions
 
-ROUND_TICKS = 5  # between two questions for faults, states and voltage
+ROUND_TICKS = 5  # ticks between two questions for faults, states and voltage
 # Commands between two that set the watchdogs: an ODrive that began anew has forgotten them.
 WATCHDOG_TICKS = 5
 WATCHDOG_S = 0.3
 IDLE, CLOSED_LOOP = 1, 8  # AXIS_STATE_IDLE, AXIS_STATE_CLOSED_LOOP_CONTROL
-# What firmwares call the errors of an axis (0.5, 0.6), and WATCHDOG_TIMER_EXPIRED among them.
+# Names and values of an axis' errors by firmware (0.5, 0.6); WATCHDOG_TIMER_EXPIRED is one of them.
 WATCHDOG_EXPIRED = {"error": 0x800, "active_errors": 0x0100_0000}
 
 

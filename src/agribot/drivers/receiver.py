@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     import ssl
 
 _MOST_OTHERS = 8  # receivers that are reported
-_SILENT_REPORTS = 20  # of another receiver; two seconds and more
-_MOST_NOTES = 32  # that wait for a tick
+_SILENT_REPORTS = 20  # reports of another receiver that show one silent; two seconds and more
+_MOST_NOTES = 32  # largest number of notes that wait for a tick
 
 
 class GpsdDecoder:

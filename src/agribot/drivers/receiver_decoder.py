@@ -23,7 +23,7 @@ from agribot.drivers.ubx_older import OlderFixes
 
 ReceiverSample = GnssFix | GnssHeading | GnssStatus
 Stamped = list[tuple[float, ReceiverSample]]
-SILENT_S = 3.0  # without an epoch; the slowest receivers have one a second
+SILENT_S = 3.0  # time without an epoch; the slowest receivers have one a second
 
 
 class Rank(IntEnum):

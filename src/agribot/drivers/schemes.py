@@ -24,7 +24,7 @@ from agribot.drivers.ntrip import check_no_login
 
 Opened = TypeVar("Opened")
 BASE = "base"  # the motor board, which `platform = "hardware"` opens itself
-CAN = "can"  # of motor boards alone
+CAN = "can"  # scheme of motor boards alone
 _SENSOR_OF: dict[str, Sensor] = {"camera": "frames"}  # settings name it for people
 
 
@@ -98,8 +98,8 @@ class SourceKind(NamedTuple):
     """What opens the sources of a scheme; a text is "module:function", imported when wanted."""
 
     opener: OpenSource | str
-    extra: str = ""  # of the installation, that it needs
-    example: str = ""  # how its URIs are written
+    extra: str = ""  # extra of the installation that it needs
+    example: str = ""  # an example of its URIs
     needs_path: bool = True  # else what stands behind two slashes is enough, or nothing
     is_verbatim: bool = False  # `path` is all that stands behind the colon, as it is written
 

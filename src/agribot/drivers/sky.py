@@ -17,8 +17,8 @@ from agribot.drivers.heard import Heard
 from agribot.drivers.nmea import Sentence
 from agribot.drivers.ubx import NAV_PVT, UbxFrame
 
-PERIOD_S = 1.0  # of a status
-_JITTER_S = 0.2  # of arrivals, which stand for the period where no fix has a stamp
+PERIOD_S = 1.0  # period of a status
+_JITTER_S = 0.2  # jitter of arrivals, which stand for the period where no fix has a stamp
 NAV_DOP, NAV_SAT = (0x01, 0x04), (0x01, 0x35)
 RXM_RTCM, RXM_COR = (0x02, 0x32), (0x02, 0x34)
 _DOP = struct.Struct("<I7H")
@@ -26,18 +26,18 @@ _SAT_HEAD, _SAT = struct.Struct("<IBB2x"), struct.Struct("<BBBbhhI")
 _PVT_PDOP, _PVT_FLAGS3 = 76, 78
 _UBX_SYSTEMS = {0: "GP", 1: "SB", 2: "GA", 3: "GB", 5: "GQ", 6: "GL"}
 _NMEA_SYSTEMS = {"1": "GP", "2": "GL", "3": "GA", "4": "GB", "5": "GQ"}
-_SBAS_NUMBERS = range(33, 65)  # in NMEA, among those of GPS
+_SBAS_NUMBERS = range(33, 65)  # numbers in NMEA, among those of GPS
 _GLONASS_NUMBERS = range(65, 97)
-# Of NAV-PVT's lastCorrectionAge: at most so old; 12 and more are older.
+# Upper limits of the age by NAV-PVT's lastCorrectionAge; 12 and more are older.
 _AGE_LIMITS_S = (None, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0)
 _OLDEST_S = 300.0
 _MOST_SATELLITES = 200
-_MOST_NUMBER = 999  # of a satellite: three digits, in NMEA and in gpsd
+_MOST_NUMBER = 999  # largest number of a satellite: three digits, in NMEA and in gpsd
 _DOP_NAMES = ("gdop", "pdop", "hdop", "vdop", "tdop")
 _COR_BYTES, _RTCM_BYTES = 12, 8
-_IS_RTCM3 = 1  # of RXM-COR's protocol
-_UNUSED, _USED = 1, 2  # of msgUsed; 0 is unknown
-_UNKNOWN_DOP = 99.9  # what receivers write without a fix
+_IS_RTCM3 = 1  # value of RXM-COR's protocol
+_UNUSED, _USED = 1, 2  # values of msgUsed; 0 is unknown
+_UNKNOWN_DOP = 99.9  # value that receivers write without a fix
 
 Key = tuple[str, int]
 

@@ -24,7 +24,7 @@ CFG_VALSET, CFG_RATE, CFG_MSG, CFG_NAV5, CFG_CFG = (
     (0x06, 0x8A), (0x06, 0x08), (0x06, 0x01), (0x06, 0x24), (0x06, 0x09),
 )  # fmt: skip
 DYNAMIC_MODELS = {"portable": 0, "pedestrian": 3, "automotive": 4}
-LEAST_VALSET_PROTOCOL = 27.0  # of the ninth generation; the eighth has other messages
+LEAST_VALSET_PROTOCOL = 27.0  # protocol of the ninth generation; the eighth has other messages
 _RAM, _KEPT = 0b001, 0b110  # layers: now; after switching off (battery and flash)
 _RATE_MEAS, _DYNMODEL = 0x30210001, 0x20110021
 # Keys of CFG-MSGOUT for I2C; those of UART1, UART2 and USB follow.
@@ -38,9 +38,9 @@ _OUTPUT_KEYS = {
     RXM_COR: 0x209106B6,
 }
 _PORTS = (1, 2, 3)  # UART1, UART2, USB
-_RTCM_INPUTS = (0x10730004, 0x10750004, 0x10770004)  # of the same ports
-_VALUE_FORMATS = {1: "B", 2: "B", 3: "H", 4: "I"}  # by the bits 28 to 30 of a key
-_SECTIONS = 0x1F1F  # of CFG-CFG, all
+_RTCM_INPUTS = (0x10730004, 0x10750004, 0x10770004)  # messages of RTCM on the same ports
+_VALUE_FORMATS = {1: "B", 2: "B", 3: "H", 4: "I"}  # formats by the bits 28 to 30 of a key
+_SECTIONS = 0x1F1F  # all sections of CFG-CFG
 _VERSION_WORDS = 30
 
 

@@ -10,11 +10,11 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-RULES_FILE = "/etc/udev/rules.d/71-agribot-boards.rules"  # after 60-serial.rules
+RULES_FILE = "/etc/udev/rules.d/71-agribot-boards.rules"  # file that is read after 60-serial.rules
 # Numbers that chips have from the factory, all the same.
 LEAST_DIGITS, LEAST_DIFFERENT = 6, 3
 FACTORY_NUMBERS = ("0123456789ABCDEF", "123456789ABCDEF", "0123456789")
-_SAFE = re.compile(r"[A-Za-z0-9#+\-.:=@_]+")  # what udev lets through, and no pattern of its own
+_SAFE = re.compile(r"[A-Za-z0-9#+\-.:=@_]+")  # letters that udev lets through, without its patterns
 
 Properties = Mapping[str, str]
 

@@ -43,7 +43,7 @@ class UnicoreDecoder:
 
     def __init__(self) -> None:
         self._waiting = bytearray()
-        self.is_binary = False  # of what was found last
+        self.is_binary = False  # whether the last message found was binary
         self.bad = 0
 
     def feed(self, data: bytes) -> list[UnicoreFrame]:

@@ -43,8 +43,8 @@ from agribot.drivers.vesc_packets import (
 )
 
 SET_RPM, FORWARD_CAN = 8, 34
-STEPS_PER_ELECTRICAL_TURN = 6  # of the tachometer
-PAUSE_S = 0.2  # without a reading, after which questions are marked anew
+STEPS_PER_ELECTRICAL_TURN = 6  # steps of the tachometer
+PAUSE_S = 0.2  # time without a reading, after which questions are marked anew
 LOCAL = -1
 
 
@@ -68,7 +68,8 @@ class VescBoard:
         self._electrical_turns = pole_pairs * gear_ratio  # for a turn of the wheel
         self._decoder = VescDecoder()
         self._values, self._now_s = FreshValues[VescValues](now_s), now_s
-        self._marks, self._marked_s = (0, 0), now_s()  # of the newest questions, and before those
+        # Marks of the newest questions, and of those before.
+        self._marks, self._marked_s = (0, 0), now_s()
         self._counts: dict[int, CounterOf32Bits] = {}
 
     @property

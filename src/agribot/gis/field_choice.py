@@ -11,8 +11,8 @@ from agribot.core.errors import MissionError
 from agribot.gis.formats.kinds import make_outline
 
 Member = dict[str, Any]
-# Of the smaller of two fields; neighbours on a map overlap by less. What overlaps more is kept, so
-# that it is refused where it crosses the boundary.
+# Largest share of the smaller of two fields; neighbours on a map overlap by less. A larger overlap
+# is kept, so that it is refused where it crosses the boundary.
 MOST_OVERLAP_RATIO = 0.05
 MAX_NAMED = 20
 

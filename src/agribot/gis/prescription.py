@@ -29,7 +29,7 @@ MAX_EXTENT_M = 20_000.0
 MAX_CELLS = 4_000_000
 LEAST_CELL_M = 0.1
 _LEAST_CORNERS = 3
-_PLACES = 400  # that are asked of a field
+_PLACES = 400  # places that a field is asked for
 
 
 class Zone(NamedTuple):

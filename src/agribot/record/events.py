@@ -139,7 +139,7 @@ class EventSieve:
         self._mission: tuple[str, tuple[object, ...], str] = ("", (), "")
         self._objection: tuple[object, ...] = ()
         self._warning: tuple[str, Fact | None] = ("", None)
-        self._facts: list[Fact] = []  # of the events of this tick
+        self._facts: list[Fact] = []  # facts of this tick's events
         self._unproven: tuple[int, ...] = ()
         self._estimate_ok = False
         self._doubt: tuple[object, ...] = ()

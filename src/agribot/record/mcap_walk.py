@@ -28,7 +28,7 @@ _CHECKED_HEAD = re.compile(rb"[\x06\x09].{5}\x00{3}", re.DOTALL)
 _ANY_HEAD = re.compile(rb"[\x01-\x0f].{5}\x00{3}", re.DOTALL)
 _LINKS = 3  # records without a checksum that follow one another are taken for sound
 _WINDOW = 1 << 20  # bytes that are searched at once
-_INNER = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)  # what a chunk holds
+_INNER = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)  # records of a chunk
 _CHECKED = (Opcode.CHUNK, Opcode.ATTACHMENT)
 
 

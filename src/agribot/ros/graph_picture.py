@@ -16,7 +16,7 @@ from agribot.ros.graph_layout import find_columns, order_columns
 _CHAR_PX, _BOLD_PX, _LINE_PX, _PAD_PX = 7.3, 8.3, 18.0, 12.0
 _ROW_GAP_PX, _COLUMN_GAP_PX, _MARGIN_PX = 14.0, 56.0, 16.0
 _GAP_PER_HEIGHT, _MOST_GAP_PX = 0.08, 150.0  # room for the arrows of high columns
-_MOST_LINES = 12  # of topics in one box
+_MOST_LINES = 12  # lines of topics in one box
 _STYLE = """
 .graph text { font: 13px system-ui, sans-serif; fill: var(--ink, #16201b); }
 .graph .type, .graph .rate { font-size: 11.5px; fill: var(--muted, #55625b); }
@@ -34,7 +34,7 @@ class _Box(NamedTuple):
     key: str
     kind: str
     lines: tuple[tuple[str, str], ...]  # a name, and what stands behind it
-    span_px: float = 0.0  # of a gap for an edge: the width of its column
+    span_px: float = 0.0  # width of a gap for an edge: that of its column
 
     @property
     def width_px(self) -> float:

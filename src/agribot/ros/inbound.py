@@ -18,7 +18,8 @@ from agribot.ros.messages.rosmsg import load_types
 from agribot.ros.pose_request import read_stated_pose, request_pose
 from agribot.ros.requests import PAUSE_SERVICE, SERVICES, Requests
 
-_MIN_INTERVAL_S = 0.05  # of the messages on one topic; faster ones are dropped, except a stop
+# Least interval of messages on one topic; faster ones are dropped, except a stop.
+_MIN_INTERVAL_S = 0.05
 _MOST_TEXT = 200  # characters of a command
 _COMMANDS: dict[str, OperatorAction] = {
     **{name.rpartition("/")[2]: action for name, action in SERVICES},

@@ -178,7 +178,7 @@ class CorrectPose(Request, frozen=True, kw_only=True):
     x_map_m: float
     y_map_m: float
     yaw_map_rad: float
-    std_m: float = 0.3  # of a place and a direction shown with a finger on a map
+    std_m: float = 0.3  # error of a place and a direction shown with a finger on a map
     std_rad: float = 0.1
 
 
@@ -751,7 +751,7 @@ class Robot(msgspec.Struct, frozen=True, kw_only=True):
     camera: CameraInfo | None
     wheel_joints: list[str]
     has_compass: bool = True
-    tool_width_m: float | None = None  # of its implement, which a plan is made for
+    tool_width_m: float | None = None  # width of its implement, which a plan is made for
 
 
 class SignalInfo(msgspec.Struct, frozen=True, kw_only=True):
@@ -1028,14 +1028,12 @@ class PanelInfo(msgspec.Struct, frozen=True, kw_only=True):
     fields: list[str] | UnsetType = UNSET
     schema: dict[str, Any] | UnsetType = UNSET
     needs_seat: bool | UnsetType = UNSET
-    type: str | UnsetType = UNSET  # of the display that draws a layer
+    type: str | UnsetType = UNSET  # type of the display that draws a layer
     style: dict[str, Any] | UnsetType = UNSET
     draw_order: int | UnsetType = UNSET
     visible: bool | UnsetType = UNSET
-    what: Literal["point", "polygon", "route"] | UnsetType = UNSET  # that a listener hears of
-    topic: str | UnsetType = (
-        UNSET  # that a layer shows, as SOURCE:NAME, in place of data of its own
-    )
+    what: Literal["point", "polygon", "route"] | UnsetType = UNSET  # shape that a listener hears of
+    topic: str | UnsetType = UNSET  # layer's source as SOURCE:NAME, in place of data of its own
 
 
 class ListedTopic(msgspec.Struct, frozen=True, kw_only=True):
@@ -1107,7 +1105,7 @@ class PanelReply(msgspec.Struct, frozen=True, kw_only=True):
     at_s: float = 0.0
 
 
-# What the page sends over HTTP, and what it reads there.
+# Bodies that the page sends over HTTP, and those that it reads there.
 SENT_BODIES = (
     Login, ReplayWish, MarkText, CalibrationStart, GoalPlace, PlanWish, ExportedView, TopicWishes,
 )  # fmt: skip

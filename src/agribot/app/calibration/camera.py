@@ -26,7 +26,7 @@ from agribot.record.replay import read_config, read_ticks
 
 # Time after its start in which the filter learns its heading from the drive, s.
 SETTLE_S = 5.0
-# By how much a plant that is seen whole and alone differs in size from its usual one, at most.
+# Largest deviation in size of a plant that is seen whole and alone from its usual one.
 STEADY_RATIO = 0.15
 
 

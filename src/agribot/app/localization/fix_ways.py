@@ -14,8 +14,8 @@ from agribot.core.messages import GnssFix
 # Ways of wheels and fixes are compared over this time, s, from this length on, m; their sum counts
 # from the last value on, m.
 WAY_S, LEAST_PIECE_M, WAY_SIGMA, LEAST_WAY_M = 5.0, 1.0, 4.0, 20.0
-LEAST_TURNS = 5  # from piece to piece; fewer show no agreement
-LONGEST_STEP_S = 1.0  # between two readings of the wheels; longer ones are gaps
+LEAST_TURNS = 5  # least turns from piece to piece; fewer show no agreement
+LONGEST_STEP_S = 1.0  # time between two readings of the wheels; longer ones are gaps
 
 
 class WheelWay:

@@ -55,7 +55,7 @@ class LogChannel(msgspec.Struct, frozen=True, kw_only=True):
     source: str
     kind: str
     others: tuple[str, ...] = ()
-    count: int = 0  # of messages, where the file says it
+    count: int = 0  # number of messages, where the file says it
 
 
 class RobotLog(Protocol):

@@ -68,7 +68,7 @@ class LogScan:
         self.most_mps = self.most_radps = self.most_gyro_radps = self.driven_m = 0.0
         self._pieces = _Pieces(self.mount)
         self._way = WheelWay()
-        self._ways: dict[str, FixWays] = {}  # by the frame of the receiver
+        self._ways: dict[str, FixWays] = {}  # ways by the frame of the receiver
 
     @property
     def start_s(self) -> float:

@@ -14,8 +14,8 @@ from agribot.drivers.receiver import GpsdDecoder
 from agribot.drivers.receiver_decoder import ReceiverDecoder
 
 BLOCK_BYTES = 4096
-DATE_BYTES = 1 << 20  # of the beginning, in which a date is sought
-_EPOCH_S = 10 * 365 * nmea.DAY_S  # stamps above it have a date
+DATE_BYTES = 1 << 20  # bytes at the start in which a date is sought
+_EPOCH_S = 10 * 365 * nmea.DAY_S  # time above which stamps have a date
 
 
 class ReceiverLog:
@@ -44,7 +44,7 @@ class ReceiverLog:
                     logged_s = max(logged_s, stamp_s)
                     yield LogEntry("gnss", stamp_s, logged_s, "", sample)
                 elif isinstance(sample, GnssHeading) and logged_s:
-                    # Of the same epoch, by a clock without a date.
+                    # The heading is of the same epoch, by a clock without a date.
                     yield LogEntry("heading", logged_s, logged_s, "", sample)
         if decoder.broken:
             self._note(f"{decoder.broken} messages left out that are broken")

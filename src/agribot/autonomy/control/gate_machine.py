@@ -21,11 +21,11 @@ class Seen(NamedTuple):
     """What decides the state in a tick; None and empty where it is not so."""
 
     stopped: Fact | None  # why the latch is closed
-    hand: str  # who steers the robot by hand
+    hand: str  # driver by hand
     held: Fact | None  # a cause that passes by itself
     idle: Fact | None  # why the mission does not drive
     limited: Fact | None
-    cleared_by: str  # who has just cleared a stop
+    cleared_by: str  # person that has just cleared a stop
 
 
 class StateRow(NamedTuple):

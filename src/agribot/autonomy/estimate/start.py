@@ -13,9 +13,8 @@ from agribot.core.facts import StartAside, StartTurned
 # Largest distance to the mark, in joint sigmas; without fixed ambiguities at least in metres, too.
 MISPLACED_SIGMA = 4.0
 MISPLACED_M = 1.0
-# Least error of the place on the mark; where rows stand closer than twice that, half their
-# distance: a robot astride the next one does. Nearer than this to its mark a robot without fixed
-# ambiguities always begins.
+# Lower limit of that distance, m. Above it, and up to the limit, half the row distance counts: a
+# robot astride the next row is misplaced.
 LEAST_MISPLACED_M = 0.3
 DIRECTIONS = (
     "east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east",

@@ -104,4 +104,4 @@ def _find_turn(crops: Sequence[RowCrop]) -> float | None:
     return median(ratios)
 
 
-NO_ROWS = RowsAround((), 0.0)  # no row beside the tool
+NO_ROWS = RowsAround((), 0.0)  # empty surroundings of the tool

@@ -156,7 +156,7 @@ def _sum_across(contrast: FloatArray, ground: FarGround, bins: Index) -> FloatAr
     shares: FloatArray = np.broadcast_to(share, bins.shape).ravel()
     table: FloatArray = np.zeros((len(bins), BINS))
     table += np.bincount(bins.ravel(), shares, table.size).reshape(table.shape)
-    table[:, [0, -1]] = 0.0  # and in all columns farther aside
+    table[:, [0, -1]] = 0.0  # the same in all columns farther aside
     return table
 
 

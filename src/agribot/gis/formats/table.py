@@ -29,7 +29,7 @@ from agribot.gis.geojson import (
 )
 from agribot.gis.parts import describe_part, find_boundary, split_boundary
 
-MAX_NAMED = 8  # of the things that a file holds and that are left out
+MAX_NAMED = 8  # largest number of left-out things of a file in a message
 _LEVELS = {"Point": (), "LineString": ("position",), "Polygon": ("ring", "position")}
 
 
@@ -224,7 +224,7 @@ READERS: dict[str, Callable[[bytes], Found]] = {
     ".gpx": read_gpx,
     ".zip": _read_archive,
 }
-# Two of the formats are archives, distinguished by their suffixes.
+# Writers by suffix; two of the formats are archives, distinguished by their suffixes.
 WRITERS: dict[str, Callable[[Sequence[Feature]], bytes]] = {
     ".geojson": _write_geojson,
     ".json": _write_geojson,

@@ -24,7 +24,7 @@ from agribot.gis.weeds.records import (
     Found,
 )
 
-MAX_EXTENT_M = 20_000.0  # a local map is flat only near its origin
+MAX_EXTENT_M = 20_000.0  # largest extent: a local map is flat only near its origin
 MAX_EVIDENCE = 1000
 APART_M, APART_RATIO = 0.05, 1e-3  # between a place in degrees and the same in the robot's map
 _PLANT_OF = {name: int(plant) for plant, name in CLASSES.items()}

@@ -199,7 +199,7 @@ def _digest(source: Path) -> str:
 
 
 def _teach(wanted: Wanted, base: Path, folder: Path, listener: Listener, note: Taught) -> Taught:
-    shutil.rmtree(folder / TAUGHT, ignore_errors=True)  # of a call that was stopped
+    shutil.rmtree(folder / TAUGHT, ignore_errors=True)  # labels of a call that was stopped
     started_s = time.process_time()
     is_drive = not wanted.source.is_dir() or find_recording(wanted.source).exists()
     see = _see_drive if is_drive else _see_photographs

@@ -31,9 +31,9 @@ from agribot.lab.train.evaluate import CLASS_NAMES, Scores, compute_scores
 
 Confusion = npt.NDArray[np.int64]
 FARM = "farm"
-PRESET = "field"  # of the ground, the plants' places and the camera's mount
+PRESET = "field"  # preset of the ground, the plants' places and the camera's mount
 BEET = "beet"
-# What the network must hold on the beet field, pooled over its drives.
+# Least IoU of the network on the beet field, pooled over its drives.
 LEAST_IOU = {"weed": 0.70, "crop": 0.85}
 
 

@@ -30,7 +30,7 @@ SLOPES = {
 TRACTION = 0.4
 ROUGH = Relief(
     seed=1, roughness_rms_m=0.014, clods_per_m2=25.0, clod_height_m=0.04
-)  # of a tilled field
+)  # the relief of a tilled field
 SHAKEN_S, TURN_S = 20.0, 4.0
 YAW_RATE_RADPS = 0.6
 REPEATS = 5

@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from agribot.app.simulated_run import SimulatedRun
 
 PROFILE, PRESET = "farm", "field"
-WIDTH_M = 1.0  # of a pass: the path in m is about the area in m²
+WIDTH_M = 1.0  # width of a pass: the path in m is about the area in m²
 MARGIN_M = 0.3
 INSIDE_M = 5.0  # distance of the start from two edges
 LEAST_KM = 0.05
 TOLD_EVERY_S = 5.0
-MOST_CHARGES = 100  # of a mission of 100 km at most; a charge carries some 11 km
+MOST_CHARGES = 100  # charges of a mission of 100 km at most; a charge carries some 11 km
 FIXED = (
     "world=empty", "field.start_map_m=[0,0]", f"sim.preset={PRESET}", "sim.sensors=rtk",
     "perception.enabled=false", "record.enabled=false",

@@ -10,9 +10,9 @@ import msgspec
 from agribot.lab.sweep.plan import SweepJob, plan
 from agribot.lab.sweep.tables import pooled_rms_m
 
-# Missions are not recorded; repeat a failed run with a recording.
+# Settings of every mission; without recordings: repeat a failed run with one.
 FIXED = ("record.enabled=false",)
-PRESET = "field"  # of the world, unless another one is asked for
+PRESET = "field"  # preset of the world, unless another one is asked for
 
 
 class Weeding(NamedTuple):

@@ -39,10 +39,10 @@ from agribot.sim.ground_surface import GroundSurface, build_ground_surface
 PRESET = "field"
 FRAMES = 12
 MAX_RANGE_M = PerceptionConfig().max_range_m
-LEAST_PX = 30  # fewer pixels show no plant: neither in truth nor in an answer
-FRAMES_PER_FIELD = 4  # then the next one is drawn, in other light and on other ground
-PLACES_M = (0.0, 4.0)  # along the row, so that there is row ahead
-ASIDE_STD_M, TURN_STD_RAD = 0.03, 0.04  # of a robot that follows the row
+LEAST_PX = 30  # pixels of a visible plant; fewer show none: neither in truth nor in an answer
+FRAMES_PER_FIELD = 4  # frames before the next field is drawn, in other light and on other ground
+PLACES_M = (0.0, 4.0)  # places along the row, with row ahead
+ASIDE_STD_M, TURN_STD_RAD = 0.03, 0.04  # errors of a robot that follows the row
 
 Mask = npt.NDArray[np.bool_]
 
@@ -199,7 +199,8 @@ def find_truth(
         & _is_in_view(camera_m, lookup.camera)
     )
     every = PlacedPlants(body_m[:, :2], kind)
-    number = np.zeros(len(world.plants) + 1, dtype=np.int64)  # of instance -1, the last, none
+    # Number of instance -1, the last, means none.
+    number = np.zeros(len(world.plants) + 1, dtype=np.int64)
     number[shown[is_wanted]] = np.arange(1, int(is_wanted.sum()) + 1)
     segments = PlantSegments(number[instance], every.kind[is_wanted])
     is_near = np.nan_to_num(lookup.range_m, nan=np.inf) <= lookup.max_range_m

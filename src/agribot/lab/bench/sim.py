@@ -115,7 +115,7 @@ def measure_render_ms() -> float:
 
     robot, renderer = load_robot(), CameraRenderer(load_world("Farm"))
     camera = robot.camera
-    assert camera is not None  # of our own robot
+    assert camera is not None  # the packaged robot has a camera
     pose = transform((1.0, 5.0, 0.0), (0.0, 0.0, math.pi / 2)) @ robot.body_from_camera()
     return 1e3 * measure_cpu_s(lambda: renderer.render(pose, camera, noise_seed=0))
 

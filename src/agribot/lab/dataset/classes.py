@@ -35,9 +35,9 @@ ALL_IGNORED = "every pixel is ignored; label some of the picture, or move the ma
 USUAL_COLOURS = "red weed, green crop, black or blue soil"
 
 MOST_WEED_RATIO = 0.5
-# In every photograph of CWFID (red and near infrared) and Carrot-Weed (ordinary light) and every
-# simulated picture plants are greener than soil by 0.27 to 0.74. A set is doubted where its soil is
-# greener than its plants by this much.
+# Least surplus of the plants' greenness over the soil's. In every photograph of CWFID (red and near
+# infrared) and Carrot-Weed (ordinary light) and every simulated picture plants are greener than
+# soil by 0.27 to 0.74; a set below this is doubted.
 GREENER = 0.05
 LEAST_SAMPLES = 50
 SAMPLE_STRIDE_PX = 4

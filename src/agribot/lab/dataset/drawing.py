@@ -42,9 +42,9 @@ from agribot.sim.seedling_scenes import (
     to_red_infrared,
 )
 
-# Keeps these fields apart from the ones that networks are trained and judged on.
+# Number that keeps these fields apart from the ones that networks are trained and judged on.
 STREAM = 211
-DEVELOPED = 1_000_003  # no view of a field has this number
+DEVELOPED = 1_000_003  # number that no view of a field has
 Developer = Callable[[ByteArray, np.random.Generator], ByteArray]
 Pixels = ByteArray | npt.NDArray[np.uint16]
 MOST_INSTANCES = 65535

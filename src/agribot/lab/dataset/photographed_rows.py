@@ -42,7 +42,7 @@ NEEDED = (
     "Give pictures from straight above with one row in each, all down the pictures or all across "
     "them; try another --model, or label some by hand (agribot label)"
 )
-PASSES = 3  # over all pictures: which way the rows run, where each one does, what it shows
+PASSES = 3  # passes over all pictures: the rows' direction, their places, their contents
 Progress = Callable[[int], None]
 
 

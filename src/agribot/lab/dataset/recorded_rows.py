@@ -97,7 +97,7 @@ class RecordedPictures:
             yield number, jpeg, pixels
 
 
-PASSES = 3  # over all pictures: how green they are, where their rows run, what they show
+PASSES = 3  # passes over all pictures: their greenness, their rows, their contents
 
 
 class _Counter:

@@ -19,7 +19,7 @@ from agribot.lab.sweep.execution import RunOutcome
 from agribot.lab.sweep.plan import SweepJob
 from agribot.record.report import Report
 
-# Lists have no place in a table of numbers: how many there were has.
+# Lists that a table of numbers shows by their length.
 COUNTED = ("safety.stops", "safety.noticed", "safety.faults", "safety.gate", "safety.checks",
            "safety.crushes", "safety.interventions")  # fmt: skip
 Value = str | int | float | bool | None

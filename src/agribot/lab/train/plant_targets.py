@@ -23,7 +23,7 @@ from agribot.lab.train.picture_stack import NO_PLANT, PictureStack
 from agribot.lab.train.plant_truth import LEAST_PX
 from agribot.lab.train.sensors import change_sensors, compress_some
 
-SQUARES = CELL_PX // SQUARE_PX  # along the side of a cell
+SQUARES = CELL_PX // SQUARE_PX  # squares along the side of a cell
 # The maps of a target, (MAPS, H / CELL_PX, W / CELL_PX): heat of weeds and of crops in the squares
 # of the cell, row by row, the way to the stem in units of WAY_UNIT_PX, right and down, how much the
 # way counts, and the heat; then the classes of the cell's own pixels, row by row.

@@ -13,7 +13,7 @@ from agribot.core.errors import PerceptionError
 from agribot.core.messages import ByteArray
 
 CALIBRATION_IMAGES = 32
-HALF = "_fp16"  # after the name of weights that are stored in 16 bits
+HALF = "_fp16"  # suffix of weights that are stored in 16 bits
 
 T = TypeVar("T")
 

@@ -38,7 +38,8 @@ _LOCAL = """<CycloneDDS><Domain><General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex>
 <MaxAutoParticipantIndex>60</MaxAutoParticipantIndex><SPDPInterval>2s</SPDPInterval>{keep}
 <Peers><Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
-_KEEP_PEERS = "<InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay>"  # from version 11 on
+# Setting from version 11 on.
+_KEEP_PEERS = "<InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay>"
 
 
 class DdsNode:

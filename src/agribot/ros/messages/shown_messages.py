@@ -20,10 +20,11 @@ from agribot.ros.messages.shown_types import SHOWN_TYPES
 
 MOST_BEAMS = 4000
 MOST_CLOUD_POINTS = 20_000
-MOST_POINTS = 5000  # of a path or route
+MOST_POINTS = 5000  # points of a path or route
 MOST_TEXT = 200_000
-_MOST_FIELDS = 4  # of a cloud, besides the place
-_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}  # of PointField
+_MOST_FIELDS = 4  # fields of a cloud, besides the place
+# Types of PointField.
+_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _FLOAT32, _UINT32 = 7, 6
 
 Value = dict[str, Any]
@@ -200,7 +201,7 @@ def _show_cloud(message: Any, place: Place) -> ShownMessage:
     return ShownMessage(value, note)
 
 
-_SPARE = 5  # as many times more points are looked at as are shown
+_SPARE = 5  # factor of searched points over shown ones
 _PACKED = ("rgb", "rgba")
 
 

@@ -25,7 +25,7 @@ from agribot.ros.messages.shown_types import GRID_UPDATE, ROUTE_POSITION
 Cells = npt.NDArray[np.int8]
 
 MOST_MARKERS = 2000
-MOST_MARKER_POINTS = 20_000  # of all markers together
+MOST_MARKER_POINTS = 20_000  # points of all markers together
 MOST_CELLS = 400_000
 MOST_TEXTURES = 8
 _DELETE, _DELETE_ALL = 2, 3

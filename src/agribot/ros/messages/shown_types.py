@@ -5,7 +5,7 @@ from __future__ import annotations
 _NUMBERS = ("Float32", "Float64", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32",
             "UInt64")  # fmt: skip
 
-# By ROS type; the names of displays are those of mapviz's plugins, `geojson` is ours.
+# Displays by ROS type; their names are those of mapviz's plugins, `geojson` is added here.
 SHOWN_TYPES: dict[str, tuple[str, ...]] = {
     "gps_common/msg/GPSFix": ("gps", "navsat"),
     "gps_msgs/msg/GPSFix": ("gps", "navsat"),

@@ -18,12 +18,12 @@ from agribot.ros.messages import rosmsg
 from agribot.ros.nodes.stage import OutgoingMessage
 
 _SPEED_WINDOW_S = 10.0
-_SETTLE_S = 2.0  # the last goal's distance may still be on its way
+_SETTLE_S = 2.0  # time in which the last goal's distance may still arrive
 
 
 class ActionSettings(msgspec.Struct, frozen=True, kw_only=True):
     arrive_m: float = 0.7  # not less than where autonomous-drive starts to drive again
-    silence_s: float = 10.0  # of the distance, before the mission fails
+    silence_s: float = 10.0  # silence of the distance before the mission fails
 
 
 class AutonomousDriveAction:

@@ -28,7 +28,9 @@ from agribot.sim.camera.projection import COLUMN, DEPTH, ROW, SHADE, U, V
 from agribot.sim.jit import compile_fast, inline_fast
 
 SOIL = int(PlantClass.SOIL)
-SMALL_BOX_PX = 400  # largest box that is searched for a free pixel; in a larger one drawing is cheaper
+SMALL_BOX_PX = (
+    400  # largest box that is searched for a free pixel; in a larger one drawing is cheaper
+)
 SMALL_TRIANGLE_PX = 200
 CLEARLY = 1.000001  # ratio of nearness above the rounding of single precision
 

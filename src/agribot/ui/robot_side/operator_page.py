@@ -37,7 +37,8 @@ from agribot.ui.settings import show_changes
 from agribot.ui.view import RunView
 
 SERVER = "the page's server"
-SERVER_SILENT_S = 3.0  # of a server that hangs: it does not report that its operator is lost
+# Silence of a server that hangs: it does not report that its operator is lost.
+SERVER_SILENT_S = 3.0
 
 
 class OperatorPage:

@@ -24,7 +24,7 @@ from agribot.ui.server.signed_session import RENEW_AFTER_S, Session, Signer
 
 Role = Literal["operator", "viewer"]
 
-BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # of Linux, random(4)
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # file of Linux, random(4)
 LOCAL_NAMES = ("localhost", "127.0.0.1", "[::1]")
 OPEN_PATHS = ("/", "/index.html", "/favicon.ico", "/icon.svg", "/licences.txt", "/api/v1/login")
 OPEN_FOLDERS = ("/assets/",)

@@ -40,7 +40,7 @@ from agribot.ui.server.languages import language_of
 from agribot.ui.server.off_the_loop import run_in_thread
 
 LOW_DISK_BYTES = 1_000_000_000
-LATE_RATIO = 0.8  # of a nominal rate, below which a sensor is slow
+LATE_RATIO = 0.8  # share of a nominal rate, below which a sensor is slow
 SILENT_S = 1.0
 LOW_CHARGE_PCT = 20.0
 LOW_ACCURACY_M = 0.1  # one sigma

@@ -28,9 +28,9 @@ T = TypeVar("T")
 Places = Sequence[wire.Vec2]
 NoteKind = Literal["operator", "viewer", "refusal"]
 ToRobot = Callable[[wire.RobotOrder], None]
-NOTES_PER_MINUTE = 60  # of each kind
+NOTES_PER_MINUTE = 60  # notes of each kind
 TELL_SEAT_S = 0.05
-ANSWER_S = 10.0  # of the robot's program
+ANSWER_S = 10.0  # time for an answer of the robot's program
 GAVE_WAY = (
     f"your recording gave way to that of another browser, {MAX_REPLAYS} can be shown at a time; "
     "this page shows the robot again"
@@ -51,7 +51,7 @@ class Hub:
         self.sockets: set[Any] = set()
         self.replays = Replays()
         self.layers = OutsideLayers(SHOWN_DISPLAYS.__contains__)
-        self.topics: TopicSources | None = None  # from when somebody asks for them on
+        self.topics: TopicSources | None = None  # topics from the first request for them on
         self.choices: dict[str, object] = {}  # the last of each browser that waits for it
         self.refusals = 0
         self.visits = 0

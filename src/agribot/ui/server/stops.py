@@ -7,7 +7,8 @@ import math
 import time
 from collections.abc import Callable
 
-MERGE_S = 0.2  # the robot stands already; five a second are enough to show who presses
+# Time for which stops are one: the robot stands already, and five a second show who presses.
+MERGE_S = 0.2
 
 
 class Stops:

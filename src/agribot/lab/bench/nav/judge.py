@@ -23,7 +23,7 @@ from agribot.lab.bench.nav.scenario import (
 )
 
 NEES_PERIOD_S = 1.0
-MISSED_PLANTS = 1  # of a row that counts as worked all the same
+MISSED_PLANTS = 1  # missed plants of a row that counts as worked all the same
 MAX_CRUSHED_RATIO = 0.01
 
 

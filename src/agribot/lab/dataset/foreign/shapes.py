@@ -20,7 +20,7 @@ Polygon = npt.NDArray[np.float64]  # (N, 2) of u right, v down, from the picture
 Mask = npt.NDArray[np.bool_]
 
 LEAST_CORNERS = 3
-EDGE_TOLERANCE_PX = 2.0  # a click beside the picture is taken for its edge
+EDGE_TOLERANCE_PX = 2.0  # distance beside the picture at which a click is taken for its edge
 EDGE_TOLERANCE_RATIO = 0.005
 
 
