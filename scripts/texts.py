@@ -15,9 +15,9 @@ CODE = ("src", "scripts", "tests", "benchmarks", "examples", "firmware")
 OTHERS = ("src/**/*.toml", "src/**/*.xacro", "firmware/**/*.[ch]", "deploy/*")
 WEB = ("web/src/**/*.ts", "web/src/**/*.css", "web/test/**/*.ts", "web/*.html")
 PAGES = ("docs/**/*.md", "README.md", "CONTRIBUTING.md", "SECURITY.md")
-# Comments and names are read in the package alone, text everywhere.
+# Comments, docstrings and names are read in the package alone, text everywhere.
 PACKAGE = "src/"
-Kind = Literal["text", "comments", "constants", "names"]
+Kind = Literal["text", "comments", "constants", "docstrings", "names"]
 
 _CODE_SPAN = re.compile(r"`[^`]*`")
 _INSERTED = re.compile(r"\{[^{}]*\}")
@@ -53,6 +53,7 @@ def iterate_places(root: Path) -> Iterator[Place]:
             yield from _find_texts(file)
             if file.name.startswith(PACKAGE):
                 yield from _find_comments(file)
+                yield from _find_docstrings(file)
                 yield from _find_names(file)
     kinds = ((OTHERS, _read_other), (WEB, _read_web), (PAGES, _read_page))
     for pattern, read in ((pattern, read) for patterns, read in kinds for pattern in patterns):
@@ -133,6 +134,15 @@ def _join_comments(file: _File) -> tuple[dict[int, Place], dict[int, Place]]:
 def _is_constant(node: ast.stmt) -> bool:
     target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
     return isinstance(target, ast.Name) and _CONSTANT.fullmatch(target.id) is not None
+
+
+def _find_docstrings(file: _File) -> Iterator[Place]:
+    """Find the first line of each docstring."""
+    for node in ast.walk(ast.parse(file.source)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            text = ast.get_docstring(node)
+            if text:
+                yield Place(file.name, node.body[0].lineno, text.splitlines()[0], "docstrings")
 
 
 def _find_names(file: _File) -> Iterator[Place]:

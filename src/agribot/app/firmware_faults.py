@@ -120,7 +120,7 @@ class BoardFaults:
 
     @property
     def runaway_radps(self) -> float | None:
-        """How fast broken output stages let the motors run, None where they obey."""
+        """Speed that broken output stages let the motors reach, None where they obey."""
         is_on = any(fault.name == "motor.runaway" for fault in self._on())
         return self._runaway_radps if is_on else None
 

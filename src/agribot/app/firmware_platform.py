@@ -149,15 +149,15 @@ class FirmwarePlatform:
             self._receiver.carry(batches[-1])
             self._link.feed(self._faults.bring(self._bench.receive()), self._t_s)
         events, hand = self.inbox.drain(self._t_s)
-        told = self._link.take(self._t_s)
+        samples = self._link.take(self._t_s)
         if self._faults.are_inputs_silent:
-            told |= hush_inputs(told)
-        told["mag"] = tuple(each for each in told["mag"] if each.t_s >= self._field_from_s)
-        self._send(self._link.clear(self._t_s, events, told["board"]))
-        told |= self._receiver.take(self._t_s)
-        events = (*told.pop("events"), *self._link.watch_line(self._t_s), *events)
+            samples |= hush_inputs(samples)
+        samples["mag"] = tuple(each for each in samples["mag"] if each.t_s >= self._field_from_s)
+        self._send(self._link.clear(self._t_s, events, samples["board"]))
+        samples |= self._receiver.take(self._t_s)
+        events = (*samples.pop("events"), *self._link.watch_line(self._t_s), *events)
         return msgspec.structs.replace(
-            join_batches(batches), t_s=self._t_s, events=events, hand=hand, **told
+            join_batches(batches), t_s=self._t_s, events=events, hand=hand, **samples
         )
 
     def write(self, command: RobotCommand) -> None:

@@ -65,7 +65,7 @@ class ServiceManager:
             self._say("WATCHDOG=1")
         if now_s - self._status_s >= STATUS_PERIOD_S:
             self._status_s = now_s
-            self._tell_status(record.status)
+            self._send_status(record.status)
 
     @contextlib.contextmanager
     def allow_quiet(self) -> Iterator[None]:
@@ -76,7 +76,7 @@ class ServiceManager:
         if self._limit_s:
             self._say("WATCHDOG=1", f"WATCHDOG_USEC={self._limit_s * 1e6:.0f}")
 
-    def _tell_status(self, status: MissionStatus) -> None:
+    def _send_status(self, status: MissionStatus) -> None:
         text = f"{status.state}, {status.leg}" if status.leg else str(status.state)
         why = status.stopped or status.held
         text = " ".join((f"{text}: {why}" if why else text).split())

@@ -27,7 +27,7 @@ MOST_MPS, LEAST_STEP_S = 15.0, 0.1
 
 
 class DrivenTrack(NamedTuple):
-    """Where a robot drove: t_s, x and y (m, map) and 1 sigma of its place, (N, 4).
+    """Track of a robot: t_s, x and y (m, map) and 1 sigma of its place, (N, 4).
 
     `marks_s` are when its driver marked the beginnings and the ends of rows. `unsure_m` is how far
     from an edge the fence would have kept the robot; nothing, where only its fixes are known.

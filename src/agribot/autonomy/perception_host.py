@@ -23,7 +23,7 @@ SETTLE_S = 2.0
 
 
 class PerceptionMeter:
-    """What the network costs: CPU time of its thread and wall time, per frame."""
+    """Cost of the network: CPU time of its thread and wall time, per frame."""
 
     def __init__(self) -> None:
         self.cpu_s = 0.0

@@ -80,8 +80,8 @@ def _find(uri: SourceUri, wanted: object, seconds: float) -> tuple[FoundBoard, b
     from agribot.drivers.stream_sources import open_receiver_line
 
     bauds = [baud for kind, baud in BAUDS.items() if wanted in (None, kind)]
-    is_told = uri.scheme != "serial" or bool(dict(uri.options).get("baud"))
-    lines = [uri] if is_told else [uri._replace(options=(("baud", str(b)),)) for b in bauds]
+    has_speed = uri.scheme != "serial" or bool(dict(uri.options).get("baud"))
+    lines = [uri] if has_speed else [uri._replace(options=(("baud", str(b)),)) for b in bauds]
     came = 0
     for line in lines:
         stream = open_receiver_line(line)

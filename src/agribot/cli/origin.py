@@ -210,5 +210,5 @@ def _wait_for_fix(uri: str, options: argparse.Namespace, patience_s: float) -> D
 
 
 def _is_good(fix: GnssFix) -> bool:
-    is_told = fix.quality is not GnssQuality.NONE and is_place(fix.lat_deg, fix.lon_deg)
-    return is_told and fix.pos_std_m <= GOOD_STD_M
+    is_known = fix.quality is not GnssQuality.NONE and is_place(fix.lat_deg, fix.lon_deg)
+    return is_known and fix.pos_std_m <= GOOD_STD_M

@@ -37,7 +37,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class FieldConfig(Config, frozen=True):
-    """Where the crop rows are, as the planter drilled them, in the map frame of `datum`.
+    """Place of the crop rows, as the planter drilled them, in the map frame of `datum`.
 
     Rows are parallel; each further one lies `row_pitch_m` to the right of the row direction.
     `row_curvature_radpm` bends them, to the left where it is positive; direction, length and
@@ -140,7 +140,7 @@ class ControlConfig(Config, frozen=True):
 
 
 class CalibrationConfig(Config, frozen=True):
-    """What `agribot calibrate` measured of one robot; None: as in its description."""
+    """Results of `agribot calibrate` for one robot; None: as in its description."""
 
     wheel_radius_m: Positive | None = None  # rolling, under load
     yaw_multiplier: Positive | None = None  # effective separation over the track
@@ -259,7 +259,7 @@ class RecordConfig(Config, frozen=True):
 
 
 class SourceConfig(Config, frozen=True):
-    """Where a sensor comes from if not from the platform: serial:/dev/ttyACM0; empty: its own."""
+    """Source of a sensor if not the platform: serial:/dev/ttyACM0; empty: the platform."""
 
     gnss: str = ""  # position
     imu: str = ""  # gyro and accelerometer

@@ -48,7 +48,7 @@ def _make_code(name: str) -> str:
 
 
 class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", tag=_make_code):
-    """What was found; see the module."""
+    """A finding; see the module."""
 
     about: ClassVar[tuple[Part, ...]] = ()
     severity: ClassVar[Severity] = "fault"
@@ -78,7 +78,7 @@ class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", ta
 
     @property
     def kind(self) -> tuple[object, ...]:
-        """What stays the same while only its numbers change."""
+        """The part that stays the same while only numbers change."""
         values = (value.kind if isinstance(value, Fact) else value for _, value in self.values)
         return (self.code, *(value for value in values if not _is_number(value)))
 
@@ -94,7 +94,7 @@ class Fact(msgspec.Struct, frozen=True, omit_defaults=True, tag_field="code", ta
 
     @property
     def variant(self) -> str:
-        """Which of several texts fits; empty where there is one."""
+        """Name of the text that fits; empty where there is one."""
         return ""
 
     @property
@@ -914,7 +914,7 @@ class WheelsTurnUnpowered(Fact, frozen=True):
 
 
 class _OfBattery(Fact, frozen=True):
-    """By its charge where that is known, else by its voltage."""
+    """A fault by the battery's charge where that is known, else by its voltage."""
 
     about: ClassVar[tuple[Part, ...]] = ("battery",)
     left_percent: float | None = None
@@ -1060,7 +1060,7 @@ class NearEdgeAndUnsure(Fact, frozen=True):
 
 
 class _AtKeepOut(Fact, frozen=True):
-    """Where an area to keep out of is touched, and where the robot is."""
+    """Place where an area to keep out of is touched, and that of the robot."""
 
     area_x_map_m: float
     area_y_map_m: float

@@ -17,7 +17,7 @@ class Latch:
         self.cause: Fact | None = None
 
     def hear(self, event: OperatorEvent) -> None:
-        """Anybody's stop closes the latch; nothing but `clear_stop` opens it.
+        """Take requests: any stop closes the latch; nothing but `clear_stop` opens it.
 
         The text of a stop says why it stands, where whose it is says too little.
         """

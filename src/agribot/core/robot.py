@@ -190,7 +190,7 @@ class CameraSpec(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SensorMount(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a sensor sits and its rate; `tags` keeps the plugin's own numbers."""
+    """Place of a sensor and its rate; `tags` keeps the plugin's own numbers."""
 
     link: str
     rate_hz: float
@@ -211,7 +211,7 @@ class LidarSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def step_rad(self) -> float:
-        """From ray to ray; 0 of a single one."""
+        """Angle from ray to ray; 0 of a single one."""
         return (self.max_angle_rad - self.min_angle_rad) / max(self.samples - 1, 1)
 
 
@@ -268,7 +268,7 @@ class RobotSpec(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def tool_x_m(self) -> float:
-        """Where on the body the implement works: the origin without one."""
+        """Tool point on the body: the origin without an implement."""
         return self.implement.x_body_m if self.implement else 0.0
 
     @property

@@ -70,7 +70,7 @@ class StampClock:
 
     @property
     def uncertainty_s(self) -> float:
-        """How far capture times may be off, beside the shortest delay that there is at all.
+        """Error of capture times, beside the shortest delay that there is at all.
 
         Of `n` delays that scatter by an exponential law, the shortest is longer than the least
         possible one by their mean excess over n - 1; the clocks drift apart for a window on top.
@@ -170,7 +170,7 @@ class SampleQueue(Generic[Sample]):
 
     @property
     def uncertainty_s(self) -> float:
-        """How far capture times may be off; see `StampClock.uncertainty_s`."""
+        """Error of capture times; see `StampClock.uncertainty_s`."""
         return self.clock.uncertainty_s
 
     def put(self, stamp_s: float, arrived_s: float, sample: Sample) -> None:

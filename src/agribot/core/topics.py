@@ -32,7 +32,7 @@ from agribot.core.messages import (
 
 
 class Qos(msgspec.Struct, frozen=True, kw_only=True):
-    """What ROS 2 offers to late or lossy subscribers; history is always keep-last."""
+    """Quality of service for late or lossy subscribers of ROS 2; history is always keep-last."""
 
     reliable: bool = True
     latched: bool = False  # durability transient_local

@@ -1,4 +1,4 @@
-"""From xacro to URDF text, with the real xacro library but without a ROS installation."""
+"""Expansion of xacro to URDF text, with the real xacro library but without a ROS installation."""
 
 from __future__ import annotations
 

@@ -153,8 +153,8 @@ def _check_size(
     """Refuse what has no room to touch anything; what is only seen may be of no size."""
     least_m = min(sizes_m)
     if least_m < 0.0 or (least_m == 0.0 and part.tag == "collision"):
-        told = " x ".join(f"{size_m:g}" for size_m in sizes_m)
-        raise source.fail(where, f"a size of {told} m; give it one above 0")
+        size = " x ".join(f"{size_m:g}" for size_m in sizes_m)
+        raise source.fail(where, f"a size of {size} m; give it one above 0")
 
 
 def _read_colour(part: ET.Element, palette: dict[str, Rgba], source: SourceFile) -> Rgba:

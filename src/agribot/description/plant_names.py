@@ -13,7 +13,7 @@ HEIGHT_LIMITS_M = (0.02, 3.0)
 
 
 class PlantName(NamedTuple):
-    """What a word says: the class, the species that is drawn, its height without a mesh, m."""
+    """Meaning of a word: the class, the species that is drawn, its height without a mesh, m."""
 
     word: str
     plant: PlantClass

@@ -64,7 +64,7 @@ def _sow_crops(
 
 
 class _Hill(NamedTuple):
-    """Where the map has a plant: the index of its row, how far along, and the row's yaw there."""
+    """Place of a plant in the map: its row's index, the distance along, the row's yaw there."""
 
     row: int
     along_m: float

@@ -15,7 +15,7 @@ READ_PLUGINS = (
 )  # fmt: skip
 
 
-def tell_unread_parts(model: ET.Element, name: str, source: SourceFile) -> None:
+def warn_of_unread_parts(model: ET.Element, name: str, source: SourceFile) -> None:
     """Name the sensors and the moving joints of a model, which stands still."""
     for sensor in model.iter("sensor"):
         kind = sensor.get("type", "").lower()
@@ -33,7 +33,7 @@ def tell_unread_parts(model: ET.Element, name: str, source: SourceFile) -> None:
         )
 
 
-def tell_unread_systems(world: ET.Element, source: SourceFile) -> None:
+def warn_of_unread_systems(world: ET.Element, source: SourceFile) -> None:
     """Name the wind and the plugins of a world."""
     for wind in world.findall("wind/linear_velocity"):
         if any(number.strip("-+0.") for number in (wind.text or "").split()):

@@ -93,12 +93,12 @@ class AgribotBoard:
 
     @property
     def lost(self) -> int:
-        """How many frames of the board were lost since its line was opened."""
+        """Frames of the board that were lost since its line was opened."""
         return self._decoder.lost + self._decoder.bad
 
     @property
     def broken(self) -> int:
-        """How many frames were broken on their way from the board, or to it."""
+        """Frames that were broken on their way from the board, or to it."""
         return self._decoder.bad + self._broken_commands
 
     def open(self) -> bytes:
@@ -202,8 +202,8 @@ class AgribotBoard:
         if self._motors is None:
             return None, ()
         supply_v = state.battery_v if state.battery_v > USB_V else SUPPLY_V
-        told = supply_v, state.duty_ratio, speeds_radps, state.current_a
-        return self._motors.torques_nm(*told), self._motors.update(1e-6 * state.t_us, *told)
+        measured = supply_v, state.duty_ratio, speeds_radps, state.current_a
+        return self._motors.torques_nm(*measured), self._motors.update(1e-6 * state.t_us, *measured)
 
     def _read_imu(self, imu: BoardImu) -> StampedReport:
         sample, field = read_board_imu(imu, self._axes, self._mag_count)
@@ -255,12 +255,12 @@ def _read_board(state: BoardState, *, has_battery: bool, is_config_refused: bool
     if StopCause.REVERSED in causes:
         found.append(_name_reversed(state.motor_faults))
         parts = (*parts, "wheels")
-    told = " and ".join(words for cause, words in CAUSES.items() if cause in causes)
+    measured = " and ".join(words for cause, words in CAUSES.items() if cause in causes)
     return BoardSample(
         t_s=0.0,
         inputs=("red button", "bumper", "motors", *(("battery",) if has_battery else ())),
         is_button_pressed=BoardFlag.ESTOP_PRESSED in flags,
-        stopped=(told or "for a reason that it does not state")
+        stopped=(measured or "for a reason that it does not state")
         if BoardFlag.STOP_LATCHED in flags
         else "",
         faults=tuple(found),

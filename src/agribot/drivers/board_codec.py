@@ -65,7 +65,7 @@ def unstuff(data: bytes) -> bytes | None:
 
 
 class MessageFormat:
-    """How one message is packed: its struct, and the way of each field to and from it."""
+    """Format of one message: its struct, and the way of each field to and from it."""
 
     def __init__(self, message: type[BoardMessage]) -> None:
         self.message, self.fields = message, list_fields(message)

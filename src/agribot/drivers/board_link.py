@@ -60,7 +60,7 @@ class BoardLink:
 
     @property
     def uncertainty_s(self) -> float:
-        """How far the times of reports may be off."""
+        """Error of the times of reports."""
         return self._queue.uncertainty_s
 
     @property
@@ -125,13 +125,13 @@ class BoardLink:
         return self._watch.update(t_s, board.broken if isinstance(board, CountsBroken) else 0)
 
     def clear(
-        self, t_s: float, events: tuple[OperatorEvent, ...], told: tuple[BoardSample, ...]
+        self, t_s: float, events: tuple[OperatorEvent, ...], reports: tuple[BoardSample, ...]
     ) -> bytes:
         """Make the command that clears the board's stop, sent until the board has let go."""
         actions = [event.action for event in events]
         if "clear_stop" in actions:
             self._clearing_until_s = t_s + CLEARING_S
-        last = told[-1] if told else None
+        last = reports[-1] if reports else None
         has_let_go = last is not None and not last.stopped  # the next stop is a new one
         if "stop" in actions or has_let_go or (last is not None and last.is_button_pressed):
             self._clearing_until_s = -math.inf
@@ -167,8 +167,8 @@ def _join_untimed(reports: Sequence[StampedReport]) -> Iterator[StampedReport]:
             yield stamped
         else:
             parts = msgspec.structs.asdict(stamped.report)
-            told = {name: part for name, part in parts.items() if part is not None}
-            untimed.setdefault(stamped.report.imu is not None, {}).update(told)
+            known = {name: part for name, part in parts.items() if part is not None}
+            untimed.setdefault(stamped.report.imu is not None, {}).update(known)
     yield from (StampedReport(0.0, BoardReport(**parts)) for parts in untimed.values())
 
 

@@ -28,7 +28,7 @@ _LINE = re.compile(rb"A-?\d+B-?\d+C-?\d+D")  # line of an IMU board that speaks 
 
 
 class FoundBoard(msgspec.Struct, frozen=True, kw_only=True):
-    """What a board is, and its last words; None of what it did not say."""
+    """A found board, and its last words; None of what it did not say."""
 
     version: BoardVersion
     state: BoardState | None = None
@@ -41,7 +41,7 @@ class FoundBoard(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BoardListener:
-    """What a board says on a line that was just opened, and what it may be asked.
+    """Listener to a board on a line that was just opened, with the questions that it may be asked.
 
     Nothing is sent to what is silent: it may be a board in its bootloader. An IMU board that was
     asked goes on in frames.
@@ -127,7 +127,7 @@ class BoardProbe:
 
     @property
     def bytes(self) -> int:
-        """How many came in all."""
+        """Count of bytes that came in all."""
         return self._board.bytes
 
 

@@ -130,8 +130,8 @@ class PipeGrabber:
             status = self._program.wait()
             self._listener.join(LAST_WORDS_S)
             said = self._said.decode(errors="replace").strip().splitlines()
-            told = f": {said[-1]}" if said else ""
-            raise OSError(f"its program ended with status {status}{told}")
+            last_words = f": {said[-1]}" if said else ""
+            raise OSError(f"its program ended with status {status}{last_words}")
         return np.frombuffer(data, np.uint8).reshape(height, width, 3)
 
     def close(self) -> None:
@@ -157,7 +157,7 @@ class CameraSource:
     sensor: Sensor = "frames"
 
     def __init__(
-        self, name: str, open_grabber: Callable[[], Grabber], tell: Callable[[str], None],
+        self, name: str, open_grabber: Callable[[], Grabber], notify: Callable[[str], None],
         latency_s: float = 0.0,
     ) -> None:  # fmt: skip
         """Open the camera and begin to grab.
@@ -165,7 +165,7 @@ class CameraSource:
         Raises: ConfigError: it cannot be opened now.
         """
         self.name = name
-        self._open_grabber, self._tell = open_grabber, tell
+        self._open_grabber, self._notify = open_grabber, notify
         self._frames: SampleQueue[CameraFrame] = SampleQueue(
             latency_s=latency_s, longest=MOST_WAITING
         )
@@ -216,7 +216,7 @@ class CameraSource:
         grabber.close()
         self._grabber = None
         if not self._ended.is_set():
-            self._tell(f"camera from {self.name} is lost: {error}; trying again")
+            self._notify(f"camera from {self.name} is lost: {error}; trying again")
 
     def _open_again(self, wait_s: float) -> Grabber | None:
         if self._ended.wait(wait_s):
@@ -225,7 +225,7 @@ class CameraSource:
             self._grabber = self._open_grabber()
         except OSError:
             return None
-        self._tell(f"camera from {self.name} is back")
+        self._notify(f"camera from {self.name} is back")
         return self._grabber
 
 

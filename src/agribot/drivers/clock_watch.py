@@ -22,7 +22,7 @@ class ClockWatch:
         self._name, self._uncertainty_s = name, uncertainty_s
         self._next_s = -math.inf
         self._known_s = math.inf  # when it was first known
-        self._is_told = self._is_unsure = False
+        self._is_reported = self._is_unsure = False
 
     def update(self, t_s: float) -> tuple[OperatorEvent, ...]:
         """Note what has changed at a time."""
@@ -36,9 +36,9 @@ class ClockWatch:
         if t_s - self._known_s < WINDOW_S:  # the first few messages say little
             return ()
         is_unsure = unsure_s > UNSURE_S
-        if self._is_told and is_unsure == self._is_unsure:
+        if self._is_reported and is_unsure == self._is_unsure:
             return ()
-        self._is_told, self._is_unsure = True, is_unsure
+        self._is_reported, self._is_unsure = True, is_unsure
         text = f"times of the {self._name} are known to {1e3 * unsure_s:.1f} ms"
         limit = f" > {1e3 * UNSURE_S:g} ms" if is_unsure else ""
         return (make_sensor_note(t_s, text + limit, is_fault=is_unsure),)

@@ -72,8 +72,8 @@ class VescSpeaker:
         return b""
 
     def is_done(self, now_s: float) -> bool:
-        is_told = self._others is not None and self._values is not None
-        return is_told or now_s - self._heard_s > PING_S + 2.0 * ASK_AGAIN_S
+        has_answer = self._others is not None and self._values is not None
+        return has_answer or now_s - self._heard_s > PING_S + 2.0 * ASK_AGAIN_S
 
     def answer(self, baud: int) -> LineAnswer:
         others = self._others or ()

@@ -72,12 +72,12 @@ class HardwarePlatform:
     def read(self) -> SensorBatch:
         """Wait for the next tick and return what arrived until then."""
         t_s = self._wait_for_tick()
-        told = self._link.take(t_s)
+        samples = self._link.take(t_s)
         clock = self._clock.update(t_s)
         events, hand = self.inbox.drain(t_s)
-        self._writer.send(self._link.clear(t_s, events, told["board"]))
+        self._writer.send(self._link.clear(t_s, events, samples["board"]))
         events = (*clock, *self._link.watch_line(t_s), *events)
-        return SensorBatch(t_s=t_s, events=events, hand=hand, **told)
+        return SensorBatch(t_s=t_s, events=events, hand=hand, **samples)
 
     def write(self, command: RobotCommand) -> None:
         """Send a command to the board; the line may take its time.

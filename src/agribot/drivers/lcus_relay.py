@@ -41,7 +41,7 @@ class LcusContactor:
 
     def __init__(
         self, name: str, open_stream: OpenStream, channels: Sequence[int],
-        tell: Callable[[str], None], now_s: Callable[[], float] = time.monotonic,
+        notify: Callable[[str], None], now_s: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         """Open the line and switch it off.
 
@@ -55,7 +55,7 @@ class LcusContactor:
         self._is_wanted = self._is_on = self._is_lost = False
         self._asked_s, self._written_s = -math.inf, now_s()
         self._reader = StreamReader(
-            f"contactor on {name}", open_stream, lambda data, arrived_s: None, now_s, tell,
+            f"contactor on {name}", open_stream, lambda data, arrived_s: None, now_s, notify,
             lambda stream: stream.write(self._off),
         )  # fmt: skip
         self._writer = StreamWriter(f"contactor on {name}", self._write, now_s)

@@ -57,11 +57,11 @@ class LineProbe:
 
     def __init__(
         self, line: TunableStream, now_s: Callable[[], float],
-        tell: Callable[[str], None] = lambda text: None, *, may_ask: bool = False,
+        notify: Callable[[str], None] = lambda text: None, *, may_ask: bool = False,
         limit_s: float = LIMIT_S,
     ) -> None:  # fmt: skip
-        """`tell` gets what is being tried; with `may_ask` also a silent device is asked."""
-        self._line, self._now_s, self._tell = line, now_s, tell
+        """`notify` gets what is being tried; with `may_ask` also a silent device is asked."""
+        self._line, self._now_s, self._notify = line, now_s, notify
         self._may_ask, self._opened_s = may_ask, now_s()
         self._until_s = self._opened_s + limit_s
         self._bytes = 0
@@ -75,7 +75,7 @@ class LineProbe:
         for baud in bauds:
             if self._is_silent(bauds, baud) or self._now_s() >= self._until_s:
                 continue
-            self._tell(f"listening at {baud} baud")
+            self._notify(f"listening at {baud} baud")
             self._line.set_baud(baud)
             answer = self._listen(baud, span_s)
             if answer is not None:

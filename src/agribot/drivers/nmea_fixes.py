@@ -64,7 +64,7 @@ class NmeaFixes:
 
     @property
     def stamp_s(self) -> float:
-        """Of the epoch that its sentences are about now; 0 before the first."""
+        """Time stamp of the epoch of its sentences now; 0 before the first."""
         return self._make_stamp_s(self._time_of_day_s)
 
     def find_stamp_s(self, time_text: str) -> float:

@@ -59,7 +59,7 @@ Parts = dict[str, tuple[str, ...]]
 
 
 class Place(NamedTuple):
-    """What a sentence says of the place; `quality` is None where it states no quality.
+    """A sentence's place; `quality` is None where it states no quality.
 
     `resolution_m` is the last digit of its latitude.
     """

@@ -43,10 +43,12 @@ def write_line(command: str) -> str:
 
 def split_answer(line: bytes) -> tuple[str, bool] | None:
     """Split an answer into its text and whether it has a checksum; None where that is wrong."""
-    text, star, told = line.decode("ascii", "replace").rstrip().rpartition("*")
+    text, star, checksum = line.decode("ascii", "replace").rstrip().rpartition("*")
     if not star:
-        return told, False
-    return (text, True) if told.isdecimal() and int(told) == compute_checksum(text) else None
+        return checksum, False
+    return (
+        (text, True) if checksum.isdecimal() and int(checksum) == compute_checksum(text) else None
+    )
 
 
 def compute_checksum(text: str) -> int:

@@ -48,13 +48,13 @@ class GpsdDecoder:
 
     @property
     def broken(self) -> int:
-        """How many lines were no report."""
+        """Count of lines that were no report."""
         return self._lines.bad
 
     @property
-    def is_accuracy_told(self) -> bool:
+    def is_accuracy_known(self) -> bool:
         """Whether the accuracy of the newest fix is the receiver's word, not what is usual."""
-        return self._fixes.is_accuracy_told
+        return self._fixes.is_accuracy_known
 
     def feed(self, data: bytes, arrived_s: float = 0.0) -> Stamped:
         """Decode what arrived; the stamp of what comes without a fix is 0."""
@@ -96,7 +96,7 @@ class GpsdDecoder:
 
 
 class ReceiverLink:
-    """What a receiver says by tick, whatever carries its bytes.
+    """A receiver's reports by tick, whatever carries its bytes.
 
     `ReceiverSource` gives it those of a real line; a simulation gives it those of a simulated one.
     """
@@ -147,7 +147,7 @@ class ReceiverSource:
         name: str,
         open_stream: OpenStream,
         decoder: ReceiverDecoder | GpsdDecoder,
-        tell: Callable[[str], None],
+        notify: Callable[[str], None],
         latency_s: float = 0.0,
         on_open: Callable[[ByteStream], None] = lambda stream: None,
     ) -> None:
@@ -161,7 +161,7 @@ class ReceiverSource:
         self._notes: deque[tuple[str, bool]] = deque(maxlen=_MOST_NOTES)
         self._corrections: CorrectionLink | None = None
         self._reader = StreamReader(
-            f"gnss from {name}", open_stream, self._link.feed, self._link.now_s, tell, on_open,
+            f"gnss from {name}", open_stream, self._link.feed, self._link.now_s, notify, on_open,
             hears_silence=True,
         )  # fmt: skip
 
@@ -170,7 +170,7 @@ class ReceiverSource:
     ) -> None:
         """Feed the receiver with the corrections of a caster from now on."""
         self._corrections = CorrectionLink(
-            caster, login, self._reader.write, self._tell_fix, self._note, tls=tls
+            caster, login, self._reader.write, self._last_fix, self._note, tls=tls
         )
         self._link.decoder.sky.corrections = self._corrections.state
 
@@ -182,8 +182,10 @@ class ReceiverSource:
         """Take headings and states of the receiver, and what happened to its corrections."""
         notes = [self._notes.popleft() for _ in range(len(self._notes))]
         more = self._link.take_more(t_s)
-        told = tuple(make_sensor_note(t_s, text, is_fault=not is_good) for text, is_good in notes)
-        return more | {"events": (*told, *more["events"])}
+        notes_seen = tuple(
+            make_sensor_note(t_s, text, is_fault=not is_good) for text, is_good in notes
+        )
+        return more | {"events": (*notes_seen, *more["events"])}
 
     def close(self) -> None:
         """Let go of the line and of the caster. Safe to call twice."""
@@ -194,5 +196,5 @@ class ReceiverSource:
     def _note(self, text: str, is_good: bool) -> None:
         self._notes.append((text, is_good))
 
-    def _tell_fix(self) -> nmea.StampedFix | None:
+    def _last_fix(self) -> nmea.StampedFix | None:
         return self._link.decoder.last_fix

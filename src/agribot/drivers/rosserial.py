@@ -22,7 +22,7 @@ _HEAD_BYTES = 7
 
 
 class RosserialTopic(NamedTuple):
-    """What a device says of a topic: its name, the type of its messages and their checksum."""
+    """A device's topic: its name, the type of its messages and their checksum."""
 
     name: str
     message_type: str

@@ -124,9 +124,11 @@ class Sky:
         for name in _DOP_NAMES:
             if name in report:
                 self._note_dop(name, float(report[name]))
-        told = report.get("satellites")
-        if told is not None:
-            self._seen = {("", ""): [_read_gpsd_satellite(s) for s in told[:_MOST_SATELLITES]]}
+        report_part = report.get("satellites")
+        if report_part is not None:
+            self._seen = {
+                ("", ""): [_read_gpsd_satellite(s) for s in report_part[:_MOST_SATELLITES]]
+            }
 
     def _is_early(self, stamp_s: float, arrived_s: float) -> bool:
         if stamp_s:
@@ -156,8 +158,8 @@ class Sky:
         for name, text in (("pdop", pdop), ("hdop", hdop), ("vdop", vdop)):
             if text:
                 self._note_dop(name, _read_number(text, 0.0, 1e3))
-        told = _NMEA_SYSTEMS.get(system[0], "") if system else ""
-        self._used |= {(told or _guess_system(sentence.talker, n), n) for n in numbers}
+        report_part = _NMEA_SYSTEMS.get(system[0], "") if system else ""
+        self._used |= {(report_part or _guess_system(sentence.talker, n), n) for n in numbers}
 
     def _join_satellites(self) -> tuple[Satellite, ...]:
         """Join signals: a satellite is as strong as its best; what GSA names is used."""
@@ -183,7 +185,7 @@ class CorrectionUse:
     def __init__(self) -> None:
         self.used: int | None = None
         self.unused: int | None = None
-        self._tells_cor = False
+        self._has_cor = False
 
     def add(self, frame: UbxFrame) -> None:
         """Add a frame of UBX; other kinds are left out."""
@@ -193,13 +195,13 @@ class CorrectionUse:
             info = int.from_bytes(payload[4:8], "little")
             if info & 0x1F == _IS_RTCM3:
                 self._count(info >> 7 & 3)
-        elif kind == RXM_RTCM and len(payload) >= _RTCM_BYTES and not self._tells_cor:
+        elif kind == RXM_RTCM and len(payload) >= _RTCM_BYTES and not self._has_cor:
             is_broken = payload[1] & 1
             self._count(_UNUSED if is_broken else payload[1] >> 1 & 3)
 
     def _begin_cor(self) -> None:
-        if not self._tells_cor:
-            self._tells_cor, self.used, self.unused = True, None, None
+        if not self._has_cor:
+            self._has_cor, self.used, self.unused = True, None, None
 
     def _count(self, use: int) -> None:
         if use in (_UNUSED, _USED):
@@ -246,14 +248,14 @@ def _read_ubx_satellite(payload: bytes, index: int) -> Satellite:
     )  # fmt: skip
 
 
-def _read_gpsd_satellite(told: Mapping[str, Any]) -> Satellite:
+def _read_gpsd_satellite(report_part: Mapping[str, Any]) -> Satellite:
     return Satellite(
-        system=_UBX_SYSTEMS.get(int(told.get("gnssid", 0)), "?"),
-        number=_read_satellite(told["PRN"]),
-        elevation_deg=_read_number(told.get("el", 0.0), -90.0, 90.0),
-        azimuth_deg=_read_number(told.get("az", 0.0), 0.0, 360.0),
-        snr_db=_read_number(told.get("ss", 0.0), 0.0, 99.0),
-        is_used=bool(told.get("used", False)),
+        system=_UBX_SYSTEMS.get(int(report_part.get("gnssid", 0)), "?"),
+        number=_read_satellite(report_part["PRN"]),
+        elevation_deg=_read_number(report_part.get("el", 0.0), -90.0, 90.0),
+        azimuth_deg=_read_number(report_part.get("az", 0.0), 0.0, 360.0),
+        snr_db=_read_number(report_part.get("ss", 0.0), 0.0, 99.0),
+        is_used=bool(report_part.get("used", False)),
     )
 
 

@@ -115,7 +115,7 @@ def make_frame(kind: tuple[int, int], payload: bytes) -> bytes:
 
 
 class Baseline(NamedTuple):
-    """From a receiver's own base antenna to its rover antenna, by the time of the week."""
+    """Vector from a receiver's own base antenna to its rover antenna, by the time of the week."""
 
     stamp_s: float
     heading_deg: float

@@ -45,7 +45,7 @@ _VERSION_WORDS = 30
 
 
 class SetupPlan(NamedTuple):
-    """How a receiver shall work; `model` is one of DYNAMIC_MODELS."""
+    """Settings of a receiver; `model` is one of DYNAMIC_MODELS."""
 
     rate_hz: float = 10.0
     model: str = "automotive"
@@ -95,7 +95,7 @@ def _write_messages(plan: SetupPlan) -> list[bytes]:
 
 
 class Version(NamedTuple):
-    """Of a receiver, from MON-VER."""
+    """Version of a receiver, from MON-VER."""
 
     model: str
     protocol: float
@@ -107,12 +107,12 @@ def read_version(payload: bytes) -> Version:
     words += [
         _read_text(payload[k : k + _VERSION_WORDS]) for k in range(40, len(payload), _VERSION_WORDS)
     ]
-    told = dict(word.partition("=")[::2] for word in words if "=" in word)
+    stated = dict(word.partition("=")[::2] for word in words if "=" in word)
     try:
-        protocol = float(told.get("PROTVER", "0"))
+        protocol = float(stated.get("PROTVER", "0"))
     except ValueError:
         protocol = 0.0
-    return Version(told.get("MOD", words[1]), protocol)
+    return Version(stated.get("MOD", words[1]), protocol)
 
 
 def _read_text(data: bytes) -> str:

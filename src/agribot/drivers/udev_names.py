@@ -38,12 +38,12 @@ def write_rule(name: str, properties: Properties, others: Sequence[Properties] =
     """
     by_number = ("ID_VENDOR_ID", "ID_MODEL_ID", "ID_SERIAL_SHORT", "ID_USB_INTERFACE_NUM")
     keys = by_number if _is_real(properties, others) else ("ID_PATH",)
-    told = {key: properties[key] for key in keys if properties.get(key)}
-    if not {"ID_SERIAL_SHORT", "ID_PATH"} & set(told):
+    matched = {key: properties[key] for key in keys if properties.get(key)}
+    if not {"ID_SERIAL_SHORT", "ID_PATH"} & set(matched):
         return ""
-    if not all(map(_SAFE.fullmatch, (name, *told.values()))):
+    if not all(map(_SAFE.fullmatch, (name, *matched.values()))):
         return ""
-    matches = ", ".join(f'ENV{{{key}}}=="{value}"' for key, value in told.items())
+    matches = ", ".join(f'ENV{{{key}}}=="{value}"' for key, value in matched.items())
     return f'ACTION!="remove", SUBSYSTEM=="tty", {matches}, SYMLINK+="{name}"'
 
 

@@ -49,7 +49,7 @@ class Solution(NamedTuple):
 
 
 class UnicoreHeading(NamedTuple):
-    """From the first antenna to the second one, clockwise from North."""
+    """Heading from the first antenna to the second one, clockwise from North."""
 
     stamp_s: float
     heading_deg: float

@@ -133,9 +133,9 @@ def _belongs(feature: Member, field: Member) -> bool:
     """Return whether a feature belongs to a field, by its file's reference or by its place."""
     from shapely.geometry import shape
 
-    told = feature["properties"].get("partfield")
-    if told is not None:
-        return bool(told == field["properties"].get("partfield"))
+    partfield = feature["properties"].get("partfield")
+    if partfield is not None:
+        return bool(partfield == field["properties"].get("partfield"))
     outline = make_outline(field["geometry"])
     if feature["geometry"]["type"] != "Polygon":
         return bool(shape(feature["geometry"]).intersects(outline))

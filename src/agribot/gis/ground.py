@@ -26,7 +26,7 @@ TOUCH_M = 0.01  # distance from the edge within which an obstacle is at the edge
 
 
 class GroundFault(MissionError):
-    """What is wrong with a field, and where: `text` is the message without the place."""
+    """Fault of a field and its place: `text` is the message without the place."""
 
     text: str = ""
     at_map_m: MapPoint = (0.0, 0.0)

@@ -68,7 +68,7 @@ class PartTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 class ProofOutcome(msgspec.Struct, frozen=True):
-    """How a proof ended; `reason` is empty where it passed."""
+    """End of a proof; `reason` is empty where it passed."""
 
     id: str
     state: State

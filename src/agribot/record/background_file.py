@@ -17,7 +17,7 @@ STALLED_S = 30.0  # a disk that takes nothing for this time at the end takes not
 
 
 class BackgroundFile:
-    """What a writer needs of a file: `write`, `tell`, `flush`, `close`.
+    """The functions of a file that a writer needs: `write`, `tell`, `flush`, `close`.
 
     An error of the disk comes with the next call. Bytes reach the disk in their order.
     Raises: OSError: the file cannot be created or written, or the disk has stalled for too long.

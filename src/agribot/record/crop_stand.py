@@ -33,7 +33,7 @@ class RowStand(NamedTuple):
 
     @property
     def missing(self) -> int:
-        """How many plants would fill the gaps."""
+        """Count of plants that would fill the gaps."""
         if self.spacing_m is None:
             return 0
         lengths_m = self.gaps_m[:, 1] - self.gaps_m[:, 0]

@@ -56,7 +56,7 @@ _PLAIN: dict[int, Any] = {
 
 
 class MessageIndex(NamedTuple):
-    """How many messages of a channel the chunk before it holds, and their times."""
+    """Count of a channel's messages in the chunk before it, and their times."""
 
     channel_id: int
     messages: int

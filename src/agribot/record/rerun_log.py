@@ -118,7 +118,7 @@ def _lay_out(views: Any) -> Any:
 
 
 class _RerunWriter:
-    """What each topic looks like; the tracks are drawn when all messages are read."""
+    """Writer of each topic's look; the tracks are drawn when all messages are read."""
 
     def __init__(self, rerun: Any, stream: Any) -> None:
         self._rerun, self._stream = rerun, stream

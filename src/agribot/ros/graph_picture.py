@@ -100,13 +100,13 @@ def _collect(graph: Graph) -> tuple[dict[str, _Box], list[tuple[str, str]]]:
         for first in range(0, len(topics), _MOST_LINES):
             some = topics[first : first + _MOST_LINES]
             key = f"t:{some[0].name}"
-            boxes[key] = _Box(key, "topic", tuple((each.name, _tell(each)) for each in some))
+            boxes[key] = _Box(key, "topic", tuple((each.name, _describe(each)) for each in some))
             edges += [(f"n:{node}", key) for node in publishers]
             edges += [(key, f"n:{node}") for node in subscribers]
     return boxes, edges
 
 
-def _tell(topic: GraphTopic) -> str:
+def _describe(topic: GraphTopic) -> str:
     return "" if topic.rate_hz is None else f"{topic.rate_hz:g} Hz"
 
 

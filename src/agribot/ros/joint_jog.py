@@ -27,7 +27,7 @@ LASTS_S = 1.0  # time after its end for which a commanded step counts as the joi
 
 
 class Limits(Protocol):
-    """What a description says of a joint."""
+    """Limits of a joint by its description."""
 
     @property
     def unit(self) -> str: ...

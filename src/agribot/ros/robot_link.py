@@ -69,15 +69,15 @@ class _Asked:
         status = record.status
         done = f"'{self._event.action}' is taken; the mission is {status.state}"
         reason = f": {status.reason}" if status.reason else ""
-        self._tell(not refusal, refusal or done + reason)
+        self._report(not refusal, refusal or done + reason)
 
     def _give_up(self) -> None:
-        self._tell(
+        self._report(
             False,
             f"'{self._event.action}' was handed to the robot, which did not answer within "
             f"{PATIENCE_S:g} s; see whether its ticks arrive",
         )
 
-    def _tell(self, is_done: bool, text: str) -> None:
+    def _report(self, is_done: bool, text: str) -> None:
         if self._first.acquire(blocking=False):
             self._on_outcome(is_done, text)

@@ -50,7 +50,7 @@ YOUNG_CROPS = (
 
 
 class Variety(NamedTuple):
-    """What may grow on a random field, and how it lies.
+    """Plants that may grow on a random field, and its relief.
 
     `weed_share` is None where all are as likely. With `has_litter` the soil has residue, stones
     and wet patches. On `rough_share` of the fields a preset of conditions sets ground and light;

@@ -24,7 +24,7 @@ LEAST_PLANTS = 3
 
 
 class FoundRowsScore(msgspec.Struct, frozen=True, kw_only=True):
-    """How many rows were found, of how many, and how well; None where nothing was measured.
+    """Count of found rows, of all rows, and their error; None where nothing was measured.
 
     `invented` are found rows where none stands, or where one was found already. Offsets are
     across a true row at both ends and in the middle of the found one, `end_error_m_max` is along

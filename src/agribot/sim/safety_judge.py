@@ -74,7 +74,7 @@ class StopWatch:
 
     @property
     def too_long(self) -> int:
-        """How many stops took more than was promised."""
+        """Count of stops that took more than was promised."""
         return self._too_long + (self._way_m is not None and self._way_m > self._promised_m)
 
     def look(self, xy_m: MapPoint, v_mps: float, *, is_stopped: bool, is_cut: bool = False) -> None:

@@ -16,7 +16,7 @@ BIN_M = 0.0005  # bin of the cross-track error, for its percentile over several 
 
 
 class CrushedCount(msgspec.Struct, frozen=True, kw_only=True):
-    """How many crops each part of the robot crushed."""
+    """Count of crops crushed by each part of the robot."""
 
     wheel: int = 0
     belly: int = 0

@@ -68,7 +68,7 @@ LEAST_STRENGTH_RATIO = 0.15
 
 
 class SurfaceFactor(NamedTuple):
-    """What is left where the surface is all covered."""
+    """Factors of the soil's strength where the surface is fully covered."""
 
     friction_ratio: float
     cone_index_ratio: float

@@ -25,7 +25,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class Part(IntEnum):
-    """What of the robot touches a plant; in reports by its name in lower case."""
+    """Part of the robot that touches a plant; in reports by its name in lower case."""
 
     WHEEL = 1
     BELLY = 2

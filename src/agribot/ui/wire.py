@@ -51,7 +51,7 @@ CAMERA_HEAD = struct.Struct(">BBHId")
 # The same from the robot to the server: kind, number, clock (ms), height and width. Pixels follow.
 PIXELS_HEAD = struct.Struct(">BIdHH")
 
-# How the name of a fact ends that stands beside its text.
+# Ending of the name of a fact that stands beside its text.
 FACT = "_fact"
 
 Vec2 = tuple[float, float]
@@ -1158,12 +1158,12 @@ def read_server_message(data: str | bytes) -> ServerMessage:
 
 
 def read_robot_message(data: bytes) -> RobotMessage:
-    """From the robot's program to its own server, which trusts it."""
+    """Read a message of the robot's program to its own server, which trusts it."""
     return _from_robot.decode(data)
 
 
 def read_robot_order(data: bytes) -> RobotOrder:
-    """From the server to its own robot's program, which trusts it."""
+    """Read an order of the server to its own robot's program, which trusts it."""
     return _to_robot.decode(data)
 
 

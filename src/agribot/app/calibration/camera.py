@@ -66,7 +66,7 @@ class CameraDrive(NamedTuple):
 
     @property
     def heading_std_rad(self) -> float:
-        """Where it was known best."""
+        """Its best estimate, 1 sigma."""
         return float(np.quantile(self.track[:, 5], 0.1))
 
     @property

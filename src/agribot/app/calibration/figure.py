@@ -38,7 +38,7 @@ class FigureMotion(NamedTuple):
 
     @property
     def duration_s(self) -> float:
-        """At the commanded rate."""
+        """Duration at the commanded rate."""
         return self.travel / abs(self.v_mps if self.is_leg else self.yaw_rate_radps)
 
 

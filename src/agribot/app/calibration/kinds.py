@@ -85,7 +85,7 @@ class Kind(NamedTuple):
 
     @property
     def ground(self) -> str:
-        """What it needs, as a person reads it."""
+        """The ground that it needs, for people."""
         square = f"{self.space_m:g} m × {self.space_m:g} m of firm, level"
         if self.needs_pictures:
             return f"{square} field around it, and a crop row between its wheels and ahead"

@@ -41,7 +41,7 @@ class ThinTable:
 
 
 class FixOffset(NamedTuple):
-    """How far a fix lies off a pose, m, and its squared distance by both sigmas."""
+    """Distance of a fix from a pose, m, and its square by both sigmas."""
 
     off_m: float
     nis: float

@@ -19,7 +19,7 @@ LONGEST_STEP_S = 1.0  # time between two readings of the wheels; longer ones are
 
 
 class WheelWay:
-    """Where the wheels alone lead, from where the log begins."""
+    """Position by the wheels alone, from the start of the log."""
 
     def __init__(self) -> None:
         self.place_m = 0j
@@ -50,7 +50,7 @@ class FixWays:
 
     @property
     def turn_agreement(self) -> float:
-        """How far turns by fixes and by wheels agree: 1 fully, -1 they are mirrored, 0 unknown."""
+        """Agreement of turns by fixes and by wheels: 1 fully, -1 they are mirrored, 0 unknown."""
         by_fixes, by_wheels, both = self._turns.tolist()
         if self._turn_count < LEAST_TURNS or by_fixes * by_wheels == 0.0:
             return 0.0
@@ -58,7 +58,7 @@ class FixWays:
 
     @property
     def ratio(self) -> float | None:
-        """How many times as far as the fixes the wheels moved; None of too short a way.
+        """Way of the wheels over that of the fixes; None of too short a way.
 
         The median of the pieces does not hear single fixes that lie elsewhere.
         """

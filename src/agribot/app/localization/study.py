@@ -49,7 +49,7 @@ _GROUPS = ("estimate", "field")  # groups of the filter's settings
 
 
 class StudyOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What a person states of a log and of its robot; None: found, or the default."""
+    """A person's statements on a log and its robot; None: found, or the default."""
 
     named: dict[LogSensor, str] = {}
     robot: str | None = None

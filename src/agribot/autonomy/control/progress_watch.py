@@ -37,7 +37,7 @@ CORRECTED = (GnssQuality.RTK_FIXED, GnssQuality.RTK_FLOAT)
 
 
 class _Place(NamedTuple):
-    """Where wheels with gyro, and the receiver, were at a fix; `flown` sums its velocities."""
+    """Positions by wheels with gyro and by the receiver at a fix; `flown` sums its velocities."""
 
     t_s: float
     rolled_m: tuple[float, float]
@@ -176,7 +176,7 @@ class ProgressWatch:
 
 
 def _moved_m(then: _Place, now: _Place) -> float:
-    """How far the receiver went between two fixes, by its positions or by its velocities."""
+    """Measure the receiver's way between two fixes, by its positions or by its velocities."""
     return max(_stepped_m(then, now), _flown_m(then, now))
 
 
@@ -185,7 +185,7 @@ def _stepped_m(then: _Place, now: _Place) -> float:
 
 
 def _flown_m(then: _Place, now: _Place) -> float:
-    """How far it went by its velocities, which are less noisy; by its positions without them."""
+    """Measure its way by its velocities, which are less noisy; by its positions without them."""
     if now.flown_m is None or then.flown_m is None:
         return _stepped_m(then, now)
     return math.dist(now.flown_m, then.flown_m)

@@ -27,7 +27,7 @@ class YawGain:
 
     @property
     def expected_radps(self) -> float:
-        """What was sent, as late as the drive follows."""
+        """Rate sent earlier, delayed like the drive."""
         return self._expected_radps
 
     @property

@@ -143,7 +143,7 @@ class Compass(Correction[MagSample]):
         )  # fmt: skip
 
     def _take_iron_off(self, level_t: Level, back_rad: float, *, is_level: bool) -> Level:
-        """Without the robot's own iron, as it is set and as it is learnt while others know better.
+        """Remove the robot's own iron, as it is set and as it is learnt while others know better.
 
         `back_rad` is how far the robot has turned since, backwards.
         """

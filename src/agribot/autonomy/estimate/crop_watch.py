@@ -38,7 +38,7 @@ AGREES_RATIO, STRANGE_RATIO = 0.4, 0.2
 
 
 class _Slot(NamedTuple):
-    """What pictures showed of a piece of a row, by bins across it."""
+    """Counts of pictures for a piece of a row, by bins across it."""
 
     seen: Counts
     crop: Counts

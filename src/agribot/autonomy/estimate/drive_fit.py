@@ -34,7 +34,7 @@ PARAMETERS = 3  # radius, radius / separation, gyro scale
 
 
 class Residual(msgspec.Struct, frozen=True, kw_only=True):
-    """How far one stretch is from what the fitted geometry says, relative to its size."""
+    """Error of one stretch against the fitted geometry, relative to its size."""
 
     name: str
     ratio: float

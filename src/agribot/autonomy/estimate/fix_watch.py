@@ -64,7 +64,7 @@ class JumpWatch:
             self.off_m = 0.0
 
     def is_jump(self, off_m: float, moved_m: float, *, is_corrected: bool) -> bool:
-        """After a run of rejected fixes, the last of them `off_m` away: not to be followed."""
+        """Return whether rejected fixes, now `off_m` away, are a jump and not to be followed."""
         drove_on = moved_m - self._agreed_at_m >= CARRIED_M
         has_left = is_corrected and self._agreed >= AGREE_FIXES and drove_on
         if self.off_m or has_left or off_m > MAX_JUMP_M:

@@ -12,7 +12,7 @@ import msgspec
 
 from agribot.autonomy.estimate.base_correction import take_off_base_error
 from agribot.autonomy.estimate.correction import Correction, Measurements
-from agribot.autonomy.estimate.drift_watch import MAX_LOST_RATIO, DriftWatch, Told, Trust
+from agribot.autonomy.estimate.drift_watch import MAX_LOST_RATIO, DriftWatch, Trust, WitnessReport
 from agribot.autonomy.estimate.ekf import (
     GNSS_BIAS_X,
     GNSS_BIAS_Y,
@@ -152,8 +152,8 @@ class Gnss(Correction[GnssFix]):
         return batch.gnss
 
     def is_usable(self, sample: GnssFix) -> bool:
-        is_told = sample.quality is not GnssQuality.NONE and abs(sample.pos_std_m) <= MAX_POS_STD_M
-        return is_told and is_place(sample.lat_deg, sample.lon_deg)
+        is_known = sample.quality is not GnssQuality.NONE and abs(sample.pos_std_m) <= MAX_POS_STD_M
+        return is_known and is_place(sample.lat_deg, sample.lon_deg)
 
     def objection(self, sample: GnssFix) -> str:
         if "position" not in self.pose.known:
@@ -279,7 +279,7 @@ class Gnss(Correction[GnssFix]):
         yaw_rad = x[YAW] - (now.yaw_rad - then.yaw_rad)
         slip_rad = x[SLIP] * ekf.slip_ratio(yaw_rad)
         lost_ratio = clamp(x[WHEEL_SCALE], -MAX_LOST_RATIO, MAX_LOST_RATIO)
-        told = Told(
+        report = WitnessReport(
             t_s=fix.t_s,
             place_m=antenna_m,
             velocity_mps=complex(*velocity_mps[:2]),
@@ -297,7 +297,7 @@ class Gnss(Correction[GnssFix]):
             scale_ratio=math.sqrt(ekf.cov[WHEEL_SCALE, WHEEL_SCALE]),
             walk_m2_per_m=self.pose.config.position_walk_m_per_sqrt_m**2,
         )
-        drift.add(told, trust)
+        drift.add(report, trust)
         if drift.is_drifting:
             self.moved_m = _sum(self.moved_m, drift.off_m)
 
@@ -431,10 +431,10 @@ class Gnss(Correction[GnssFix]):
         is_often = self.rejected_in_a_row >= SUSPICIOUS_REJECTIONS
         if sure is None or not is_often:
             return False
-        told = way.compare(sure.mark, way.find_mark(self.last_t_s))
-        if told is None or self.quality is not GnssQuality.RTK_FIXED:
+        parted = way.compare(sure.mark, way.find_mark(self.last_t_s))
+        if parted is None or self.quality is not GnssQuality.RTK_FIXED:
             return False
-        parted_m, std_m = told
+        parted_m, std_m = parted
         variance_m2 = measured.variance + sure.variance_m2 + std_m**2
         off_m2 = abs(complex(*measured.residuals) + parted_m) ** 2
         least_rad = max(VOUCHED_TURN_RAD, VOUCHED_TURN_RADPS * (self.last_t_s - sure.mark.t_s))
@@ -446,7 +446,7 @@ class Gnss(Correction[GnssFix]):
         return (has_turned or can_be_ahead) and off_m2 <= VOUCHED_SIGMA2 * variance_m2
 
     def _follow(self, measured: Measurement) -> None:
-        """With corrections the fix is right and the robot is elsewhere (carried, or slid).
+        """Follow the fixes: with corrections they are right, and the robot was carried or slid.
 
         Without them the slow error of the receiver is larger than it was believed to be; the pose
         of one that wanders by metres may have been led off by it, too.

@@ -42,7 +42,7 @@ EVEN_STEP_RATIO = 0.3  # largest difference of two steps of time
 
 
 class FixNoise(msgspec.Struct, frozen=True, kw_only=True):
-    """What the filter believes of a fix: white variance, and spread and walk of the bias."""
+    """The filter's model of a fix: white variance, and spread and walk of the bias."""
 
     variance_m2: float
     bias_std_m: float

@@ -169,8 +169,10 @@ class Localizer:
         self._look_for_crop(scene)
         self._sight.observe(scene.t_s, self._crop_rows.fitted + self._row_lines.fitted)
         epoch = self._history.epoch(scene.t_s)
-        is_told = self._gnss.quality is GnssQuality.RTK_FIXED  # fixes that distinguish rows
-        if scene.crop_cover is not None and epoch is not None and not is_told:
+        distinguishes_rows = (
+            self._gnss.quality is GnssQuality.RTK_FIXED
+        )  # fixes that distinguish rows
+        if scene.crop_cover is not None and epoch is not None and not distinguishes_rows:
             self.pose.identity.look(scene.crop_cover, self.pose.place(epoch), self.pose.rows)
 
     def _look_for_crop(self, scene: Scene) -> None:

@@ -89,7 +89,7 @@ class MappedRows:
         return (is_first and way_m < 0.0) or (is_last and way_m > self._length_m[piece])
 
     def _turn_rad(self, piece: int, foot_m: float, length_m: float) -> float:
-        """How far the row has turned off a piece of its line, towards the nearer corner."""
+        """Turn of the row at a piece of its line, towards the nearer corner."""
         blend_m = min(BLEND_M, length_m / 2.0)
         before, behind = self._turns_rad[piece].tolist()
         parts = 1.0 - foot_m / blend_m, 1.0 - (length_m - foot_m) / blend_m

@@ -35,7 +35,7 @@ GYRO_BIAS_STD_RADPS = 0.003
 
 
 class WayPlace(NamedTuple):
-    """Where a fix has the antenna, east and north as one complex number, and where wheels led it.
+    """A fix's place of the antenna, east and north as one complex number, and that by the wheels.
 
     `white_m` is the scatter of the fix, `slow_m` and `walk_m_per_sqrt_s` size and walk of its
     slow error, all 1 sigma per axis; `way_m` is how far the wheels have turned in all.

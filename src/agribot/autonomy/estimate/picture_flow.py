@@ -81,7 +81,7 @@ class PictureFlow:
 
 
 def _way_m(a: Motion, b: Motion) -> float:
-    """From one place to the next, negative backwards."""
+    """Measure the way from one place to the next, negative backwards."""
     return math.copysign(math.hypot(b.x_m - a.x_m, b.y_m - a.y_m), b.wheel_mps)
 
 

@@ -44,7 +44,7 @@ class SeenPlants(NamedTuple):
 
 
 class MatchedPlace(NamedTuple):
-    """Where the robot may stand: its place, the turn of its heading, and the probability of it.
+    """A possible place of the robot, the turn of its heading, and their probability.
 
     `matched` of the plants that were seen stand on mapped ones there.
     """

@@ -24,7 +24,7 @@ from agribot.core.pose import Pose2
 # down on its mark.
 PRIOR: dict[int, float] = {-2: 0.002, -1: 0.008, 0: 0.98, 1: 0.008, 2: 0.002}
 LEAST_SHARE = 1e-9  # least share of a row in which no plant of the map fits
-TOLD = 1e-6  # probability of every other row, once a person has named the row
+OTHER_ROW = 1e-6  # probability of every other row, once a person has named the row
 # Length of the stretch that is one look, and its distance ahead of the robot.
 LOOK_M, AHEAD_M = 0.5, 1.2
 # Search for crop to either side of a row, and cells of it that must be in view.
@@ -99,10 +99,10 @@ class RowIdentity:
         self._by_plants = {shift: shares.get(shift, 0.0) + missing for shift in self._log}
         self._certainty = None
 
-    def take_as_told(self) -> None:
+    def confirm_row(self) -> None:
         """Begin anew: a person has said where the robot is."""
         self.restart()
-        self._log = {shift: math.log(TOLD) if shift else 0.0 for shift in PRIOR}
+        self._log = {shift: math.log(OTHER_ROW) if shift else 0.0 for shift in PRIOR}
 
     def doubt_by(self, left: float, right: float) -> None:
         """Take in that the pose may have found the row to the left or right of the true one.

@@ -127,7 +127,7 @@ def _is_inside(glance: Glance, rows: FieldRows) -> bool:
 
 
 def _error(glance: Glance, rows: FieldRows) -> tuple[float, float] | None:
-    """Of offset and heading."""
+    """Errors of offset and heading."""
     line = glance.line
     if line is None or line.offset_m is None or line.heading_rad is None:
         return None

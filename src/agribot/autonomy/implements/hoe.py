@@ -91,7 +91,7 @@ class Hoe:
         """Note the weeds that blades pass over: treated by those at depth, left by the others."""
         spec = self._spec
         since_s = estimate.t_s - spec.latency_s - spec.stroke_s
-        is_deep = [told_s <= since_s for told_s in self._down_since_s]
+        is_deep = [down_s <= since_s for down_s in self._down_since_s]
         half_m = spec.section_width_m / 2.0
         self._hoed_m2 += step_m * spec.section_width_m * sum(is_deep)
         tool = predict_tool(estimate, spec.x_body_m, 0.0)
@@ -143,7 +143,7 @@ class Hoe:
         )  # fmt: skip
 
     def _find_keep_off_m(self, crop: KnownPlant, estimate: Estimate) -> float:
-        """How far from a crop's place a blade stays: as a nozzle, and by its thicker stem."""
+        """Return a blade's distance from a crop's place: as a nozzle's, and by the thicker stem."""
         stem_m = min(STEM_RATIO * math.sqrt(crop.area_m2 / math.pi), MOST_STEM_M)
         return find_keep_off_m(crop, estimate, self._config) + max(stem_m - CROP_STEM_M, 0.0)
 
@@ -169,7 +169,7 @@ class Hoe:
         return spare_leaves(is_on, self._y_body_m, middle, *box_m, plants, rule, rows)
 
     def _find_rise_s(self) -> float:
-        """How long a blade takes from its depth out of the soil."""
+        """Return the time of a blade from its depth out of the soil."""
         spec = self._spec
         way_m = self._depth_m + min(CLEAR_M, spec.lift_m)
         return spec.stroke_s * way_m / (spec.lift_m + spec.depth_m)

@@ -34,7 +34,7 @@ LONGEST_TICK_S = 0.1  # longest tick that is credited as time on a weed
 
 @dataclass(slots=True)
 class _Head:
-    """What a head does: its weed, how long it shot at that, where it aims, when it can shoot."""
+    """State of a head: its weed, the time on it, its aim, and the time when it can shoot."""
 
     aim: Aim
     weed: int | None = None

@@ -262,7 +262,7 @@ class SpotSprayer:
         )
 
     def _find_leaf_box_m(self, estimate: Estimate, step_m: float) -> tuple[float, float]:
-        """How far a nozzle's box of leaves reaches along and across, with what the pose is off."""
+        """Return a nozzle's reach for leaves along and across, with the error of the pose."""
         pose_m = find_pose_margin_m(estimate, self._config)
         return LEAF_MARGIN_M + step_m + pose_m, self._spec.section_width_m / 2.0 + pose_m
 
@@ -270,7 +270,7 @@ class SpotSprayer:
         return plant.is_confirmed and (plant.treated_s is None or plant.id in self._finishing)
 
     def _find_aim_m(self, weed: KnownPlant, estimate: Estimate) -> tuple[float, float]:
-        """How far before and beside a weed's place the spray has to reach to meet it for sure."""
+        """Return the reach of spray before and beside a weed's place that meets it for sure."""
         along_m, across_m = find_spread_m(weed.seen_std_m, estimate)
         most_m = self._config.margin_m
         along_m, across_m = math.hypot(along_m, MET_STD_M), math.hypot(across_m, MET_STD_M)

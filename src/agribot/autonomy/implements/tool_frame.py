@@ -75,7 +75,7 @@ def find_spread_m(seen_std_m: float, estimate: Estimate) -> tuple[float, float]:
 
 
 def predict_tool(estimate: Estimate, tool_x_m: float, delay_s: float) -> ToolPose:
-    """Where the tool point will be `delay_s` later."""
+    """Predict the tool point `delay_s` later."""
     way_m, turn_rad, course_rad = _predict_way(estimate, delay_s)
     yaw_rad = estimate.yaw_map_rad + turn_rad
     course_map_rad = estimate.yaw_map_rad + course_rad

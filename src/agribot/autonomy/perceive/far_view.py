@@ -67,7 +67,7 @@ class FarGround(NamedTuple):
 
 
 class FarView:
-    """What one camera sees, made once: the ground of its cells at each tilt."""
+    """The view of one camera, made once: the ground of its cells at each tilt."""
 
     def __init__(
         self,

@@ -57,7 +57,7 @@ def plants_in(class_id: ByteArray, confidence: ByteArray, least_px: int) -> list
 
 
 class PlantRecall(msgspec.Struct, frozen=True, kw_only=True):
-    """Of the true plants of one class: called right, called the other class, not seen."""
+    """Shares of the true plants of one class: called right, called the other class, not seen."""
 
     right: int
     confused: int

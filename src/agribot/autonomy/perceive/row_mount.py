@@ -42,7 +42,7 @@ PITCH_MODEL_RAD, ROLL_MODEL_RAD, HEIGHT_MODEL_M = math.radians(0.4), math.radian
 
 
 class RowMountFit(msgspec.Struct, frozen=True, kw_only=True):
-    """How a camera is mounted over the ground; 1 sigma of each. Positive pitch looks down.
+    """Mount of a camera over the ground; 1 sigma of each. Positive pitch looks down.
 
     `roll_rad` is None where the pictures do not show it. `tilt_std_rad` is how much single
     pictures are tilted against the others.

@@ -14,7 +14,7 @@ NEAR_M = 0.9
 
 
 class ScoreGrid:
-    """Which cell of the ground each cell of the maps of one camera falls into; built once."""
+    """Cell of the ground of each cell of one camera's maps; built once."""
 
     def __init__(
         self,

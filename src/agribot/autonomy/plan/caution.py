@@ -103,7 +103,7 @@ def _finds_row(estimate: Estimate) -> bool:
 
 
 class LostRow:
-    """How a robot drives that knows its row too little: a camera finds it only on the move."""
+    """Driving of a robot that is unsure of its row: a camera finds it only on the move."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None

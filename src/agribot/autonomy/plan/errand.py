@@ -30,7 +30,7 @@ STOPPING = "stops first"  # the leg until the robot stands and its errand is pla
 
 
 class Errand(NamedTuple):
-    """What for, who asked for it, and how to plan it from where the robot stands.
+    """A drive beside the work: its purpose, who asked for it, and its plan from the robot's place.
 
     `asked_by` is shown to people and decides nothing.
     """

@@ -34,7 +34,7 @@ class ErrandKind(StrEnum):
         return self in (ErrandKind.BACK, ErrandKind.OUT)
 
     @property
-    def is_as_it_came(self) -> bool:
+    def is_along_own_track(self) -> bool:
         """Whether the robot goes back slowly along the way on which it came."""
         return self.leaves_row or self is ErrandKind.FREE
 

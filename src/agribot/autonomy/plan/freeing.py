@@ -21,7 +21,7 @@ from agribot.core.pose import Pose2
 
 
 class Try(NamedTuple):
-    """How far to back out for it, and how far to the left of its path to drive then."""
+    """A try: the distance to back out for it, and the offset to the left of the path after it."""
 
     back_m: float
     left_m: float
@@ -114,7 +114,7 @@ class Freeing:
 
     @property
     def left_m(self) -> float:
-        """How far to the left of its path the robot drives here; 0 where nothing has held it."""
+        """Offset to the left of the path here; 0 where nothing has held the robot."""
         return self._try.left_m if self._tries else 0.0
 
     @property

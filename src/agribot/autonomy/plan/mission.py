@@ -88,7 +88,9 @@ from agribot.core.messages import Estimate, Goal, OperatorEvent, Path
 
 SETTLE_S = 1.0  # time for which the estimate must hold before the robot moves
 END_TOLERANCE_M = 0.01
-CALM_S = 1.0  # pause before it backs out: wheels that spun stand, and a tool is out of the soil
+BACK_OUT_PAUSE_S = (
+    1.0  # pause before it backs out: wheels that spun stand, and a tool is out of the soil
+)
 NUDGE_M = 0.01  # step of a row's line
 Handler = Callable[[OperatorEvent], str | None]  # gives why the request is refused
 
@@ -140,7 +142,7 @@ class Mission:
         self._latch = Latch() if latch is None else latch
         self._has_stood_for_stop = False  # the latch holds, and the mission has paused for it
         self._warning: Fact | None = None
-        self._is_heeded = False  # the warning sent it home, or stopped it
+        self._is_warning_obeyed = False  # the warning sent it home, or stopped it
         self._is_resumed = False  # somebody bade the work begin, and is there to read a refusal
         self._is_away = False  # the robot was driven elsewhere since the work stopped
         self._state: State = Waiting(FirstEstimateAwaited())
@@ -153,7 +155,7 @@ class Mission:
 
     @property
     def path(self) -> Path | None:
-        """None until it is planned; that of the errand while there is one."""
+        """Path of the mission, or of the errand while there is one; None until it is planned."""
         way = self._way
         return way.path if way else None
 
@@ -198,17 +200,17 @@ class Mission:
         """Take the requests of the column "open" from now on, also after the end."""
         self._stays_open = True
 
-    def heed(self, warning: Fact | None) -> None:
+    def obey_warning(self, warning: Fact | None) -> None:
         """Go home for a warning once the robot drives; without a known way home, stand still.
 
         A warning counts once: the operator who then resumes the mission decides.
         """
         self._warning = warning
-        self._is_heeded = self._is_heeded and warning is not None
+        self._is_warning_obeyed = self._is_warning_obeyed and warning is not None
         drives = isinstance(self._state, Driving | OnErrand | Waiting) and not self._latch.cause
-        if warning is None or self._is_heeded or not drives:
+        if warning is None or self._is_warning_obeyed or not drives:
             return
-        self._is_heeded = True
+        self._is_warning_obeyed = True
         self._refusal = ""
         self._turn_home(BATTERY, ErrandKind.CHARGE)
         if self._refusal:
@@ -259,7 +261,7 @@ class Mission:
         """Take the requests of this tick, then drive on; return what the robot is to do now."""
         self._is_located = estimate.ok and math.isfinite(estimate.x_map_m + estimate.y_map_m)
         self._last = estimate if self._is_located else self._last
-        self._heed_latch()
+        self._obey_latch()
         for event in events:
             self._hear(event)
         self._desk.look(estimate.t_s)
@@ -330,9 +332,9 @@ class Mission:
 
     def _turn_latch(self, event: OperatorEvent) -> None:
         self._latch.hear(event)
-        self._heed_latch()
+        self._obey_latch()
 
-    def _heed_latch(self) -> None:
+    def _obey_latch(self) -> None:
         """Stand still while the latch holds, whatever closed it."""
         cause, holds = self._latch.cause, self._latch.cause is not None
         if cause is not None and not self._has_stood_for_stop:
@@ -606,7 +608,7 @@ class Mission:
 
         latency_s = self._task.errand_planning_s
         if errand.kind is ErrandKind.FREE:
-            latency_s = max(latency_s, CALM_S)
+            latency_s = max(latency_s, BACK_OUT_PAUSE_S)
         work = partial(errand.plan_route, estimate, self._config)
         self._desk.ask(estimate.t_s, work, latency_s, leave, stay)
 
@@ -671,7 +673,7 @@ class Mission:
             return None
         reason: Fact | None = None
         has_crop = self._task.has_crop
-        if isinstance(state, OnErrand) and state.errand.kind.is_as_it_came:
+        if isinstance(state, OnErrand) and state.errand.kind.is_along_own_track:
             return None  # along its track, slowly: backwards
         if isinstance(state, Driving) and route.is_beside_row and has_crop:
             reason = self._watch.check_row(route, estimate, self._config)

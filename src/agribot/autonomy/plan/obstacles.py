@@ -79,7 +79,7 @@ class Obstacles(NamedTuple):
         )
 
     def _find_area(self, path: Path) -> tuple[MapPoint, float, MapPoint] | None:
-        """Where the body comes too near to an area, how near, and a place of that area."""
+        """Find the first place too near to an area, the distance, and a place of that area."""
         if self.areas is None:
             return None
         poses = thin_poses(path)

@@ -140,7 +140,7 @@ def check_crop(
 
 
 def _refuse(problems: list[PlanProblem]) -> Certificate:
-    """Of a plan that is no way at all."""
+    """Refuse a plan that is no way at all."""
     return Certificate(
         ok=False, problems=tuple(problems), clearance_m=0.0, outside_m=0.0,
         wheel_row_clearance_m=None, max_curvature_radpm=0.0, coverage_ratio=0.0, field_ratio=None,

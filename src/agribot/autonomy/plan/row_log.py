@@ -50,7 +50,7 @@ class RowResult(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def missing(self) -> str:
-        """What speaks against the row; it counts from 1."""
+        """Objections to the row; it counts from 1."""
         if has_evidence([self]):
             return f"row {self.index + 1}: maybe one row off"
         lacks = []

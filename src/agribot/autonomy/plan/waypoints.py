@@ -162,5 +162,5 @@ def _round_corner(
 
 
 def _measure_tangent_m(corner: Segment) -> float:
-    """From the corner point to either end of its arc."""
+    """Measure the distance from the corner point to either end of its arc."""
     return abs(math.tan(corner.length_m * corner.curvature_radpm / 2.0) / corner.curvature_radpm)

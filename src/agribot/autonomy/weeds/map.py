@@ -279,7 +279,7 @@ class WeedMap:
 
     @property
     def _one_place_m(self) -> float:
-        """How near two plants of one picture are almost in one place."""
+        """Return the distance below which two plants of one picture are in one place."""
         return self._config.merge_radius_m / 4.0
 
     def _merge_around(self, track: Track, t_s: float) -> None:

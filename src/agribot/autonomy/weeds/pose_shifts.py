@@ -27,7 +27,7 @@ STRAIGHT_RADPM = 0.2
 
 
 class WayScale:
-    """By which ratio the way is longer than the wheels say, from the corrections along it."""
+    """Ratio of the way to that of the wheels, from the corrections along it."""
 
     def __init__(self) -> None:
         self._way_m = LEAST_WAY_M

@@ -25,7 +25,7 @@ MIN_OWN_STD_M = 0.01  # least error of a plant's centre, by its outline
 # the pose. Looks give its place anew if their own variance is at most this share of the variance
 # that the poses of both passes leave; looks from the next row are worse than a good receiver.
 LATER_PASS_S = 5.0
-TELLING_SHARE = 0.5
+LEAST_NEWS_SHARE = 0.5
 
 # Log-odds of existence. A network misses the same plant in several frames on end, so one miss
 # says less than an independent one would: detection 0.5, clutter 0.05 per gate and frame.
@@ -114,7 +114,7 @@ class Track:
 
     @property
     def radius_m(self) -> float:
-        """Of a disc with the plant's area."""
+        """Radius of a disc with the plant's area."""
         return math.sqrt(self.area_m2 / math.pi)
 
     def gap_m(self, other: PlantSighting | Track) -> float:
@@ -144,7 +144,7 @@ class Track:
         self._mean_rest(seen.rest_m, seen.own_var_m2**-2)
         self.is_here &= t_s - self.last_seen_s <= LATER_PASS_S
         open_m2 = (self.xx_m2 + self.yy_m2 + seen.xx_m2 + seen.yy_m2) / 2.0
-        if not self.is_here and seen.own_var_m2 <= TELLING_SHARE * open_m2:
+        if not self.is_here and seen.own_var_m2 <= LEAST_NEWS_SHARE * open_m2:
             self.own_var_m2 += (self.xx_m2 + self.yy_m2) / 2.0
             self.is_here = True
         if self.is_here:

@@ -33,7 +33,7 @@ class Left(Protocol):
 
 
 class Passage(NamedTuple):
-    """Where a tool of `width_m` passed along rows; None: the robot has no tool.
+    """Passage of a tool of `width_m` along rows; None: the robot has no tool.
 
     `is_passed` gets a row and how far along it; `not_passed` is why the rest was not.
     """

@@ -11,7 +11,7 @@ from agribot.core.messages import ImplementCommand
 
 
 class StateLine(NamedTuple):
-    """What an implement does now, in its own words: "Nozzles", "●○○"."""
+    """State of an implement in its own words: "Nozzles", "●○○"."""
 
     name: str
     text: str

@@ -41,7 +41,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RequestAnswer(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of the operator's event with this `id`: taken, or why not."""
+    """Answer to the operator's event with this `id`: taken, or the refusal."""
 
     id: str
     refusal: str = ""
@@ -84,7 +84,7 @@ class MissionStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Goal(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """What the mission wants now: follow `path` from `s_m`, at most this fast.
+    """Goal of the mission now: follow `path` from `s_m`, at most this fast.
 
     `path` is None until it is planned. `tracked_x_m` ahead on the body is what stays on it.
     `frees_itself`: where the robot is stuck, the mission backs out of it and tries again.

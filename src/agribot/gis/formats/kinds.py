@@ -35,13 +35,13 @@ def give_kinds(found: Members) -> int:
     Areas are boundaries, and obstacles where they lie in another one or a boundary is named. Lines
     are rows.
     """
-    untold = [feature for feature in found if not feature["properties"].get("kind")]
+    unnamed = [feature for feature in found if not feature["properties"].get("kind")]
     is_bounded = any(feature["properties"].get("kind") == "boundary" for feature in found)
-    areas = [feature for feature in untold if feature["geometry"]["type"] == "Polygon"]
+    areas = [feature for feature in unnamed if feature["geometry"]["type"] == "Polygon"]
     inner = range(len(areas)) if is_bounded else find_inner([f["geometry"] for f in areas])
     for number, feature in enumerate(areas):
         feature["properties"]["kind"] = "obstacle" if number in inner else "boundary"
-    others = [feature for feature in untold if feature["geometry"]["type"] != "Polygon"]
+    others = [feature for feature in unnamed if feature["geometry"]["type"] != "Polygon"]
     for feature in others:
         feature["properties"]["kind"] = _KIND_OF[feature["geometry"]["type"]]
     return sum(feature["geometry"]["type"] == "Point" for feature in others)

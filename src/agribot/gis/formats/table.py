@@ -70,8 +70,8 @@ def _read_shapes(name: str, data: bytes, *, is_field: bool) -> dict[str, Any]:
     changes: Counter[str] = Counter()
     close_lines(found, changes)
     left_out.update(describe_part(part) for part in parts)
-    told = _name_changes(name, left_out, changes, give_kinds(found))
-    more: dict[str, Any] = {"left_out": told} if told else {}
+    notes = _name_changes(name, left_out, changes, give_kinds(found))
+    more: dict[str, Any] = {"left_out": notes} if notes else {}
     if parts:
         more["parts"] = parts
     return {"type": "FeatureCollection", "features": found, **more}
@@ -111,17 +111,17 @@ def _read_members(
 
 def _name_changes(name: str, left_out: Counter[str], changes: Counter[str], points: int) -> str:
     """Name in one line what was left out or changed, and which points plans do not keep off."""
-    told = []
+    notes = []
     if left_out:
-        told.append(f"left out: {_list_counted(left_out)}")
+        notes.append(f"left out: {_list_counted(left_out)}")
     if changes:
-        told.append(_list_counted(changes))
+        notes.append(_list_counted(changes))
     if points:
-        told.append(
+        notes.append(
             f"points without a kind: {points}, taken for goals, which plans do not keep off; draw "
             "what stands there as an area"
         )
-    return f"{name[:80]}: {'; '.join(told)}" if told else ""
+    return f"{name[:80]}: {'; '.join(notes)}" if notes else ""
 
 
 def _list_counted(things: Counter[str]) -> str:

@@ -41,7 +41,7 @@ STEM_VIEWS, VIEWS_IN_BATCH = 32, 1  # drawn, from which a network that finds ste
 
 
 class Budget(NamedTuple):
-    """How long a training takes: CPU minutes, or steps where they are given."""
+    """Budget of a training: CPU minutes, or steps where they are given."""
 
     minutes: float
     steps: int | None = None

@@ -53,7 +53,7 @@ class FaultRow(msgspec.Struct, frozen=True, kw_only=True):
     why_ended: str = ""
     platform: str = "sim"
     injected: int = 0
-    noticed: int = 0
+    event: int = 0
     named: int = 0
     one_of_two: int = 0
     harmless: int = 0
@@ -68,7 +68,7 @@ class FaultRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class UsualDrive(NamedTuple):
-    """What the same drives do without a fault: the most that is usual across a row, and outside."""
+    """The same drives without a fault: the usual maximum across a row, and outside."""
 
     across_m: float
     outside_m: float
@@ -153,16 +153,16 @@ def _leave_out_usual(fault: FaultReport, usual: Report | None) -> FaultReport:
     """Return a fault as not noticed where every report also appears without it."""
     if usual is None:
         return fault
-    told = {_name_kind(told) for told in (*usual.safety.stops, *usual.safety.noticed)}
-    if _name_kind(fault) not in told:
+    event = {_name_kind(event) for event in (*usual.safety.stops, *usual.safety.noticed)}
+    if _name_kind(fault) not in event:
         return fault
     return FaultReport(name=fault.name, t_s=fault.t_s, fault=fault.fault)
 
 
-def _name_kind(told: SafetyEvent | FaultReport) -> tuple[object, ...]:
+def _name_kind(event: SafetyEvent | FaultReport) -> tuple[object, ...]:
     """Return what stays the same while numbers change; words only where there is no code."""
-    is_said = told.code in ("", Said.__struct_config__.tag)
-    return told.code, told.parts, told.reason if is_said else ""
+    is_said = event.code in ("", Said.__struct_config__.tag)
+    return event.code, event.parts, event.reason if is_said else ""
 
 
 def _add_verdicts(row: FaultRow, faults: Sequence[FaultReport]) -> FaultRow:
@@ -261,7 +261,7 @@ def summarise_rows(
     bad = [row for row in rows if row.fault != "no fault"]
     good = [row for row in rows if row.fault == "no fault"]
     injected, harmless = sum(row.injected for row in bad), sum(row.harmless for row in bad)
-    noticed, named = sum(row.noticed for row in bad), sum(row.named for row in bad)
+    event, named = sum(row.noticed for row in bad), sum(row.named for row in bad)
     one_of_two = sum(row.one_of_two for row in bad)
     plants = sum(row.plants for row in bad)
     crushed = sum(row.crushed_after or 0 for row in bad)
@@ -270,13 +270,13 @@ def summarise_rows(
         "preset": PRESET,
         "faults": len(bad),
         "seeds": len({job.seed for job in jobs}),
-        "detected_ratio": noticed / injected if injected else None,
+        "detected_ratio": event / injected if injected else None,
         "named_ratio": named / injected if injected else None,
         "one_of_two_ratio": one_of_two / injected if injected else None,
         "harmless": harmless,
-        "harmful_detected_ratio": noticed / (injected - harmless) if noticed else None,
-        "harmful_named_ratio": named / (injected - harmless) if noticed else None,
-        "harmful_one_of_two_ratio": one_of_two / (injected - harmless) if noticed else None,
+        "harmful_detected_ratio": event / (injected - harmless) if event else None,
+        "harmful_named_ratio": named / (injected - harmless) if event else None,
+        "harmful_one_of_two_ratio": one_of_two / (injected - harmless) if event else None,
         "crushed_after_detectable": sum(row.crushed_after_detectable or 0 for row in bad),
         "crushed_by_fault": sum(row.crushed_by_fault or 0 for row in bad),
         "crushed_ratio": crushed / plants if plants else None,

@@ -85,8 +85,8 @@ def _describe_crushed(row: FaultRow) -> str:
         (row.crushed_after_standstill, "after rest"),
         (row.crushed_by_fault, "set down on"),
     )
-    told = ", ".join(f"{count} {words}" for count, words in parts if count)
-    return f"{row.crushed_after}: {told}" if told else str(row.crushed_after)
+    causes = ", ".join(f"{count} {words}" for count, words in parts if count)
+    return f"{row.crushed_after}: {causes}" if causes else str(row.crushed_after)
 
 
 def _format(value: float | None, scale: float, unit: str, digits: int) -> str:

@@ -86,7 +86,7 @@ class FaultScenario(NamedTuple):
 
     @property
     def detectable_in_s(self) -> float:
-        """How soon after its begin the sensors on board hold evidence of the fault."""
+        """Time from its start until the sensors on board hold evidence of the fault."""
         names = [fault.partition("=")[0] for fault in self.faults]
         return max((DETECTABLE_S.get(name, DETECTABLE_IN_S) for name in names), default=0.0)
 
@@ -266,8 +266,8 @@ def drive_scenario(assignment: Assignment, stop: Stop) -> RunOutcome | None:
                 if stood > STANDS_S:
                     break
         except Exception as error:  # noqa: BLE001  what a fault may do to the program is a result
-            is_told = isinstance(error, AgribotError)
-            why = str(error) if is_told else f"program error: {type(error).__name__}: {error}"
+            is_known = isinstance(error, AgribotError)
+            why = str(error) if is_known else f"program error: {type(error).__name__}: {error}"
             session.clock.stop()
         session.stack.perception.settle()
         report = report_card(session, f"{ENDED}{why}" if why else "")

@@ -16,7 +16,7 @@ PRESET = "field"  # preset of the world, unless another one is asked for
 
 
 class Weeding(NamedTuple):
-    """What a series must hold: shares of true crops mapped and of true weeds treated, at least.
+    """Requirements of a series: shares of true crops mapped and of true weeds treated, at least.
 
     No crop may be hit, and the sprayed share of the rows' ground has an upper limit.
     """

@@ -72,7 +72,7 @@ def judge_scenes(
     frames: int = FRAMES,
     seed: int = 0,
     max_range_m: float = MAX_RANGE_M,
-    tell: Callable[[str], None] = lambda line: None,
+    show_line: Callable[[str], None] = lambda line: None,
 ) -> dict[str, Any]:
     """Judge a network on the same number of frames per scene: pooled, and `by` scene.
 
@@ -83,15 +83,15 @@ def judge_scenes(
     robot, segmenter = load_robot(), Segmenter(model, config.threads)
     pooled = PlantTally()
     rows = []
-    tell(format_head())
+    show_line(format_head())
     for scene in scenes:
         tally = _judge_scene(scene, robot, segmenter, config, preset, frames, seed)
         scores = tally.compute_scores()
         rows.append({**msgspec.to_builtins(scene), "frames": frames, **msgspec.to_builtins(scores)})
-        tell(format_line(scene.name, scores))
+        show_line(format_line(scene.name, scores))
         pooled.add(tally)
     scores = pooled.compute_scores()
-    tell(format_line("all", scores))
+    show_line(format_line("all", scores))
     return {
         "model": model,
         "preset": preset,

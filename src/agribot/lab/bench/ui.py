@@ -44,7 +44,7 @@ class MemoryGrowth(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LinkDelay(msgspec.Struct, frozen=True, kw_only=True):
-    """How old states and pictures are where one page sees the robot over a slow connection."""
+    """Age of states and pictures on one page over a slow connection."""
 
     mbit_per_s: float
     state_hz: float

@@ -23,7 +23,7 @@ VALUE_MODES = {"L", "LA", "1", *DEEP_MODES}
 COLOUR = 1 << 24  # marks a key of ids as a colour
 MOST_NAMED = 8  # values or colours
 MOST_VALUE = 0xFFFF
-MANY_COLOURS = 64  # no tool has that many classes
+MANY_COLOURS = 64  # number of colours that no tool has classes for
 # Colour as one number 0xRRGGBB. Soil is blue here and black in CWFID and in the Bonn data.
 COLOURS = {0xFF0000: 0, 0x00FF00: 1, 0x0000FF: 2, 0x000000: 2}
 NAMES = {**{kind.name.lower(): int(kind) for kind in PlantClass}, "ignore": UNLABELLED}

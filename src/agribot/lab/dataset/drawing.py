@@ -58,7 +58,7 @@ def _keep_colours(image_rgb: ByteArray, rng: np.random.Generator) -> ByteArray:
 
 
 class Scenes(NamedTuple):
-    """How the pictures of a variety are drawn; `developed` turns the colours into its bands."""
+    """Recipe of a variety's pictures; `developed` turns the colours into its bands."""
 
     field: Callable[[np.random.Generator], WorldSpec]
     look: Callable[[np.random.Generator], Appearance]

@@ -53,7 +53,7 @@ EXAMPLE = "--classes crop=beet,maize weed=*"
 
 
 class ImportReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What was made of the files; `shapes` counts those of each name in the tool.
+    """Result of an import; `shapes` counts those of each name in the tool.
 
     `without_area` are shapes that were left out of pictures that were taken.
     """

@@ -47,7 +47,7 @@ Progress = Callable[[int], None]
 
 
 class RowsOfSet(NamedTuple):
-    """How the rows of a set run: their direction, how wide they are, and how far all lean aside."""
+    """Rows of a set: their direction, their width, and the lean of all."""
 
     direction: RowDirection
     band: int
@@ -55,7 +55,7 @@ class RowsOfSet(NamedTuple):
 
 
 class PhotoLabelReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What was made of the photographs; shares are of the pixels of those that were labelled."""
+    """Result for the photographs; shares are of the pixels of those that were labelled."""
 
     folder: str
     pictures: int

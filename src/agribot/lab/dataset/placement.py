@@ -104,7 +104,7 @@ class PlacementTally:
 
     @property
     def judged(self) -> int:
-        """How many pictures show plants, or labels that belong elsewhere."""
+        """Count of pictures that show plants, or labels that belong elsewhere."""
         return len(self._clear | self.misplaced.keys())
 
     @property

@@ -39,7 +39,7 @@ IMAGE = topics.IMAGE
 
 
 class RowLabelReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What was made of the pictures; shares are of the pixels of those that were labelled."""
+    """Result for the pictures; shares are of the pixels of those that were labelled."""
 
     folder: str
     pictures: int

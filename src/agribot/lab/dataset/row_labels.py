@@ -129,7 +129,7 @@ class RowLabeller:
 
 
 class GreenHistogram:
-    """How green the pixels of many pictures are: `add` each, then ask for the `threshold`."""
+    """Histogram of greenness over many pictures: `add` each, then ask for the `threshold`."""
 
     def __init__(self) -> None:
         self._edges = np.linspace(-0.5, 1.0, 257)
@@ -148,7 +148,7 @@ class GreenHistogram:
 
 
 class RowProfile:
-    """What grows across the row, over many pictures: `add` each, then ask for `half_row_m`."""
+    """Profile across the row, over many pictures: `add` each, then ask for `half_row_m`."""
 
     def __init__(self) -> None:
         self._grown, self._shown = np.zeros(PROFILE_CELLS), np.zeros(PROFILE_CELLS)

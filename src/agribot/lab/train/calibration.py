@@ -31,7 +31,7 @@ MAX_TEMPERATURE = 8.0  # limit, and 1 over it: for a few pixels that are all rig
 
 
 class Temperatures(msgspec.Struct, frozen=True, kw_only=True):
-    """By what the logits of pixels called weed, crop and soil are divided."""
+    """Divisors of the logits of pixels called weed, crop and soil."""
 
     weed: float = 1.0
     crop: float = 1.0

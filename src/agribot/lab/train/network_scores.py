@@ -106,7 +106,7 @@ class NetworkScores:
 
     @property
     def boundary_f1(self) -> ByClass:
-        """Of the outlines of all images together, by the name of the class."""
+        """Score of the outlines of all images together, by the name of the class."""
         return dict(zip(CLASS_NAMES, boundary_f1(self._outlines), strict=True))
 
     @property

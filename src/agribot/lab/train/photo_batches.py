@@ -32,7 +32,7 @@ MEMORY_BYTES = 2_000_000_000  # memory of pictures at all scales, some 300 of 51
 
 
 class View(NamedTuple):
-    """What a view of plants allows: turns, plants set into other pictures; which plants are rare.
+    """Options of a view of plants: turns, plants set into other pictures; which plants are rare.
 
     Where rows run away from the camera, the place in the picture says what a plant is: it is not
     turned, and nothing is moved to another place.

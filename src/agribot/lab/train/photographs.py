@@ -40,7 +40,7 @@ SAMPLE_PAIRS = 24  # pairs read before a set is judged; all are read before one 
 
 
 class DataKind(msgspec.Struct, frozen=True, kw_only=True):
-    """Where a known data set keeps its files, the meaning of its mask values, its conditions.
+    """A known data set: its files, the meaning of its mask values, its conditions.
 
     `ids` maps stored values to classes; empty: ids as in `PlantClass`, or red, green, black.
     """

@@ -72,7 +72,7 @@ class Ros1Bag(Bag):
 
 
 class _Tally:
-    """What was read of a bag, and what by its index or by the times around is missing."""
+    """Count of a bag's messages, and of those missing by its index or by the times around."""
 
     def __init__(self, name: str) -> None:
         self._name = name

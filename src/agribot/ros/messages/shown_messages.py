@@ -40,7 +40,7 @@ class UnknownFrame(Exception):
 
 
 class ShownMessage(NamedTuple):
-    """What goes to the page, what was left out of it, and what is wrong with it, in words."""
+    """A message for the page, its omissions, and its faults, in words."""
 
     value: Value
     left_out: str = ""
@@ -240,7 +240,7 @@ def read_cloud(message: Any, every: int = 1) -> tuple[FloatArray, tuple[str, ...
 
 
 class FramePlaces:
-    """Where frames lie: in the map by transforms, or on the robot.
+    """Places of frames: in the map by transforms, or on the robot.
 
     `find` gives the transform (4, 4) from the second frame to the first; `body_frames` are the
     robot's own, each with its place on the robot. A key `in_map` or `in_body` holds the matrix,

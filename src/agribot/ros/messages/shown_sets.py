@@ -36,7 +36,7 @@ _UNKNOWN = -1
 
 
 class TopicView(Protocol):
-    """What the messages of one topic have come to."""
+    """State of one topic's messages."""
 
     def take(self, message: Any, t_s: float) -> None:
         """Take a message that arrived at `t_s`."""
@@ -51,7 +51,7 @@ class TopicView(Protocol):
 
 
 class NewestView:
-    """Of messages that stand for themselves: the newest."""
+    """View of messages that stand for themselves: the newest."""
 
     def __init__(self) -> None:
         self._message: Any = None

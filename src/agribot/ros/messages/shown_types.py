@@ -40,7 +40,7 @@ SHOWN_TYPES: dict[str, tuple[str, ...]] = {
 SHOWN_DISPLAYS = frozenset(display for displays in SHOWN_TYPES.values() for display in displays)
 GRID_UPDATE = "map_msgs/msg/OccupancyGridUpdate"
 ROUTE_POSITION = "marti_nav_msgs/msg/RoutePosition"
-# By type, the ending of the topic beside that adds to it.
+# Ending of the topic beside that adds to it, by type.
 BESIDE = {"nav_msgs/msg/OccupancyGrid": "_updates", "marti_nav_msgs/msg/Route": "_position"}
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 

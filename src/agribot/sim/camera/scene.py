@@ -1,4 +1,4 @@
-"""From a world to the arrays that the renderer draws: forms, instances and ground."""
+"""Arrays of a world that the renderer draws: forms, instances and ground."""
 
 from __future__ import annotations
 

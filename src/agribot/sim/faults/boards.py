@@ -26,8 +26,8 @@ class PressedButton:
 
     def alter(self, batch: SensorBatch) -> SensorBatch:
         is_pressed = self._fault.is_on(batch.t_s)
-        told = BoardSample(t_s=batch.t_s, inputs=("red button",), is_button_pressed=is_pressed)
-        return msgspec.structs.replace(batch, board=(*batch.board, told))
+        report = BoardSample(t_s=batch.t_s, inputs=("red button",), is_button_pressed=is_pressed)
+        return msgspec.structs.replace(batch, board=(*batch.board, report))
 
 
 class SilentInputs:
@@ -37,17 +37,17 @@ class SilentInputs:
         self._fault = fault
 
     def alter(self, batch: SensorBatch) -> SensorBatch:
-        told = BoardSample(t_s=batch.t_s, inputs=get_args(SafetyInput))
-        batch = msgspec.structs.replace(batch, board=(told, *batch.board))
+        report = BoardSample(t_s=batch.t_s, inputs=get_args(SafetyInput))
+        batch = msgspec.structs.replace(batch, board=(report, *batch.board))
         if not self._fault.is_on(batch.t_s):
             return batch
         heard = {"board": batch.board, "bumper": batch.bumper, "battery": batch.battery}
         return msgspec.structs.replace(batch, **hush_inputs(heard))
 
 
-def hush_inputs(told: Mapping[str, tuple[Any, ...]]) -> dict[str, tuple[Any, ...]]:
+def hush_inputs(report: Mapping[str, tuple[Any, ...]]) -> dict[str, tuple[Any, ...]]:
     """Remove the safety inputs from what a board reports."""
-    mute = (msgspec.structs.replace(one, inputs=()) for one in told["board"])
+    mute = (msgspec.structs.replace(one, inputs=()) for one in report["board"])
     return {"board": tuple(mute), "bumper": (), "battery": ()}
 
 
@@ -99,11 +99,11 @@ class HungBoard:
         if away_s < AWAY_S:
             return msgspec.structs.replace(batch, wheels=())
         self._is_cleared = any(event.action == "clear_stop" for event in batch.events)
-        told = BoardSample(t_s=batch.t_s) if self._is_cleared else _tell_reset(batch.t_s)
-        return msgspec.structs.replace(batch, board=(*batch.board, told))
+        report = BoardSample(t_s=batch.t_s) if self._is_cleared else _make_reset_report(batch.t_s)
+        return msgspec.structs.replace(batch, board=(*batch.board, report))
 
 
-def _tell_reset(t_s: float) -> BoardSample:
+def _make_reset_report(t_s: float) -> BoardSample:
     return BoardSample(
         t_s=t_s,
         stopped="it was switched on, or reset",

@@ -15,7 +15,7 @@ RTK_STD_M = 0.014  # stated error of a fixed solution with corrections
 
 
 class Outage:
-    """No fix and no heading of two antennas."""
+    """The receiver gives no fix and no heading of two antennas."""
 
     def __init__(self, fault: Fault) -> None:
         self._fault = fault

@@ -41,7 +41,7 @@ class Fault(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def handled_until_s(self) -> float | None:
-        """When hands that move the robot let go of it; None where none do."""
+        """Time when hands that move the robot let go of it; None where none do."""
         if self.kind.at_start:
             return self.begin_s
         carried_s = max(SHORTEST_CARRY_S, abs(self.number) / CARRY_MPS)

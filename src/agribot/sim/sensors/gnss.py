@@ -20,7 +20,7 @@ BEST_VELOCITY_STD_MPS = 0.01
 
 
 class Antenna:
-    """Where the antenna is and how it moves; `arm_m` is its place in base axes."""
+    """Place and motion of the antenna; `arm_m` is its place in base axes."""
 
     def __init__(self, datum: Datum, arm_m: Vec3) -> None:
         self._frame = MapFrame(datum)

@@ -108,7 +108,7 @@ class Remote:
         return id
 
     def verdicts(self) -> list[str]:
-        """Of the requests answered since the last call, one line each."""
+        """Return the verdicts on requests answered since the last call, one line each."""
         verdicts, self._verdicts = self._verdicts, []
         return verdicts
 

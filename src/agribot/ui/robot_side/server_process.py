@@ -130,7 +130,7 @@ class ServerProcess:
     def _follow(
         self, hear: Callable[[bytes], None], look: Callable[[], None], every_s: float
     ) -> None:
-        """Until the process is gone; one that hangs is ended, and one that does not begin."""
+        """Follow the process to its end; one that hangs is ended, and one that does not begin."""
         begin_s = time.monotonic()
         with contextlib.suppress(OSError, EOFError):
             while True:

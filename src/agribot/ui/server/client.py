@@ -37,7 +37,7 @@ class Client:
         self.follow(channel)
 
     def follow(self, channel: Channel) -> None:
-        """From now on that one, from its beginning."""
+        """Follow another channel, from its beginning."""
         self.channel = channel
         self._states: deque[str] = deque(maxlen=STATES_KEPT)
         if channel.state is not None:

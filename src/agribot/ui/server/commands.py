@@ -255,7 +255,7 @@ class Commands:
 
 
 def _is_late(sent_ms: float | None) -> bool:
-    """By the sender's estimate of this machine's clock; a hand that gives none is believed."""
+    """Return whether a request is late by the sender's clock; one without a time is not."""
     return sent_ms is not None and time.monotonic() - sent_ms / 1e3 > MAX_HAND_AGE_S
 
 

@@ -141,7 +141,7 @@ def measure_rates(hub: Hub) -> list[wire.SensorRate]:
 
 
 def cpu_ratio(hub: Hub) -> float | None:
-    """Of one core, by the robot's program and this server together."""
+    """Load of one core by the robot's program and this server together."""
     counts = hub.counts
     passed_s = counts[-1].wall_s - counts[0].wall_s if counts else 0.0
     if passed_s <= 0.0:

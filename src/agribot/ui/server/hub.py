@@ -72,7 +72,7 @@ class Hub:
 
     @property
     def has_robot(self) -> bool:
-        """Not where a recording or a description alone is served."""
+        """Whether a robot is served, not a recording or a description alone."""
         return self.live.source not in ("replay", "description")
 
     def channel_of(self, session: str) -> Channel:
@@ -115,7 +115,7 @@ class Hub:
                 socket.follow(channel)
 
     def tell_seat(self) -> None:
-        """Soon, and once for all that changes until then: a flood would push out answers."""
+        """Announce the seat soon, once for all changes: a flood would push out answers."""
         if self._seat_timer is None:
             loop = asyncio.get_running_loop()
             self._seat_timer = loop.call_later(TELL_SEAT_S, self._tell_seat)

@@ -174,7 +174,7 @@ def _take(entry: dict[str, Any], found: dict[str, Any]) -> None:
 
 
 def _display(type_: str, name: str, config: Any) -> tuple[dict[str, Any], list[str]]:
-    """And the names of the properties whose values do not fit."""
+    """Read a display, and the names of the properties whose values do not fit."""
     config = config if isinstance(config, dict) else {}
     options, odd = {}, []
     for one in TABLE[type_]:

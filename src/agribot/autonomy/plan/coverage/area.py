@@ -97,7 +97,7 @@ class Leg(msgspec.Struct, frozen=True, kw_only=True, eq=False):
 
 
 class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """How a field is to be worked.
+    """Requirements of a field plan.
 
     `headland_passes` None: as few as do, none with crop rows. `swath_yaw_rad` None: searched for.
     `start` None: the best place to begin.
@@ -116,7 +116,7 @@ class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def turn_clearance_m(self) -> float:
-        """From wheels to crop where the robot turns: what keeps it off an edge counts there too."""
+        """Distance of wheels from crop in turns: the margin of an edge counts there too."""
         return max(self.plant_clearance_m, min(self.margin_m, MOST_CROP_MARGIN_M))
 
     @property

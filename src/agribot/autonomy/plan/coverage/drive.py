@@ -32,7 +32,7 @@ RUN_IN_M = 0.2  # straight to a place at which the robot is to look somewhere
 
 
 class FieldWork:
-    """What a mission needs of a plan: its rows, and its path from where the robot stands."""
+    """The parts of a plan that a mission needs: its rows, and its path from the robot's place."""
 
     def __init__(
         self, plan: FieldPlan, area: FieldArea, shape: Footprint, request: PlanRequest
@@ -213,7 +213,7 @@ def _find_straight_parts(xy: FloatArray) -> list[tuple[int, int]]:
 
 
 def _measure_bulge_m(xy: FloatArray) -> float:
-    """How far points lie beside the line from the first to the last."""
+    """Measure the largest distance of points from the line of the first and the last."""
     along = xy[-1] - xy[0]
     offset = xy[1:-1] - xy[0]
     cross = along[0] * offset[:, 1] - along[1] * offset[:, 0]

@@ -19,7 +19,7 @@ SHORTEST_M = 0.01
 
 
 class Swath(NamedTuple):
-    """In the swath frame: line number, distance across, and from where to where along.
+    """A swath in the swath frame: line number, distance across, and both ends along.
 
     `before_m` and `after_m` are how far the robot can drive on straight beyond both ends.
     """
@@ -52,7 +52,7 @@ def search_yaw_rad(work: BaseGeometry, spacing_m: float) -> float:
 
 
 def _measure_across_m(edges: FloatArray, directions: FloatArray) -> FloatArray:
-    """How far all edges together reach across each direction."""
+    """Measure the extent of all edges together across each direction."""
     products = edges[:, 1, None] * np.cos(directions) - edges[:, 0, None] * np.sin(directions)
     summed: FloatArray = np.abs(products).sum(axis=0)
     return summed

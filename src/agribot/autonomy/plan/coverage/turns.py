@@ -159,7 +159,7 @@ def _choose_widest(xy: FloatArray) -> int:
 
 
 def _drop_repeats(xy: FloatArray) -> FloatArray:
-    """Without points close behind another one; both ends stay where they are."""
+    """Drop points close behind another one; both ends stay where they are."""
     kept = [xy[0]]
     for point in xy[1:]:
         if math.dist(kept[-1], point) > SAME_PLACE_M:

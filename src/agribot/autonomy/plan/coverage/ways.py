@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
 IndexArray = npt.NDArray[np.int64]
 
-# Simplified corners are hidden from a place in a notch of the outline, so that no way is found.
+# Largest number of corners. Simplified ones are hidden from a place in a notch of the outline, so
+# that no way is found.
 MAX_CORNERS = 10_000
-MAX_PAIRS = 500_000  # of corners at once: 60 MB
+MAX_PAIRS = 500_000  # pairs of corners computed at once: 60 MB
 FIRST_SIMPLIFY_M = 0.05
 # A way that is no longer than this against the distance, and this, is searched for first, m.
 DETOUR_RATIO, DETOUR_M = 1.2, 4.0

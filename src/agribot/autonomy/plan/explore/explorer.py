@@ -74,7 +74,7 @@ class Explorer:
 
     @property
     def unfinished(self) -> str:
-        """What is missing at the end of the way; empty where the field is done."""
+        """The missing part at the end of the way; empty where the field is done."""
         if self.phase == "done":
             return ""
         if self._target is None:

@@ -52,7 +52,7 @@ class FirstRow:
 
     @property
     def places(self) -> FloatArray:
-        """Where crop stands for sure, (N, 2)."""
+        """Certain places of crop, (N, 2)."""
         kept = [cell for cell, looks in self._looks.items() if looks >= LOOKS]
         places: FloatArray = (np.array(kept, dtype=np.float64).reshape(-1, 2) + 0.5) * CELL_M
         return places

@@ -93,7 +93,7 @@ class RowOrder:
     def _insert(self, row: FoundRow, side: Side, beside: Neighbour) -> None:
         """Put a new row into the order, between two that are known or behind the last one."""
         other = FoundRow(max(each.index for each in self.rows) + 1, row.frame)
-        other.tell(beside.left_m, beside.pieces, row)
+        other.add_from_beside(beside.left_m, beside.pieces, row)
         before_m, at = 0.0, self.rows.index(row)
         apart_m, steps = abs(beside.left_m), 0
         for gap_m, _ in self._list_beside(row, side):

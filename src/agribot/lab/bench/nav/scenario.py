@@ -35,7 +35,7 @@ START_STD_M, START_STD_RAD = 0.05, math.radians(2.0)
 
 
 class SoilDrift(msgspec.Struct, frozen=True, kw_only=True):
-    """What the ground does to the drive; sigma and memory of each."""
+    """Effects of the ground on the drive; sigma and memory of each."""
 
     slip_max_ratio: float = 0.06
     slip_std_ratio: float = 0.02
@@ -84,8 +84,8 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
     def name(self) -> str:
         seen = " + vision" if self.vision else ""
         rows = "" if self.rows == ROWS else f", {self.rows} rows"
-        told = [f"perfect {sensor}" for sensor in self.perfect]
-        changed = "".join(f", {change}" for change in (*self.settings, *told))
+        extras = [f"perfect {sensor}" for sensor in self.perfect]
+        changed = "".join(f", {change}" for change in (*self.settings, *extras))
         return f"{self.sensors}{seen}, {self.speed_mps:g} m/s, {self.variant}{rows}{changed}"
 
     def config(self, seed: int) -> RunConfig:
